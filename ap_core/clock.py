@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Time since boot, handed in from outside: nothing in the core reads a wall clock."""
+
+from typing import Protocol
+
+from ap_core.cint import u32, u64
+
+
+class Clock(Protocol):
+    """Time since boot of the emulated vehicle (AP_HAL::micros64, AP_HAL::millis)."""
+
+    def micros64(self) -> int:
+        """Return microseconds since boot, modulo 2^64."""
+
+    def millis(self) -> int:
+        """Return milliseconds since boot, modulo 2^32."""
+
+
+class VirtualClock:
+    """A clock that moves only when told to."""
+
+    def __init__(self, time_us: int = 0) -> None:
+        self._time_us = u64(time_us)
+
+    def micros64(self) -> int:
+        """Return microseconds since boot, modulo 2^64."""
+        return self._time_us
+
+    def millis(self) -> int:
+        """Return milliseconds since boot, modulo 2^32."""
+        return u32(self._time_us // 1000)
+
+    def set_us(self, time_us: int) -> None:
+        """Set the time since boot in microseconds; any value is allowed, as tests step across wraps."""
+        self._time_us = u64(time_us)
+
+    def advance_us(self, delta_us: int) -> None:
+        """Move forward by ``delta_us`` microseconds.
+
+        Raises:
+            ValueError: if ``delta_us`` is negative.
+        """
+        if delta_us < 0:
+            raise ValueError(f"a clock does not run backwards: {delta_us} us")
+        self._time_us = u64(self._time_us + delta_us)

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parameter files (.parm) as ArduPilot reads them and MAVProxy writes them; text in, text out.
+
+Source of the format: AP_Param/AP_Param.cpp, parse_param_line.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ap_core.param_info import MAX_NAME_SIZE, to_f32
+
+_SEPARATORS: Final = ", =\t\r"
+_WORDS: Final = re.compile(f"[^{_SEPARATORS}]+")
+_NAME: Final = re.compile(rf"[^{_SEPARATORS}\n#\ufeff]{{1,{MAX_NAME_SIZE}}}")
+_DECIMAL: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,32}")
+_NOT_FINITE: Final = re.compile(r"[+-]?(inf|infinity|nan)", re.ASCII | re.IGNORECASE)
+_SHOWN_CHARACTERS: Final = 60
+
+
+class ParmFileError(ValueError):
+    """A line of a parameter file that cannot be read; its text is one line that names file and line."""
+
+    def __init__(self, source: str, line_number: int, text: str, reason: str) -> None:
+        super().__init__(f"{source}:{line_number}: {reason}: {text[:_SHOWN_CHARACTERS]!r}")
+        self.source = source
+        self.line_number = line_number
+        self.text = text
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class ParmLine:
+    """One parameter of a file; ``line_number`` counts from 1."""
+
+    name: str
+    value: np.float32
+    line_number: int
+    read_only: bool = False
+
+
+def parse_parm(text: str, source: str) -> list[ParmLine]:
+    """Read ``NAME value``, ``NAME,value`` and ``NAME=value`` lines with ``#`` comments, in file order.
+
+    A third word ``@READONLY`` is understood, other words after the value are ignored, as the firmware ignores
+    them. Numbers are decimal, or hexadecimal with 0x. A byte order mark and CR LF line ends do no harm.
+
+    Args:
+        text: the file's contents.
+        source: the file's name, for error messages.
+
+    Raises:
+        ParmFileError: a missing, unreadable or non-finite value, or a name of more than 16 characters.
+    """
+    lines = text.removeprefix("\ufeff").split("\n")
+    parsed = (_parse_line(line, source, number) for number, line in enumerate(lines, start=1))
+    return [line for line in parsed if line is not None]
+
+
+def _parse_line(line: str, source: str, number: int) -> ParmLine | None:
+    words = _WORDS.findall(line.split("#", 1)[0])
+    if not words:
+        return None
+    # FIRMWARE PARITY: the firmware skips such lines without a word, and reads a bad number as far as it goes
+    # (as 0 when it starts with none). A person who edits a file is better served by an error.
+    name = words[0]
+    if len(name) > MAX_NAME_SIZE:
+        raise ParmFileError(source, number, line, f"name longer than {MAX_NAME_SIZE} characters")
+    if len(words) == 1:
+        raise ParmFileError(source, number, line, "missing value")
+    value = _parse_number(words[1])
+    if value is None:
+        raise ParmFileError(source, number, line, "bad number")
+    if not np.isfinite(value):
+        raise ParmFileError(source, number, line, "value is not finite")
+    return ParmLine(name, value, number, read_only=words[2:3] == ["@READONLY"])
+
+
+def _parse_number(word: str) -> np.float32 | None:
+    if _HEXADECIMAL.fullmatch(word):
+        return to_f32(float(int(word, 16)))
+    if _DECIMAL.fullmatch(word) or _NOT_FINITE.fullmatch(word):
+        return to_f32(float(word))
+    return None
+
+
+def format_parm(params: Mapping[str, float | np.float32]) -> str:
+    """Write one aligned ``NAME value`` line a parameter, sorted by name, as MAVProxy does.
+
+    A value has MAVProxy's six decimals when these give the same float32 back, else the fewest digits that do.
+
+    Raises:
+        ValueError: a value that is not finite, or a name that ``parse_parm`` could not read back.
+    """
+    return "".join(f"{_checked_name(name):<{MAX_NAME_SIZE}} {_number(params[name])}\n" for name in sorted(params))
+
+
+def _checked_name(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"{name!r} cannot be the name of a parameter in a file")
+    return name
+
+
+def _number(value: float | np.float32) -> str:
+    number = to_f32(value)
+    if not np.isfinite(number):
+        raise ValueError(f"{value} cannot be written to a parameter file")
+    # The last one is always exact: a short text may change when it passes through double precision.
+    texts = (f"{number:.6f}", str(number), repr(float(number)))
+    return next(text for text in texts if to_f32(float(text)) == number)

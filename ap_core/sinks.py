@@ -1,0 +1,23 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where records and texts go: what the libraries of the vehicle ask of it in common."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+
+
+class RecordSink(Protocol):
+    """Where log records go (AP_Logger::WriteBlock)."""
+
+    def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        """Write one record: its structure and a value for each field, in order."""
+
+
+class TextSink(Protocol):
+    """Where texts for the ground station go (GCS_SEND_TEXT)."""
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Queue a text with its MAV_SEVERITY (0 emergency .. 7 debug)."""

@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The frontend: parameters, the choice of a backend, and what the vehicle calls (AP_VisualOdom/AP_VisualOdom.cpp)."""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import u8
+from ap_core.clock import Clock
+from ap_core.internal_error import InternalErrorSink
+from ap_core.param import ParamGroup
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ap_core.verdict import Verdict
+from ap_visualodom.ap_visualodom_backend import AP_VisualOdom_Backend
+from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
+from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
+from ap_visualodom.ports import Ahrs, RecordSink, TextSink
+from ap_visualodom.var_info import GROUP_PREFIX, VAR_INFO
+from ap_visualodom.verdicts import DISABLED, NO_BACKEND
+from ap_visualodom.visualodom_type import VisualOdom_Type
+
+BACKENDS: Final[Mapping[VisualOdom_Type, Callable[["AP_VisualOdom"], AP_VisualOdom_Backend]]] = {
+    VisualOdom_Type.MAV: AP_VisualOdom_MAV,
+    VisualOdom_Type.IntelT265: AP_VisualOdom_IntelT265,
+    VisualOdom_Type.VOXL: AP_VisualOdom_IntelT265,
+}
+
+# Infinities and NaN are data here: the firmware computes on, and so does the port.
+_ieee754 = np.errstate(all="ignore")
+
+
+def make_params() -> ParamGroup:
+    """Return the VISO_ parameters at their defaults."""
+    return ParamGroup(GROUP_PREFIX, VAR_INFO)
+
+
+class AP_VisualOdom:
+    """External navigation as the vehicle sees it: one frontend, and at most one backend chosen at boot.
+
+    Args:
+        params: the VISO_ parameters, read at each use.
+        ahrs: receiver of the data, and reference for alignment and the pre-arm check.
+        gcs: where texts go.
+        logger: where log records go.
+        clock: time since boot.
+        errors: where internal errors go.
+    """
+
+    def __init__(
+        self,
+        params: ParamGroup,
+        *,
+        ahrs: Ahrs,
+        gcs: TextSink,
+        logger: RecordSink,
+        clock: Clock,
+        errors: InternalErrorSink,
+    ) -> None:
+        self.params = params
+        self.ahrs = ahrs
+        self.gcs = gcs
+        self.logger = logger
+        self.clock = clock
+        self.errors = errors
+        self._driver: AP_VisualOdom_Backend | None = None
+
+    def init(self) -> None:
+        """Create the backend that VISO_TYPE names; an unknown number creates none (AP_VisualOdom::init)."""
+        make = BACKENDS.get(self.get_type())  # type: ignore[call-overload]  # any int8 may be asked for
+        self._driver = make(self) if make is not None else None
+
+    def enabled(self) -> bool:
+        """Tell whether VISO_TYPE is set (AP_VisualOdom::enabled)."""
+        return self.get_type() != VisualOdom_Type.NONE
+
+    def healthy(self) -> bool:
+        """Tell whether there is a backend and it receives data (AP_VisualOdom::healthy)."""
+        return self.enabled() and self._driver is not None and self._driver.healthy()
+
+    def quality(self) -> int:
+        """Return the last quality: -1 failed, 0 unknown, 1 worst .. 100 best (AP_VisualOdom::quality)."""
+        return self._driver.quality() if self._driver is not None else 0
+
+    def get_type(self) -> int:
+        """Return VISO_TYPE as stored, which may name no backend."""
+        return self.params.get_int("_TYPE")
+
+    def get_orientation(self) -> int:
+        """Return VISO_ORIENT as an orientation number (a negative one becomes its unsigned byte)."""
+        return u8(self.params.get_int("_ORIENT"))
+
+    def get_pos_scale(self) -> np.float32:
+        """Return VISO_SCALE."""
+        return self.params.get_float("_SCALE")
+
+    def get_pos_offset(self) -> Vector3f:
+        """Return VISO_POS in metres, FRD."""
+        return self.params.get_vector("_POS")
+
+    def get_delay_ms(self) -> int:
+        """Return VISO_DELAY_MS, 0 when negative (AP_VisualOdom.h, get_delay_ms)."""
+        return max(0, self.params.get_int("_DELAY_MS"))
+
+    def get_vel_noise(self) -> np.float32:
+        """Return VISO_VEL_M_NSE in m/s."""
+        return self.params.get_float("_VEL_M_NSE")
+
+    def get_pos_noise(self) -> np.float32:
+        """Return VISO_POS_M_NSE in m."""
+        return self.params.get_float("_POS_M_NSE")
+
+    def get_yaw_noise(self) -> np.float32:
+        """Return VISO_YAW_M_NSE in rad."""
+        return self.params.get_float("_YAW_M_NSE")
+
+    def get_quality_min(self) -> int:
+        """Return VISO_QUAL_MIN."""
+        return self.params.get_int("_QUAL_MIN")
+
+    def _refusal(self) -> Verdict:
+        return NO_BACKEND if self.enabled() else DISABLED
+
+    def _active_driver(self) -> AP_VisualOdom_Backend | None:
+        return self._driver if self.enabled() else None
+
+    @_ieee754
+    def handle_vision_position_delta_msg(
+        self, time_delta_usec: int, angle_delta: Vector3f, position_delta: Vector3f, confidence: np.float32
+    ) -> Verdict:
+        """Take the fields of VISION_POSITION_DELTA: us, rad, m, 0..100.
+
+        Source: AP_VisualOdom::handle_vision_position_delta_msg.
+        """
+        driver = self._active_driver()
+        if driver is None:
+            return self._refusal()
+        return driver.handle_vision_position_delta_msg(time_delta_usec, angle_delta, position_delta, confidence)
+
+    @_ieee754
+    def handle_pose_estimate_euler(
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        pos: Vector3f,
+        euler_rad: Vector3f,
+        posErr: np.float32,
+        angErr: np.float32,
+        reset_counter: int,
+        quality: int,
+    ) -> Verdict:
+        """Take a position (m) and roll, pitch, yaw (rad).
+
+        Source: AP_VisualOdom::handle_pose_estimate, the overload with Euler angles.
+        """
+        driver = self._active_driver()
+        if driver is None:
+            return self._refusal()
+        attitude = Quaternion.from_euler(euler_rad.x, euler_rad.y, euler_rad.z)
+        return driver.handle_pose_estimate(
+            remote_time_us, time_ms, pos, attitude, posErr, angErr, reset_counter, quality
+        )
+
+    @_ieee754
+    def handle_pose_estimate(
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        pos: Vector3f,
+        attitude: Quaternion,
+        posErr: np.float32,
+        angErr: np.float32,
+        reset_counter: int,
+        quality: int,
+    ) -> Verdict:
+        """Take a position (m) and attitude with their errors (m, rad).
+
+        Args:
+            remote_time_us: the sender's time stamp, logged as it is.
+            time_ms: the time of the sample in ms since boot, corrected for transport.
+            pos: metres, NED or FRD.
+            attitude: body to earth; neither normalised nor checked.
+            posErr: metres.
+            angErr: radians.
+            reset_counter: 0..255.
+            quality: -1 failed, 0 unknown, 1 worst .. 100 best.
+
+        Source: AP_VisualOdom::handle_pose_estimate, the overload with a quaternion.
+        """
+        driver = self._active_driver()
+        if driver is None:
+            return self._refusal()
+        return driver.handle_pose_estimate(
+            remote_time_us, time_ms, pos, attitude, posErr, angErr, reset_counter, quality
+        )
+
+    @_ieee754
+    def handle_vision_speed_estimate(
+        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+    ) -> Verdict:
+        """Take a velocity in m/s NED (AP_VisualOdom::handle_vision_speed_estimate)."""
+        driver = self._active_driver()
+        if driver is None:
+            return self._refusal()
+        return driver.handle_vision_speed_estimate(remote_time_us, time_ms, vel, reset_counter, quality)
+
+    def request_align_yaw_to_ahrs(self) -> None:
+        """Ask for yaw alignment at the next pose (AP_VisualOdom::request_align_yaw_to_ahrs)."""
+        driver = self._active_driver()
+        if driver is not None:
+            driver.request_align_yaw_to_ahrs()
+
+    def align_position_to_ahrs(self, align_xy: bool, align_z: bool) -> None:
+        """Ask for position alignment at the next pose, while another source gives the position.
+
+        Source: AP_VisualOdom::align_position_to_ahrs.
+        """
+        driver = self._active_driver()
+        if driver is not None:
+            driver.align_position_to_ahrs(align_xy, align_z)
+
+    @_ieee754
+    def pre_arm_check(self) -> str | None:
+        """Return the text of a failed check without its prefix, or None (AP_VisualOdom::pre_arm_check)."""
+        if not self.enabled():
+            return None
+        if self._driver is None:
+            return "out of memory"
+        if not self.healthy():
+            return "not healthy"
+        return self._driver.pre_arm_check()

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The MAVLink backend, VISO_TYPE 1 (AP_VisualOdom/AP_VisualOdom_MAV.cpp)."""
+
+import numpy as np
+
+from ap_core.fmath import constrain_float, degrees
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ap_core.verdict import Verdict
+from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M, AP_VisualOdom_Backend
+from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN
+
+
+class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
+    """Passes samples on as they are: scaled, with errors clamped, gated on quality alone."""
+
+    def handle_pose_estimate(
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        pos: Vector3f,
+        attitude: Quaternion,
+        posErr: np.float32,
+        angErr: np.float32,
+        reset_counter: int,
+        quality: int,
+    ) -> Verdict:
+        """Take a position (m) and attitude with their errors (m, rad).
+
+        Source: AP_VisualOdom_MAV::handle_pose_estimate.
+        """
+        frontend = self._frontend
+        pos = pos * frontend.get_pos_scale()
+        posErr = constrain_float(posErr, frontend.get_pos_noise(), POS_ERR_MAX_M, frontend.errors)
+        angErr = constrain_float(angErr, frontend.get_yaw_noise(), ANG_ERR_MAX_RAD, frontend.errors)
+        self._quality = quality
+
+        consume = quality >= frontend.get_quality_min()
+        if consume:
+            self._ahrs.writeExtNavData(
+                pos,
+                attitude,
+                posErr,
+                angErr,
+                time_ms,
+                frontend.get_delay_ms(),
+                self.get_reset_timestamp_ms(reset_counter),
+            )
+
+        roll, pitch, yaw = attitude.to_euler()
+        euler_deg = (degrees(roll), degrees(pitch), degrees(yaw))
+        self._log.Write_VisualPosition(
+            remote_time_us, time_ms, pos, euler_deg, posErr, angErr, reset_counter, not consume, quality
+        )
+        self._last_update_ms = self._clock.millis()
+        return CONSUMED if consume else QUALITY_BELOW_MIN
+
+    def handle_vision_speed_estimate(
+        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+    ) -> Verdict:
+        """Take a velocity in m/s NED, which is not scaled.
+
+        Source: AP_VisualOdom_MAV::handle_vision_speed_estimate.
+        """
+        frontend = self._frontend
+        self._quality = quality
+        consume = quality >= frontend.get_quality_min()
+        if consume:
+            self._ahrs.writeExtNavVelData(vel, frontend.get_vel_noise(), time_ms, frontend.get_delay_ms())
+
+        self._last_update_ms = self._clock.millis()
+        self._log.Write_VisualVelocity(
+            remote_time_us, time_ms, vel, frontend.get_vel_noise(), reset_counter, not consume, quality
+        )
+        return CONSUMED if consume else QUALITY_BELOW_MIN

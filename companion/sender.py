@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The companion computer as a MAVLink component: what it sends and when."""
+
+from collections.abc import Callable
+from typing import Final
+
+from mav_handlers.links.base import Link
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, Message
+
+MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY: Final = 197
+MAV_TYPE_ONBOARD_CONTROLLER: Final = 18
+MAV_AUTOPILOT_INVALID: Final = 8
+HEARTBEAT_PERIOD_US: Final = 1_000_000
+
+
+class Companion:
+    """Sends a heartbeat once a second and an estimate at its own rate, and listens.
+
+    Args:
+        link: the wire to the autopilot.
+        estimate: returns the estimate of a frame taken at a time in us, or None when there is none.
+        rate_hz: frames a second.
+        latency_us: from taking a frame to sending its estimate.
+        start_us: when the companion is up.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        estimate: Callable[[int], Message | None],
+        *,
+        rate_hz: float = 30.0,
+        latency_us: int = 0,
+        start_us: int = 0,
+        system_id: int = 1,
+    ) -> None:
+        self._link = link
+        self._estimate = estimate
+        self._period_us = round(1e6 / rate_hz)
+        self._latency_us = latency_us
+        self._codec = Codec(system_id, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
+        self._next_frame_us = start_us
+        self._next_heartbeat_us = start_us
+        self.received: list[Message] = []
+
+    def next_due_us(self) -> int:
+        """Return when ``run`` has something to do next."""
+        return min(self._next_frame_us + self._latency_us, self._next_heartbeat_us)
+
+    def run(self, now_us: int) -> None:
+        """Send what is due by ``now_us`` and take in what has arrived."""
+        while self._next_heartbeat_us <= now_us:
+            self._next_heartbeat_us += HEARTBEAT_PERIOD_US
+            self.send(HEARTBEAT(MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
+        while self._next_frame_us + self._latency_us <= now_us:
+            message = self._estimate(self._next_frame_us)
+            self._next_frame_us += self._period_us
+            if message is not None:
+                self.send(message)
+        self._receive()
+
+    def send(self, message: Message) -> None:
+        """Send a message now."""
+        self._link.send(self._codec.encode(message))
+
+    def command(self, command: int, *params: float) -> None:
+        """Send a COMMAND_LONG to the autopilot; missing parameters are 0."""
+        seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
+        self.send(COMMAND_LONG(1, 1, command, 0, *seven))
+
+    def _receive(self) -> None:
+        while data := self._link.receive():
+            self._codec.feed(data)
+            while (received := self._codec.next_received()) is not None:
+                if isinstance(received, Received) and received.message is not None:
+                    self.received.append(received.message)

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera that sees a scripted flight and reports it as a tracking camera would, faults included."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import quaternion
+
+from companion.clock import OffsetClock
+from companion.trajectory import Flight, Vector
+from mav_handlers.wire.messages import ODOMETRY
+
+MAV_FRAME_BODY_FRD = 12
+MAV_FRAME_LOCAL_FRD = 20
+ESTIMATOR_VIO = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A stretch of time in seconds since the autopilot's boot."""
+
+    start_s: float
+    end_s: float
+
+    def __contains__(self, time_s: float) -> bool:
+        return self.start_s <= time_s < self.end_s
+
+
+@dataclass(frozen=True)
+class CameraFaults:
+    """What goes wrong.
+
+    Attributes:
+        reset_s: when the camera loses its map and starts another; None for never.
+        reset_jump_m: how far its position jumps then, in its own frame.
+        low_quality: when it reports a quality of ``low_quality_percent``.
+        dropout: when it reports nothing.
+    """
+
+    reset_s: float | None = None
+    reset_jump_m: tuple[float, float, float] = (1.5, -1.0, 0.3)
+    low_quality: Span | None = None
+    low_quality_percent: int = 5
+    dropout: Span | None = None
+
+
+@dataclass
+class SimulatedCamera:
+    """Reports a flight in the camera's own frame, with noise and slow drift.
+
+    Attributes:
+        flight: what it sees.
+        seed: for the noise; the same seed gives the same reports.
+        frame_yaw_rad: how far the vehicle's north is turned in the camera's frame.
+        clock: the camera's clock.
+        faults: what goes wrong.
+        position_noise_m, velocity_noise_m_s, angle_noise_rad: standard deviations of one report.
+        drift_m_per_sqrt_s: growth of the position error.
+    """
+
+    flight: Flight
+    seed: int
+    frame_yaw_rad: float = 0.0
+    clock: OffsetClock = field(default_factory=OffsetClock)
+    faults: CameraFaults = field(default_factory=CameraFaults)
+    position_noise_m: float = 0.01
+    velocity_noise_m_s: float = 0.03
+    angle_noise_rad: float = 0.003
+    drift_m_per_sqrt_s: float = 0.01
+
+    def __post_init__(self) -> None:
+        self._random = np.random.default_rng(self.seed)
+        self._drift: Vector = np.zeros(3)
+        self._last_s: float | None = None
+
+    def _noise(self, deviation: float) -> Vector:
+        return self._random.normal(0.0, deviation, 3)
+
+    def _step_drift(self, time_s: float) -> None:
+        elapsed_s = 0.0 if self._last_s is None else time_s - self._last_s
+        self._last_s = time_s
+        self._drift = self._drift + self._noise(self.drift_m_per_sqrt_s * math.sqrt(max(elapsed_s, 0.0)))
+
+    def _has_reset(self, time_s: float) -> bool:
+        return self.faults.reset_s is not None and time_s >= self.faults.reset_s
+
+    def _quality(self, time_s: float) -> int:
+        faults = self.faults
+        return faults.low_quality_percent if faults.low_quality and time_s in faults.low_quality else 90
+
+    def report(self, true_us: int) -> ODOMETRY | None:
+        """Return the report of the frame taken ``true_us`` after the autopilot's boot, or None while there is none.
+
+        Position and attitude are in the camera's local frame (FRD), velocity in the body frame (FRD).
+        """
+        time_s = true_us * 1e-6
+        self._step_drift(time_s)
+        noise = [self._noise(s) for s in (self.position_noise_m, self.velocity_noise_m_s, self.angle_noise_rad)]
+        if self.faults.dropout and time_s in self.faults.dropout:
+            return None
+        turn = quaternion.from_rotation_vector([0.0, 0.0, self.frame_yaw_rad])
+        body_to_ned = _from_rpy(self.flight.attitude_rpy_rad(time_s) + noise[2])
+        position = quaternion.rotate_vectors(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
+        if self._has_reset(time_s):
+            position = position + np.array(self.faults.reset_jump_m)
+        velocity = quaternion.rotate_vectors(body_to_ned.conj(), self.flight.velocity_ned(time_s)) + noise[1]
+        attitude = turn * body_to_ned
+        return ODOMETRY(
+            time_usec=self.clock.time_us(true_us),
+            frame_id=MAV_FRAME_LOCAL_FRD,
+            child_frame_id=MAV_FRAME_BODY_FRD,
+            x=float(position[0]),
+            y=float(position[1]),
+            z=float(position[2]),
+            q=(attitude.w, attitude.x, attitude.y, attitude.z),
+            vx=float(velocity[0]),
+            vy=float(velocity[1]),
+            vz=float(velocity[2]),
+            rollspeed=0.0,
+            pitchspeed=0.0,
+            yawspeed=0.0,
+            pose_covariance=_covariance(self.position_noise_m, self.angle_noise_rad),
+            velocity_covariance=_covariance(self.velocity_noise_m_s, self.angle_noise_rad),
+            reset_counter=int(self._has_reset(time_s)),
+            estimator_type=ESTIMATOR_VIO,
+            quality=self._quality(time_s),
+        )
+
+
+def _from_rpy(rpy_rad: Vector) -> quaternion.quaternion:
+    roll, pitch, yaw = (quaternion.from_rotation_vector(v) for v in np.diag(rpy_rad))
+    return yaw * pitch * roll
+
+
+def _covariance(first_deviation: float, second_deviation: float) -> tuple[float, ...]:
+    """Return the upper triangle of a diagonal 6x6 covariance."""
+    matrix = np.diag([first_deviation**2] * 3 + [second_deviation**2] * 3)
+    return tuple(float(value) for value in matrix[np.triu_indices(6)])

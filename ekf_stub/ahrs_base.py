@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every stand-in for the AHRS shares: settling time, yaw source, origin, and logging of what it is given.
+
+Source: AP_AHRS/AP_AHRS.cpp.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import u32
+from ap_core.clock import Clock
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.sources import EkfSources, SourceYaw
+
+AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
+# When the estimator of the reference started, in all recordings.
+ESTIMATOR_START_US: Final = 2_455_000
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """The EKF origin: latitude and longitude in 1e-7 deg, altitude in cm above mean sea level."""
+
+    lat: int
+    lng: int
+    alt_cm: int
+
+
+class AhrsBase:
+    """The part of AP_AHRS that does not depend on where the attitude comes from.
+
+    Args:
+        clock: time since boot.
+        sources: the EKF's source sets.
+        log: where the calls are logged.
+        estimator_start_us: when the estimator starts; it counts as initialised 20 s later.
+    """
+
+    def __init__(
+        self, clock: Clock, sources: EkfSources, log: ExtNavLog, *, estimator_start_us: int = ESTIMATOR_START_US
+    ) -> None:
+        self._clock = clock
+        self._sources = sources
+        self._log = log
+        self._estimator_start_us = estimator_start_us
+        self._origin: Origin | None = None
+
+    def estimator_started(self) -> bool:
+        """Tell whether the estimator runs."""
+        return self._clock.micros64() >= self._estimator_start_us
+
+    def initialised(self) -> bool:
+        """Tell whether the estimator has run for more than 20 s (AP_AHRS::initialised)."""
+        running_ms = u32(self._clock.millis() - self._estimator_start_us // 1000)
+        return self.estimator_started() and running_ms > AP_AHRS_NAVEKF_SETTLE_TIME_MS
+
+    def using_extnav_for_yaw(self) -> bool:
+        """Tell whether yaw comes from external navigation.
+
+        While such a yaw is configured but missing, the EKF fuses a synthetic one, which counts as well.
+        Source: NavEKF3_core::using_extnav_for_yaw.
+        """
+        return self.estimator_started() and self._sources.yaw() == SourceYaw.EXTNAV
+
+    def origin(self) -> Origin | None:
+        """Return the EKF origin, or None while unset."""
+        return self._origin
+
+    def set_origin(self, origin: Origin) -> bool:
+        """Set the origin, once, and not before the estimator runs; tell whether it was set."""
+        if self._origin is not None or not self.estimator_started():
+            return False
+        self._origin = origin
+        return True
+
+    def writeExtNavData(
+        self,
+        pos: Vector3f,
+        quat: Quaternion,
+        posErr: np.float32,
+        angErr: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        resetTime_ms: int,
+    ) -> None:
+        """Log a position and attitude sample."""
+        self._log.pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
+
+    def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
+        """Log a velocity sample."""
+        self._log.velocity(vel, err, timeStamp_ms, delay_ms)
+
+    def writeBodyFrameOdom(
+        self,
+        quality: np.float32,
+        delPos: Vector3f,
+        delAng: Vector3f,
+        delTime: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        posOffset: Vector3f,
+    ) -> None:
+        """Log a body odometry sample."""
+        self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms)

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An AHRS that follows a recorded log."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ap_core.clock import Clock
+from ap_core.fmath import f32
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs_base import ESTIMATOR_START_US, AhrsBase
+from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.sources import EkfSources
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RecordedStates:
+    """What a log tells of the vehicle's state; times in us since boot, rising.
+
+    Attributes:
+        att_time_us: shape (n,), times of the ATT records.
+        att_rpy_deg: shape (n, 3), roll, pitch, yaw in degrees.
+        pos_time_us: shape (m,), times of the XKF1 records that hold a valid position.
+        pos_ned: shape (m, 3), metres NED from the EKF origin.
+    """
+
+    att_time_us: Array
+    att_rpy_deg: Array
+    pos_time_us: Array
+    pos_ned: Array
+
+    def __post_init__(self) -> None:
+        if len(self.att_time_us) == 0:
+            raise ValueError("a recorded AHRS needs at least one ATT record")
+
+
+class RecordedAhrs(AhrsBase):
+    """Attitude and position of a log, interpolated at the present time.
+
+    DCM's yaw counts as initialised from the first attitude on: in the recordings it was, before the estimator settled.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        sources: EkfSources,
+        log: ExtNavLog,
+        states: RecordedStates,
+        *,
+        estimator_start_us: int = ESTIMATOR_START_US,
+    ) -> None:
+        super().__init__(clock, sources, log, estimator_start_us=estimator_start_us)
+        self._states = states
+        self._rpy_rad = np.unwrap(np.radians(states.att_rpy_deg), axis=0)
+
+    def _at_now(self, time_us: Array, values: Array) -> list[float]:
+        now_us = float(self._clock.micros64())
+        return [float(np.interp(now_us, time_us, column)) for column in values.T]
+
+    def dcm_yaw_initialised(self) -> bool:
+        """Tell whether the log has an attitude by now."""
+        return bool(self._clock.micros64() >= self._states.att_time_us[0])
+
+    def get_yaw_rad(self) -> np.float32:
+        """Return the log's yaw, -pi..pi."""
+        yaw = self._at_now(self._states.att_time_us, self._rpy_rad)[2]
+        return f32(math.remainder(yaw, 2 * math.pi))
+
+    def get_quaternion(self) -> Quaternion | None:
+        """Return the log's attitude; None before its first."""
+        if not self.dcm_yaw_initialised():
+            return None
+        roll, pitch, yaw = self._at_now(self._states.att_time_us, self._rpy_rad)
+        return Quaternion.from_euler(f32(roll), f32(pitch), f32(yaw))
+
+    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
+        """Return the log's position; None before its first."""
+        times = self._states.pos_time_us
+        if len(times) == 0 or self._clock.micros64() < times[0]:
+            return None
+        return Vector3f(*self._at_now(times, self._states.pos_ned))

@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which sensor feeds what, by the EK3_SRCn parameters (AP_NavEKF/AP_NavEKF_Source.cpp)."""
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Final
+
+SETS: Final = 3
+OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW: Final = 1 << 1
+
+
+class SourceXY(IntEnum):
+    """EK3_SRCn_POSXY and EK3_SRCn_VELXY."""
+
+    NONE = 0
+    GPS = 3
+    BEACON = 4
+    OPTFLOW = 5
+    EXTNAV = 6
+    WHEEL_ENCODER = 7
+
+
+class SourceZ(IntEnum):
+    """EK3_SRCn_POSZ and EK3_SRCn_VELZ."""
+
+    NONE = 0
+    BARO = 1
+    RANGEFINDER = 2
+    GPS = 3
+    BEACON = 4
+    EXTNAV = 6
+
+
+class SourceYaw(IntEnum):
+    """EK3_SRCn_YAW."""
+
+    NONE = 0
+    COMPASS = 1
+    GPS = 2
+    GPS_COMPASS_FALLBACK = 3
+    EXTNAV = 6
+    GSF = 8
+
+
+class EkfSources:
+    """The three source sets and which one is active.
+
+    Args:
+        get_param: returns an integer parameter by its name after ``EK3_``, such as ``SRC1_POSXY``.
+    """
+
+    def __init__(self, get_param: Callable[[str], int]) -> None:
+        self._get_param = get_param
+        self.active_set = 0
+
+    def _of(self, index: int, what: str) -> int:
+        return self._get_param(f"SRC{index + 1}_{what}")
+
+    def yaw(self) -> int:
+        """Return the active yaw source."""
+        return self._of(self.active_set, "YAW")
+
+    def _any_set_has(self, what: str, value: int) -> bool:
+        return any(self._of(index, what) == value for index in range(SETS))
+
+    def position_alignment(self) -> tuple[bool, bool]:
+        """Return whether external navigation is to be aligned in x and y, and in z, as it is not in use.
+
+        Asked in every frame. All cores use the active set.
+        Source: NavEKF3::align_inactive_sources.
+        """
+        xy, z = self._of(self.active_set, "POSXY"), self._of(self.active_set, "POSZ")
+        by_flow = (
+            self._of(self.active_set, "VELXY") == SourceXY.OPTFLOW
+            and self._get_param("SRC_OPTIONS") & OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
+        )
+        xy_allowed = xy in (SourceXY.GPS, SourceXY.BEACON) or (by_flow and xy != SourceXY.EXTNAV)
+        z_allowed = z in (SourceZ.BARO, SourceZ.RANGEFINDER, SourceZ.GPS, SourceZ.BEACON)
+        return (
+            xy_allowed and self._any_set_has("POSXY", SourceXY.EXTNAV),
+            z_allowed and self._any_set_has("POSZ", SourceZ.EXTNAV),
+        )

@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the commands share on the terminal: tables, progress, notes."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Column, Table
+from rich.text import Text
+
+from ap_core.verdict import Outcome, Rule
+from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
+from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
+
+_STYLES = {
+    Outcome.ACCEPTED: "green",
+    Outcome.IGNORED: "yellow",
+    Outcome.DROPPED: "red",
+    Outcome.HANDLED: "",
+}
+_RULES: dict[str, Rule] = {verdict.rule.code: verdict.rule for verdict in (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS)}
+
+VerdictCounts = Mapping[tuple[str, Outcome, str], int]
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(highlight=False, soft_wrap=True, stderr=True)
+
+
+def reason_of(code: str) -> str:
+    """Return the sentence of a rule by its code."""
+    return _RULES[code].text
+
+
+def verdict_table(counts: VerdictCounts) -> Table:
+    """Return a table of how often each message type met each verdict; bad bytes are counted as bytes."""
+    table = Table("message", Column("count", justify="right"), "verdict", "why", title="What became of each message")
+    for (name, outcome, code), count in sorted(counts.items()):
+        unit = f"{count} bytes" if name == "BAD_DATA" else str(count)
+        table.add_row(name, unit, Text(outcome.value, style=_STYLES[outcome]), reason_of(code))
+    return table
+
+
+def verdict_rows(counts: VerdictCounts) -> list[dict[str, object]]:
+    """Return the same counts for machine-readable output."""
+    return [
+        {"message": name, "outcome": outcome.value, "rule": code, "reason": reason_of(code), "count": count}
+        for (name, outcome, code), count in sorted(counts.items())
+    ]
+
+
+@contextmanager
+def progress(title: str, total: int | None) -> Iterator[Progress]:
+    """Show progress on standard error, if that is a terminal; the one task has id 0."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        bar.add_task(title, total=total)
+        yield bar

@@ -1,0 +1,108 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The EK3_ parameters that matter to external navigation, in list order.
+
+Types and Copter's defaults: AP_NavEKF3/AP_NavEKF3.cpp, AP_NavEKF3/AP_NavEKF3.h and AP_NavEKF/AP_NavEKF_Source.cpp.
+"""
+
+from typing import Final
+
+from ap_core.param_group import ParamGroup
+from ap_core.param_info import ParamFlag, ParamInfo, ParamType
+
+INT8: Final = ParamType.INT8
+INT16: Final = ParamType.INT16
+INT32: Final = ParamType.INT32
+FLOAT: Final = ParamType.FLOAT
+
+NUMBER_OF_SOURCE_SETS: Final = 3
+
+_OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
+_GATE: Final = (100.0, 1000.0)
+_DELAY: Final = (0.0, 250.0)
+_MAG_CAL: Final = {
+    0: "In flight",
+    1: "While manoeuvring",
+    2: "Never",
+    3: "After the first climb",
+    4: "Always",
+    5: "External yaw (old)",
+    6: "External yaw with compass fallback (old)",
+}
+
+_POSXY: Final = {0: "None", 3: "GPS", 4: "Beacon", 6: "ExternalNav"}
+_VELXY: Final = {0: "None", 3: "GPS", 4: "Beacon", 5: "OpticalFlow", 6: "ExternalNav", 7: "WheelEncoder"}
+_POSZ: Final = {0: "None", 1: "Baro", 2: "RangeFinder", 3: "GPS", 4: "Beacon", 6: "ExternalNav"}
+_VELZ: Final = {0: "None", 3: "GPS", 4: "Beacon", 6: "ExternalNav"}
+_YAW: Final = {0: "None", 1: "Compass", 2: "GPS", 3: "GPS, else compass", 6: "ExternalNav", 8: "GSF"}
+
+
+def _boot(
+    name: str, kind: ParamType, default: int, text: str, unit: str = "", limits: tuple[float, float] | None = None
+) -> ParamInfo:
+    """Return a row whose value is only read when the filter starts."""
+    return ParamInfo(name, kind, default, text, unit, limits, reboot_required=True)
+
+
+_BEFORE_SOURCES: Final = (
+    ParamInfo("ENABLE", INT8, 1, "Run EKF3", "", None, _OFF_ON, ParamFlag.ENABLE, reboot_required=True),
+    ParamInfo("VELNE_M_NSE", FLOAT, 0.3, "Noise of horizontal velocity", "m/s", (0.05, 5.0)),
+    ParamInfo("VELD_M_NSE", FLOAT, 0.5, "Noise of vertical velocity", "m/s", (0.05, 5.0)),
+    ParamInfo("VEL_I_GATE", INT16, 500, "Velocity gate, in percent of a sigma", "%", _GATE),
+    ParamInfo("POSNE_M_NSE", FLOAT, 0.5, "Noise of horizontal position", "m", (0.1, 10.0)),
+    ParamInfo("POS_I_GATE", INT16, 500, "Horizontal position gate, in percent of a sigma", "%", _GATE),
+    ParamInfo("GLITCH_RAD", INT8, 25, "Position uncertainty that causes a reset", "m", (10.0, 100.0)),
+    ParamInfo("ALT_M_NSE", FLOAT, 2.0, "Noise of barometric height", "m", (0.1, 100.0)),
+    ParamInfo("HGT_I_GATE", INT16, 500, "Height gate, in percent of a sigma", "%", _GATE),
+    _boot("HGT_DELAY", INT16, 60, "How late the barometer is", "ms", _DELAY),
+    ParamInfo("MAG_CAL", INT8, 3, "When all three compass axes are fused", "", None, _MAG_CAL, reboot_required=True),
+    _boot("FLOW_DELAY", INT8, 10, "How late optical flow is", "ms", _DELAY),
+    ParamInfo("GYRO_P_NSE", FLOAT, 0.015, "Gyro process noise", "rad/s", (0.0001, 0.1)),
+    ParamInfo("ACC_P_NSE", FLOAT, 0.35, "Accelerometer process noise", "m/s/s", (0.01, 1.0)),
+    ParamInfo("GBIAS_P_NSE", FLOAT, 0.001, "Gyro bias process noise", "rad/s/s", (0.00001, 0.001)),
+    ParamInfo("ABIAS_P_NSE", FLOAT, 0.02, "Accelerometer bias process noise", "m/s/s/s", (0.00001, 0.02)),
+    _boot("IMU_MASK", INT8, 3, "Which IMUs get a core, a bit each"),
+    ParamInfo("NOAID_M_NSE", FLOAT, 10.0, "Noise of the assumed position without aiding", "m", (0.5, 50.0)),
+    ParamInfo("YAW_M_NSE", FLOAT, 0.5, "Noise of yaw", "rad", (0.05, 1.0)),
+    ParamInfo("YAW_I_GATE", INT16, 300, "Yaw gate, in percent of a sigma", "%", _GATE),
+    ParamInfo("TAU_OUTPUT", INT8, 25, "Time constant of the output predictor", "cs", (10.0, 50.0)),
+    _boot("BCN_DELAY", INT8, 50, "How late range beacons are", "ms", _DELAY),
+    ParamInfo("ACC_BIAS_LIM", FLOAT, 1.0, "Limit of the accelerometer bias", "m/s/s", (0.5, 2.5)),
+    _boot("OGN_HGT_MASK", INT8, 0, "How GPS corrects the origin's height, a bit each"),
+    ParamInfo("VIS_VERR_MIN", FLOAT, 0.1, "Odometry velocity error at best quality", "m/s", (0.05, 0.5)),
+    ParamInfo("VIS_VERR_MAX", FLOAT, 0.9, "Odometry velocity error at worst quality", "m/s", (0.5, 5.0)),
+    ParamInfo("HRT_FILT", FLOAT, 2.0, "Crossover frequency of the height rate", "Hz", (0.1, 30.0)),
+)
+
+_AFTER_SOURCES: Final = (
+    ParamInfo("SRC_OPTIONS", INT16, 0, "Bits: 0 fuse all velocities, 1 align to optical flow, 3 a set per core"),
+    ParamInfo("OGNM_TEST_SF", FLOAT, 2.0, "Scale of the test for standing still", "", (1.0, 10.0)),
+    ParamInfo("PRIMARY", INT8, 0, "Core in use while disarmed", "", (0.0, 2.0)),
+    ParamInfo("LOG_LEVEL", INT8, 0, "How little is logged, 0 is everything", "", (0.0, 3.0)),
+    ParamInfo("OPTIONS", INT32, 0, "Bits: 0 jamming expected, 1 lanes switched by hand"),
+)
+
+
+def _source_set(number: int) -> tuple[ParamInfo, ...]:
+    """Return the rows of one source set, 1 to 3; only the first has sources besides the barometer."""
+    first = number == 1
+    name = f"SRC{number}_"
+    return (
+        ParamInfo(name + "POSXY", INT8, 3 if first else 0, "Horizontal position source", values=_POSXY),
+        ParamInfo(name + "VELXY", INT8, 3 if first else 0, "Horizontal velocity source", values=_VELXY),
+        ParamInfo(name + "POSZ", INT8, 1, "Height source", values=_POSZ),
+        ParamInfo(name + "VELZ", INT8, 3 if first else 0, "Vertical velocity source", values=_VELZ),
+        ParamInfo(name + "YAW", INT8, 1 if first else 0, "Yaw source", values=_YAW),
+    )
+
+
+EKF3_VAR_INFO: Final = (
+    *_BEFORE_SOURCES,
+    *(row for number in range(1, NUMBER_OF_SOURCE_SETS + 1) for row in _source_set(number)),
+    *_AFTER_SOURCES,
+)
+
+
+def make_ekf3_group() -> ParamGroup:
+    """Return the EK3_ group with Copter's defaults."""
+    return ParamGroup("EK3_", EKF3_VAR_INFO, top_level_prefix="EK3_")

@@ -1,0 +1,278 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Log files on disk: their numbering, and appending records so that a killed process leaves a readable log.
+
+Source: AP_Logger/AP_Logger_File.cpp (find_last_log, start_new_log, write_lastlog_file, io_timer).
+"""
+
+import contextlib
+import fcntl
+import os
+import re
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+LASTLOG_NAME: Final = "LASTLOG.TXT"
+MAX_FILES: Final = 500
+CHUNK_BYTES: Final = 4096
+FLUSH_INTERVAL_US: Final = 2_000_000
+
+_LASTLOG: Final = re.compile(rb"\s*(\d{1,9})(D?)")
+_LOG_NAME: Final = re.compile(r"(\d{8})\.BIN")
+
+
+class LogStoreError(Exception):
+    """A log cannot be opened; the message is one line that names the path."""
+
+
+class LogFile:
+    """One open log: takes whole records and writes them in chunks.
+
+    Writing never raises because of the file. After an error the file takes nothing more: ``reason`` says why and
+    ``dropped`` counts the lost calls of :meth:`write`, those still waiting in memory included.
+
+    Attributes:
+        number: the number in the file's name.
+        path: the file.
+        size: bytes handed in so far, written or waiting.
+        dropped: calls of :meth:`write` whose records are lost.
+        reason: one line naming the file, once writing has failed.
+    """
+
+    def __init__(self, path: Path, number: int, descriptor: int) -> None:
+        self.number = number
+        self.path = path
+        self.size = 0
+        self.dropped = 0
+        self.reason: str | None = None
+        self._descriptor: int | None = descriptor
+        self._waiting = bytearray()
+        self._waiting_calls = 0
+        self._flushed_us = 0
+
+    @property
+    def closed(self) -> bool:
+        """Whether :meth:`close` was called or writing has failed."""
+        return self._descriptor is None
+
+    def write(self, data: bytes) -> bool:
+        """Append whole records; return False if they are lost.
+
+        Raises:
+            ValueError: if the file was closed.
+        """
+        if self._descriptor is None:
+            if self.reason is None:
+                raise ValueError(f"{self.path}: write to a closed log")
+            self.dropped += 1
+            return False
+        self._waiting += data
+        self._waiting_calls += 1
+        self.size += len(data)
+        return self.flush() if len(self._waiting) >= CHUNK_BYTES else True
+
+    def flush_if_due(self, now_us: int) -> bool:
+        """Write what is waiting once 2 s have passed since the last time; return False after an error.
+
+        Args:
+            now_us: microseconds since boot; a clock that was set back makes the flush due.
+        """
+        if 0 <= now_us - self._flushed_us < FLUSH_INTERVAL_US:
+            return self.reason is None
+        self._flushed_us = now_us
+        return self.flush()
+
+    def flush(self) -> bool:
+        """Hand what is waiting to the operating system; return False after an error."""
+        if self._descriptor is None:
+            return self.reason is None
+        waiting = memoryview(bytes(self._waiting))
+        try:
+            while waiting:
+                waiting = waiting[os.write(self._descriptor, waiting) :]
+        except OSError as error:
+            self._fail(error)
+            return False
+        self._waiting.clear()
+        self._waiting_calls = 0
+        return True
+
+    def _fail(self, error: OSError) -> None:
+        self.reason = _one_line(self.path, error)
+        self.dropped += self._waiting_calls
+        self._waiting.clear()
+        self._waiting_calls = 0
+        self._close_descriptor()
+
+    def _close_descriptor(self) -> None:
+        if self._descriptor is not None:
+            with contextlib.suppress(OSError):
+                os.close(self._descriptor)
+            self._descriptor = None
+
+    def close(self) -> None:
+        """Write what is waiting and close the file; further calls do nothing."""
+        self.flush()
+        self._close_descriptor()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class LogStore:
+    """A directory of logs ``00000001.BIN`` and so on, and ``LASTLOG.TXT`` with the last number.
+
+    Args:
+        directory: made when the first log is opened.
+        max_files: after this number comes 1 again.
+
+    Raises:
+        ValueError: if ``max_files`` is less than 2, the least that LOG_MAX_FILES may be.
+    """
+
+    def __init__(self, directory: Path, *, max_files: int = MAX_FILES) -> None:
+        if max_files < 2:
+            raise ValueError(f"max_files is {max_files}, at least 2 are needed")
+        self._directory = directory
+        self._max_files = max_files
+
+    def path_of(self, number: int) -> Path:
+        """Return the path of log ``number``, whether it exists or not."""
+        return self._directory / f"{number:08d}.BIN"
+
+    def last_number(self) -> int:
+        """Return the number of the last log, 0 if there is none.
+
+        ``LASTLOG.TXT`` tells; where it is missing or makes no sense, the highest number among the files.
+        """
+        match = self._read_lastlog()
+        return int(match[1]) if match else max(self._numbers(), default=0)
+
+    def log_numbers(self) -> list[int]:
+        """Return the numbers of the logs that hold data, oldest first."""
+        last = self.last_number()
+        numbers = (number for number in self._numbers() if self._holds_data(self.path_of(number)))
+        return sorted(numbers, key=lambda number: (number <= last, number))
+
+    def open_next(self, *, discard: bool = False) -> LogFile:
+        """Open the log after the last one, or the last one again if it is empty or missing.
+
+        Numbers of logs that hold data, or that another process is writing, are passed over.
+
+        Args:
+            discard: mark the log for :meth:`remove_discarded` (LOG_DISARMED 3).
+
+        Raises:
+            LogStoreError: if the directory or a file cannot be made, or every number is taken.
+        """
+        try:
+            self._directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LogStoreError(_one_line(self._directory, error)) from error
+        # FIRMWARE PARITY: the firmware truncates the log that has the next number; here no log is ever lost.
+        for number in self._candidates():
+            log = self._try_open(number)
+            if log is not None:
+                self._write_lastlog(log, discard)
+                return log
+        raise LogStoreError(f"{self._directory}: all {self._max_files} log numbers are taken")
+
+    def keep(self, log: LogFile) -> None:
+        """Remove the discard mark of the last log, as the firmware does once the vehicle is armed.
+
+        Raises:
+            LogStoreError: if ``LASTLOG.TXT`` cannot be written.
+        """
+        match = self._read_lastlog()
+        if match and match[2] and int(match[1]) == log.number:
+            self._replace_lastlog(log.number, discard=False)
+
+    def remove_discarded(self) -> None:
+        """Delete the last log if it is marked and nobody writes it (AP_Logger_File::Init); ignore errors."""
+        match = self._read_lastlog()
+        if not match or not match[2]:
+            return
+        path = self.path_of(int(match[1]))
+        with contextlib.suppress(OSError), path.open("r+b") as log:
+            if _claim(log.fileno()):
+                path.unlink()
+
+    def _candidates(self) -> list[int]:
+        last = self.last_number()
+        first = last if last and not self._holds_data(self.path_of(last)) else last + 1
+        if first > self._max_files:
+            first = 1
+        return [*range(first, self._max_files + 1), *range(1, first)]
+
+    def _numbers(self) -> list[int]:
+        try:
+            names = [entry.name for entry in self._directory.iterdir()]
+        except OSError:
+            return []
+        matches = (_LOG_NAME.fullmatch(name) for name in names)
+        return sorted(int(match[1]) for match in matches if match and 1 <= int(match[1]) <= self._max_files)
+
+    @staticmethod
+    def _holds_data(path: Path) -> bool:
+        try:
+            return path.is_file() and path.stat().st_size > 0
+        except OSError:
+            return False
+
+    def _try_open(self, number: int) -> LogFile | None:
+        path = self.path_of(number)
+        try:
+            if path.exists() and (not path.is_file() or path.stat().st_size > 0):
+                return None
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        except OSError as error:
+            raise LogStoreError(_one_line(path, error)) from error
+        if _claim(descriptor) and os.fstat(descriptor).st_size == 0:
+            return LogFile(path, number, descriptor)
+        os.close(descriptor)
+        return None
+
+    def _read_lastlog(self) -> re.Match[bytes] | None:
+        try:
+            return _LASTLOG.match((self._directory / LASTLOG_NAME).read_bytes())
+        except OSError:
+            return None
+
+    def _write_lastlog(self, log: LogFile, discard: bool) -> None:
+        try:
+            self._replace_lastlog(log.number, discard)
+        except LogStoreError:
+            log.close()
+            raise
+
+    def _replace_lastlog(self, number: int, discard: bool) -> None:
+        path = self._directory / LASTLOG_NAME
+        draft = path.with_suffix(f".{os.getpid()}")
+        try:
+            draft.write_bytes(b"%d%s\r\n" % (number, b"D" if discard else b""))
+            draft.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                draft.unlink(missing_ok=True)
+            raise LogStoreError(_one_line(path, error)) from error
+
+
+def _claim(descriptor: int) -> bool:
+    """Lock an open log for this process; where the file system has no locks, every claim succeeds."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _one_line(path: Path, error: OSError) -> str:
+    return f"{path}: {error.strerror or error}"

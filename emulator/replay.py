@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Feeds a recorded stream to a vehicle in virtual time."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+from ap_core.verdict import Verdict
+from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
+from emulator.bits import json_value
+from emulator.scheduler import Scheduler
+from emulator.streams import Stream, StreamMessage
+from emulator.vehicle import Vehicle
+from mav_handlers.channel import Channel
+from mav_handlers.endpoint import MessageEvent
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.handlers.vision import odometry_frames_accepted
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import ODOMETRY
+
+_VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)
+# A capture's arrival is the time of handling; the port was read up to one loop (2500 us) earlier, and unrecorded bytes
+# may have waited behind. This value keeps every recorded CTimeMS within 2 ms.
+READ_BEFORE_HANDLING_US: Final = 1800
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayedMessage:
+    """What the vehicle made of one message.
+
+    ``records`` are the VISO, VISP and VISV records: name, then the fields. ``arrival_us`` is as recorded.
+    """
+
+    arrival_us: int | None
+    type: str
+    records: tuple[tuple[str, tuple[LogValue, ...]], ...]
+    verdict: Verdict
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the message for machine-readable output, floats in hex."""
+        out = [[name, *map(json_value, values)] for name, values in self.records]
+        return {"arrival_us": self.arrival_us, "type": self.type, "out": out, "verdict": self.verdict.as_dict()}
+
+
+class Replay:
+    """One replay of a stream into a vehicle.
+
+    Args:
+        vehicle: fresh, with one link's parameters.
+        stream: what to feed.
+        baud: rate of the link's transport-time model; None for a link without delay.
+    """
+
+    def __init__(self, vehicle: Vehicle, stream: Stream, baud: int | None) -> None:
+        self._vehicle = vehicle
+        self._stream = stream
+        self._scheduler = Scheduler(vehicle)
+        self._channel: Channel = vehicle.endpoint.open_channel(stream.name, baud=baud)
+        self._records: list[tuple[str, tuple[LogValue, ...]]] = []
+        self._events: list[tuple[MessageEvent, tuple[tuple[str, tuple[LogValue, ...]], ...]]] = []
+        vehicle.logger.on_write = self._take_record
+        vehicle.endpoint.on_event = self._take_event
+
+    def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        if structure.name in _VISUAL_ODOM_RECORDS:
+            self._records.append((structure.name, tuple(values)))
+
+    def _take_event(self, event: MessageEvent) -> None:
+        self._events.append((event, tuple(self._records)))
+        self._records.clear()
+
+    def run(self, on_progress: Callable[[int], None] = lambda _count: None) -> Iterator[ReplayedMessage]:
+        """Feed the stream and yield what became of each message, in order; the vehicle's log is then complete.
+
+        Args:
+            on_progress: told the number of messages fed so far.
+        """
+        fed = 0
+        for batch in batches(self._stream):
+            yield from self._deliver(batch)
+            fed += len(batch)
+            on_progress(fed)
+
+    def _deliver(self, batch: Sequence[StreamMessage]) -> Iterator[ReplayedMessage]:
+        arrival_us = batch[0].arrival_us
+        time_us = self._first_arrival_us() if arrival_us is None else arrival_us
+        self._scheduler.run_until(max(time_us, self._scheduler.now_us))
+        read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
+        self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
+        events, self._events = self._events, []
+        for event, records in events:
+            yield ReplayedMessage(arrival_us, event.name, records, event.verdict)
+        self._vehicle.endpoint.bytes_to_send(self._channel)
+
+    def _first_arrival_us(self) -> int:
+        return next((m.arrival_us for m in self._stream.messages if m.arrival_us is not None), 0)
+
+
+def batches(stream: Stream) -> Iterator[tuple[StreamMessage, ...]]:
+    """Yield the messages that were waiting together.
+
+    In a capture a message that makes no record carries its predecessor's time. It was waiting with it only if one that
+    does make a record follows it at the same time; otherwise its own time is unknown, and it is fed alone.
+    """
+    if not stream.shared_arrival:
+        yield from ((message,) for message in stream.messages)
+        return
+    group: list[StreamMessage] = []
+    for message in stream.messages:
+        if group and (message.arrival_us is None or message.arrival_us != group[0].arrival_us):
+            yield from _split_tail(group)
+            group = []
+        group.append(message)
+    if group:
+        yield from _split_tail(group)
+
+
+def _split_tail(group: Sequence[StreamMessage]) -> Iterator[tuple[StreamMessage, ...]]:
+    together = len(group)
+    while together > 1 and not makes_record(group[together - 1].frame):
+        together -= 1
+    yield tuple(group[:together])
+    yield from ((message,) for message in group[together:])
+
+
+def makes_record(frame: bytes) -> bool:
+    """Tell whether a frame carries external navigation that gets as far as the log."""
+    codec = Codec(0, 0)
+    codec.feed(frame)
+    received = codec.next_received()
+    if not isinstance(received, Received) or type(received.message) not in VISION_MESSAGES:
+        return False
+    message = received.message
+    return not isinstance(message, ODOMETRY) or odometry_frames_accepted(message)

@@ -1,0 +1,36 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Virtual time: the one place that advances a vehicle's clock."""
+
+from emulator.vehicle import LOOP_PERIOD_US, Vehicle
+from mav_handlers.channel import Channel
+
+
+class Scheduler:
+    """Runs a vehicle's main loop at its rate, and hands it bytes at exact times in between."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._next_loop_us = 0
+
+    @property
+    def now_us(self) -> int:
+        """The vehicle's time in us since boot."""
+        return self._vehicle.clock.micros64()
+
+    def run_until(self, time_us: int) -> None:
+        """Run every pass of the main loop up to and including ``time_us``, then stand there.
+
+        Raises:
+            ValueError: if that time has passed.
+        """
+        if time_us < self.now_us:
+            raise ValueError(f"time {time_us} us has passed, it is {self.now_us} us")
+        while self._next_loop_us <= time_us:
+            self._vehicle.loop(self._next_loop_us)
+            self._next_loop_us += LOOP_PERIOD_US
+        self._vehicle.clock.set_us(time_us)
+
+    def deliver(self, channel: Channel, data: bytes, *, read_us: int | None = None) -> None:
+        """Hand bytes to the vehicle now; ``read_us`` tells when the link was read, if earlier."""
+        self._vehicle.receive_bytes(channel, data, self.now_us, read_us)

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reading and writing text files, compressed or not, with errors in one line."""
+
+import gzip
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from emulator.errors import InputError
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+def _open(path: Path) -> TextIO:
+    with path.open("rb") as probe:
+        packed = probe.read(2) == GZIP_MAGIC
+    if packed:
+        return gzip.open(path, "rt", encoding="utf-8")
+    return path.open(encoding="utf-8")
+
+
+def read_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the numbers, from 1, and the texts of a file's lines; blank lines are passed over.
+
+    Raises:
+        InputError: if the file cannot be read or is not text.
+    """
+    number = 0
+    try:
+        with _open(path) as lines:
+            for number, line in enumerate(lines, 1):
+                if line.strip():
+                    yield number, line
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}:{number + 1}: not UTF-8 text") from error
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise InputError(f"{path}:{number + 1}: damaged gzip file: {error}") from error
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises:
+        InputError: if the file cannot be read or is not text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text") from error
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+@contextmanager
+def write_text(path: Path) -> Iterator[TextIO]:
+    """Open a file for writing, through gzip when its name ends in .gz.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    try:
+        if path.suffix == ".gz":
+            with gzip.open(path, "wt", encoding="utf-8") as packed:
+                yield packed
+        else:
+            with path.open("w", encoding="utf-8") as plain:
+                yield plain
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error

@@ -1,0 +1,33 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a handler gets along with its message."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mav_handlers.channel import Channel
+from mav_handlers.ports import VehiclePort
+from mav_handlers.wire.codec import Header
+from mav_handlers.wire.messages import Message
+
+if TYPE_CHECKING:
+    from mav_handlers.endpoint import MavEndpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """One received message's surroundings.
+
+    ``now_us`` is the time of handling, ``read_us`` the time when the link was last read, both in us since boot.
+    """
+
+    endpoint: "MavEndpoint"
+    vehicle: VehiclePort
+    channel: Channel
+    header: Header
+    now_us: int
+    read_us: int
+
+    def correct_time_ms(self, message_type: type[Message], remote_us: int) -> int:
+        """Return the time of a sample in ms since boot, from the sender's stamp in us."""
+        return self.channel.correct_time_ms(message_type, remote_us, self.read_us, self.now_us)

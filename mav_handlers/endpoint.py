@@ -1,0 +1,248 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The autopilot's end of MAVLink without I/O: bytes and time in, bytes and events out."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.cint import u8
+from ap_core.param import ParamEcho
+from ap_core.verdict import Outcome, Verdict
+from mav_handlers.channel import Channel
+from mav_handlers.context import Context
+from mav_handlers.handlers import HANDLERS
+from mav_handlers.handlers.clocks import send_timesync
+from mav_handlers.handlers.params import NO_INDEX, pump_param_list, pump_param_reads
+from mav_handlers.intervals import due_messages, set_defaults
+from mav_handlers.ports import VehiclePort
+from mav_handlers.senders import SENDERS
+from mav_handlers.statustext import QueuedText
+from mav_handlers.verdicts import (
+    NO_HANDLER,
+    NOT_ACCEPTED,
+    NOT_ADDRESSED,
+    OWN_MESSAGE,
+    UNKNOWN_MESSAGE,
+    bad_data_verdict,
+)
+from mav_handlers.wire.codec import BadData, Codec, Header, Received
+from mav_handlers.wire.messages import PARAM_VALUE, Message
+
+MAV_COMP_ID_AUTOPILOT1: Final = 1
+EVENTS_KEPT: Final = 10_000
+OPTION_PRIVATE: Final = 1 << 1
+OPTION_ONLY_GCS: Final = 1 << 0
+_RADIO_MESSAGES: Final = ("RADIO", "RADIO_STATUS")
+_SECOND_US: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class MessageEvent:
+    """A frame was dealt with. ``header`` is None for bytes that are no frame; ``now_us`` is since boot."""
+
+    channel: int
+    now_us: int
+    name: str
+    header: Header | None
+    message: Message | None
+    verdict: Verdict
+
+
+class MavEndpoint:
+    """Any number of links, one vehicle.
+
+    Give each link's bytes to ``receive_bytes``, call ``poll`` some hundred times a second, send what ``bytes_to_send``
+    returns, and read what happened from ``next_event`` (``on_event`` is told at once). Nothing that comes from outside
+    raises.
+
+    Args:
+        vehicle: what is behind the endpoint.
+    """
+
+    def __init__(self, vehicle: VehiclePort) -> None:
+        self._vehicle = vehicle
+        self.channels: list[Channel] = []
+        self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
+        self._echoes: deque[ParamEcho] = deque()
+        self._next_expiry_us = _SECOND_US
+        self.events_lost = 0
+        self.on_event: Callable[[MessageEvent], None] | None = None
+        vehicle.texts.listening_channels = self._listening_channels
+
+    def open_channel(self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0) -> Channel:
+        """Add a link; ``baud`` gives its messages the transport time of a UART."""
+        codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
+        channel = Channel(len(self.channels), name, codec, baud, timesync_sent_us=now_us)
+        self.channels.append(channel)
+        set_defaults(self._vehicle, channel, now_us)
+        return channel
+
+    def close_channel(self, channel: Channel) -> None:
+        """Stop sending on a link; its counters stay."""
+        channel.open = False
+        channel.take_output()
+
+    def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
+        """Handle what a link delivered.
+
+        Args:
+            channel: the link.
+            data: any bytes.
+            now_us: time of handling, us since boot.
+            read_us: when the bytes were read from the link, if that was earlier.
+        """
+        channel.codec.feed(data)
+        channel.bytes_received += len(data)
+        while (received := channel.codec.next_received()) is not None:
+            self._dispatch(channel, received, now_us, now_us if read_us is None else read_us)
+
+    def _dispatch(self, channel: Channel, received: Received | BadData, now_us: int, read_us: int) -> None:
+        if isinstance(received, BadData):
+            verdict = bad_data_verdict(received.reason)
+            channel.packets_dropped += 1
+            channel.count("BAD_DATA", verdict, received.length)
+            self._note(MessageEvent(channel.index, now_us, "BAD_DATA", None, None, verdict))
+            return
+        header = received.header
+        channel.frames_received += 1
+        if header.name not in _RADIO_MESSAGES:
+            channel.active = True
+        verdict = self._handle(channel, received, now_us, read_us)
+        channel.count(header.name, verdict)
+        self._note(MessageEvent(channel.index, now_us, header.name, header, received.message, verdict))
+
+    def _handle(self, channel: Channel, received: Received, now_us: int, read_us: int) -> Verdict:
+        header, message = received.header, received.message
+        refusal = self._refuse(header, message)
+        if refusal is not None:
+            return refusal
+        if message is None:
+            return UNKNOWN_MESSAGE if header.name.startswith("UNKNOWN_") else NO_HANDLER
+        handler = HANDLERS.get(type(message))
+        if handler is None:
+            return NO_HANDLER
+        return handler(Context(self, self._vehicle, channel, header, now_us, read_us), message)
+
+    def _refuse(self, header: Header, message: Message | None) -> Verdict | None:
+        system_id = self._system_id()
+        if header.system_id == system_id and header.component_id == MAV_COMP_ID_AUTOPILOT1:
+            return OWN_MESSAGE
+        if getattr(message, "target_system", 0) not in (0, system_id):
+            # COMMAND_ACK and the like name their receiver too.
+            return NOT_ADDRESSED
+        params = self._vehicle.params
+        if params.get_int("MAV_OPTIONS") & OPTION_ONLY_GCS:
+            admitted = (system_id, params.get_int("MAV_GCS_SYSID"))
+            if header.system_id not in admitted and header.name not in _RADIO_MESSAGES:
+                return NOT_ACCEPTED
+        return None
+
+    def _note(self, event: MessageEvent) -> None:
+        if len(self._events) == EVENTS_KEPT:
+            self.events_lost += 1
+        self._events.append(event)
+        if self.on_event is not None:
+            self.on_event(event)
+
+    def next_event(self) -> MessageEvent | None:
+        """Return the oldest event not yet taken, or None; the newest 10000 are kept."""
+        return self._events.popleft() if self._events else None
+
+    def bytes_to_send(self, channel: Channel) -> bytes:
+        """Return, once, what is to be sent on a link."""
+        return channel.take_output()
+
+    def request_message(self, channel: Channel, name: str) -> None:
+        """Queue a message to be sent once at the next poll."""
+        if name not in channel.requested:
+            channel.requested.append(name)
+
+    def echo_parameters(self, echoes: Iterable[ParamEcho]) -> None:
+        """Queue the echoes of a changed parameter for every active link."""
+        self._echoes.extend(echoes)
+
+    def poll(self, now_us: int) -> None:
+        """Send what is due: texts, parameters, periodic and requested messages."""
+        system_id = self._system_id()
+        self._send_echoes()
+        self._send_home()
+        for channel in self._open_channels():
+            channel.codec.system_id = system_id
+            pump_param_reads(channel, now_us)
+            self._send_due(channel, now_us)
+            if self._telemetry_allowed(now_us):
+                pump_param_list(self._vehicle, channel, now_us)
+                send_timesync(channel, now_us, system_id)
+        self._send_texts(now_us)
+
+    def _open_channels(self) -> list[Channel]:
+        return [channel for channel in self.channels if channel.open]
+
+    def _system_id(self) -> int:
+        return u8(self._vehicle.params.get_int("MAV_SYSID"))
+
+    def _telemetry_allowed(self, now_us: int) -> bool:
+        # MAV_TELEM_DELAY counts "seconds" of 1024 ms.
+        return (now_us // 1000) >> 10 >= self._vehicle.params.get_int("MAV_TELEM_DELAY")
+
+    def _is_private(self, channel: Channel) -> bool:
+        return bool(self._vehicle.params.get_int(f"MAV{channel.index + 1}_OPTIONS") & OPTION_PRIVATE)
+
+    def _send_due(self, channel: Channel, now_us: int) -> None:
+        names = due_messages(channel, now_us) if self._telemetry_allowed(now_us) else []
+        while channel.requested:
+            names.append(channel.requested.popleft())
+        for name in names:
+            message = SENDERS[name](self._vehicle, now_us)
+            if message is not None:
+                channel.send(message)
+
+    def _send_home(self) -> None:
+        if self._vehicle.take_home_changed():
+            for channel in self._open_channels():
+                self.request_message(channel, "HOME_POSITION")
+                self.request_message(channel, "GPS_GLOBAL_ORIGIN")
+
+    def _send_echoes(self) -> None:
+        while self._echoes:
+            echo = self._echoes.popleft()
+            self._vehicle.log_parameter(echo.name, echo.value)
+            count = self._vehicle.params.count
+            for channel in self._open_channels():
+                if channel.active and not self._is_private(channel):
+                    channel.send(PARAM_VALUE(echo.name, float(echo.value), echo.wire_type, count, NO_INDEX))
+
+    def _listening_channels(self) -> set[int]:
+        return {
+            channel.index
+            for channel in self._open_channels()
+            if (channel.active or channel.streaming) and not self._is_private(channel)
+        }
+
+    def _send_texts(self, now_us: int) -> None:
+        texts = self._vehicle.texts
+        for entry in texts.pending():
+            self._send_text(entry)
+            if not entry.channels:
+                texts.done(entry)
+        if now_us >= self._next_expiry_us:
+            self._next_expiry_us = now_us + _SECOND_US
+            texts.discard_expired()
+
+    def _send_text(self, entry: QueuedText) -> None:
+        waiting = entry.channels if entry.channels is not None else {c.index for c in self._open_channels()}
+        still_open = {channel.index for channel in self._open_channels()}
+        entry.channels = waiting & still_open
+        for index in sorted(entry.channels):
+            if self.channels[index].send(*entry.chunks):
+                entry.channels.discard(index)
+
+    def verdict_counts(self) -> dict[tuple[str, Outcome, str], int]:
+        """Return how often each message type met each verdict, over all links."""
+        total: dict[tuple[str, Outcome, str], int] = {}
+        for channel in self.channels:
+            for key, amount in channel.counters.items():
+                total[key] = total.get(key, 0) + amount
+        return total

@@ -1,0 +1,41 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handlers of the clock messages (GCS_Common.cpp, handle_timesync and handle_system_time_message)."""
+
+from typing import Final
+
+from ap_core.cint import i64
+from ap_core.verdict import Verdict
+from mav_handlers.channel import Channel
+from mav_handlers.context import Context
+from mav_handlers.verdicts import HANDLED
+from mav_handlers.wire.messages import SYSTEM_TIME, TIMESYNC
+
+TIMESYNC_PERIOD_US: Final = 10_000_000
+
+
+def handle_timesync(ctx: Context, message: TIMESYNC) -> Verdict:
+    """Answer a request at once; log the round trip of an answer to our own request."""
+    if message.tc1 == 0:
+        arrival_us = ctx.channel.arrival_us(TIMESYNC, ctx.read_us) or ctx.now_us
+        ctx.channel.send(TIMESYNC(i64(arrival_us * 1000), message.ts1))
+        return HANDLED
+    if message.ts1 == ctx.channel.timesync_ts1:
+        sent_us = message.ts1 // 1000
+        ctx.vehicle.log_timesync(ctx.header.system_id, ctx.now_us - sent_us)
+    return HANDLED
+
+
+def send_timesync(channel: Channel, now_us: int, system_id: int) -> None:
+    """Ask the other end for its time, at most once in 10 s; the stamp's last digits are our system id."""
+    if now_us - channel.timesync_sent_us < TIMESYNC_PERIOD_US:
+        return
+    channel.timesync_sent_us = now_us
+    channel.timesync_ts1 = i64(now_us * 1000 + system_id)
+    channel.send(TIMESYNC(0, channel.timesync_ts1))
+
+
+def handle_system_time(ctx: Context, message: SYSTEM_TIME) -> Verdict:
+    """Offer a time of day to the vehicle; BRD_RTC_TYPES decides whether it is taken."""
+    ctx.vehicle.set_utc_us(message.time_unix_usec)
+    return HANDLED

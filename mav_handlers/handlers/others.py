@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handlers of everything that is neither navigation, parameter, clock, origin nor command."""
+
+from typing import Final
+
+from ap_core.verdict import Verdict
+from mav_handlers.context import Context
+from mav_handlers.intervals import set_interval, stream_interval_ms
+from mav_handlers.senders import STREAM_GROUPS
+from mav_handlers.verdicts import HANDLED
+from mav_handlers.wire.messages import (
+    AUTOPILOT_VERSION_REQUEST,
+    HEARTBEAT,
+    REQUEST_DATA_STREAM,
+    STATUSTEXT,
+)
+
+STREAM_ALL: Final = 0
+OPTION_NO_STREAM_REQUESTS: Final = 1 << 2
+
+
+def handle_heartbeat(_ctx: Context, _message: HEARTBEAT) -> Verdict:
+    """Note that somebody is there; that has no further effect here."""
+    return HANDLED
+
+
+def handle_statustext(ctx: Context, message: STATUSTEXT) -> Verdict:
+    """Log somebody else's text, with its origin (GCS_MAVLINK::handle_statustext)."""
+    header = ctx.header
+    if header.system_id == ctx.vehicle.params.get_int("MAV_GCS_SYSID"):
+        prefix = "GCS:"
+    else:
+        prefix = f"SRC={header.system_id}/{header.component_id}:"
+    ctx.vehicle.log_text(prefix + message.text)
+    return HANDLED
+
+
+def handle_autopilot_version_request(ctx: Context, _message: AUTOPILOT_VERSION_REQUEST) -> Verdict:
+    """Queue AUTOPILOT_VERSION."""
+    ctx.endpoint.request_message(ctx.channel, "AUTOPILOT_VERSION")
+    return HANDLED
+
+
+def handle_request_data_stream(ctx: Context, message: REQUEST_DATA_STREAM) -> Verdict:
+    """Set the rate of a group of messages, in memory only (GCS_MAVLINK::handle_request_data_stream)."""
+    prefix = f"MAV{ctx.channel.index + 1}"
+    params = ctx.vehicle.params
+    if message.start_stop > 1 or params.get_int(f"{prefix}_OPTIONS") & OPTION_NO_STREAM_REQUESTS:
+        return HANDLED
+    rate_hz = min(message.req_message_rate, 32767) if message.start_stop == 1 else 0
+    for stream_id, (suffix, names) in STREAM_GROUPS.items():
+        if message.req_stream_id not in (STREAM_ALL, stream_id):
+            continue
+        params.set(f"{prefix}{suffix}", rate_hz)
+        for name in names:
+            set_interval(ctx.channel, name, stream_interval_ms(rate_hz), ctx.now_us)
+    return HANDLED

@@ -1,0 +1,25 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Links: the only place of this package that does I/O."""
+
+from mav_handlers.links.base import Link, LinkError, LinkStats, wait_readable
+from mav_handlers.links.pair import PairLink, make_pair
+from mav_handlers.links.table import LINKS, LinkFactory, open_link
+from mav_handlers.links.tlog import TlogEntry, TlogError, TlogReader, TlogWriter, read_tlog
+
+__all__ = [
+    "LINKS",
+    "Link",
+    "LinkError",
+    "LinkFactory",
+    "LinkStats",
+    "PairLink",
+    "TlogEntry",
+    "TlogError",
+    "TlogReader",
+    "TlogWriter",
+    "make_pair",
+    "open_link",
+    "read_tlog",
+    "wait_readable",
+]

@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every link is: bytes in, bytes out, counters, and no exception once it is open."""
+
+import os
+import selectors
+import socket
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+DROP_CLOSED = "link closed"
+DROP_NO_PEER = "no peer"
+DROP_BACKLOG_FULL = "backlog full"
+
+
+class LinkError(Exception):
+    """A link that cannot be opened, in one line: which one and why."""
+
+
+class ConnectionStringError(LinkError):
+    """A connection string that names no link."""
+
+
+def bad_string(name: str, why: str) -> ConnectionStringError:
+    """Build the error for a connection string, in one line."""
+    return ConnectionStringError(f"bad connection string {name!r}: {why}")
+
+
+@dataclass(frozen=True)
+class LinkStats:
+    """Hold what a link has carried and lost since it was opened.
+
+    ``bytes_in`` and ``bytes_out`` count what the system gave and took; ``bytes_dropped`` counts what was
+    sent and is known to be lost, also when the system reports that afterwards. ``drop_reasons`` counts
+    losses (a call to ``send``, a datagram or a whole backlog) by reason; a failed read is counted there
+    too, with no bytes. ``connects`` and ``disconnects`` count peers gained and lost, where a link can tell.
+    ``open_failures`` counts attempts to get a peer or a device that failed.
+    """
+
+    bytes_in: int = 0
+    bytes_out: int = 0
+    bytes_dropped: int = 0
+    connects: int = 0
+    disconnects: int = 0
+    open_failures: int = 0
+    drop_reasons: Mapping[str, int] = field(default_factory=dict)
+
+
+class Link(Protocol):
+    """Carry bytes to and from a peer without ever blocking or raising.
+
+    ``name`` is the connection string as given. ``baud`` is the rate for the model of the UART's transport
+    time, None for no delay; whoever owns the link may set it, as the firmware's simulator applies a rate to
+    its TCP ports.
+    """
+
+    name: str
+    baud: int | None
+
+    @property
+    def stats(self) -> LinkStats:
+        """Return a snapshot of the counters."""
+
+    def receive(self, max_bytes: int = 65536) -> bytes:
+        """Return bytes that have arrived, at most ``max_bytes``, or b"" when there are none.
+
+        Call it until it returns b"": a datagram that was cut by ``max_bytes`` does not make ``fileno``
+        readable. Raises ValueError if ``max_bytes`` is not positive.
+        """
+
+    def send(self, data: bytes) -> None:
+        """Send the bytes, or keep them in a bounded backlog, or drop the whole call and count it."""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on for reading, -1 if there is none; it may change in any call."""
+
+    def close(self) -> None:
+        """Release everything; after that ``receive`` returns b"" and ``send`` counts a drop."""
+
+
+class Counters:
+    """Count for one link; the mutable side of ``LinkStats``."""
+
+    def __init__(self) -> None:
+        self.bytes_in = 0
+        self.bytes_out = 0
+        self.bytes_dropped = 0
+        self.connects = 0
+        self.disconnects = 0
+        self.open_failures = 0
+        self.drop_reasons: Counter[str] = Counter()
+
+    def drop(self, size: int, reason: str) -> None:
+        """Count one loss of ``size`` bytes."""
+        self.bytes_dropped += size
+        self.drop_reasons[reason] += 1
+
+    def snapshot(self) -> LinkStats:
+        """Return the present values."""
+        return LinkStats(
+            self.bytes_in,
+            self.bytes_out,
+            self.bytes_dropped,
+            self.connects,
+            self.disconnects,
+            self.open_failures,
+            dict(self.drop_reasons),
+        )
+
+
+def check_max_bytes(max_bytes: int) -> None:
+    """Raise ValueError unless positive: a read of 0 bytes would look like the end of a stream."""
+    if max_bytes < 1:
+        raise ValueError(f"max_bytes must be positive, not {max_bytes}")
+
+
+def reason_of(error: Exception) -> str:
+    """Return the system's own words for an error, short and in one line, without the path it names."""
+    if isinstance(error, socket.gaierror):  # its numbers are not those of errno
+        text = error.strerror or str(error)
+    elif isinstance(error, OSError) and error.errno is not None:
+        text = os.strerror(error.errno)
+    else:
+        text = " ".join(str(error).split())
+    return text[:1].lower() + text[1:]
+
+
+def cannot_open(name: str, error: Exception) -> LinkError:
+    """Build the error for a link that does not open."""
+    return LinkError(f"cannot open {name}: {reason_of(error)}")
+
+
+def wait_readable(links: Iterable[Link], timeout_s: float) -> list[Link]:
+    """Wait until a link has something to read, or for ``timeout_s`` seconds, and return those that have.
+
+    A link without a descriptor is never returned: poll it. The descriptors are asked for anew in each call
+    because a link that lost its peer may come back under the same number, which a kept selector would miss.
+    """
+    with selectors.DefaultSelector() as selector:
+        for link in links:
+            fd = link.fileno()
+            if fd >= 0:
+                selector.register(fd, selectors.EVENT_READ, link)
+        return [key.data for key, _ in selector.select(timeout_s)]

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What udpin, udpout and mcast share: a socket that carries one datagram for each call to send."""
+
+import socket
+from abc import ABC, abstractmethod
+
+from mav_handlers.links.address import SocketAddress
+from mav_handlers.links.base import (
+    DROP_BACKLOG_FULL,
+    DROP_CLOSED,
+    Counters,
+    LinkStats,
+    check_max_bytes,
+    reason_of,
+)
+
+MAX_DATAGRAM_BYTES = 65535
+READS_PER_CALL = 64
+
+
+class DatagramLink(ABC):
+    """Carry datagrams; the system's socket buffer is the only backlog.
+
+    ``receive`` returns one datagram a call, or the rest of one. ``address`` is the socket's own, and
+    tells what the system chose for port 0.
+    """
+
+    def __init__(self, name: str, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        self.name = name
+        self.baud: int | None = None
+        self.address: SocketAddress = sock.getsockname()
+        self._sock = sock
+        self._counters = Counters()
+        self._unread = b""
+        self._last_sent_bytes = 0
+        self._closed = False
+
+    @abstractmethod
+    def _accept(self, peer: SocketAddress) -> bool:
+        """Note who sent a datagram, and tell whether to take it."""
+
+    @abstractmethod
+    def _transmit(self, data: bytes) -> None:
+        """Send one datagram to every peer."""
+
+    @property
+    def stats(self) -> LinkStats:
+        """Return a snapshot of the counters."""
+        return self._counters.snapshot()
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor, -1 once it is closed."""
+        return self._sock.fileno()
+
+    def receive(self, max_bytes: int = 65536) -> bytes:
+        """Return the next datagram, or the next ``max_bytes`` of it."""
+        check_max_bytes(max_bytes)
+        if not self._unread and not self._closed:
+            self._unread = self._next_datagram()
+        data, self._unread = self._unread[:max_bytes], self._unread[max_bytes:]
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send the bytes as one datagram, or drop and count them."""
+        if not data:
+            return
+        if self._closed:
+            self._counters.drop(len(data), DROP_CLOSED)
+        else:
+            self._transmit(data)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._closed = True
+        self._unread = b""
+        self._sock.close()
+
+    def _next_datagram(self) -> bytes:
+        """Read until there is one with content; bounded, so that no error or sender can hold the caller."""
+        for _ in range(READS_PER_CALL):
+            try:
+                data, peer = self._sock.recvfrom(MAX_DATAGRAM_BYTES)
+            except BlockingIOError:
+                return b""
+            except ConnectionRefusedError as error:
+                self._refused(error)
+                continue
+            except OSError as error:
+                self._counters.drop(0, reason_of(error))
+                continue
+            if self._accept(peer) and data:
+                self._counters.bytes_in += len(data)
+                return data
+        return b""
+
+    def _send_to(self, sock: socket.socket, data: bytes, peer: SocketAddress | None = None) -> None:
+        """Send to a peer, or to the one that the socket is connected to."""
+        try:
+            _put(sock, data, peer)
+        except ConnectionRefusedError as error:
+            self._refused(error)
+            self._send_again(sock, data, peer)
+        except BlockingIOError:
+            self._counters.drop(len(data), DROP_BACKLOG_FULL)
+        except OSError as error:
+            self._counters.drop(len(data), reason_of(error))
+        else:
+            self._sent(len(data))
+
+    def _send_again(self, sock: socket.socket, data: bytes, peer: SocketAddress | None) -> None:
+        """Send what the report about an earlier datagram kept from leaving."""
+        try:
+            _put(sock, data, peer)
+        except OSError as error:
+            self._counters.drop(len(data), reason_of(error))
+        else:
+            self._sent(len(data))
+
+    def _sent(self, size: int) -> None:
+        self._counters.bytes_out += size
+        self._last_sent_bytes = size
+
+    def _refused(self, error: ConnectionRefusedError) -> None:
+        """Count the datagram that was sent before: the system reports its fate with the next call."""
+        self._counters.drop(self._last_sent_bytes, reason_of(error))
+        self._last_sent_bytes = 0
+
+
+def _put(sock: socket.socket, data: bytes, peer: SocketAddress | None) -> None:
+    if peer is None:
+        sock.send(data)
+    else:
+        sock.sendto(data, peer)
+
+
+def datagram_socket() -> socket.socket:
+    """Return an IPv4 UDP socket."""
+    return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What tcp, tcpin and serial share: one byte stream at a time, replaced when it breaks."""
+
+import os
+from abc import ABC, abstractmethod
+
+from mav_handlers.links.base import (
+    DROP_BACKLOG_FULL,
+    DROP_CLOSED,
+    DROP_NO_PEER,
+    Counters,
+    LinkStats,
+    check_max_bytes,
+    reason_of,
+)
+
+MAX_BACKLOG_BYTES = 65536
+"""What a link keeps for a peer that does not read, beyond what the system keeps."""
+
+END_OF_STREAM = "end of stream"
+
+
+class StreamLink(ABC):
+    """Carry one stream through a non-blocking descriptor.
+
+    A subclass gets streams (``_open_stream``) and gives them back (``_close_stream``); it is asked for a
+    new one in each call while there is none.
+    """
+
+    def __init__(self, name: str, baud: int | None = None, max_backlog_bytes: int = MAX_BACKLOG_BYTES) -> None:
+        self.name = name
+        self.baud = baud
+        self._max_backlog_bytes = max_backlog_bytes
+        self._backlog = bytearray()
+        self._counters = Counters()
+        self._fd = -1
+        self._write_error: str | None = None
+        self._closed = False
+
+    @abstractmethod
+    def _open_stream(self) -> int:
+        """Return the descriptor of a new stream, or -1 when there is none yet."""
+
+    @abstractmethod
+    def _close_stream(self) -> None:
+        """Close what ``_open_stream`` gave."""
+
+    @property
+    def stats(self) -> LinkStats:
+        """Return a snapshot of the counters."""
+        return self._counters.snapshot()
+
+    @property
+    def backlog_bytes(self) -> int:
+        """How many bytes wait for the system to take them."""
+        return len(self._backlog)
+
+    def fileno(self) -> int:
+        """Return the stream's descriptor, -1 while there is none."""
+        return self._fd
+
+    def receive(self, max_bytes: int = 65536) -> bytes:
+        """Return bytes that have arrived, at most ``max_bytes``; also moves the backlog on."""
+        check_max_bytes(max_bytes)
+        if not self._connected():
+            return b""
+        data = self._read(max_bytes)
+        self._flush()
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send the bytes, or keep them in the backlog, or drop the whole call and count it."""
+        if not data:
+            return
+        if not self._connected():
+            self._counters.drop(len(data), DROP_CLOSED if self._closed else DROP_NO_PEER)
+            return
+        self._flush()
+        if self._write_error is not None:
+            self._counters.drop(len(data), self._write_error)
+        elif len(self._backlog) + len(data) > self._max_backlog_bytes:
+            self._counters.drop(len(data), DROP_BACKLOG_FULL)
+        else:
+            self._backlog += data
+            self._flush()
+
+    def close(self) -> None:
+        """Close the stream; what the backlog still holds is counted as dropped."""
+        if self._fd >= 0:
+            self._lose(DROP_CLOSED)
+        self._closed = True
+
+    def _connected(self) -> bool:
+        """Tell whether there is a stream, after trying to get one."""
+        if self._fd < 0 and not self._closed:
+            self._fd = self._open_stream()
+            if self._fd >= 0:
+                self._counters.connects += 1
+        return self._fd >= 0
+
+    def _read(self, max_bytes: int) -> bytes:
+        try:
+            data = os.read(self._fd, max_bytes)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            self._lose(reason_of(error))
+            return b""
+        if not data:
+            self._lose(END_OF_STREAM)
+        self._counters.bytes_in += len(data)
+        return data
+
+    def _flush(self) -> None:
+        """Write as much of the backlog as the system takes."""
+        try:
+            while self._backlog:
+                written = os.write(self._fd, self._backlog)
+                self._counters.bytes_out += written
+                del self._backlog[:written]
+        except BlockingIOError:
+            return
+        except OSError as error:
+            # The stream stays open for reading: a peer's last bytes may still wait in front of its end.
+            self._write_error = reason_of(error)
+            self._drop_backlog(self._write_error)
+
+    def _lose(self, reason: str) -> None:
+        self._drop_backlog(reason)
+        self._close_stream()
+        self._fd = -1
+        self._write_error = None
+        self._counters.disconnects += 1
+
+    def _drop_backlog(self, reason: str) -> None:
+        """Drop all of it: half a frame must not greet the next peer."""
+        if self._backlog:
+            self._counters.drop(len(self._backlog), reason)
+            self._backlog.clear()

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""UDP links: ``udpin:HOST:PORT`` (also ``udp:``), which answers those it hears, and ``udpout:HOST:PORT``."""
+
+import time
+
+from mav_handlers.links.address import SocketAddress, parse_host_port, resolve
+from mav_handlers.links.base import DROP_NO_PEER, cannot_open
+from mav_handlers.links.datagram import DatagramLink, datagram_socket
+from mav_handlers.links.retry import Monotonic
+
+PEER_TIMEOUT_S = 60.0
+MAX_PEERS = 16
+
+
+class UdpInLink(DatagramLink):
+    """Bind, and send to every peer heard in the last 60 s.
+
+    Several programs may share the port, as with pymavlink, which keeps every peer for ever unless told
+    otherwise. Here one that falls silent is forgotten, but never the last one heard: a program that only
+    listens after its first datagram keeps getting data. More than 16 peers push out the one not heard for
+    longest.
+
+    pymavlink shares the port with anyone who asks; here a port in use is an error, since the system would
+    give all datagrams to one of the two.
+    """
+
+    def __init__(self, name: str, address: SocketAddress, *, monotonic: Monotonic = time.monotonic) -> None:
+        sock = datagram_socket()
+        try:
+            sock.bind(address)
+        except OSError as error:
+            sock.close()
+            raise cannot_open(name, error) from None
+        super().__init__(name, sock)
+        self._monotonic = monotonic
+        self._heard_s: dict[SocketAddress, float] = {}  # the last one heard is the last key
+
+    @property
+    def peers(self) -> tuple[SocketAddress, ...]:
+        """The addresses that the next datagram goes to, the last one heard at the end."""
+        self._forget_silent()
+        return tuple(self._heard_s)
+
+    def _accept(self, peer: SocketAddress) -> bool:
+        if self._heard_s.pop(peer, None) is None:
+            self._counters.connects += 1
+        self._heard_s[peer] = self._monotonic()
+        if len(self._heard_s) > MAX_PEERS:
+            self._forget(next(iter(self._heard_s)))
+        return True
+
+    def _transmit(self, data: bytes) -> None:
+        peers = self.peers
+        if not peers:
+            self._counters.drop(len(data), DROP_NO_PEER)
+        for peer in peers:
+            self._send_to(self._sock, data, peer)
+
+    def _forget_silent(self) -> None:
+        now_s = self._monotonic()
+        for peer, heard_s in list(self._heard_s.items())[:-1]:
+            if now_s - heard_s > PEER_TIMEOUT_S:
+                self._forget(peer)
+
+    def _forget(self, peer: SocketAddress) -> None:
+        del self._heard_s[peer]
+        self._counters.disconnects += 1
+
+
+class UdpOutLink(DatagramLink):
+    """Send to one address and hear only that one; nobody listening there shows as drops."""
+
+    def __init__(self, name: str, address: SocketAddress) -> None:
+        sock = datagram_socket()
+        try:
+            sock.connect(address)
+        except OSError as error:
+            sock.close()
+            raise cannot_open(name, error) from None
+        super().__init__(name, sock)
+
+    def _accept(self, peer: SocketAddress) -> bool:
+        return True
+
+    def _transmit(self, data: bytes) -> None:
+        self._send_to(self._sock, data)
+
+
+def open_udpin(name: str, address: str) -> UdpInLink:
+    """Open ``udpin:HOST:PORT``. Raises LinkError for a bad address, or one that cannot be bound."""
+    return UdpInLink(name, resolve(name, parse_host_port(name, address, any_port=True)))
+
+
+def open_udpout(name: str, address: str) -> UdpOutLink:
+    """Open ``udpout:HOST:PORT``. Raises LinkError for a bad address or an unknown host."""
+    return UdpOutLink(name, resolve(name, parse_host_port(name, address)))

@@ -1,0 +1,81 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rules by which the endpoint itself decides about a frame or a message."""
+
+from typing import Final
+
+from ap_core.verdict import Outcome, Rule, Verdict
+
+
+def _dropped(code: str, text: str, source: str) -> Verdict:
+    return Verdict(Outcome.DROPPED, Rule(code, text, source))
+
+
+HANDLED: Final = Verdict(
+    Outcome.HANDLED, Rule("handled", "processed; carries no external navigation", "GCS_Common.cpp, handle_message")
+)
+ODOMETRY_FRAMES: Final = _dropped(
+    "odometry_frames",
+    "frame_id must be 20 (LOCAL_FRD) and child_frame_id 12 (BODY_FRD)",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+)
+OWN_MESSAGE: Final = _dropped(
+    "own_ids", "sent with the autopilot's own system and component id", "MAVLink_routing.cpp, check_and_forward"
+)
+NOT_ADDRESSED: Final = _dropped("other_target", "addressed to another system", "MAVLink_routing.cpp, check_and_forward")
+NOT_ACCEPTED: Final = _dropped(
+    "not_from_gcs", "MAV_OPTIONS bit 0 admits only MAV_GCS_SYSID", "GCS_Common.cpp, GCS_MAVLINK::accept_packet"
+)
+NO_HANDLER: Final = _dropped(
+    "no_handler", "the autopilot does not act on this message", "GCS_Common.cpp, GCS_MAVLINK::handle_message"
+)
+UNKNOWN_MESSAGE: Final = _dropped(
+    "unknown_message", "a message id outside the dialect", "mavlink_helpers.h, mavlink_frame_char_buffer"
+)
+BAD_PREFIX: Final = _dropped("bad_prefix", "bytes between frames", "mavlink_helpers.h, mavlink_frame_char_buffer")
+BAD_CRC: Final = _dropped(
+    "bad_crc", "checksum does not match: damaged, or another dialect", "mavlink_helpers.h, mavlink_frame_char_buffer"
+)
+BAD_FRAME: Final = _dropped(
+    "bad_frame", "unknown flags, or a frame that does not decode", "mavlink_helpers.h, mavlink_frame_char_buffer"
+)
+PARAM_UNKNOWN: Final = _dropped(
+    "param_unknown", "no parameter of that name or index; the firmware is silent", "GCS_Param.cpp"
+)
+PARAM_NOT_FINITE: Final = _dropped(
+    "param_not_finite", "NaN or infinite value; the firmware is silent", "GCS_Param.cpp, handle_param_set"
+)
+PARAM_READ_ONLY: Final = _dropped("param_read_only", "the parameter is read-only", "GCS_Param.cpp, handle_param_set")
+PARAM_QUEUE_FULL: Final = _dropped(
+    "param_queue_full", "20 parameter reads are waiting already", "GCS_Param.cpp, handle_param_request_read"
+)
+ORIGIN_REFUSED: Final = _dropped(
+    "origin_refused",
+    "out of range, all zero, or the origin is set already",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_set_gps_global_origin",
+)
+
+VERDICTS: Final = (
+    HANDLED,
+    ODOMETRY_FRAMES,
+    OWN_MESSAGE,
+    NOT_ADDRESSED,
+    NOT_ACCEPTED,
+    NO_HANDLER,
+    UNKNOWN_MESSAGE,
+    BAD_PREFIX,
+    BAD_CRC,
+    BAD_FRAME,
+    PARAM_UNKNOWN,
+    PARAM_NOT_FINITE,
+    PARAM_READ_ONLY,
+    PARAM_QUEUE_FULL,
+    ORIGIN_REFUSED,
+)
+
+
+def bad_data_verdict(reason: str) -> Verdict:
+    """Return the verdict on bytes that the parser refused, from the parser's own words."""
+    if "prefix" in reason:
+        return BAD_PREFIX
+    return BAD_CRC if "CRC" in reason else BAD_FRAME

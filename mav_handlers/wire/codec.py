@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The one door to pymavlink's dialect: bytes to typed messages and back."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from mav_handlers.wire import messages
+from mav_handlers.wire.messages import Message
+
+V2_HEADER_AND_CRC_BYTES: Final = 12
+_COMPACT_ABOVE_BYTES: Final = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Who sent a frame, and the frame itself."""
+
+    name: str
+    message_id: int
+    system_id: int
+    component_id: int
+    sequence: int
+    version: int
+    frame: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A whole frame; ``message`` is None when its type is not one of ours."""
+
+    header: Header
+    message: Message | None
+
+
+@dataclass(frozen=True, slots=True)
+class BadData:
+    """Bytes that are no frame, or a frame that failed its check."""
+
+    reason: str
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    cls: type[Message]
+    dialect_class: Callable[..., Any]
+    names: tuple[str, ...]
+    arrays: frozenset[str]
+    texts: frozenset[str]
+    full_length: int
+
+
+def _layout_of(cls: type[Message], dialect_class: Any) -> _Layout:
+    types = dict(zip(dialect_class.fieldnames, dialect_class.fieldtypes, strict=True))
+    lengths = dict(zip(dialect_class.ordered_fieldnames, dialect_class.array_lengths, strict=True))
+    names = tuple(field.name for field in fields(cls))  # type: ignore[arg-type]  # all are dataclasses
+    return _Layout(
+        cls,
+        dialect_class,
+        names,
+        frozenset(name for name in names if lengths[name] and types[name] != "char"),
+        frozenset(name for name in names if types[name] == "char"),
+        dialect_class.unpacker.size,
+    )
+
+
+def _layouts() -> dict[str, _Layout]:
+    known = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
+    return {cls.__name__: _layout_of(cls, known[cls.__name__]) for cls in Message.__subclasses__()}
+
+
+_LAYOUTS: Final = _layouts()
+_NAME_OF_ID: Final[dict[int, str]] = {cls.id: cls.msgname for cls in dialect.mavlink_map.values()}
+_ID_OF_NAME: Final[dict[str, int]] = {name: msg_id for msg_id, name in _NAME_OF_ID.items()}
+
+
+def message_id(name: str) -> int:
+    """Return the id of a message by its name.
+
+    Raises:
+        KeyError: if the dialect has no such message.
+    """
+    return _ID_OF_NAME[name]
+
+
+def message_name(msg_id: int) -> str | None:
+    """Return the name of a message by its id, or None when the dialect has none."""
+    return _NAME_OF_ID.get(msg_id)
+
+
+def full_length(cls: type[Message]) -> int:
+    """Return the payload length of a message in bytes before MAVLink 2 trims trailing zeros."""
+    return _LAYOUTS[cls.__name__].full_length
+
+
+def _to_message(raw: Any) -> Message | None:
+    layout = _LAYOUTS.get(raw.get_type())
+    if layout is None:
+        return None
+    values = [tuple(getattr(raw, name)) if name in layout.arrays else getattr(raw, name) for name in layout.names]
+    return layout.cls(*values)
+
+
+def _to_header(raw: Any) -> Header:
+    frame = bytes(raw.get_msgbuf())
+    version = 1 if frame[0] == dialect.PROTOCOL_MARKER_V1 else 2
+    return Header(
+        raw.get_type(),
+        raw.get_msgId() if raw.get_msgId() >= 0 else raw.get_header().msgId,
+        raw.get_srcSystem(),
+        raw.get_srcComponent(),
+        raw.get_seq(),
+        version,
+        frame,
+    )
+
+
+def _unknown_header(raw: Any) -> Header:
+    # pymavlink leaves the header of a message it does not know empty.
+    frame = bytes(raw.get_msgbuf())
+    if frame[0] == dialect.PROTOCOL_MARKER_V1:
+        return Header(f"UNKNOWN_{frame[5]}", frame[5], frame[3], frame[4], frame[2], 1, frame)
+    msg_id = frame[7] | (frame[8] << 8) | (frame[9] << 16)
+    return Header(f"UNKNOWN_{msg_id}", msg_id, frame[5], frame[6], frame[4], 2, frame)
+
+
+class Codec:
+    """One direction-pair of a link: parses what comes in, numbers and packs what goes out.
+
+    Args:
+        system_id: source system of outgoing frames, 1..255; may be changed at any time.
+        component_id: source component of outgoing frames.
+        version: 1 or 2, the MAVLink version of outgoing frames.
+    """
+
+    def __init__(self, system_id: int, component_id: int, version: int = 2) -> None:
+        if version not in (1, 2):
+            raise ValueError(f"MAVLink has versions 1 and 2, not {version}")
+        self._mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        self._mav.robust_parsing = True
+        self.version = version
+        self.frames_sent = 0
+
+    @property
+    def system_id(self) -> int:
+        """Source system of outgoing frames."""
+        return int(self._mav.srcSystem)
+
+    @system_id.setter
+    def system_id(self, value: int) -> None:
+        self._mav.srcSystem = value
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes; ``next_received`` then gives what is whole."""
+        if self._mav.buf_index > _COMPACT_ABOVE_BYTES:
+            # The parser keeps what it has read until nothing is left; a busy link never gets there.
+            self._mav.buf = self._mav.buf[self._mav.buf_index :]
+            self._mav.buf_index = 0
+        self._mav.buf.extend(data)
+
+    @property
+    def unread_bytes(self) -> int:
+        """Bytes fed and not yet part of a returned frame."""
+        return int(self._mav.buf_len())
+
+    def next_received(self) -> Received | BadData | None:
+        """Return the next frame or stretch of bad bytes, or None when more bytes are needed. Never raises."""
+        raw = self._mav.parse_char(b"")
+        if raw is None:
+            return None
+        kind = raw.get_type()
+        if kind == "BAD_DATA":
+            return BadData(str(raw.reason), len(raw.data))
+        if kind.startswith("UNKNOWN_"):
+            return Received(_unknown_header(raw), None)
+        return Received(_to_header(raw), _to_message(raw))
+
+    def encode(self, message: Message) -> bytes:
+        """Return the next frame with this message.
+
+        Raises:
+            struct.error: if a field does not fit its type.
+        """
+        layout = _LAYOUTS[type(message).__name__]
+        values = {
+            name: getattr(message, name).encode("ascii", "replace") if name in layout.texts else getattr(message, name)
+            for name in layout.names
+        }
+        raw = layout.dialect_class(**values)
+        frame = bytes(raw.pack(self._mav, force_mavlink1=self.version == 1))
+        self._mav.seq = (self._mav.seq + 1) % 256
+        self.frames_sent += 1
+        return frame
+
+
+__all__ = [
+    "V2_HEADER_AND_CRC_BYTES",
+    "BadData",
+    "Codec",
+    "Header",
+    "Received",
+    "full_length",
+    "message_id",
+    "message_name",
+    "messages",
+]

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The check runner reads pytest's counts and sums up."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools import checks
+from tools.checks import Result, Run, Step
+
+REPORT = '<testsuites><testsuite tests="10" failures="2" errors="1" skipped="3"/></testsuites>'
+
+
+def _run(everything: bool = False) -> Run:
+    return Run(everything, Path("no-such-report.xml"))
+
+
+def _pytest_command(everything: bool) -> list[str]:
+    (command,) = next(step for step in checks.STEPS if step.name == "tests").commands(_run(everything))
+    return command
+
+
+def test_counts_come_from_the_junit_report(tmp_path: Path) -> None:
+    report = tmp_path / "tests.xml"
+    report.write_text(REPORT, encoding="utf-8")
+    assert checks.count_tests(report) == {"passed": 4, "failed": 3, "skipped": 3}
+
+
+def test_missing_or_broken_report_gives_no_counts(tmp_path: Path) -> None:
+    report = tmp_path / "tests.xml"
+    assert checks.count_tests(report) == {}
+    report.write_text("<testsuites>", encoding="utf-8")
+    assert checks.count_tests(report) == {}
+
+
+def test_last_line_holds_the_tests_counts() -> None:
+    results = [Result("lint", "FAIL", 1.0), Result("tests", "ok", 2.0)]
+    lines = checks.closing_lines(results, {"passed": 4, "failed": 0, "skipped": 1})
+    assert lines[-1] == "4 passed, 0 failed, 1 skipped in 3.0s"
+    assert "FAIL  lint         1.0 s" in lines
+
+
+def test_without_tests_the_last_line_counts_steps() -> None:
+    results = [Result("lint", "FAIL", 1.0), Result("types", "ok", 1.0), Result("docs", "skip", 0.0)]
+    assert checks.closing_lines(results, {})[-1] == "1 passed, 1 failed in 2.0s"
+
+
+def test_slow_and_interop_tests_run_only_when_everything_is_asked_for() -> None:
+    assert "not slow and not interop" in _pytest_command(everything=False)
+    assert "-m" not in _pytest_command(everything=True)[3:]
+
+
+@pytest.mark.parametrize(("codes", "state"), [((0, 0), "ok"), ((3, 0), "FAIL"), ((), "skip")])
+def test_state_of_a_step_follows_its_commands(codes: tuple[int, ...], state: str) -> None:
+    step = Step("x", "x", lambda run: [[sys.executable, "-c", f"exit({code})"] for code in codes])
+    assert checks.run_step(step, _run()).state == state
+
+
+def test_unknown_step_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        checks.main(["lint", "nonsense"])
+    assert "no such step: nonsense" in capsys.readouterr().err
+
+
+def test_help_lists_every_step(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        checks.main(["--help"])
+    text = capsys.readouterr().out
+    assert all(step.name in text for step in checks.STEPS)
+
+
+@pytest.mark.parametrize(("failing", "code"), [(False, 0), (True, 1)])
+def test_exit_code_tells_whether_a_step_failed(failing: bool, code: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = (
+        Step("one", "x", lambda run: [[sys.executable, "-c", f"exit({int(failing)})"]]),
+        Step("two", "x", lambda run: [[sys.executable, "-c", ""]]),
+    )
+    monkeypatch.setattr(checks, "STEPS", steps)
+    assert checks.main([]) == code
+
+
+@pytest.mark.parametrize(("ci", "args", "everything"), [("true", [], True), ("", [], False), ("", ["--all"], True)])
+def test_all_tests_run_on_request_and_in_ci(
+    ci: str, args: list[str], everything: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[bool] = []
+
+    def commands(run: Run) -> list[list[str]]:
+        seen.append(run.everything)
+        return []
+
+    monkeypatch.setattr(checks, "STEPS", (Step("one", "x", commands),))
+    monkeypatch.setenv("CI", ci)
+    checks.main(args)
+    assert seen == [everything]

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""pyproject.toml, the locks and the source tree agree with each other."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).resolve().parents[3]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = sorted(marker.parent.name for marker in ROOT.glob("*/py.typed"))
+RUN = [
+    *PROJECT["build-system"]["requires"],
+    *PROJECT["project"]["dependencies"],
+    *PROJECT["project"]["optional-dependencies"]["plot"],
+    *PROJECT["dependency-groups"]["build"],
+]
+DEV = RUN + PROJECT["dependency-groups"]["dev"]
+
+
+def _pins(name: str) -> dict[str, str]:
+    text = (ROOT / "requirements" / name).read_text(encoding="utf-8")
+    return dict(re.findall(r"^([a-z0-9-]+)==([^\s;]+)", text, re.MULTILINE))
+
+
+def test_wheels_hold_the_packages_and_nothing_else() -> None:
+    assert sorted(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]) == PACKAGES
+
+
+def test_layers_coverage_and_types_know_every_package() -> None:
+    tools = PROJECT["tool"]
+    assert sorted(tools["importlinter"]["root_packages"]) == PACKAGES
+    assert sorted(tools["coverage"]["run"]["source"]) == PACKAGES
+    assert sorted(tools["mypy"]["files"]) == sorted([*PACKAGES, "tests", "tools"])
+
+
+@pytest.mark.parametrize(("lock", "needed"), [("run.lock", RUN), ("dev.lock", DEV)])
+def test_lock_satisfies_every_requirement(lock: str, needed: list[str]) -> None:
+    pins = _pins(lock)
+    for requirement in map(Requirement, needed):
+        assert requirement.specifier.contains(pins[requirement.name]), f"{requirement}: run tools/lock"
+
+
+def test_the_checks_lock_extends_the_runtime_lock() -> None:
+    assert _pins("run.lock").items() <= _pins("dev.lock").items()
+
+
+@pytest.mark.parametrize("lock", ["run.lock", "dev.lock"])
+def test_every_pin_has_a_hash_and_no_address(lock: str) -> None:
+    text = (ROOT / "requirements" / lock).read_text(encoding="utf-8")
+    assert len(re.findall(r"^[a-z0-9-]+==.*\\\n    --hash=sha256:", text, re.MULTILINE)) == len(_pins(lock))
+    assert "://" not in text

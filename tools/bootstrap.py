@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make the project's virtual environment on first use, then hand over to a program in it.
+
+Only the standard library is imported, and the text stays readable for Python 3.7, so that an interpreter
+that is too old can still look for a newer one or say what is wrong.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+MINIMUM_PYTHON = (3, 11)
+NEWER_PYTHONS = ("python3.13", "python3.12", "python3.11")
+LOCKS = {"run": "requirements/run.lock", "dev": "requirements/dev.lock"}
+STAMP_NAME = "viso-setup.json"
+SHOWN_LINES = 6
+
+
+class SetupError(Exception):
+    """Set-up cannot go on; the text is for the user."""
+
+
+class Stamp(NamedTuple):
+    """What a finished (or, with an empty profile, unfinished) set-up left in the environment."""
+
+    profile: str
+    digest: str
+    ours: bool  # False when the directory was there before: it is filled, never deleted
+
+
+def launch(profile: str, command: Sequence[str], root: Path = ROOT) -> int:
+    """Set up `profile` where needed, then replace this process by `command` from the environment.
+
+    Args:
+        profile: `run` for the program alone, `dev` for the checks as well.
+        command: name of a program in the environment's `bin`, and its arguments.
+        root: the project, the directory of pyproject.toml.
+
+    Returns:
+        2 when set-up failed, 130 when it was interrupted; otherwise it does not return.
+    """
+    try:
+        require_python()
+        program = str(ensure_environment(root, profile) / "bin" / command[0])
+        sys.stdout.flush()
+        os.execv(program, [program, *command[1:]])
+    except (SetupError, OSError) as error:
+        sys.stderr.write(f"viso: {error}\n")
+    except KeyboardInterrupt:
+        sys.stderr.write("\nviso: set-up interrupted, the next run starts it again\n")
+        return 130
+    return 2
+
+
+def require_python(version: tuple[int, ...] = sys.version_info[:3]) -> None:
+    """Go on in a newer Python from PATH when `version`, this one's, is too old; else raise SetupError."""
+    if version[:2] >= MINIMUM_PYTHON:
+        return
+    for name in NEWER_PYTHONS:
+        path = shutil.which(name)
+        if path is not None and _is_new_enough(path):
+            os.execv(path, [path, *sys.argv])
+    needed = ".".join(map(str, MINIMUM_PYTHON))
+    found = ".".join(map(str, version))
+    raise SetupError(f"Python {needed} or newer is needed, this is {found} and PATH has no newer one")
+
+
+def _is_new_enough(python: str) -> bool:
+    """Tell whether the interpreter starts (a version manager's shim may not) and is new enough."""
+    test = f"import sys; sys.exit(sys.version_info[:2] < {MINIMUM_PYTHON})"
+    return subprocess.run([python, "-c", test], capture_output=True, check=False).returncode == 0
+
+
+def ensure_environment(root: Path, profile: str) -> Path:
+    """Return the environment's directory after making, upgrading or rebuilding it where needed."""
+    venv = root / ".venv"
+    if _is_current(root, venv, profile):
+        return venv
+    with _only_one(root):
+        if not _is_current(root, venv, profile):  # another process may have done it meanwhile
+            _set_up(root, venv, profile)
+    return venv
+
+
+def digest(root: Path, profile: str) -> str:
+    """Hash all that decides what gets installed: the lock, pyproject's packaging tables and the place."""
+    import tomllib  # here because Python 3.10 and older must get through the imports above
+
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    tables = [project.get(name) for name in ("build-system", "project", "dependency-groups")]
+    tables.append(project.get("tool", {}).get("hatch"))
+    packaging = json.dumps([tables, str(root)], sort_keys=True).encode()
+    return hashlib.sha256(packaging + (root / LOCKS[profile]).read_bytes()).hexdigest()
+
+
+def read_stamp(venv: Path) -> Stamp | None:
+    """Return the stamp of the environment; None when set-up never touched it."""
+    try:
+        fields = json.loads((venv / STAMP_NAME).read_text(encoding="utf-8"))
+        return Stamp(str(fields["profile"]), str(fields["digest"]), bool(fields["ours"]))
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError):
+        return Stamp("", "", True)  # cut short while it was written
+
+
+def write_stamp(venv: Path, stamp: Stamp) -> None:
+    """Write the stamp in one step, so that it is never seen half."""
+    venv.mkdir(exist_ok=True)
+    draft = venv / (STAMP_NAME + ".new")
+    draft.write_text(json.dumps(stamp._asdict()), encoding="utf-8")
+    draft.replace(venv / STAMP_NAME)
+
+
+def _is_current(root: Path, venv: Path, profile: str) -> bool:
+    stamp = read_stamp(venv)
+    if stamp is None or stamp.profile not in {profile, "dev"} or not (venv / "bin" / "python").exists():
+        return False
+    return stamp.digest == digest(root, stamp.profile)
+
+
+def _set_up(root: Path, venv: Path, profile: str) -> None:
+    stamp = read_stamp(venv)
+    if stamp is not None and stamp.profile == "dev":
+        profile = "dev"  # a rebuild keeps the checks' tools
+    wanted = digest(root, profile)
+    sys.stderr.write(f"viso: setting up {venv.name} from {LOCKS[profile]}, once, takes about a minute ... ")
+    sys.stderr.flush()
+    started = time.monotonic()
+    try:
+        ours = _prepare(root, venv, stamp)
+        _install(root, venv, profile)
+        write_stamp(venv, Stamp(profile, wanted, ours))
+    except (SetupError, OSError):
+        sys.stderr.write("failed\n")
+        raise
+    sys.stderr.write(f"done in {time.monotonic() - started:.0f} s\n")
+
+
+def _prepare(root: Path, venv: Path, stamp: Stamp | None) -> bool:
+    """Leave an environment that pip can install into; return whether it is ours to delete."""
+    if stamp is None and venv.exists():
+        return False
+    ours = stamp is None or stamp.ours
+    upgrade = stamp is not None and stamp.profile == "run" and _is_current(root, venv, "run")
+    if not ours or upgrade:
+        return ours
+    if stamp is not None:
+        shutil.rmtree(venv)
+    write_stamp(venv, Stamp("", "", True))
+    _run([sys.executable, "-I", "-m", "venv", str(venv)], f"making {venv.name}")
+    return True
+
+
+def _install(root: Path, venv: Path, profile: str) -> None:
+    """Install the locked wheels, then the project itself without asking any index."""
+    pip = [str(venv / "bin" / "python"), "-I", "-m", "pip", "install"]
+    pip += ["--quiet", "--no-input", "--disable-pip-version-check"]
+    lock = LOCKS[profile]
+    locked = ["--require-hashes", "--only-binary", ":all:", "-r", str(root / lock)]
+    _run(pip + locked, f"installing {lock}")
+    project = ["--no-index", "--no-deps", "--no-build-isolation", "--editable", str(root)]
+    _run(pip + project, "installing the project")
+
+
+def _run(command: Sequence[str], what: str) -> None:
+    """Run a step silently; raise SetupError with its last lines when it fails."""
+    result = subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if result.returncode != 0:
+        lines = [line for line in result.stdout.splitlines() if line.strip()][-SHOWN_LINES:]
+        raise SetupError("\n    ".join([f"{what} failed (exit code {result.returncode}):", *lines]))
+
+
+@contextlib.contextmanager
+def _only_one(root: Path) -> Iterator[None]:
+    """Hold a lock on the project's directory, so that two set-ups never work at once."""
+    handle = os.open(root, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            sys.stderr.write("viso: waiting for another set-up of this directory\n")
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)

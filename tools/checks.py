@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run the project's checks one after the other and sum them up; `tools/check` starts this."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+Command = list[str]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One call of `tools/check`: whether slow and interop tests count, and where pytest leaves its counts."""
+
+    everything: bool
+    counts: Path
+
+
+@dataclass(frozen=True)
+class Step:
+    """A check: its name, what it does in a few words, and the commands it consists of."""
+
+    name: str
+    about: str
+    commands: Callable[[Run], list[Command]]
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a step ended: `ok`, `FAIL` or `skip`, after how many seconds."""
+
+    name: str
+    state: str
+    seconds: float
+
+
+def _program(name: str, *args: str) -> Command:
+    return [str(Path(sys.executable).parent / name), *args]
+
+
+def _module(name: str, *args: str) -> Command:
+    return [sys.executable, "-m", name, *args]
+
+
+def _fixed(*commands: Command) -> Callable[[Run], list[Command]]:
+    return lambda run: list(commands)
+
+
+def _docs(run: Run) -> list[Command]:
+    script = ROOT / "tools" / "make_docs.py"
+    return [[sys.executable, str(script), "--check"]] if script.exists() else []
+
+
+def _tests(run: Run) -> list[Command]:
+    options = ["-n", "2", "--cov", "--cov-branch", "--cov-report=", f"--junit-xml={run.counts}"]
+    if not run.everything:
+        options += ["-m", "not slow and not interop"]
+    return [_module("pytest", *options)]
+
+
+def _coverage(package: str, percent: int) -> Command:
+    return _module("coverage", "report", f"--include={package}/*", f"--fail-under={percent}")
+
+
+STEPS = (
+    Step("format", "ruff format --check", _fixed(_program("ruff", "format", "--check", "."))),
+    Step("lint", "ruff check", _fixed(_program("ruff", "check", "."))),
+    Step("types", "mypy, strict", _fixed(_module("mypy"))),
+    Step("layers", "who may import whom", _fixed(_program("lint-imports", "--no-logo"))),
+    Step("headers", "the SPDX lines of every source file", _fixed(_module("tools.check_headers"))),
+    Step("bans", "clocks, sockets, files, numpy trigonometry", _fixed(_module("tools.check_bans"))),
+    Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
+    Step("docs", "the generated tables are current", _docs),
+    Step("tests", "pytest with branch coverage", _tests),
+    Step(
+        "coverage",
+        "thresholds for each package",
+        _fixed(_coverage("ap_visualodom", 100), _coverage("ap_core", 95), _coverage("mav_handlers", 95)),
+    ),
+)
+
+
+def run_step(step: Step, run: Run) -> Result:
+    """Run all commands of a step, their output going straight to ours, and return how it went."""
+    commands = step.commands(run)
+    print(f"\n== {step.name}: {step.about}", flush=True)
+    started = time.monotonic()
+    codes = [subprocess.run(command, cwd=ROOT, check=False).returncode for command in commands]
+    state = ("FAIL" if any(codes) else "ok") if codes else "skip"
+    result = Result(step.name, state, time.monotonic() - started)
+    print(f"-- {result.name} {result.state}, {result.seconds:.1f} s", flush=True)
+    return result
+
+
+def count_tests(report: Path) -> dict[str, int]:
+    """Return pytest's counts from its JUnit report: passed, failed, skipped; empty when there is none.
+
+    Errors in fixtures and collection count as failed, expected failures as skipped.
+    """
+    try:
+        suites = ElementTree.parse(report).getroot().iter("testsuite")
+    except (OSError, ElementTree.ParseError):
+        return {}
+    counts = {"passed": 0, "failed": 0, "skipped": 0}
+    for suite in suites:
+        failed = int(suite.get("failures", 0)) + int(suite.get("errors", 0))
+        skipped = int(suite.get("skipped", 0))
+        counts["failed"] += failed
+        counts["skipped"] += skipped
+        counts["passed"] += int(suite.get("tests", 0)) - failed - skipped
+    return counts
+
+
+def closing_lines(results: Sequence[Result], counts: dict[str, int]) -> list[str]:
+    """Return the summary: a line for each step, then the tests' counts (the steps' without tests)."""
+    lines = ["", "== summary"]
+    lines += [f"{result.state:4}  {result.name:9} {result.seconds:6.1f} s" for result in results]
+    if not counts:
+        failed = sum(result.state == "FAIL" for result in results)
+        counts = {"passed": sum(result.state == "ok" for result in results), "failed": failed}
+    seconds = sum(result.seconds for result in results)
+    return [*lines, ", ".join(f"{number} {what}" for what, number in counts.items()) + f" in {seconds:.1f}s"]
+
+
+def _parser() -> argparse.ArgumentParser:
+    width = max(len(step.name) for step in STEPS)
+    steps = "\n".join(f"  {step.name:{width}}  {step.about}" for step in STEPS)
+    parser = argparse.ArgumentParser(
+        prog="tools/check",
+        description="Run the project's checks, all of them or the named ones.",
+        epilog=f"steps:\n{steps}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("steps", nargs="*", metavar="STEP", help="run only these, in their usual order")
+    parser.add_argument("--all", action="store_true", help="with slow and interop tests (default when CI=true)")
+    return parser
+
+
+def main(args: Sequence[str]) -> int:
+    """Run the checks; return 1 when one failed, 2 on a wrong command line."""
+    parser = _parser()
+    options = parser.parse_args(args)
+    unknown = set(options.steps) - {step.name for step in STEPS}
+    if unknown:
+        parser.error(f"no such step: {', '.join(sorted(unknown))}")
+    chosen = [step for step in STEPS if not options.steps or step.name in options.steps]
+    with tempfile.TemporaryDirectory(prefix="viso-check-") as folder:
+        everything = options.all or os.environ.get("CI", "").lower() == "true"
+        run = Run(everything, Path(folder, "tests.xml"))
+        results = [run_step(step, run) for step in chosen]
+        print("\n".join(closing_lines(results, count_tests(run.counts))), flush=True)
+    return 1 if any(result.state == "FAIL" for result in results) else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit(130)
