@@ -144,13 +144,17 @@ def safe_asin(v: np.float32) -> np.float32:
     return asinf(v)
 
 
-def constrain_float(amt: np.float32, low: np.float32, high: np.float32, errors: InternalErrorSink) -> np.float32:
+def constrain_float(
+    amt: np.float32, low: np.float32, high: np.float32, errors: InternalErrorSink, line: int = 0
+) -> np.float32:
     """Clamp ``amt``, testing ``low`` first; NaN gives the midpoint and an internal error.
+
+    ``line`` is where the firmware calls it, which becomes part of the error.
 
     Source: AP_Math.cpp, constrain_value_line.
     """
     if math.isnan(amt):
-        errors(InternalError.CONSTRAINING_NAN)
+        errors(InternalError.CONSTRAINING_NAN, line)
         return f32((low + high) / f32(2))
     if amt < low:
         return low

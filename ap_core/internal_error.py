@@ -2,33 +2,46 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Internal errors: conditions that the firmware records as its own bugs and reports until reboot.
 
-Source: AP_InternalError/AP_InternalError.h.
+Source: AP_InternalError/AP_InternalError.h, AP_InternalError/AP_InternalError.cpp.
 """
 
-from collections.abc import Callable
 from enum import IntFlag
+from typing import Final, Protocol
 
 
 class InternalError(IntFlag):
     """Bits of the firmware's internal error mask that this project can raise."""
 
-    BAD_ROTATION = 1 << 22
     CONSTRAINING_NAN = 1 << 10
+    BAD_ROTATION = 1 << 22
 
 
-InternalErrorSink = Callable[[InternalError], None]
+_DESCRIPTIONS: Final = {InternalError.CONSTRAINING_NAN: "cnstring_nan", InternalError.BAD_ROTATION: "bad_rotation"}
+
+
+class InternalErrorSink(Protocol):
+    """Where internal errors go."""
+
+    def __call__(self, error: InternalError, line: int = 0, /) -> None:
+        """Take an error and the line of the firmware's source that raises it, which the firmware reports."""
 
 
 class InternalErrors:
-    """Collect internal errors as AP_InternalError does: a mask, a count and the last error."""
+    """Collect internal errors as AP_InternalError does: a mask, a count, the last error and its line."""
 
     def __init__(self) -> None:
         self.mask = 0
         self.count = 0
         self.last: InternalError | None = None
+        self.last_line = 0
 
-    def __call__(self, error: InternalError) -> None:
+    def __call__(self, error: InternalError, line: int = 0, /) -> None:
         """Record one error (AP_InternalError::error)."""
         self.mask |= int(error)
         self.count += 1
         self.last = error
+        self.last_line = line
+
+    def describe(self) -> str:
+        """Return the names of the errors seen, in the order of their bits (AP_InternalError::errors_as_string)."""
+        return ",".join(text for error, text in _DESCRIPTIONS.items() if self.mask & error)

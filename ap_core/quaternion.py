@@ -152,4 +152,4 @@ class Quaternion:
         z_unit_m = self.rotation_matrix().mul_transpose(_DOWN)
         z_unit_vm = v.rotation_matrix().mul_transpose(_DOWN)
         half_length = (z_unit_vm - z_unit_m).length() * _HALF
-        return _TWO * asinf(constrain_float(half_length, _ZERO, _ONE, errors))
+        return _TWO * asinf(constrain_float(half_length, _ZERO, _ONE, errors, line=822))

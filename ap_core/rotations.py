@@ -236,7 +236,7 @@ _STEPS: Final[dict[int, _Step]] = {
     6: _yaw_270,
     7: lambda x, y, z: (_H * (x + y), _H * (y - x), z),
     8: _roll_180,
-    # Written out rather than chained: chains give the other sign of zero when x equals y.
+    # Written out rather than chained: some chains give the other sign of zero.
     9: lambda x, y, z: (_H * (x + y), _H * (x - y), -z),
     10: lambda x, y, z: (y, x, -z),
     11: lambda x, y, z: (_H * (y - x), _H * (y + x), -z),
@@ -284,7 +284,7 @@ def rotate_vector(v: Vector3f, rotation: int, errors: InternalErrorSink) -> Vect
     """
     step = _STEPS.get(rotation)
     if step is None:
-        errors(InternalError.BAD_ROTATION)
+        errors(InternalError.BAD_ROTATION, 273)
         return v
     return Vector3f(*step(v.x, v.y, v.z))
 
@@ -296,6 +296,6 @@ def quaternion_from_rotation(rotation: int, errors: InternalErrorSink) -> Quater
     """
     quaternion = _QUATERNIONS.get(rotation)
     if quaternion is None:
-        errors(InternalError.BAD_ROTATION)
+        errors(InternalError.BAD_ROTATION, 395)
         return Quaternion()
     return quaternion

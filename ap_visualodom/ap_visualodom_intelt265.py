@@ -84,8 +84,8 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         att = self.rotate_attitude(att)
         self.record_voxl_position_and_reset_count(pos, reset_counter)
 
-        posErr = constrain_float(posErr, frontend.get_pos_noise(), POS_ERR_MAX_M, frontend.errors)
-        angErr = constrain_float(angErr, frontend.get_yaw_noise(), ANG_ERR_MAX_RAD, frontend.errors)
+        posErr = constrain_float(posErr, frontend.get_pos_noise(), POS_ERR_MAX_M, frontend.errors, line=60)
+        angErr = constrain_float(angErr, frontend.get_yaw_noise(), ANG_ERR_MAX_RAD, frontend.errors, line=61)
         self._quality = quality
 
         verdict = self._judge(self.should_consume_sensor_data(True, reset_counter))

@@ -32,8 +32,8 @@ class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
         """
         frontend = self._frontend
         pos = pos * frontend.get_pos_scale()
-        posErr = constrain_float(posErr, frontend.get_pos_noise(), POS_ERR_MAX_M, frontend.errors)
-        angErr = constrain_float(angErr, frontend.get_yaw_noise(), ANG_ERR_MAX_RAD, frontend.errors)
+        posErr = constrain_float(posErr, frontend.get_pos_noise(), POS_ERR_MAX_M, frontend.errors, line=33)
+        angErr = constrain_float(angErr, frontend.get_yaw_noise(), ANG_ERR_MAX_RAD, frontend.errors, line=34)
         self._quality = quality
 
         consume = quality >= frontend.get_quality_min()

@@ -82,7 +82,12 @@ BANS = (
         ("ap_core/fmath.py",),
         "use ap_core.fmath, it is float32",
     ),
-    Ban(frozenset({"pymavlink"}), PACKAGES, ("mav_handlers/wire/codec.py",), "use mav_handlers.wire"),
+    Ban(
+        frozenset({"pymavlink"}),
+        PACKAGES,
+        ("mav_handlers/wire/codec.py", "emulator/recorded_log.py"),
+        "use mav_handlers.wire, or emulator.recorded_log for logs",
+    ),
     Ban(frozenset({"builtins.print"}), PACKAGES, ("emulator/cli.py", "emulator/commands/"), "use logging"),
     Ban(frozenset({"time.sleep"}), ("tests/unit/",), (), "pass a clock and step it"),
 )

@@ -123,6 +123,17 @@ def test_recorded_times_of_jitter_sequences_are_not_looked_at() -> None:
     assert recompute_text(json.dumps(bare)) == recompute_text(example("jitter_correction"))
 
 
+@pytest.mark.parametrize(
+    ("text", "result"),
+    [
+        ('["q_from_rotation", [50]]', ["3f800000", "00000000", "00000000", "00000000"]),
+        ('["v_rotate", [50, ["3f800000", "40000000", "40400000"]]]', ["3f800000", "40000000", "40400000"]),
+    ],
+)
+def test_maths_call_with_an_unknown_rotation_has_a_result(text: str, result: list[str]) -> None:
+    assert json.loads(recompute_text(text))[2] == result
+
+
 def test_recomputed_line_keeps_name_and_parameters() -> None:
     line, ours = json.loads(example("visual_odom")), json.loads(recompute_text(example("visual_odom")))
     assert (ours["name"], ours["params"]) == (line["name"], line["params"])
@@ -202,6 +213,40 @@ def test_malformed_step_is_reported_with_its_number(step: object, message: str) 
     line = {"name": "x", "params": {"TYPE": 1}, "steps": [["time_us", 0], step]}
     with pytest.raises(VectorError, match=f"^step 1: .*{message}"):
         recompute_text(json.dumps(line))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"steps": [], "params": {"SPEED": 1}}',
+        '{"steps": [], "params": {"SCALE": "one"}}',
+        '{"steps": [], "params": {"TYPE": "7f800000"}}',
+        '{"steps": [[{"out": []}]], "params": {}}',
+        '{"steps": [["param", "SCALE", 1' + "0" * 400 + ']], "params": {}}',
+        "1" * 5000,
+        "[" * 100_000,
+    ],
+    ids=["unknown", "no float", "no integer", "no operation", "too large", "too many digits", "too deep"],
+)
+def test_line_that_cannot_be_used_is_a_vector_error(text: str) -> None:
+    with pytest.raises(VectorError):
+        recompute_text(text)
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        ["pose", 1, 2, VECTOR, QUATERNION, "00000000", "00000000", "0", 0],
+        ["pose", "1", None, VECTOR, QUATERNION, "00000000", "00000000", 0, 0],
+        ["pose", 1, 2, VECTOR, QUATERNION, "00000000", "00000000", 0, 0.5],
+        ["pose_euler", 1, True, VECTOR, VECTOR, "00000000", "00000000", 0, 0],
+        ["speed", 1, 2.5, VECTOR, 0, 0],
+        ["delta", 0, 1.5, VECTOR, VECTOR, "00000000"],
+    ],
+)
+def test_step_with_something_else_for_an_integer_is_a_vector_error(step: object) -> None:
+    with pytest.raises(VectorError):
+        recompute_text(json.dumps({"params": {"TYPE": 1}, "steps": [step]}))
 
 
 @pytest.mark.parametrize("sample", [1, [], [1], ["1", 2], [1, None], [1.5, 2]])

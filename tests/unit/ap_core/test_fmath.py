@@ -243,3 +243,8 @@ def test_norm3_of_an_overflowing_square_is_infinite() -> None:
 
 def test_norm3_with_nan_is_nan() -> None:
     assert math.isnan(fmath.norm3(f32(1), fmath.NAN, f32(0)))
+
+
+@pytest.mark.parametrize("length", [0.0, 2.0**-10, 0.5])
+def test_norm3_of_a_short_vector(length: float) -> None:
+    assert fmath.norm3(f32(0), f32(-length), f32(0)) == length

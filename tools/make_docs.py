@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes the tables of the documentation from the tables of the code.
+
+A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`; all else in a page is left alone.
+`make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
+from ap_core.verdict import Verdict
+from ap_visualodom.ap_visualodom import BACKENDS, make_params
+from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
+from emulator.cli import COMMANDS as CLI_COMMANDS
+from emulator.parameters import make_groups
+from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
+from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
+from mav_handlers.handlers.commands import MavCmd
+from mav_handlers.links import LINKS
+from mav_handlers.senders import SENDERS, STREAM_GROUPS
+from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
+from mav_handlers.wire.codec import full_length, message_id
+
+DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
+_BLOCK: Final = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_TYPE_NAMES: Final = {
+    ParamType.INT8: "int8",
+    ParamType.INT16: "int16",
+    ParamType.INT32: "int32",
+    ParamType.FLOAT: "float",
+    ParamType.VECTOR3F: "float, three: _X, _Y, _Z",
+}
+
+Rows = Iterable[tuple[str, ...]]
+
+
+def first_line(thing: object) -> str:
+    """Return the first line of a docstring."""
+    return (getattr(thing, "__doc__", None) or "").strip().splitlines()[0]
+
+
+def _messages() -> Iterator[tuple[str, ...]]:
+    for cls in HANDLERS:
+        name = cls.__name__
+        kind = "external navigation" if cls in VISION_MESSAGES else ""
+        yield f"`{name}`", str(message_id(name)), str(full_length(cls)), kind, first_line(cls)
+
+
+def _ignored() -> Iterator[tuple[str, ...]]:
+    for cls in sorted(IGNORED, key=lambda cls: cls.__name__):
+        yield f"`{cls.__name__}`", first_line(cls)
+
+
+def _sent() -> Iterator[tuple[str, ...]]:
+    groups = {name: f"`MAVn{suffix}`" for suffix, names in STREAM_GROUPS.values() for name in names}
+    for name, builder in SENDERS.items():
+        when = "1 Hz" if name == "HEARTBEAT" else groups.get(name, "on request")
+        yield f"`{name}`", when, first_line(builder)
+
+
+def _commands() -> Iterator[tuple[str, ...]]:
+    for number, handler in MAV_COMMANDS.items():
+        yield f"`{MavCmd(number).name}`", str(int(number)), first_line(handler)
+
+
+def _verdicts() -> Iterator[tuple[str, ...]]:
+    every: tuple[Verdict, ...] = (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS)
+    for verdict in every:
+        yield f"`{verdict.rule.code}`", verdict.outcome.value, verdict.rule.text, verdict.rule.source
+
+
+def _backends() -> Iterator[tuple[str, ...]]:
+    for kind, cls in BACKENDS.items():
+        yield str(int(kind)), kind.name, f"`{getattr(cls, '__name__', '')}`", first_line(cls)
+
+
+def _links() -> Iterator[tuple[str, ...]]:
+    for factory in LINKS.values():
+        yield f"`{factory.form}`", factory.summary
+
+
+def _cli() -> Iterator[tuple[str, ...]]:
+    for name, function in CLI_COMMANDS.items():
+        yield f"`viso {name}`", first_line(function)
+
+
+def _default(row: ParamInfo) -> str:
+    return ", ".join(f"{value:g}" for value in row.default) if isinstance(row.default, tuple) else f"{row.default:g}"
+
+
+def _remarks(row: ParamInfo) -> str:
+    values = ", ".join(f"{number} {text}" for number, text in row.values.items())
+    limits = f"{row.range[0]:g} to {row.range[1]:g}" if row.range else ""
+    notes = ["reboot needed"] if row.reboot_required else []
+    if ParamFlag.HIDDEN in row.flags:
+        notes.append("not listed")
+    return "; ".join(part for part in (values, limits, *notes) if part)
+
+
+def _group_rows(group: ParamGroup) -> Iterator[tuple[str, ...]]:
+    for row in group.var_info:
+        name, kind = f"`{group.prefix}{row.name}`", _TYPE_NAMES[row.type]
+        yield name, kind, _default(row), row.unit, _remarks(row), row.description
+
+
+def _parameters() -> Iterator[tuple[str, ...]]:
+    for group in make_groups(1, make_params()):
+        yield from _group_rows(group)
+
+
+TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
+    "messages": (("message", "id", "bytes", "", "content"), _messages),
+    "ignored": (("message", "content"), _ignored),
+    "sent": (("message", "rate", "content"), _sent),
+    "commands": (("command", "number", "what it does"), _commands),
+    "verdicts": (("code", "outcome", "why", "where the firmware decides"), _verdicts),
+    "backends": (("VISO_TYPE", "name", "class", "what it does"), _backends),
+    "links": (("connection string", "what it is"), _links),
+    "cli": (("command", "what it does"), _cli),
+    "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
+}
+
+
+def render(name: str) -> str:
+    """Return a table in Markdown.
+
+    Raises:
+        KeyError: if there is no table of that name.
+    """
+    head, rows = TABLES[name]
+    lines = [head, tuple("---" for _ in head), *rows()]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+
+
+def refresh(text: str) -> str:
+    """Return a page with its tables made anew."""
+    return _BLOCK.sub(lambda match: match[1] + "\n" + render(match[2]) + "\n" + match[3], text)
+
+
+def main(arguments: list[str]) -> int:
+    """Rewrite the pages, or with --check tell which are stale; return the exit code."""
+    stale = []
+    for page in sorted(DOCS.rglob("*.md")):
+        before = page.read_text(encoding="utf-8")
+        after = refresh(before)
+        if after != before:
+            stale.append(page.relative_to(DOCS.parent))
+            if "--check" not in arguments:
+                page.write_text(after, encoding="utf-8")
+    for path in stale:
+        print(f"{path}: {'stale, run tools/make_docs.py' if '--check' in arguments else 'rewritten'}")
+    return int(bool(stale) and "--check" in arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
