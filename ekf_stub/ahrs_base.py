@@ -18,8 +18,9 @@ from ekf_stub.ext_nav_log import ExtNavLog
 from ekf_stub.sources import EkfSources, SourceYaw
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
-# When the estimator of the reference started, in all recordings.
-ESTIMATOR_START_US: Final = 2_455_000
+ESTIMATOR_STARTUP_DELAY_US: Final = 1_000_000
+# When the AHRS of the reference first wanted to run the estimator, in all recordings.
+AHRS_START_US: Final = 2_455_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,25 +39,27 @@ class AhrsBase:
         clock: time since boot.
         sources: the EKF's source sets.
         log: where the calls are logged.
-        estimator_start_us: when the estimator starts; it counts as initialised 20 s later.
+        start_us: when the AHRS starts; the estimator starts 1 s later and counts as initialised 20 s later.
     """
 
-    def __init__(
-        self, clock: Clock, sources: EkfSources, log: ExtNavLog, *, estimator_start_us: int = ESTIMATOR_START_US
-    ) -> None:
+    def __init__(self, clock: Clock, sources: EkfSources, log: ExtNavLog, *, start_us: int = AHRS_START_US) -> None:
         self._clock = clock
         self._sources = sources
         self._log = log
-        self._estimator_start_us = estimator_start_us
+        self._start_us = start_us
         self._origin: Origin | None = None
 
+    def started(self) -> bool:
+        """Tell whether the AHRS runs, if only on its first, simple estimate (DCM)."""
+        return self._clock.micros64() >= self._start_us
+
     def estimator_started(self) -> bool:
-        """Tell whether the estimator runs."""
-        return self._clock.micros64() >= self._estimator_start_us
+        """Tell whether the estimator runs, for which the AHRS waits 1 s (AP_AHRS::update_EKF3)."""
+        return self._clock.micros64() >= self._start_us + ESTIMATOR_STARTUP_DELAY_US
 
     def initialised(self) -> bool:
-        """Tell whether the estimator has run for more than 20 s (AP_AHRS::initialised)."""
-        running_ms = u32(self._clock.millis() - self._estimator_start_us // 1000)
+        """Tell whether the AHRS has run for more than 20 s (AP_AHRS::initialised)."""
+        running_ms = u32(self._clock.millis() - self._start_us // 1000)
         return self.estimator_started() and running_ms > AP_AHRS_NAVEKF_SETTLE_TIME_MS
 
     def using_extnav_for_yaw(self) -> bool:

@@ -12,7 +12,7 @@ from ap_core.clock import Clock
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ahrs_base import ESTIMATOR_START_US, AhrsBase
+from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ext_nav_log import ExtNavLog
 from ekf_stub.sources import EkfSources
 
@@ -53,9 +53,9 @@ class RecordedAhrs(AhrsBase):
         log: ExtNavLog,
         states: RecordedStates,
         *,
-        estimator_start_us: int = ESTIMATOR_START_US,
+        start_us: int = AHRS_START_US,
     ) -> None:
-        super().__init__(clock, sources, log, estimator_start_us=estimator_start_us)
+        super().__init__(clock, sources, log, start_us=start_us)
         self._states = states
         self._rpy_rad = np.unwrap(np.radians(states.att_rpy_deg), axis=0)
 

@@ -32,6 +32,9 @@ class VisualOdomFrame:
 class ExtNavLog:
     """Writes RVOH, REPH, REVH and RBOH, each only when it differs from the one before.
 
+    Nothing is written before the estimator's first frame, nor between the opening of a log and the next frame
+    (AP_DAL::start_frame, AP_DAL::WriteLogMessage).
+
     Args:
         logger: where the records go.
         enabled: tells whether replay records are wanted (LOG_REPLAY).
@@ -41,24 +44,31 @@ class ExtNavLog:
         self._logger = logger
         self._enabled = enabled
         self._last: dict[str, bytes] = {}
+        self._in_frames = False
+        self._has_camera: bool | None = None
 
     def new_log(self) -> None:
-        """Forget what was written, as another log begins."""
-        self._last.clear()
+        """Begin anew with the next frame, as another log begins."""
+        self._in_frames = False
 
-    def _write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
-        if not self._enabled():
-            return
+    def _write(self, structure: LogStructure, values: Sequence[LogValue], *, force: bool = False) -> None:
         payload = structure.pack(values)
-        if self._last.get(structure.name) != payload:
-            self._last[structure.name] = payload
+        changed = self._last.get(structure.name) != payload
+        self._last[structure.name] = payload
+        if self._in_frames and self._enabled() and (changed or force):
             self._logger.write(structure, values)
 
     def frame(self, frame: VisualOdomFrame) -> None:
-        """Log the camera's state; the firmware has none to log while it is disabled."""
-        if frame.enabled:
+        """Begin a frame of the estimator and log the camera's state.
+
+        A camera that is not enabled in the first frame is never logged (AP_DAL::init_sensors).
+        """
+        first, self._in_frames = not self._in_frames, True
+        if self._has_camera is None:
+            self._has_camera = frame.enabled
+        if self._has_camera:
             state = (u32(frame.delay_ms), int(frame.healthy), int(frame.enabled))
-            self._write(RVOH, (*frame.pos_offset.to_tuple(), *state))
+            self._write(RVOH, (*frame.pos_offset.to_tuple(), *state), force=first)
 
     def pose(
         self,

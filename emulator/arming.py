@@ -14,6 +14,7 @@ PREARM_DISPLAY_PERIOD_MS: Final = 30_000
 PREARM_CHANGE_DISPLAY_MS: Final = 4000
 CHECK_ALL: Final = 1 << 0
 CHECK_VISION: Final = 1 << 18
+ANY_CHECK: Final = 0xFFFFFFFF
 OPTION_DISABLE_PREARM_DISPLAY: Final = 1 << 0
 OPTION_DISABLE_STATUSTEXT: Final = 1 << 1
 
@@ -23,10 +24,15 @@ _MAV_SEVERITY_INFO: Final = 6
 
 
 class Check(NamedTuple):
-    """One check: its bit in ARMING_CHECK (0 when it cannot be switched off), and what says its failure or None."""
+    """One check, and what says its failure or None.
+
+    ``bit`` is its bit in ARMING_CHECK; 0 for a check that is always made, ANY_CHECK for one that is made unless all
+    are switched off. ``ends`` is for a check after whose failure no other is made.
+    """
 
     bit: int
     run: Callable[[], str | None]
+    ends: bool = False
 
 
 class Arming:
@@ -72,7 +78,7 @@ class Arming:
         self.pre_arm_checks(display and not self._option(OPTION_DISABLE_PREARM_DISPLAY))
 
     def pre_arm_checks(self, display: bool) -> bool:
-        """Run all checks, even after one failed; tell failures when asked to."""
+        """Run all checks, as a rule even after one failed; tell failures when asked to."""
         if self.armed:
             return True
         passed = self._run("PreArm", display, mandatory_only=False)
@@ -91,6 +97,8 @@ class Arming:
                 passed = False
                 if display:
                     self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"{prefix}: {failure}")
+                if check.ends:
+                    break
         return passed
 
     def arm(self, do_checks: bool) -> bool:

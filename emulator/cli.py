@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``viso`` command: one row a command."""
 
+import os
 import sys
 from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import Any, Final
 
 import typer
@@ -26,6 +28,21 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
 }
 
 
+def _ending_with_its_reader(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Make a command end in peace when the reader of its output has gone, which is the reader's right."""
+
+    @wraps(function)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            function(*args, **kwargs)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # What is left in the buffer would be tried again at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+    return run
+
+
 def make_app() -> typer.Typer:
     """Return the command line with all its commands."""
     app = typer.Typer(
@@ -38,7 +55,7 @@ def make_app() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     for name, function in COMMANDS.items():
-        app.command(name)(function)
+        app.command(name)(_ending_with_its_reader(function))
     return app
 
 
@@ -49,7 +66,7 @@ def main() -> None:
     except (InputError, LinkError, LogStoreError) as error:
         print(f"viso: {error}", file=sys.stderr)
         sys.exit(EXIT_USAGE)
-    except BrokenPipeError:
-        # The reader of our output has gone, which is its right.
-        sys.stderr.close()
-        sys.exit(0)
+    except OSError as error:
+        # Files and links give errors of their own; left is standard output, for instance on a full disk.
+        print(f"viso: {error.strerror or error}", file=sys.stderr)
+        sys.exit(EXIT_USAGE)

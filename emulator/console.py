@@ -24,8 +24,16 @@ _RULES: dict[str, Rule] = {verdict.rule.code: verdict.rule for verdict in (*VISU
 
 VerdictCounts = Mapping[tuple[str, Outcome, str], int]
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(highlight=False, soft_wrap=True, stderr=True)
+
+class _PlainConsole(Console):
+    """A console that lets the command line decide what a reader's leaving means."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+out = _PlainConsole(highlight=False, markup=False, emoji=False, soft_wrap=True)
+err = _PlainConsole(highlight=False, markup=False, emoji=False, soft_wrap=True, stderr=True)
 
 
 def reason_of(code: str) -> str:

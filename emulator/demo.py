@@ -14,10 +14,9 @@ from companion.clock import OffsetClock
 from companion.sender import Companion
 from companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from companion.trajectory import Flight
-from ekf_stub.ahrs_bench import BenchAhrs
 from emulator.log_sink import LogSink
 from emulator.scheduler import Scheduler
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
+from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
@@ -67,7 +66,7 @@ class DemoResult:
 def make_vehicle(open_log: Callable[[], LogSink]) -> Vehicle:
     """Return the demonstration's vehicle: on the bench at its heading, a T265 as its camera."""
     config = VehicleConfig(
-        lambda parts: BenchAhrs(parts.clock, parts.sources, parts.log, heading_rad=HEADING_RAD),
+        bench(math.degrees(HEADING_RAD)),
         defaults=PARAMS,
         open_log=open_log,
     )
@@ -124,7 +123,7 @@ class Demo:
         send = self.companion.send
         command = self.companion.command
         return [
-            (3.0, lambda: command(_RUN_PREARM_CHECKS)),
+            (4.0, lambda: command(_RUN_PREARM_CHECKS)),
             (8.0, lambda: send(SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000))),
             (12.0, lambda: command(_RUN_PREARM_CHECKS)),
             (24.0, lambda: command(_RUN_PREARM_CHECKS)),

@@ -75,6 +75,6 @@ def save_plot(result: DemoResult, path: Path) -> None:
         axes.set_xlim(times[0], times[-1])
     rows[0].set_title("Position over time")
     rows[-1].set_xlabel("seconds since boot")
-    rows[-1].legend(fontsize="x-small", ncols=4, loc="lower center")
+    figure.legend(*rows[-1].get_legend_handles_labels(), fontsize="small", ncols=7, loc="outside lower center")
     figure.suptitle("viso demo: what a T265-type camera sent, and what the autopilot made of it")
     figure.savefig(path, dpi=110)

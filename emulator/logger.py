@@ -123,5 +123,7 @@ class Logger:
         """Close the log that is open, if any."""
         if self._sink is not None:
             self._sink.close()
+            if self._sink.dropped:
+                self.failure = "log cannot be written"
             self._dropped_before += self._sink.dropped
             self._sink = None

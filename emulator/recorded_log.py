@@ -3,18 +3,21 @@
 """Reads what a recorded AHRS needs out of a DataFlash log."""
 
 import lzma
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from pymavlink.DFReader import DFReader_binary
 
+from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
 from ekf_stub.ahrs_recorded import RecordedStates
 from emulator.errors import InputError
 
+_FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
 _CORE: Final = 0
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
@@ -50,6 +53,17 @@ def _collect(log: DFReader_binary) -> tuple[list[tuple[float, ...]], list[tuple[
     return attitudes, positions
 
 
+def _begins_like_a_log(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(_FIRST_BYTES)) == _FIRST_BYTES
+
+
+def _read(path: Path) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
+    # DFReader prints what it thinks of a damaged log, which must not get into our output.
+    with redirect_stdout(sys.stderr), DFReader_binary(str(path)) as log:
+        return _collect(log)
+
+
 def read_recorded_states(path: Path) -> RecordedStates:
     """Return attitude and position of a log (.BIN or .BIN.xz).
 
@@ -58,11 +72,15 @@ def read_recorded_states(path: Path) -> RecordedStates:
     """
     try:
         with _plain_file(path) as plain:
-            attitudes, positions = _collect(DFReader_binary(str(plain)))
+            if not _begins_like_a_log(plain):
+                raise InputError(f"{path}: not a DataFlash log")
+            attitudes, positions = _read(plain)
     except lzma.LZMAError as error:
         raise InputError(f"{path}: damaged xz file: {error}") from error
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
+    except InputError:
+        raise
     except Exception as error:  # DFReader raises whatever a damaged log provokes
         raise InputError(f"{path}: not a DataFlash log: {error}") from error
     if not attitudes:

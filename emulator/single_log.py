@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A log written to a file of a given name."""
+"""A log with a name of the user's, outside the numbered ones."""
 
 import os
 from pathlib import Path
 
 from emulator.errors import InputError
-from emulator.log_files import LogFile
+from emulator.log_files import LogFile, LogStoreError
+
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 
 class SingleLog:
@@ -18,11 +20,26 @@ class SingleLog:
 
     def __init__(self, path: Path) -> None:
         try:
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
+            os.close(os.open(path, _APPEND | os.O_TRUNC, 0o644))
         except OSError as error:
             raise InputError(f"{path}: {error.strerror or error}") from error
         self._path = path
+        self._opened: list[LogFile] = []
+
+    @property
+    def failure(self) -> str | None:
+        """Why something could not be written, in one line naming the file; None while all is well."""
+        return next((file.reason for file in self._opened if file.reason), None)
 
     def open(self) -> LogFile:
-        """Return the open log; a log that is opened again is continued."""
-        return LogFile(self._path, 1, os.dup(self._descriptor))
+        """Return the open log; a log that is opened again is continued.
+
+        Raises:
+            LogStoreError: if the file has become one that cannot be opened.
+        """
+        try:
+            descriptor = os.open(self._path, _APPEND, 0o644)
+        except OSError as error:
+            raise LogStoreError(f"{self._path}: {error.strerror or error}") from error
+        self._opened.append(LogFile(self._path, 1, descriptor))
+        return self._opened[-1]

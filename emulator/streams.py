@@ -14,6 +14,7 @@ from mav_handlers.links.tlog import TlogError, read_tlog
 
 # The recording simulator applied this rate to its TCP port.
 CAPTURE_BAUD: Final = 115200
+MAX_PARAMETER: Final = 3.4e38  # of binary32
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +42,8 @@ class Stream:
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"not a number: {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_PARAMETER:
+        raise ValueError(f"not a finite number: {value!r}")
     return float(value)
 
 

@@ -34,7 +34,21 @@ class VectorError(ValueError):
     """A line that is not of a known form; the text says what is wrong."""
 
 
-def _no_error(_: InternalError) -> None:
+_MALFORMED: Final = (TypeError, KeyError, ValueError, OverflowError)
+
+
+def _integer(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"not an integer: {value!r}")
+    return value
+
+
+def _check_integers(*values: object) -> None:
+    for value in values:
+        _integer(value)
+
+
+def _no_error(_error: InternalError, _line: int = 0, /) -> None:
     return None
 
 
@@ -59,6 +73,9 @@ class Scenario:
 
     Args:
         params: VISO_ values without the prefix; floats in hex, ``POS`` a list of three.
+
+    Raises:
+        VectorError: if a parameter has no known form.
     """
 
     def __init__(self, params: dict[str, object]) -> None:
@@ -66,8 +83,11 @@ class Scenario:
         self._ahrs = SettableAhrs()
         self._out: Out = []
         self._params = make_params()
-        for name, value in params.items():
-            self._set_param(name, value)
+        try:
+            for name, value in params.items():
+                self._set_param(name, value)
+        except _MALFORMED as error:
+            raise VectorError(str(error)) from error
         self._visual_odom = AP_VisualOdom(
             self._params, ahrs=self._ahrs, gcs=self, logger=self, clock=self._clock, errors=self._error
         )
@@ -83,7 +103,7 @@ class Scenario:
         self._collect_calls()
         self._out.append(["log", structure.name, *map(json_value, values)])
 
-    def _error(self, _: InternalError) -> None:
+    def _error(self, _error: InternalError, _line: int = 0, /) -> None:
         self._collect_calls()
         self._out.append(["internal_error"])
 
@@ -107,19 +127,22 @@ class Scenario:
         Raises:
             VectorError: if the step has no known form.
         """
+        if not step:
+            raise VectorError("no operation")
         op, *args = step
         method = _OPS.get(str(op))
         if method is None:
             raise VectorError(f"unknown step {op!r}")
         try:
             method(self, *args)
-        except (TypeError, KeyError, ValueError) as error:
+        except _MALFORMED as error:
             raise VectorError(f"step {op!r}: {error}") from error
         self._collect_calls()
         out, self._out = self._out, []
         return out
 
     def _time_us(self, time_us: int) -> None:
+        _check_integers(time_us)
         self._clock.set_us(time_us)
 
     def _ahrs_answers(self, answers: dict[str, object]) -> None:
@@ -141,6 +164,7 @@ class Scenario:
         reset_counter: int,
         quality: int,
     ) -> None:
+        _check_integers(remote_us, time_ms, reset_counter, quality)
         errors = float_of(pos_err), float_of(ang_err)
         self._visual_odom.handle_pose_estimate(
             remote_us, time_ms, vector_of(pos), quaternion_of(quat), *errors, reset_counter, quality
@@ -157,15 +181,18 @@ class Scenario:
         reset_counter: int,
         quality: int,
     ) -> None:
+        _check_integers(remote_us, time_ms, reset_counter, quality)
         errors = float_of(pos_err), float_of(ang_err)
         self._visual_odom.handle_pose_estimate_euler(
             remote_us, time_ms, vector_of(pos), vector_of(euler), *errors, reset_counter, quality
         )
 
     def _speed(self, remote_us: int, time_ms: int, vel: object, reset_counter: int, quality: int) -> None:
+        _check_integers(remote_us, time_ms, reset_counter, quality)
         self._visual_odom.handle_vision_speed_estimate(remote_us, time_ms, vector_of(vel), reset_counter, quality)
 
     def _delta(self, _time_us: int, delta_us: int, angle: object, position: object, confidence: object) -> None:
+        _check_integers(delta_us)
         self._visual_odom.handle_vision_position_delta_msg(
             delta_us, vector_of(angle), vector_of(position), float_of(confidence)
         )
@@ -209,8 +236,8 @@ def _cube_root_of_squares(values: object) -> Sequence[np.float32]:
 
 
 _MATHS: Final[dict[str, Callable[..., Sequence[np.float32]]]] = {
-    "q_from_rotation": lambda rot: quaternion_from_rotation(rot, _no_error).to_wxyz(),
-    "v_rotate": lambda rot, v: rotate_vector(vector_of(v), rot, _no_error).to_tuple(),
+    "q_from_rotation": lambda rot: quaternion_from_rotation(_integer(rot), _no_error).to_wxyz(),
+    "v_rotate": lambda rot, v: rotate_vector(vector_of(v), _integer(rot), _no_error).to_tuple(),
     "q_from_euler": lambda e: Quaternion.from_euler(*floats_of(e, 3)).to_wxyz(),
     "q_to_euler": lambda q: quaternion_of(q).to_euler(),
     "q_mul": lambda a, b: (quaternion_of(a) * quaternion_of(b)).to_wxyz(),
@@ -289,17 +316,25 @@ def recompute(line: object) -> object:
     raise VectorError("neither a scenario, a jitter sequence nor a maths call")
 
 
+def parse_line(text: str) -> object:
+    """Return a line of a recording, from its text.
+
+    Raises:
+        VectorError: if it is not JSON.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise VectorError(f"not JSON: {error}") from error
+
+
 def recompute_text(text: str) -> str:
     """Return a line of a recording as text, recomputed.
 
     Raises:
         VectorError: if it is not JSON or has no known form.
     """
-    try:
-        line = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise VectorError(f"not JSON: {error}") from error
-    return json.dumps(recompute(line))
+    return json.dumps(recompute(parse_line(text)))
 
 
 def count_differences(recorded: object, ours: object) -> tuple[int, int]:

@@ -13,14 +13,15 @@ from ap_core.clock import VirtualClock
 from ap_core.fmath import degrees, f32
 from ap_core.internal_error import InternalErrors
 from ap_core.log_field import LogValue
-from ap_core.log_structure import ARM, ATT, DSF, EV, MAV, MAVC, MODE, MSG, ORGN, VER
+from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs_base import ESTIMATOR_START_US, Origin
+from ekf_stub.ahrs_base import AHRS_START_US, Origin
+from ekf_stub.ahrs_bench import BenchAhrs
 from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.sources import EkfSources
-from emulator.arming import CHECK_VISION, Arming, Check
+from emulator.arming import ANY_CHECK, CHECK_VISION, Arming, Check
 from emulator.firmware import REFERENCE, Firmware
 from emulator.log_sink import LogSink
 from emulator.logger import Logger
@@ -32,6 +33,8 @@ from mav_handlers.statustext import StatusTextQueue
 
 LOOP_PERIOD_US: Final = 2500
 CHECK_LOGGING: Final = 1 << 10
+ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30
+ERR_INTERNAL_ERRORS_DETECTED: Final = 1
 MODE_STABILIZE: Final = 0
 MODE_REASON_INITIALISED: Final = 26
 EV_ARMED: Final = 10
@@ -43,8 +46,10 @@ ORGN_HOME: Final = 1
 ARM_METHOD_MAVLINK: Final = 1
 LOG_AFTER_DISARM_US: Final = 15_000_000
 RTC_FROM_SYSTEM_TIME: Final = 1 << 1
+FIRST_SECOND_US: Final = 450_000  # phase of the reference's once-a-second checks, in all recordings
 OLDEST_VALID_UTC_US: Final = 1_640_995_200_000_000  # 2022-01-01
 
+_MAV_SEVERITY_CRITICAL: Final = 2
 _MAV_SEVERITY_INFO: Final = 6
 _TENTH_US: Final = 100_000
 _SECOND_US: Final = 1_000_000
@@ -74,12 +79,27 @@ class AhrsParts:
     params: ParamTable
 
 
+def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
+    """Return the maker of an AHRS that stands still, level, with a heading; it has a compass if COMPASS_USE says so."""
+
+    def make(parts: AhrsParts) -> VehicleAhrs:
+        return BenchAhrs(
+            parts.clock,
+            parts.sources,
+            parts.log,
+            heading_rad=math.radians(heading_deg),
+            has_compass=lambda: parts.params.get_int("COMPASS_USE") != 0,
+        )
+
+    return make
+
+
 @dataclass(frozen=True)
 class VehicleConfig:
     """How to build a vehicle.
 
     Attributes:
-        make_ahrs: makes the AHRS.
+        make_ahrs: makes the AHRS; a vehicle on the bench, heading north, unless told otherwise.
         links: how many links it will have.
         defaults: parameter values by name that count as its defaults, as from a defaults file.
         open_log: opens the next log; None for no logging.
@@ -87,7 +107,7 @@ class VehicleConfig:
         boot_utc_us: time of day at boot, 0 when unknown.
     """
 
-    make_ahrs: Callable[[AhrsParts], VehicleAhrs]
+    make_ahrs: Callable[[AhrsParts], VehicleAhrs] = field(default_factory=bench)
     links: int = 1
     defaults: Mapping[str, float] = field(default_factory=dict)
     open_log: Callable[[], LogSink] | None = None
@@ -133,18 +153,24 @@ class Vehicle:
         self._home: Location | None = None
         self._home_changed = False
         self._disarmed_us: int | None = None
+        self._internal_errors_told = 0
         self._next_tenth_us = 0
-        self._next_second_us = 0
+        self._next_second_us = FIRST_SECOND_US
         self.endpoint = MavEndpoint(self)
 
     def _make_checks(self) -> tuple[Check, ...]:
         # The firmware's order, of those checks that have something to look at here.
         return (
-            Check(0, lambda: None if self._initialised else "System not initialised"),
+            Check(0, lambda: None if self._initialised else "System not initialised", ends=True),
             Check(0, lambda: None if self.ahrs.estimator_started() else "AHRS: EKF3 not started"),
             Check(CHECK_LOGGING, lambda: "Logging failed" if self.logger.failure else None),
+            Check(ANY_CHECK, self._check_internal_errors),
             Check(CHECK_VISION, self._check_visual_odom),
         )
+
+    def _check_internal_errors(self) -> str | None:
+        errors = self.internal_errors
+        return f"Internal errors 0x{errors.mask:x} l:{errors.last_line} {errors.describe()}" if errors.mask else None
 
     def _check_visual_odom(self) -> str | None:
         failure = self.visual_odom.pre_arm_check()
@@ -153,10 +179,11 @@ class Vehicle:
     def loop(self, now_us: int) -> None:
         """Run one pass of the main loop at ``now_us`` since boot, 400 times a second."""
         self.clock.set_us(now_us)
-        if not self._initialised and now_us >= ESTIMATOR_START_US:
+        if not self._initialised and now_us >= AHRS_START_US:
             self._finish_boot()
-        self._align_inactive_source()
+        self._run_estimator_frame()
         self._set_home_once()
+        self._tell_internal_errors()
         self._run_slow_tasks(now_us)
         self.endpoint.poll(now_us)
         self.logger.update(self._log_wanted(now_us), self.params)
@@ -171,15 +198,15 @@ class Vehicle:
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
 
-    def _align_inactive_source(self) -> None:
-        if self.ahrs.estimator_started() and self.visual_odom.enabled():
-            self.visual_odom.align_position_to_ahrs(*self.sources.position_alignment())
-            frontend = self.visual_odom
-            self._ext_nav_log.frame(
-                VisualOdomFrame(
-                    frontend.get_pos_offset(), frontend.get_delay_ms(), frontend.healthy(), frontend.enabled()
-                )
-            )
+    def _run_estimator_frame(self) -> None:
+        if not self.ahrs.estimator_started():
+            return
+        camera = self.visual_odom
+        self._ext_nav_log.frame(
+            VisualOdomFrame(camera.get_pos_offset(), camera.get_delay_ms(), camera.healthy(), camera.enabled())
+        )
+        if camera.enabled():
+            camera.align_position_to_ahrs(*self.sources.position_alignment())
 
     def _set_home_once(self) -> None:
         origin = self.ahrs.origin()
@@ -190,6 +217,14 @@ class Vehicle:
         self._log_place(ORGN_HOME, self._home)
         self._log_event(EV_SET_HOME)
         self.texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {math.trunc(origin.alt_cm / 100)}m")
+
+    def _tell_internal_errors(self) -> None:
+        mask = self.internal_errors.mask
+        if mask != self._internal_errors_told:
+            self._internal_errors_told = mask
+            error = (ERR_SUBSYSTEM_INTERNAL_ERROR, ERR_INTERNAL_ERRORS_DETECTED)
+            self.logger.write(ERR, (self.clock.micros64(), *error))
+            self.texts.send_text(_MAV_SEVERITY_CRITICAL, f"Internal Errors 0x{mask:x}")
 
     def _run_slow_tasks(self, now_us: int) -> None:
         if now_us >= self._next_tenth_us:

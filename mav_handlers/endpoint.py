@@ -67,6 +67,7 @@ class MavEndpoint:
         self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
         self._echoes: deque[ParamEcho] = deque()
         self._next_expiry_us = _SECOND_US
+        self._has_polled = False
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
@@ -166,16 +167,19 @@ class MavEndpoint:
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""
         system_id = self._system_id()
+        for channel in self.channels:
+            channel.codec.system_id = system_id
         self._send_echoes()
         self._send_home()
         for channel in self._open_channels():
-            channel.codec.system_id = system_id
-            pump_param_reads(channel, now_us)
-            self._send_due(channel, now_us)
-            if self._telemetry_allowed(now_us):
-                pump_param_list(self._vehicle, channel, now_us)
+            if not self._is_private(channel):
                 send_timesync(channel, now_us, system_id)
+            if self._telemetry_allowed(now_us):
+                pump_param_reads(channel, now_us)
+                self._send_due(channel, now_us)
+                pump_param_list(self._vehicle, channel, now_us)
         self._send_texts(now_us)
+        self._has_polled = True
 
     def _open_channels(self) -> list[Channel]:
         return [channel for channel in self.channels if channel.open]
@@ -191,11 +195,11 @@ class MavEndpoint:
         return bool(self._vehicle.params.get_int(f"MAV{channel.index + 1}_OPTIONS") & OPTION_PRIVATE)
 
     def _send_due(self, channel: Channel, now_us: int) -> None:
-        names = due_messages(channel, now_us) if self._telemetry_allowed(now_us) else []
+        names = due_messages(channel, now_us)
         while channel.requested:
             names.append(channel.requested.popleft())
         for name in names:
-            message = SENDERS[name](self._vehicle, now_us)
+            message = SENDERS[name](self._vehicle, channel, now_us)
             if message is not None:
                 channel.send(message)
 
@@ -214,7 +218,9 @@ class MavEndpoint:
                 if channel.active and not self._is_private(channel):
                     channel.send(PARAM_VALUE(echo.name, float(echo.value), echo.wire_type, count, NO_INDEX))
 
-    def _listening_channels(self) -> set[int]:
+    def _listening_channels(self) -> set[int] | None:
+        if not self._has_polled:
+            return None
         return {
             channel.index
             for channel in self._open_channels()

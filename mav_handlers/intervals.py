@@ -16,8 +16,15 @@ _SLOW_FACTOR: Final = 4
 
 
 def stream_interval_ms(rate_hz: int) -> int | None:
-    """Return the interval of a stream rate in whole milliseconds, or None when it is off."""
-    return min(1000 // min(rate_hz, 1000), MAX_INTERVAL_MS) if rate_hz > 0 else None
+    """Return the interval of a stream rate (int16) in whole milliseconds, or None when it is off.
+
+    Rates above 1000 Hz come out as 0 ms, which is off; the quotient of a negative rate wraps to a huge interval.
+    Source: GCS_MAVLINK::get_interval_for_stream, GCS_MAVLINK::cap_message_interval.
+    """
+    interval_ms = 1000 // abs(rate_hz) if rate_hz else 0
+    if interval_ms == 0:
+        return None
+    return max(interval_ms, MIN_INTERVAL_MS) if rate_hz > 0 else MAX_INTERVAL_MS
 
 
 def default_interval_ms(vehicle: VehiclePort, channel: Channel, name: str) -> int | None:

@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from ap_core.cint import u16, u32
+from ap_core.cint import i32, u16, u32, u64
+from mav_handlers.channel import Channel
 from mav_handlers.ports import Location, VehiclePort
 from mav_handlers.wire.messages import (
     ATTITUDE,
@@ -23,7 +24,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 
-Builder = Callable[[VehiclePort, int], Message | None]
+Builder = Callable[[VehiclePort, Channel, int], Message | None]
 
 MAV_TYPE_QUADROTOR: Final = 2
 MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
@@ -37,7 +38,7 @@ MAVLINK_VERSION: Final = 3
 SENSOR_3D_GYRO: Final = 1
 SENSOR_3D_ACCEL: Final = 2
 SENSOR_ABSOLUTE_PRESSURE: Final = 8
-SENSOR_VISION_POSITION: Final = 2048
+SENSOR_VISION_POSITION: Final = 128
 SENSOR_AHRS: Final = 0x200000
 SENSOR_LOGGING: Final = 0x1000000
 SENSOR_PREARM_CHECK: Final = 0x10000000
@@ -46,9 +47,10 @@ _ALWAYS_HEALTHY: Final = SENSOR_3D_GYRO | SENSOR_3D_ACCEL | SENSOR_ABSOLUTE_PRES
 # MISSION_FLOAT, PARAM_FLOAT, MISSION_INT, COMMAND_INT, FTP, attitude and position targets, TERRAIN, TERMINATION,
 # COMPASS_CALIBRATION, MAVLINK2, FENCE, RALLY: what the reference build says of itself.
 CAPABILITIES: Final = 64495
+CAPABILITY_MAVLINK2: Final = 8192
 
 
-def heartbeat(vehicle: VehiclePort, _now_us: int) -> HEARTBEAT:
+def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEAT:
     """Presence and state: STANDBY on the ground even when armed, CRITICAL after any internal error."""
     base_mode = MODE_FLAGS | (MODE_FLAG_ARMED if vehicle.is_armed() else 0)
     return HEARTBEAT(
@@ -67,7 +69,7 @@ def _system_status(vehicle: VehiclePort) -> int:
     return MAV_STATE_CRITICAL if vehicle.internal_errors.mask else MAV_STATE_STANDBY
 
 
-def attitude(vehicle: VehiclePort, now_us: int) -> ATTITUDE:
+def attitude(vehicle: VehiclePort, _channel: Channel, now_us: int) -> ATTITUDE:
     """Attitude in rad, zeros before there is one."""
     now = vehicle.attitude()
     time_boot_ms = u32(now_us // 1000)
@@ -92,7 +94,7 @@ def sensor_bits(vehicle: VehiclePort) -> tuple[int, int, int]:
     return present, enabled, healthy
 
 
-def sys_status(vehicle: VehiclePort, _now_us: int) -> SYS_STATUS | None:
+def sys_status(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SYS_STATUS | None:
     """Sensor masks and error counts; load and battery are placeholders (0, unknown)."""
     if not vehicle.is_initialised():
         return None
@@ -112,27 +114,27 @@ def sys_status(vehicle: VehiclePort, _now_us: int) -> SYS_STATUS | None:
     )
 
 
-def system_time(vehicle: VehiclePort, now_us: int) -> SYSTEM_TIME:
+def system_time(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SYSTEM_TIME:
     """Time of day, 0 while unknown, and time since boot."""
-    return SYSTEM_TIME(vehicle.utc_us(), u32(now_us // 1000))
+    return SYSTEM_TIME(u64(vehicle.utc_us()), u32(now_us // 1000))
 
 
-def gps_global_origin(vehicle: VehiclePort, now_us: int) -> GPS_GLOBAL_ORIGIN | None:
+def gps_global_origin(vehicle: VehiclePort, _channel: Channel, now_us: int) -> GPS_GLOBAL_ORIGIN | None:
     """The EKF origin; nothing while unset."""
     origin = vehicle.origin()
     if origin is None:
         return None
-    return GPS_GLOBAL_ORIGIN(origin.lat, origin.lng, origin.alt_cm * 10, now_us)
+    return GPS_GLOBAL_ORIGIN(origin.lat, origin.lng, i32(origin.alt_cm * 10), now_us)
 
 
-def home_position(vehicle: VehiclePort, now_us: int) -> HOME_POSITION | None:
+def home_position(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HOME_POSITION | None:
     """Home; nothing while unset. Relative to the origin only its height is kept, as home is where that is."""
     home, origin = vehicle.home(), vehicle.origin()
     if home is None:
         return None
     x, y, z = _from_origin(home, origin)
     nan = math.nan
-    return HOME_POSITION(home.lat, home.lng, home.alt_cm * 10, x, y, z, (nan,) * 4, 0, 0, 0, now_us)
+    return HOME_POSITION(home.lat, home.lng, i32(home.alt_cm * 10), x, y, z, (nan,) * 4, 0, 0, 0, now_us)
 
 
 def _from_origin(home: Location, origin: Location | None) -> tuple[float, float, float]:
@@ -141,12 +143,13 @@ def _from_origin(home: Location, origin: Location | None) -> tuple[float, float,
     return 0.0, 0.0, (origin.alt_cm - home.alt_cm) * 0.01
 
 
-def autopilot_version(vehicle: VehiclePort, _now_us: int) -> AUTOPILOT_VERSION:
+def autopilot_version(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AUTOPILOT_VERSION:
     """Capabilities and version; middleware and operating system are zero, as in simulation."""
+    capabilities = CAPABILITIES if channel.codec.version == 2 else CAPABILITIES & ~CAPABILITY_MAVLINK2
     version, _, source_hash = vehicle.firmware_version()
     custom = tuple(source_hash.encode("ascii")[:8].ljust(8, b"\0"))
     zeros = (0,) * 8
-    return AUTOPILOT_VERSION(CAPABILITIES, version, 0, 0, 0, custom, zeros, zeros, 0, 0, 0)
+    return AUTOPILOT_VERSION(capabilities, version, 0, 0, 0, custom, zeros, zeros, 0, 0, 0)
 
 
 SENDERS: Final[Mapping[str, Builder]] = {

@@ -59,8 +59,8 @@ def demo(
         return
     out.print("What the autopilot said:")
     for time_s, severity, text in result.texts:
-        out.print(f"{time_s:7.2f} s  ({severity}) {text}", markup=False)
+        out.print(f"{time_s:7.2f} s  ({severity}) {text}")
     out.print(verdict_table(counts))
-    out.print(f"log:  {log_file.path}", markup=False)
+    out.print(f"log:  {log_file.path}")
     if picture is not None:
-        out.print(f"plot: {picture}", markup=False)
+        out.print(f"plot: {picture}")

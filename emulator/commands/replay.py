@@ -10,24 +10,21 @@ from typing import Annotated
 
 import typer
 
-from ekf_stub.ahrs_bench import BenchAhrs
 from ekf_stub.ahrs_recorded import RecordedAhrs
 from emulator.console import err, out, progress, verdict_rows, verdict_table
 from emulator.errors import InputError
-from emulator.log_sink import LogSink
 from emulator.recorded_log import read_recorded_states
 from emulator.replay import Replay
 from emulator.settings import load_settings
 from emulator.single_log import SingleLog
 from emulator.streams import read_stream
 from emulator.text_files import write_text
-from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
+from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
 
 
 def _ahrs_maker(log: Path | None, heading_deg: float) -> Callable[[AhrsParts], VehicleAhrs]:
     if log is None:
-        heading_rad = heading_deg * 0.017453292519943295
-        return lambda parts: BenchAhrs(parts.clock, parts.sources, parts.log, heading_rad=heading_rad)
+        return bench(heading_deg)
     states = read_recorded_states(log)
     return lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, states)
 
@@ -68,8 +65,11 @@ def replay(
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
-    open_log: Callable[[], LogSink] | None = None if log is None else SingleLog(log).open
-    vehicle = Vehicle(VehicleConfig(_ahrs_maker(ahrs, heading), defaults=settings, open_log=open_log))
+    make_ahrs = _ahrs_maker(ahrs, heading)
+    # Last of all, as it replaces what is there.
+    log_file = None if log is None else SingleLog(log)
+    open_log = None if log_file is None else log_file.open
+    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=settings, open_log=open_log))
     texts: list[tuple[int, int, str]] = []
     vehicle.texts.on_text.append(lambda severity, text: texts.append((vehicle.clock.micros64(), severity, text)))
     try:
@@ -83,6 +83,8 @@ def replay(
                     sink.write(json.dumps(message.as_dict()) + "\n")
     finally:
         vehicle.close()
+    if log_file is not None and log_file.failure:
+        raise InputError(log_file.failure)
     counts = vehicle.endpoint.verdict_counts()
     for note in stream.notes:
         err.print(f"note: {note}")
@@ -93,5 +95,5 @@ def replay(
         out.print_json(data={"stream": stream.name, "verdicts": verdict_rows(counts), "texts": rows})
         return
     for time_us, severity, text in texts:
-        out.print(f"{time_us / 1e6:9.3f} s  ({severity}) {text}", markup=False)
+        out.print(f"{time_us / 1e6:9.3f} s  ({severity}) {text}")
     out.print(verdict_table(counts))

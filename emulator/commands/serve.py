@@ -9,33 +9,35 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from ap_core.verdict import Outcome
-from ekf_stub.ahrs_bench import BenchAhrs
 from emulator.console import err, out, verdict_rows, verdict_table
 from emulator.errors import InputError
 from emulator.log_files import LogStore
 from emulator.parameters import MAX_LINKS
 from emulator.realtime import AttachedLink, Pacer
 from emulator.settings import load_settings
-from emulator.vehicle import Vehicle, VehicleConfig
+from emulator.vehicle import Vehicle, VehicleConfig, bench
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links import Link, open_link
 
+MAX_DURATION_S = 4e9
 DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 
 
 class _Reporter:
     """Prints texts as they come, and the first time that a message type meets a verdict other than acceptance."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, console: Console) -> None:
         self._vehicle = vehicle
+        self._console = console
         self._seen: set[tuple[str, str]] = set()
         vehicle.texts.on_text.append(self.text)
         vehicle.endpoint.on_event = self.event
 
     def _print(self, line: str) -> None:
-        out.print(f"{self._vehicle.clock.micros64() / 1e6:9.3f} s  {line}", markup=False)
+        self._console.print(f"{self._vehicle.clock.micros64() / 1e6:9.3f} s  {line}")
 
     def text(self, severity: int, text: str) -> None:
         self._print(f"({severity}) {text}")
@@ -107,6 +109,8 @@ def serve(
         raise InputError(f"--speedup {speedup}: not between 0 and 1000")
     if baud is not None and baud <= 0:
         raise InputError(f"--baud {baud}: not a rate")
+    if duration is not None and not 0 <= duration <= MAX_DURATION_S:
+        raise InputError(f"--duration {duration}: not a time in seconds")
     if len(names) > MAX_LINKS:
         raise InputError(f"--master: the autopilot has parameters for {MAX_LINKS} links, not {len(names)}")
     settings = load_settings(defaults or [], param or [], links=len(names), allow_unknown=allow_unknown)
@@ -115,29 +119,19 @@ def serve(
     except OSError as error:
         raise InputError(f"--log-dir {log_dir}: {error.strerror or error}") from error
     store = LogStore(log_dir)
-    heading_rad = heading * 0.017453292519943295
-    config = VehicleConfig(
-        lambda parts: BenchAhrs(
-            parts.clock,
-            parts.sources,
-            parts.log,
-            heading_rad=heading_rad,
-            has_compass=lambda: parts.params.get_int("COMPASS_USE") != 0,
-        ),
-        links=len(names),
-        defaults=settings,
-        open_log=store.open_next,
-    )
+    config = VehicleConfig(bench(heading), links=len(names), defaults=settings, open_log=store.open_next)
     with ExitStack() as stack:
         links = _open_links(names, stack)
         vehicle = Vehicle(config)
         stack.callback(vehicle.close)
-        _Reporter(vehicle)
+        # Standard output is for the closing counts alone when a machine reads them.
+        live = err if as_json else out
+        _Reporter(vehicle, live)
         attached = [
             AttachedLink(link, vehicle.endpoint.open_channel(link.name, baud=link.baud or baud)) for link in links
         ]
         stop = stack.enter_context(_stop_on_signal())
-        out.print(f"{config.firmware.banner} on {', '.join(names)}; logs in {log_dir}; Ctrl-C ends", markup=False)
+        live.print(f"{config.firmware.banner} on {', '.join(names)}; logs in {log_dir}; Ctrl-C ends")
         until_us = None if duration is None else int(duration * 1e6)
         Pacer(vehicle, attached, speedup=speedup).run(lambda: bool(stop), until_us=until_us)
     if vehicle.logger.failure:

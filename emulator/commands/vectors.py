@@ -14,7 +14,7 @@ import typer
 from emulator.console import err, out, progress
 from emulator.errors import InputError
 from emulator.text_files import read_lines, write_text
-from emulator.vectors import VectorError, count_differences, recompute
+from emulator.vectors import VectorError, count_differences, parse_line, recompute
 
 _SHOWN_DIFFERENCES = 5
 
@@ -22,10 +22,8 @@ _SHOWN_DIFFERENCES = 5
 def _recomputed(path: Path) -> Iterator[tuple[int, object, object]]:
     for number, text in read_lines(path):
         try:
-            line = json.loads(text)
+            line = parse_line(text)
             yield number, line, recompute(line)
-        except json.JSONDecodeError as error:
-            raise InputError(f"{path}:{number}: not JSON: {error.msg} in column {error.colno}") from error
         except VectorError as error:
             raise InputError(f"{path}:{number}: {error}") from error
 

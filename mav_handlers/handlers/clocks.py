@@ -4,7 +4,8 @@
 
 from typing import Final
 
-from ap_core.cint import i64
+from ap_core.cint import float_of_u64, i64
+from ap_core.fmath import f32
 from ap_core.verdict import Verdict
 from mav_handlers.channel import Channel
 from mav_handlers.context import Context
@@ -13,16 +14,18 @@ from mav_handlers.wire.messages import SYSTEM_TIME, TIMESYNC
 
 TIMESYNC_PERIOD_US: Final = 10_000_000
 
+_MILLI: Final = f32(0.001)
+
 
 def handle_timesync(ctx: Context, message: TIMESYNC) -> Verdict:
     """Answer a request at once; log the round trip of an answer to our own request."""
+    arrival_us = ctx.channel.arrival_us(TIMESYNC, ctx.read_us) or ctx.now_us
     if message.tc1 == 0:
-        arrival_us = ctx.channel.arrival_us(TIMESYNC, ctx.read_us) or ctx.now_us
         ctx.channel.send(TIMESYNC(i64(arrival_us * 1000), message.ts1))
         return HANDLED
     if message.ts1 == ctx.channel.timesync_ts1:
-        sent_us = message.ts1 // 1000
-        ctx.vehicle.log_timesync(ctx.header.system_id, ctx.now_us - sent_us)
+        round_trip_ns = arrival_us * 1000 - message.ts1
+        ctx.vehicle.log_timesync(ctx.header.system_id, int(float_of_u64(round_trip_ns) * _MILLI))
     return HANDLED
 
 

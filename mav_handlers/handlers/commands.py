@@ -9,7 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import int_of_float, u32
+from ap_core.cint import int_of_float, u8, u16, u32
+from ap_core.fmath import f32, is_zero
+from ap_core.param_info import is_equal
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.handlers.origin import set_ekf_origin
@@ -20,12 +22,17 @@ from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, MESSAGE_INTERVAL
 
-FORCE_ARM: Final = 2989.0
-FORCE_ARM_DISARM: Final = 21196.0
+FORCE_ARM: Final = f32(2989.0)
+FORCE_ARM_DISARM: Final = f32(21196.0)
 MAV_FRAME_GLOBAL: Final = 0
 MAV_FRAME_GLOBAL_RELATIVE_ALT: Final = 3
 MESSAGE_INTERVAL_ID: Final = 244
+LOCATION_ALT_MAX_M: Final = 83_000
+# Above home, above terrain and absolute, each also in its "INT" form.
+LOCATION_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
 
+_ONE: Final = f32(1)
+_I64_LIMIT: Final = 1 << 63
 _MAV_SEVERITY_INFO: Final = 6
 
 
@@ -75,6 +82,11 @@ _NO_ASSUMED_FRAME: Final = frozenset(
 )
 
 Handler = Callable[[Context, COMMAND_INT], MavResult]
+
+
+def _u32_of_float(value: float) -> int:
+    # x86-64 converts to uint32_t through a 64-bit register; NaN and what does not fit there give 0.
+    return u32(math.trunc(value)) if -_I64_LIMIT <= value < _I64_LIMIT else 0
 
 
 def _location_param(value: float, carries_location: bool) -> int:
@@ -152,11 +164,12 @@ def _accepted(ok: bool) -> MavResult:
 def component_arm_disarm(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Arm or disarm (handle_command_component_arm_disarm)."""
     vehicle = ctx.vehicle
-    if command.param1 == 1:
-        forced = command.param2 in (FORCE_ARM, FORCE_ARM_DISARM)
+    param1, param2 = f32(command.param1), f32(command.param2)
+    if is_equal(param1, _ONE):
+        forced = is_equal(param2, FORCE_ARM) or is_equal(param2, FORCE_ARM_DISARM)
         return _accepted(vehicle.is_armed() or vehicle.arm(do_checks=not forced))
-    if command.param1 == 0:
-        forced = command.param2 == FORCE_ARM_DISARM
+    if is_zero(param1):
+        forced = is_equal(param2, FORCE_ARM_DISARM)
         return _accepted(not vehicle.is_armed() or vehicle.disarm(force=forced))
     return MavResult.UNSUPPORTED
 
@@ -175,8 +188,9 @@ def _align_visual_odom(ctx: Context, position: int) -> None:
 
 
 def _select_source_set(ctx: Context, position: int) -> None:
-    ctx.vehicle.set_source_set(position)
-    ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"Using EKF Source Set {position + 1}")
+    index = position if position <= 2 else 0
+    ctx.vehicle.set_source_set(index)
+    ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"Using EKF Source Set {index + 1}")
 
 
 AUX_FUNCTIONS: Final[Mapping[int, Callable[[Context, int], None]]] = {
@@ -189,20 +203,19 @@ def do_aux_function(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Run an RC auxiliary function: 80 aligns yaw, 90 selects a source set (handle_command_do_aux_function)."""
     if command.param2 > 2:
         return MavResult.DENIED
-    function, position = int_of_float(command.param1) & 0xFFFF, int_of_float(command.param2)
+    function, position = u16(int_of_float(command.param1)), u8(int_of_float(command.param2))
     run = AUX_FUNCTIONS.get(function)
-    known = run is not None and 0 <= position <= 2
-    if run is not None and known:
+    if run is not None:
         run(ctx, position)
     else:
         ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"Invalid channel option ({function})")
-    ctx.vehicle.log_aux_function(function, position, known)
-    return _accepted(known)
+    ctx.vehicle.log_aux_function(function, position, run is not None)
+    return _accepted(run is not None)
 
 
 def set_ekf_source_set(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Select a source set, 1..3, without a text."""
-    number = u32(int_of_float(command.param1))
+    number = _u32_of_float(command.param1)
     if not 1 <= number <= 3:
         return MavResult.DENIED
     ctx.vehicle.set_source_set(number - 1)
@@ -211,9 +224,9 @@ def set_ekf_source_set(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def set_message_interval(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Set a message's interval in us; -1 stops it, 0 restores the default (set_message_interval)."""
-    if command.param3 != 0:
+    if not is_zero(f32(command.param3)):
         return MavResult.DENIED
-    msg_id, interval_us = u32(int_of_float(command.param1)), int_of_float(command.param2)
+    msg_id, interval_us = _u32_of_float(command.param1), int_of_float(command.param2)
     name = message_name(msg_id)
     if name is None or name not in SENDERS:
         ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"No ap_message for mavlink id ({msg_id})")
@@ -234,7 +247,9 @@ def set_message_interval(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def _tell_message_interval(ctx: Context, wanted: float) -> MavResult:
-    msg_id = u32(int_of_float(wanted))
+    if not ctx.channel.has_room():
+        return MavResult.TEMPORARILY_REJECTED
+    msg_id = _u32_of_float(wanted)
     name = message_name(msg_id)
     if msg_id >= 65536 or name is None or name not in SENDERS:
         ctx.channel.send(MESSAGE_INTERVAL(msg_id & 0xFFFF, 0))
@@ -251,7 +266,7 @@ def get_message_interval(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def request_message(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Queue a message to be sent once, after the acknowledgement; it may turn out to have nothing to say."""
-    msg_id = u32(int_of_float(command.param1))
+    msg_id = _u32_of_float(command.param1)
     if msg_id == MESSAGE_INTERVAL_ID:
         return _tell_message_interval(ctx, command.param2)
     name = message_name(msg_id)
@@ -263,7 +278,7 @@ def request_message(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Queue AUTOPILOT_VERSION."""
-    if command.param1 != 1:
+    if not is_equal(f32(command.param1), _ONE):
         return MavResult.FAILED
     ctx.endpoint.request_message(ctx.channel, "AUTOPILOT_VERSION")
     return MavResult.ACCEPTED
@@ -271,11 +286,11 @@ def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavRes
 
 def get_home_position(ctx: Context, _command: COMMAND_INT) -> MavResult:
     """Send home and origin ahead of the acknowledgement."""
-    home = home_position(ctx.vehicle, ctx.now_us)
+    home = home_position(ctx.vehicle, ctx.channel, ctx.now_us)
     if home is None:
         return MavResult.FAILED
     ctx.channel.send(home)
-    origin = gps_global_origin(ctx.vehicle, ctx.now_us)
+    origin = gps_global_origin(ctx.vehicle, ctx.channel, ctx.now_us)
     if origin is not None:
         ctx.channel.send(origin)
     return MavResult.ACCEPTED
@@ -290,7 +305,10 @@ _ORIGIN_RESULTS: Final = {
 
 def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Set the EKF origin: degE7 and metres."""
-    if not math.isfinite(command.z):
+    if math.isnan(command.z) or abs(command.z) > LOCATION_ALT_MAX_M:
+        return MavResult.DENIED
+    if command.frame not in LOCATION_FRAMES:
+        ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"Unknown mavlink coordinate frame {command.frame}")
         return MavResult.DENIED
     location = Location(command.x, command.y, int_of_float(float(np.float32(command.z) * np.float32(100))))
     return _ORIGIN_RESULTS[set_ekf_origin(ctx, location)]

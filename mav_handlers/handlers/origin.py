@@ -26,7 +26,7 @@ def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
         return OriginResult.INVALID
     result = ctx.vehicle.set_origin(location)
     if result is OriginResult.SET:
-        reply = gps_global_origin(ctx.vehicle, ctx.now_us)
+        reply = gps_global_origin(ctx.vehicle, ctx.channel, ctx.now_us)
         if reply is not None:
             ctx.channel.send(reply)
     return result

@@ -4,6 +4,7 @@
 
 from typing import Final
 
+from ap_core.cint import i16
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.intervals import set_interval, stream_interval_ms
@@ -17,6 +18,8 @@ from mav_handlers.wire.messages import (
 )
 
 STREAM_ALL: Final = 0
+# A group without an id of its own, and without a message here.
+STREAM_WITHOUT_ID: Final = "_ADSB"
 OPTION_NO_STREAM_REQUESTS: Final = 1 << 2
 
 
@@ -48,7 +51,9 @@ def handle_request_data_stream(ctx: Context, message: REQUEST_DATA_STREAM) -> Ve
     params = ctx.vehicle.params
     if message.start_stop > 1 or params.get_int(f"{prefix}_OPTIONS") & OPTION_NO_STREAM_REQUESTS:
         return HANDLED
-    rate_hz = min(message.req_message_rate, 32767) if message.start_stop == 1 else 0
+    rate_hz = i16(message.req_message_rate) if message.start_stop == 1 else 0
+    if message.req_stream_id == STREAM_ALL:
+        params.set(f"{prefix}{STREAM_WITHOUT_ID}", rate_hz)
     for stream_id, (suffix, names) in STREAM_GROUPS.items():
         if message.req_stream_id not in (STREAM_ALL, stream_id):
             continue

@@ -84,7 +84,7 @@ def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
 
 
 def pump_param_reads(channel: Channel, now_us: int) -> None:
-    """Send waiting replies, at most five every 100 ms."""
+    """Send waiting replies, at most five every 100 ms (send_parameter_async_replies)."""
     if not channel.param_reads or now_us < channel.param_reads_due_us:
         return
     for _ in range(min(READS_PER_RUN, len(channel.param_reads))):
@@ -98,7 +98,7 @@ def _list_quota(channel: Channel, elapsed_us: int) -> int:
     if channel.baud is None:
         return _LIST_PER_RUN_FAST
     bytes_allowed = channel.baud / 10 * _BANDWIDTH_SHARE * elapsed_us * 1e-6
-    return min(_LIST_PER_RUN_UART, int(bytes_allowed // _PARAM_VALUE_BYTES))
+    return max(1, min(_LIST_PER_RUN_UART, int(bytes_allowed // _PARAM_VALUE_BYTES)))
 
 
 def pump_param_list(vehicle: "VehiclePort", channel: Channel, now_us: int) -> None:

@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The one door to pymavlink's dialect: bytes to typed messages and back."""
 
+import struct
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mav_handlers.wire import messages
 from mav_handlers.wire.messages import Message
+from mav_handlers.wire.signature import SIGNATURE_BLOCK_BYTES, LinkSigning
 
 V2_HEADER_AND_CRC_BYTES: Final = 12
+_V1_HEADER_BYTES: Final = 6
 _COMPACT_ABOVE_BYTES: Final = 4096
 
 
@@ -47,24 +50,30 @@ class BadData:
 @dataclass(frozen=True, slots=True)
 class _Layout:
     cls: type[Message]
-    dialect_class: Callable[..., Any]
+    dialect_class: Any
     names: tuple[str, ...]
     arrays: frozenset[str]
     texts: frozenset[str]
     full_length: int
+    version_1_length: int
 
 
 def _layout_of(cls: type[Message], dialect_class: Any) -> _Layout:
     types = dict(zip(dialect_class.fieldnames, dialect_class.fieldtypes, strict=True))
     lengths = dict(zip(dialect_class.ordered_fieldnames, dialect_class.array_lengths, strict=True))
-    names = tuple(field.name for field in fields(cls))  # type: ignore[arg-type]  # all are dataclasses
+    every = fields(cls)  # type: ignore[arg-type]  # all are dataclasses
+    names = tuple(field.name for field in every)
+    codes = dict(zip(dialect_class.ordered_fieldnames, dialect_class.native_format[1:].decode(), strict=True))
+    extensions = [field.name for field in every if field.default is not MISSING]
+    full_length = dialect_class.unpacker.size
     return _Layout(
         cls,
         dialect_class,
         names,
         frozenset(name for name in names if lengths[name] and types[name] != "char"),
         frozenset(name for name in names if types[name] == "char"),
-        dialect_class.unpacker.size,
+        full_length,
+        full_length - sum(struct.calcsize(codes[name]) * max(1, lengths[name]) for name in extensions),
     )
 
 
@@ -126,6 +135,13 @@ def _unknown_header(raw: Any) -> Header:
         return Header(f"UNKNOWN_{frame[5]}", frame[5], frame[3], frame[4], frame[2], 1, frame)
     msg_id = frame[7] | (frame[8] << 8) | (frame[9] << 16)
     return Header(f"UNKNOWN_{msg_id}", msg_id, frame[5], frame[6], frame[4], 2, frame)
+
+
+def _without_extensions(frame: bytes, layout: _Layout) -> bytes:
+    # MAVLink 1 knows no extension fields; pymavlink sends them all the same.
+    body = bytes((layout.version_1_length,)) + frame[2 : _V1_HEADER_BYTES + layout.version_1_length]
+    crc = dialect.x25crc(body + bytes((layout.dialect_class.crc_extra,))).crc
+    return frame[:1] + body + struct.pack("<H", crc)
 
 
 class Codec:
@@ -192,9 +208,66 @@ class Codec:
         }
         raw = layout.dialect_class(**values)
         frame = bytes(raw.pack(self._mav, force_mavlink1=self.version == 1))
+        if self.version == 1:
+            frame = _without_extensions(frame, layout)
         self._mav.seq = (self._mav.seq + 1) % 256
         self.frames_sent += 1
         return frame
+
+    # Signing
+
+    _signing: LinkSigning | None = None
+
+    @property
+    def signing(self) -> LinkSigning | None:
+        """Signing on this link, or None while frames are neither signed nor checked."""
+        return self._signing
+
+    @property
+    def overhead_bytes(self) -> int:
+        """Bytes that a frame takes beside its payload, the signature included (GCS_MAVLINK::packet_overhead_chan)."""
+        return V2_HEADER_AND_CRC_BYTES + (0 if self._signing is None else SIGNATURE_BLOCK_BYTES)
+
+    def configure_signing(self, signing: LinkSigning | None) -> None:
+        """Sign outgoing MAVLink 2 frames and check received ones from now on; None ends both.
+
+        A refused frame comes out of ``next_received`` as BadData whose reason is a ``signature.Refusal``.
+        """
+        self._signing = signing
+        if signing is None:
+            self._mav.signing = dialect.MAVLinkSigning()
+            return
+        # pymavlink's own check remembers the timestamp of a forged frame, after which the genuine ones look old.
+        self._mav.check_signature = signing.check_signature
+        self._mav.signing = signing
+        signing.allow_unsigned_callback = _admission(signing)
+
+
+def _admission(signing: LinkSigning) -> Callable[[Any, int], bool]:
+    def admit(_mav: Any, msg_id: int) -> bool:
+        refusal = signing.refuse_unverified(msg_id)
+        if refusal is not None:
+            raise dialect.MAVError(refusal.value)
+        return True
+
+    return admit
+
+
+def _offset_of(dialect_class: Any, name: str) -> int | None:
+    if name not in dialect_class.ordered_fieldnames:
+        return None
+    index: int = dialect_class.ordered_fieldnames.index(name)
+    kinds = dialect_class.native_format[1:].decode()
+    counts = dialect_class.array_lengths
+    return sum(struct.calcsize(kinds[i]) * max(1, int(counts[i])) for i in range(index))
+
+
+def target_offsets() -> dict[int, tuple[int | None, int | None]]:
+    """Return where target_system and target_component stand in each message's payload, by message id."""
+    return {
+        cls.id: (_offset_of(cls, "target_system"), _offset_of(cls, "target_component"))
+        for cls in dialect.mavlink_map.values()
+    }
 
 
 __all__ = [
@@ -207,4 +280,5 @@ __all__ = [
     "message_id",
     "message_name",
     "messages",
+    "target_offsets",
 ]

@@ -391,3 +391,94 @@ class VISION_POSITION_DELTA(Message):
     angle_delta: tuple[float, ...]
     position_delta: tuple[float, ...]
     confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class FILE_TRANSFER_PROTOCOL(Message):
+    """One request or reply of MAVLink FTP, 251 bytes."""
+
+    target_network: int
+    target_system: int
+    target_component: int
+    payload: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LOG_REQUEST_LIST(Message):
+    """Request for a list of logs: first and last id."""
+
+    target_system: int
+    target_component: int
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class LOG_ENTRY(Message):
+    """One log: id 1..num_logs, last id of this list, UTC in s (0 while unknown), bytes; all 0 when there is none."""
+
+    id: int
+    num_logs: int
+    last_log_num: int
+    time_utc: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class LOG_REQUEST_DATA(Message):
+    """Request for ``count`` bytes of a log from offset ``ofs`` on."""
+
+    target_system: int
+    target_component: int
+    id: int
+    ofs: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class LOG_DATA(Message):
+    """Up to 90 bytes of a log, padded with zeros; fewer end the transfer."""
+
+    id: int
+    ofs: int
+    count: int
+    data: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LOG_ERASE(Message):
+    """Request to erase all logs."""
+
+    target_system: int
+    target_component: int
+
+
+@dataclass(frozen=True, slots=True)
+class LOG_REQUEST_END(Message):
+    """Request to stop a log transfer."""
+
+    target_system: int
+    target_component: int
+
+
+@dataclass(frozen=True, slots=True)
+class SETUP_SIGNING(Message):
+    """Signing key of 32 bytes and first timestamp (10 us since 2015); all zero ends signing."""
+
+    target_system: int
+    target_component: int
+    secret_key: tuple[int, ...]
+    initial_timestamp: int
+
+
+@dataclass(frozen=True, slots=True)
+class RADIO_STATUS(Message):
+    """Signal and noise of a radio and its peer, free transmit buffer (%), receive errors and corrected packets."""
+
+    rssi: int
+    remrssi: int
+    txbuf: int
+    noise: int
+    remnoise: int
+    rxerrors: int
+    fixed: int

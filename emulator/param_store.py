@@ -1,0 +1,241 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parameters that outlive a restart: one text file, which a killed process leaves as it was or as it is to be.
+
+The file has a ``NAME VALUE`` line a parameter, as parameter files have, and ``#`` comments. It takes the place of the
+firmware's EEPROM and holds what AP_Param::save wrote: values that differ from the default or were set once.
+"""
+
+import contextlib
+import errno
+import fcntl
+import logging
+import math
+import os
+import re
+import secrets
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from ap_core.param import ParamTable
+from ap_core.param_info import ParamType, assigned, to_f32
+from emulator.errors import InputError
+
+_log = logging.getLogger(__name__)
+
+_HEADER: Final = "# Parameters set over MAVLink, kept over restarts. Written anew whenever one changes.\n"
+_NAME: Final = re.compile(r"[A-Za-z0-9_]{1,16}", re.ASCII)
+_INTEGER: Final = re.compile(r"[+-]?\d{1,10}", re.ASCII)
+_DECIMAL: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_SHOWN_CHARACTERS: Final = 60
+
+
+class ParamStoreError(InputError):
+    """A file of parameters cannot be used; the text is one line that names the file, and the line at fault."""
+
+
+class ParamStore:
+    """The file of a vehicle's stored parameters.
+
+    ``load`` or ``restore`` comes first, ``save_if_changed`` then as often as one likes. Saving replaces the file as a
+    whole, so of several processes the last one wins. Saving never raises because of the file system: the first error
+    is logged, further ones are counted until a save succeeds.
+
+    Args:
+        path: the file, which need not exist; its folder is made when something is saved.
+
+    Attributes:
+        unknown: parameters in the file that the vehicle does not have; they are kept there.
+        failures: how many saves have failed.
+        failure: why the last save failed, in one line naming the file; None while all is well.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._saved: dict[str, float] | None = None
+        self.unknown: dict[str, float] = {}
+        self.failures = 0
+        self.failure: str | None = None
+
+    def load(self) -> dict[str, float]:
+        """Return the stored values by name, integers as int, all else as float; none when there is no file.
+
+        Raises:
+            ParamStoreError: if the file cannot be read or is damaged.
+        """
+        return self._loaded(self._read())
+
+    def _loaded(self, found: Mapping[str, tuple[float, int]]) -> dict[str, float]:
+        self._saved = {name: value for name, (value, _) in found.items()}
+        self.unknown = {}
+        _remove_stale_drafts(self._target())
+        return dict(self._saved)
+
+    def restore(self, params: ParamTable) -> None:
+        """Give a vehicle's parameters their stored values; names it does not know are logged, and kept in the file.
+
+        Raises:
+            ParamStoreError: if the file cannot be read, is damaged, or has a value that its parameter cannot take.
+        """
+        found = self._read()
+        for name, (value, line_number) in found.items():
+            param = params.find(name)
+            if param is not None and param.canonical_name == name and not _fits(value, param.type):
+                raise ParamStoreError(f"{self._path}:{line_number}: {name} cannot be {value}")
+        values = self._loaded(found)
+        self.unknown = {name: values[name] for name in params.load_stored(values)}
+        if self.unknown:
+            _log.warning("%s: unknown parameters, kept in the file: %s", self._path, ", ".join(self.unknown))
+
+    def save_if_changed(self, values: Mapping[str, float]) -> bool:
+        """Write the file if it is to hold anything else than at the last load or save; tell whether it was written.
+
+        Args:
+            values: what a restart has to remember, by name: int, or what fits float32. Unknown names are added.
+
+        Raises:
+            ValueError: nothing was loaded yet, which would lose what is stored; or a name or value that no file
+                can hold.
+        """
+        if self._saved is None:
+            raise ValueError(f"{self._path}: load comes before save")
+        wanted = {**self.unknown, **values}
+        if wanted == self._saved:
+            return False
+        data = _format(wanted).encode("ascii")
+        try:
+            _replace(self._target(), data)
+        except OSError as error:
+            self._fail(error)
+            return False
+        self._saved = wanted
+        self.failure = None
+        return True
+
+    def _fail(self, error: OSError) -> None:
+        self.failures += 1
+        told = self.failure is not None
+        self.failure = f"{self._path}: parameters cannot be stored: {error.strerror or error}"
+        if not told:
+            _log.error("%s", self.failure)
+
+    def _target(self) -> Path:
+        # A link to the file stays a link: what it points to is replaced.
+        return Path(os.path.realpath(self._path))
+
+    def _read(self) -> dict[str, tuple[float, int]]:
+        try:
+            data = self._path.read_bytes()
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            raise ParamStoreError(f"{self._path}: {error.strerror or error}") from error
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            number = data.count(b"\n", 0, error.start) + 1
+            raise ParamStoreError(f"{self._path}:{number}: not UTF-8 text") from error
+        # Every file of ours has a comment; an empty one is what a crash of the computer can leave of another.
+        if not text.strip():
+            raise ParamStoreError(f"{self._path}:1: the file is empty")
+        return self._parse(text)
+
+    def _parse(self, text: str) -> dict[str, tuple[float, int]]:
+        found: dict[str, tuple[float, int]] = {}
+        for number, line in enumerate(text.split("\n"), 1):
+            words = line.split("#", 1)[0].split()
+            if not words:
+                continue
+            name, value = words[0], _number(words[1]) if len(words) == 2 else None
+            if value is None or not _NAME.fullmatch(name):
+                raise ParamStoreError(f"{self._path}:{number}: not a name and a number: {line[:_SHOWN_CHARACTERS]!r}")
+            if name in found:
+                raise ParamStoreError(f"{self._path}:{number}: {name} is in line {found[name][1]} already")
+            found[name] = (value, number)
+        return found
+
+
+def _number(word: str) -> float | None:
+    if _INTEGER.fullmatch(word):
+        return int(word)
+    number = float(to_f32(float(word))) if _DECIMAL.fullmatch(word) else math.nan
+    return number if math.isfinite(number) else None
+
+
+def _fits(value: float, kind: ParamType) -> bool:
+    return kind is ParamType.FLOAT or assigned(value, kind) == value
+
+
+def _format(values: Mapping[str, float]) -> str:
+    return _HEADER + "".join(f"{_checked(name):<16} {_text(values[name])}\n" for name in sorted(values))
+
+
+def _checked(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"{name!r} cannot be the name of a stored parameter")
+    return name
+
+
+def _text(value: float) -> str:
+    if isinstance(value, int):
+        if not _INTEGER.fullmatch(str(value)):
+            raise ValueError(f"{value} cannot be stored as a parameter")
+        return str(value)
+    number = to_f32(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value} cannot be stored as a parameter")
+    # The second one is always exact: a short text may change when it passes through double precision.
+    return next(text for text in (str(number), repr(float(number))) if to_f32(float(text)) == number)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Put a file in place such that a crash at any instant leaves the old or the new one, whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(8)}.draft")
+    try:
+        _write_to_disk(draft, data)
+        os.replace(draft, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
+    _sync_folder(path.parent)
+
+
+def _write_to_disk(path: Path, data: bytes) -> None:
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+    try:
+        with contextlib.suppress(OSError):  # some file systems have no locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        waiting = memoryview(data)
+        while waiting:
+            waiting = waiting[os.write(descriptor, waiting) :]
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # some file systems cannot do that to a folder
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def _remove_stale_drafts(path: Path) -> None:
+    """Delete what killed processes left; a draft in use is locked (one not yet locked costs its writer a retry)."""
+    for draft in _drafts(path):
+        with contextlib.suppress(OSError), draft.open("rb") as stale:
+            fcntl.flock(stale.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            draft.unlink()
+
+
+def _drafts(path: Path) -> Iterator[Path]:
+    pattern = re.compile(re.escape(f".{path.name}.") + r"[0-9a-f]{16}\.draft")
+    with contextlib.suppress(OSError):
+        yield from [entry for entry in path.parent.iterdir() if pattern.fullmatch(entry.name)]

@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which links a received frame goes on to, and whether the autopilot looks at it itself.
+
+Source: GCS_MAVLink/MAVLink_routing.cpp.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mav_handlers.wire.codec import Header
+from mav_handlers.wire.messages import HEARTBEAT, Message
+
+MAX_ROUTES: Final = 20
+RADIO_MESSAGES: Final = frozenset({"RADIO", "RADIO_STATUS"})
+_MAV_COMP_ID_ALL: Final = 0
+_MAV_COMP_ID_AUTOPILOT1: Final = 1
+_BROADCAST: Final = (None, 0)
+
+
+@dataclass(slots=True)
+class Route:
+    """A component seen on a link. ``vehicle_type`` is the MAV_TYPE of its first heartbeat, 0 until there is one."""
+
+    system_id: int
+    component_id: int
+    channel: int
+    vehicle_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class Routing:
+    """Whether the autopilot looks at a frame, and the links that get it as it came, each once."""
+
+    process_locally: bool
+    forward_to: tuple[int, ...] = ()
+
+
+class RouteTable:
+    """The components that have been heard, and on which links; what comes after the 20th is not remembered."""
+
+    def __init__(self) -> None:
+        self._routes: list[Route] = []
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """What has been learned, oldest first."""
+        return tuple(self._routes)
+
+    def learn(self, header: Header, message: Message | None, channel: int, *, own_system: int) -> None:
+        """Remember where a frame's sender is (MAVLink_routing::learn_route).
+
+        Args:
+            header: of the frame; its name is that of the message.
+            message: the frame's message, of which only a heartbeat's type is used.
+            channel: number of the link it came on.
+            own_system: the autopilot's system id.
+        """
+        own_ids = (_MAV_COMP_ID_ALL, _MAV_COMP_ID_AUTOPILOT1)
+        if header.system_id == 0 or (header.system_id == own_system and header.component_id in own_ids):
+            return
+        vehicle_type = message.type if isinstance(message, HEARTBEAT) else 0
+        for route in self._routes:
+            if (route.system_id, route.component_id, route.channel) == (header.system_id, header.component_id, channel):
+                route.vehicle_type = route.vehicle_type or vehicle_type
+                return
+        if len(self._routes) < MAX_ROUTES:
+            self._routes.append(Route(header.system_id, header.component_id, channel, vehicle_type))
+
+    def decide(
+        self,
+        header: Header,
+        target_system: int | None,
+        target_component: int | None,
+        channel: int,
+        *,
+        own_system: int,
+        is_private: Callable[[int], bool],
+        is_active: Callable[[int], bool],
+        channels: Sequence[int],
+    ) -> Routing:
+        """Return what is to become of a frame whose sender has been learned (MAVLink_routing::check_and_forward).
+
+        Whether a link has room for the frame is left to the caller; a frame that does not fit counts as forwarded.
+
+        Args:
+            header: of the frame.
+            target_system: the system it is addressed to; None when the message has no such field, 0 for all.
+            target_component: the component it is addressed to, likewise.
+            channel: number of the link it came on.
+            own_system: the autopilot's system id.
+            is_private: tells whether nothing but what is meant for its components is forwarded to a link.
+            is_active: tells whether a frame other than a radio's has been received on a link.
+            channels: numbers of the links that are open.
+        """
+        if header.system_id == own_system and header.component_id == _MAV_COMP_ID_AUTOPILOT1:
+            return Routing(process_locally=False)
+        if header.name in RADIO_MESSAGES:
+            return Routing(process_locally=True)
+        if header.name == "HEARTBEAT":
+            targets = self._heartbeat_targets(header, channel, channels, is_active) if not is_private(channel) else ()
+            return Routing(True, tuple(target for target in targets if not is_private(target)))
+        match_system = target_system in (*_BROADCAST, own_system)
+        for_us = match_system and target_component in (*_BROADCAST, _MAV_COMP_ID_AUTOPILOT1)
+        only_for_us = for_us and target_system not in _BROADCAST and target_component not in _BROADCAST
+        if is_private(channel) or only_for_us:
+            return Routing(for_us)
+        forward_to = self._targets(target_system, target_component, channel, match_system, is_private, channels)
+        process_locally = for_us or target_system in _BROADCAST or (match_system and not forward_to)
+        # FIRMWARE PARITY: the firmware forwards SETUP_SIGNING like any other message. It carries the key in the clear,
+        # so it stays on its link here.
+        return Routing(process_locally, () if header.name == "SETUP_SIGNING" else forward_to)
+
+    def _heartbeat_targets(
+        self, header: Header, channel: int, channels: Sequence[int], is_active: Callable[[int], bool]
+    ) -> tuple[int, ...]:
+        """Return the links on which a heartbeat's sender has not been heard (MAVLink_routing::handle_heartbeat)."""
+        sender = (header.system_id, header.component_id)
+        heard_on = {route.channel for route in self._routes if (route.system_id, route.component_id) == sender}
+        return tuple(link for link in channels if link != channel and link not in heard_on and is_active(link))
+
+    def _targets(
+        self,
+        target_system: int | None,
+        target_component: int | None,
+        channel: int,
+        match_system: bool,
+        is_private: Callable[[int], bool],
+        channels: Sequence[int],
+    ) -> tuple[int, ...]:
+        any_component = target_component in _BROADCAST or not match_system
+        targets: list[int] = []
+        for route in self._routes:
+            exact = (route.system_id, route.component_id) == (target_system, target_component)
+            addressed = target_system in _BROADCAST or (
+                route.system_id == target_system and (any_component or route.component_id == target_component)
+            )
+            reachable = route.channel in channels and route.channel != channel and route.channel not in targets
+            if addressed and reachable and (exact or not is_private(route.channel)):
+                targets.append(route.channel)
+        return tuple(targets)

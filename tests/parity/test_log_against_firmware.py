@@ -1,0 +1,201 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The DataFlash log of a replay against the firmware's own log of the same stream, through three readers."""
+
+import csv
+import io
+import lzma
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from ardupilot_log_reader.reader import Ardupilot
+from pymavlink.DFReader import DFReader_binary
+
+if TYPE_CHECKING:
+    from tests.parity.conftest import Replayed
+
+LOGS = Path(__file__).parent.parent / "data" / "logs"
+KEPT = sorted(path.name.removesuffix(".BIN.xz") for path in LOGS.glob("*.BIN.xz"))
+
+TYPES = ("VISP", "VISV", "REPH", "REVH", "RVOH")
+# The corrected time, whichever way the record calls it; the read may be up to a loop before the handling.
+TIMES_MS = {("VISP", "CTimeMS"), ("VISV", "CTimeMS"), ("REPH", "TS"), ("REVH", "TS")}
+TIME_TOLERANCE_MS = 3
+# These depend on the attitude of the AHRS, which is taken from the firmware's log at 10 Hz.
+LINEAR_TOLERANCE = 2e-3
+LINEAR_FIELDS = {"PX", "PY", "PZ", "VX", "VY", "VZ"}
+ANGLE_TOLERANCE_DEG = 0.2
+ANGLE_FIELDS = {"R", "P", "Y"}
+QUATERNION_TOLERANCE = math.radians(ANGLE_TOLERANCE_DEG) / 2
+QUATERNION_FIELDS = {"Q1", "Q2", "Q3", "Q4"}
+# The time of the last reset: the corrected time of a sample.
+RESET_TIME = ("REPH", "RT")
+
+Row = dict[str, Any]
+Rows = dict[str, list[Row]]
+Replays = Callable[[str], "Replayed"]
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[DFReader_binary]:
+    with DFReader_binary(str(path)) as log:
+        yield log
+
+
+def rows_of(path: Path) -> Rows:
+    rows: Rows = {kind: [] for kind in TYPES}
+    with opened(path) as log:
+        while (record := log.recv_match(type=list(TYPES))) is not None:
+            rows[record.get_type()].append({name: getattr(record, name) for name in record._fieldnames})
+    return rows
+
+
+def units_of(path: Path) -> dict[str, dict[str, str]]:
+    """Return the unit of each field, multiplier included, by type, as the reader resolves them from FMTU."""
+    with opened(path) as log:
+        while log.recv_msg() is not None:
+            pass
+        formats = [fmt for fmt in log.formats.values() if fmt.name in TYPES]
+        return {fmt.name: {column: fmt.get_unit(column) for column in fmt.columns} for fmt in formats}
+
+
+def definitions_of(path: Path) -> list[tuple[object, ...]]:
+    """Return what the log says of units and multipliers at large, and of the types compared here."""
+    found: set[tuple[object, ...]] = set()
+    with opened(path) as log:
+        ids = {fmt.type for fmt in log.formats.values() if fmt.name in TYPES}
+        while (record := log.recv_match(type=["UNIT", "MULT", "FMTU"])) is not None:
+            if record.get_type() == "FMTU" and record.FmtType not in ids:
+                continue
+            found.add(tuple(getattr(record, name) for name in record._fieldnames if name != "TimeUS"))
+    return sorted(found, key=repr)
+
+
+@pytest.fixture(scope="session")
+def firmware_log(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return a function that unpacks a log of the firmware by its name."""
+    folder = tmp_path_factory.mktemp("firmware")
+
+    @cache
+    def unpack(name: str) -> Path:
+        path = folder / f"{name}.BIN"
+        path.write_bytes(lzma.decompress((LOGS / f"{name}.BIN.xz").read_bytes()))
+        return path
+
+    return unpack
+
+
+@pytest.fixture(scope="session", params=KEPT)
+def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> tuple[Rows, Rows]:
+    """Return the firmware's records and ours, of one log after the other; the tests of each come together."""
+    return rows_of(firmware_log(request.param)), rows_of(replayed(request.param).log)
+
+
+def is_close(kind: str, field: str, theirs: float, ours: float) -> bool:
+    if (kind, field) in TIMES_MS or (kind, field) == RESET_TIME:
+        return abs(theirs - ours) <= TIME_TOLERANCE_MS
+    if field in LINEAR_FIELDS:
+        return abs(theirs - ours) <= LINEAR_TOLERANCE
+    if field in ANGLE_FIELDS:
+        return abs(math.remainder(theirs - ours, 360)) <= ANGLE_TOLERANCE_DEG
+    if field in QUATERNION_FIELDS:
+        return abs(theirs - ours) <= QUATERNION_TOLERANCE
+    return theirs == ours
+
+
+def differences(kind: str, theirs: list[Row], ours: list[Row]) -> list[str]:
+    found = [] if len(theirs) == len(ours) else [f"{len(theirs)} records, {len(ours)} of ours"]
+    for number, (before, after) in enumerate(zip(theirs, ours, strict=False)):
+        assert before.keys() == after.keys()
+        found += [
+            f"{kind}[{number}].{field}: {before[field]} is not {after[field]}"
+            for field in before
+            if not is_close(kind, field, before[field], after[field])
+        ]
+    return found
+
+
+@pytest.mark.parametrize("kind", ["VISP", "VISV", "REPH", "REVH"])
+def test_records_are_the_firmwares(both: tuple[Rows, Rows], kind: str) -> None:
+    theirs, ours = (rows[kind] for rows in both)
+    assert len(ours) > 400
+    assert differences(kind, theirs, ours) == []
+
+
+def test_state_of_the_camera_changes_as_the_firmwares(both: tuple[Rows, Rows]) -> None:
+    # The firmware's log goes on after the stream has ended, by one record: the camera is unhealthy then.
+    theirs, ours = (rows["RVOH"] for rows in both)
+    assert ours == theirs[: len(ours)]
+    assert [row["H"] for row in theirs[len(ours) :]] == [0]
+
+
+def test_units_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
+    ours = units_of(replayed("t265").log)
+    assert ours == units_of(firmware_log("t265"))
+    assert [ours["VISP"][name] for name in ("CTimeMS", "PX", "Y", "Q")] == ["ms", "m", "degheading", "%"]
+
+
+def test_unit_and_multiplier_records_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
+    assert definitions_of(replayed("t265").log) == definitions_of(firmware_log("t265"))
+
+
+def test_difference_of_a_log_record_is_found(replayed: Replays) -> None:
+    ours = rows_of(replayed("mocap").log)["REPH"]
+    changed = [{**ours[0], "PEr": 0.25}, *ours[1:]]
+    assert differences("REPH", ours, ours) == []
+    assert len(differences("REPH", changed, ours)) == 1
+    assert differences("REPH", ours[:-1], ours) == [f"{len(ours) - 1} records, {len(ours)} of ours"]
+
+
+@pytest.mark.parametrize("name", ["mav", "mocap"])
+def test_replay_records_follow_log_replay(replayed: Replays, name: str) -> None:
+    run = replayed(name)
+    rows = rows_of(run.log)
+    assert run.header["params"]["LOG_REPLAY"] == 1
+    given = [line for line in run.ours if any(out[0] == "VISP" for out in line["out"])]
+    assert len(rows["REPH"]) == len(given)
+
+
+# Other readers
+
+
+def test_pymavlink_reads_the_log_to_its_end(replayed: Replays, capfd: pytest.CaptureFixture[str]) -> None:
+    with opened(replayed("t265").log) as log:
+        while log.recv_msg() is not None:
+            pass
+        assert log.remaining == 0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_log_names_the_vehicle_for_its_modes(replayed: Replays) -> None:
+    with opened(replayed("t265").log) as log:
+        mode = log.recv_match(type="MODE")
+        assert mode is not None
+        assert log.flightmode == "STABILIZE"
+
+
+def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
+    run = replayed("t265")
+    script = Path(sys.executable).parent / "mavlogdump.py"
+    command = [sys.executable, str(script), "--types", "VISP", "--format", "csv", "--csv_sep", ",", str(run.log)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    header, *rows = csv.reader(io.StringIO(result.stdout))
+    poses = [out for line in run.ours for out in line["out"] if out[0] == "VISP"]
+    assert header[-3:] == ["Rst", "Ign", "Q"]
+    assert len(rows) == len(poses)
+
+
+def test_log_reader_gives_frames_of_visual_odometry(replayed: Replays, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAVLINK20", "1")  # the reader sets it, for good
+    run = replayed("t265")
+    parsed = Ardupilot.parse(str(run.log), types=["VISP", "VISV"])
+    poses = [out for line in run.ours for out in line["out"] if out[0] == "VISP"]
+    assert len(parsed.dfs["VISP"]) == len(parsed.dfs["VISV"]) == len(poses)
+    assert list(parsed.dfs["VISP"]["Q"])[:3] == [pose[-1] for pose in poses[:3]]

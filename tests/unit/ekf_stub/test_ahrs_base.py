@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""When the estimator starts and settles, and what follows from its sources."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from ap_core.clock import VirtualClock
+from ap_core.fmath import f32
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase, Origin
+from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
+from ekf_stub.sources import EkfSources, SourceYaw
+
+START_US = 1_000_000
+ORIGIN = Origin(-353632610, 1491652300, 58400)
+
+
+class Rig:
+    """An AHRS that starts one second after boot; its records and its one source parameter."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.yaw_source = SourceYaw.COMPASS
+        self.records: list[tuple[str, tuple[LogValue, ...]]] = []
+        self.log = ExtNavLog(self, lambda: True)
+        sources = EkfSources(lambda name: self.yaw_source if name.endswith("YAW") else 0)
+        self.ahrs = AhrsBase(self.clock, sources, self.log, start_us=START_US)
+
+    def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        self.records.append((structure.name, tuple(values)))
+
+    def at_ms(self, time_ms: int) -> AhrsBase:
+        self.clock.set_us(time_ms * 1000)
+        return self.ahrs
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+@pytest.mark.parametrize(("time_ms", "started"), [(0, False), (999, False), (1000, True)])
+def test_ahrs_starts_at_its_time(rig: Rig, time_ms: int, started: bool) -> None:
+    assert rig.at_ms(time_ms).started() is started
+
+
+@pytest.mark.parametrize(("time_ms", "started"), [(1000, False), (1999, False), (2000, True)])
+def test_estimator_starts_a_second_after_the_ahrs(rig: Rig, time_ms: int, started: bool) -> None:
+    assert rig.at_ms(time_ms).estimator_started() is started
+
+
+@pytest.mark.parametrize(("time_ms", "initialised"), [(0, False), (2000, False), (21_000, False), (21_001, True)])
+def test_initialised_more_than_20_s_after_the_ahrs_starts(rig: Rig, time_ms: int, initialised: bool) -> None:
+    assert rig.at_ms(time_ms).initialised() is initialised
+
+
+def test_initialised_across_the_wrap_of_milliseconds(rig: Rig) -> None:
+    assert rig.at_ms((1 << 32) + 500_000).initialised()
+
+
+def test_reference_settles_when_the_recordings_say() -> None:
+    clock = VirtualClock(22_454_000)
+    rig = Rig()
+    ahrs = AhrsBase(clock, EkfSources(lambda _name: 0), rig.log)
+    assert AHRS_START_US == 2_455_000
+    assert not ahrs.initialised()
+    clock.set_us(22_456_000)
+    assert ahrs.initialised()
+
+
+def test_yaw_comes_from_external_navigation_by_the_active_source(rig: Rig) -> None:
+    ahrs = rig.at_ms(2000)
+    assert not ahrs.using_extnav_for_yaw()
+    rig.yaw_source = SourceYaw.EXTNAV
+    assert ahrs.using_extnav_for_yaw()
+
+
+def test_yaw_does_not_come_from_external_navigation_before_the_estimator_starts(rig: Rig) -> None:
+    rig.yaw_source = SourceYaw.EXTNAV
+    assert not rig.at_ms(1999).using_extnav_for_yaw()
+
+
+def test_origin_is_set_once(rig: Rig) -> None:
+    ahrs = rig.at_ms(2000)
+    assert ahrs.origin() is None
+    assert ahrs.set_origin(ORIGIN)
+    assert not ahrs.set_origin(Origin(0, 0, 0))
+    assert ahrs.origin() == ORIGIN
+
+
+def test_origin_is_refused_before_the_estimator_starts(rig: Rig) -> None:
+    ahrs = rig.at_ms(1999)
+    assert not ahrs.set_origin(ORIGIN)
+    assert ahrs.origin() is None
+
+
+def begin_frames(rig: Rig) -> None:
+    rig.log.frame(VisualOdomFrame(Vector3f(), 10, True, False))
+
+
+def test_pose_is_logged(rig: Rig) -> None:
+    begin_frames(rig)
+    quat = Quaternion(f32(1), f32(2), f32(3), f32(4))
+    rig.ahrs.writeExtNavData(Vector3f(5, 6, 7), quat, f32(8), f32(9), 10, 11, 12)
+    assert rig.records == [("REPH", (5, 6, 7, 1, 2, 3, 4, 8, 9, 10, 12, 11))]
+
+
+def test_velocity_is_logged(rig: Rig) -> None:
+    begin_frames(rig)
+    rig.ahrs.writeExtNavVelData(Vector3f(1, 2, 3), f32(4), 5, 6)
+    assert rig.records == [("REVH", (1, 2, 3, 4, 5, 6))]
+
+
+def test_body_odometry_is_logged_without_offset_and_delay(rig: Rig) -> None:
+    begin_frames(rig)
+    rig.ahrs.writeBodyFrameOdom(f32(1), Vector3f(2, 3, 4), Vector3f(5, 6, 7), f32(8), 9, 10, Vector3f(11, 12, 13))
+    assert rig.records == [("RBOH", (1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 0, 0, 0))]

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Attitude and position of a log between its records."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ap_core.clock import VirtualClock
+from ap_core.log_structure import LogStructure
+from ekf_stub.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.sources import EkfSources
+
+Rows = list[tuple[float, ...]]
+
+
+class NoRecords:
+    """A log that takes anything."""
+
+    def write(self, structure: LogStructure, values: object) -> None: ...
+
+
+def states(attitudes: Rows, positions: Rows | None = None) -> RecordedStates:
+    """Make states of rows (time in s, roll, pitch, yaw in deg) and (time in s, north, east, down)."""
+    att, pos = np.array(attitudes, dtype=float).reshape(-1, 4), np.array(positions or [], dtype=float).reshape(-1, 4)
+    return RecordedStates(att[:, 0] * 1e6, att[:, 1:], pos[:, 0] * 1e6, pos[:, 1:])
+
+
+def at(time_s: float, recorded: RecordedStates) -> RecordedAhrs:
+    clock = VirtualClock(round(time_s * 1e6))
+    return RecordedAhrs(clock, EkfSources(lambda _name: 0), ExtNavLog(NoRecords(), lambda: False), recorded)
+
+
+def yaw_deg(time_s: float, recorded: RecordedStates) -> float:
+    return math.degrees(at(time_s, recorded).get_yaw_rad())
+
+
+def test_yaw_is_interpolated() -> None:
+    assert yaw_deg(3.25, states([(3, 0, 0, 10), (4, 0, 0, 20)])) == pytest.approx(12.5, abs=1e-4)
+
+
+@pytest.mark.parametrize(("first", "second", "middle"), [(350, 20, 5), (20, 350, 5), (170, 200, -175), (359, 357, -2)])
+def test_yaw_goes_the_short_way_round(first: float, second: float, middle: float) -> None:
+    assert yaw_deg(3.5, states([(3, 0, 0, first), (4, 0, 0, second)])) == pytest.approx(middle, abs=1e-4)
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0, 359.99), min_size=2, max_size=20))
+def test_yaw_at_a_record_is_the_records(yaws: list[float]) -> None:
+    recorded = states([(3 + number, 0, 0, yaw) for number, yaw in enumerate(yaws)])
+    for number, yaw in enumerate(yaws):
+        assert abs(math.remainder(yaw_deg(3 + number, recorded) - yaw, 360)) < 1e-3
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0, 359.99), min_size=2, max_size=8), st.floats(0, 10))
+def test_yaw_stays_within_half_a_turn(yaws: list[float], time_s: float) -> None:
+    recorded = states([(3 + number, 0, 0, yaw) for number, yaw in enumerate(yaws)])
+    assert abs(yaw_deg(time_s, recorded)) <= 180.001
+
+
+@pytest.mark.parametrize(("time_s", "yaw"), [(1.0, 10), (9.0, 20)])
+def test_yaw_is_kept_before_the_first_and_after_the_last_record(time_s: float, yaw: float) -> None:
+    assert yaw_deg(time_s, states([(3, 0, 0, 10), (4, 0, 0, 20)])) == pytest.approx(yaw, abs=1e-4)
+
+
+def test_attitude_is_interpolated() -> None:
+    quat = at(3.5, states([(3, 2, -4, 350), (4, 4, -8, 10)])).get_quaternion()
+    assert quat is not None
+    assert [math.degrees(angle) for angle in quat.to_euler()] == pytest.approx([3, -6, 0], abs=1e-4)
+
+
+def test_there_is_no_attitude_before_the_first_record() -> None:
+    recorded = states([(3, 0, 0, 10)])
+    assert at(2.999, recorded).get_quaternion() is None
+    assert not at(2.999, recorded).dcm_yaw_initialised()
+    assert at(3.0, recorded).dcm_yaw_initialised()
+
+
+def test_position_is_interpolated() -> None:
+    pos = at(5.5, states([(3, 0, 0, 0)], [(5, 1, 2, -3), (6, 2, 4, -6)])).get_relative_position_NED_origin_float()
+    assert pos is not None
+    assert [float(value) for value in pos.to_tuple()] == [1.5, 3.0, -4.5]
+
+
+def test_there_is_no_position_before_the_first() -> None:
+    recorded = states([(3, 0, 0, 0)], [(5, 1, 2, -3)])
+    assert at(4.999, recorded).get_relative_position_NED_origin_float() is None
+
+
+def test_there_is_no_position_in_a_log_without_any() -> None:
+    assert at(9, states([(3, 0, 0, 0)])).get_relative_position_NED_origin_float() is None
+
+
+def test_states_without_an_attitude_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least one ATT"):
+        states([])

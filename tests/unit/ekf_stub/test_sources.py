@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Source sets: which yaw is in use, and when a camera that is not in use is aligned to the AHRS."""
+
+import pytest
+
+from ekf_stub.sources import EkfSources, SourceXY, SourceYaw, SourceZ
+
+# A second set with external navigation for everything.
+SECOND = {"SRC2_POSXY": SourceXY.EXTNAV, "SRC2_POSZ": SourceZ.EXTNAV}
+
+
+def sources(**params: int) -> EkfSources:
+    return EkfSources(lambda name: params.get(name, 0))
+
+
+def test_first_set_is_active_at_first() -> None:
+    assert sources(SRC1_YAW=1, SRC2_YAW=6).yaw() == SourceYaw.COMPASS
+
+
+def test_yaw_is_that_of_the_active_set() -> None:
+    choice = sources(SRC1_YAW=1, SRC2_YAW=6)
+    choice.active_set = 1
+    assert choice.yaw() == SourceYaw.EXTNAV
+
+
+def test_parameters_are_read_as_they_are_now() -> None:
+    params = {"SRC1_YAW": 1}
+    choice = EkfSources(lambda name: params.get(name, 0))
+    params["SRC1_YAW"] = 6
+    assert choice.yaw() == SourceYaw.EXTNAV
+
+
+@pytest.mark.parametrize(("source", "aligned"), [
+    (SourceXY.NONE, False),
+    (SourceXY.GPS, True),
+    (SourceXY.BEACON, True),
+    (SourceXY.OPTFLOW, False),
+    (SourceXY.EXTNAV, False),
+    (SourceXY.WHEEL_ENCODER, False),
+])  # fmt: skip
+def test_horizontal_alignment_by_the_active_position_source(source: SourceXY, aligned: bool) -> None:
+    assert sources(SRC1_POSXY=source, **SECOND).position_alignment()[0] is aligned
+
+
+@pytest.mark.parametrize(("source", "aligned"), [
+    (SourceZ.NONE, False),
+    (SourceZ.BARO, True),
+    (SourceZ.RANGEFINDER, True),
+    (SourceZ.GPS, True),
+    (SourceZ.BEACON, True),
+    (SourceZ.EXTNAV, False),
+])  # fmt: skip
+def test_vertical_alignment_by_the_active_height_source(source: SourceZ, aligned: bool) -> None:
+    assert sources(SRC1_POSZ=source, **SECOND).position_alignment()[1] is aligned
+
+
+def test_nothing_is_aligned_when_no_set_has_external_navigation() -> None:
+    assert sources(SRC1_POSXY=3, SRC1_POSZ=1).position_alignment() == (False, False)
+
+
+@pytest.mark.parametrize("index", [2, 3])
+def test_any_set_with_external_navigation_counts(index: int) -> None:
+    params = {"SRC1_POSXY": 3, "SRC1_POSZ": 1, f"SRC{index}_POSXY": 6, f"SRC{index}_POSZ": 6}
+    assert sources(**params).position_alignment() == (True, True)
+
+
+def test_set_in_use_decides() -> None:
+    choice = sources(SRC1_POSXY=3, SRC1_POSZ=1, **SECOND)
+    choice.active_set = 1
+    assert choice.position_alignment() == (False, False)
+
+
+@pytest.mark.parametrize(("options", "position", "aligned"), [
+    (2, SourceXY.NONE, True),
+    (2, SourceXY.OPTFLOW, True),
+    (0, SourceXY.NONE, False),
+    (1, SourceXY.NONE, False),
+    (3, SourceXY.NONE, True),
+    (2, SourceXY.EXTNAV, False),
+])  # fmt: skip
+def test_flying_by_optical_flow_aligns_when_asked_to(options: int, position: SourceXY, aligned: bool) -> None:
+    params = {"SRC1_POSXY": position, "SRC1_VELXY": SourceXY.OPTFLOW, "SRC_OPTIONS": options, **SECOND}
+    assert sources(**params).position_alignment()[0] is aligned
+
+
+def test_option_for_optical_flow_takes_optical_flow() -> None:
+    assert not sources(SRC1_VELXY=SourceXY.GPS, SRC_OPTIONS=2, **SECOND).position_alignment()[0]

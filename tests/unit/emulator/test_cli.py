@@ -1,0 +1,601 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line: exit codes, one-line errors, outputs, and the examples of the help texts."""
+
+import gzip
+import json
+import re
+import shlex
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pytest
+from typer.testing import CliRunner
+
+from emulator import cli
+from emulator.cli import COMMANDS, make_app
+from emulator.commands import serve as serve_command
+
+if TYPE_CHECKING:
+    from tests.unit.emulator.conftest import Bench
+
+DATA = Path(__file__).parents[2] / "data"
+SHORT = 40
+
+
+class Outcome(NamedTuple):
+    """How a command ended: exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+Viso = Callable[..., Outcome]
+
+
+@pytest.fixture
+def viso(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
+    """Return a function that runs a command line in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*args: str | Path) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["viso", *map(str, args)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return Outcome(int(ended.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    """Return the first messages of a recorded capture."""
+    path = tmp_path / "short.jsonl"
+    with gzip.open(DATA / "captures" / "mav.jsonl.gz", "rt", encoding="utf-8") as file:
+        path.write_text("".join(line for _, line in zip(range(SHORT + 1), file, strict=False)))
+    return path
+
+
+@pytest.fixture
+def vectors(tmp_path: Path) -> Path:
+    """Return three maths calls of the firmware."""
+    path = tmp_path / "vectors.jsonl"
+    path.write_text("".join(first_lines(DATA / "vectors" / "ap_math.jsonl.gz", 3)))
+    return path
+
+
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def first_lines(path: Path, count: int) -> list[str]:
+    with gzip.open(path, "rt", encoding="utf-8") as file:
+        return [line for _, line in zip(range(count), file, strict=False)]
+
+
+def failed_with(outcome: Outcome, line: str) -> bool:
+    """Tell whether a command ended with exit code 2, this one line, and no output."""
+    assert outcome == Outcome(2, "", f"viso: {line}\n")
+    return True
+
+
+# Help
+
+
+@pytest.mark.parametrize("flag", ["--help", "-h"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_a_command_works_and_holds_an_example(viso: Viso, name: str, flag: str) -> None:
+    outcome = viso(name, flag)
+    assert outcome.code == 0
+    assert f"Example: viso {name}" in outcome.out
+
+
+def test_help_lists_the_commands(viso: Viso) -> None:
+    outcome = viso("--help")
+    assert outcome.code == 0
+    assert all(f"  {name} " in outcome.out for name in COMMANDS)
+
+
+def test_nothing_given_is_a_usage_error_with_help(viso: Viso) -> None:
+    outcome = viso()
+    assert outcome.code == 2
+    assert "Commands:" in outcome.out + outcome.err
+
+
+@pytest.mark.parametrize("args", [["nosuch"], ["replay"], ["replay", "--nosuch"], ["demo", "--seed", "x"], ["vectors"]])
+def test_wrong_usage_is_exit_code_2(viso: Viso, args: list[str]) -> None:
+    outcome = viso(*args)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "Error: " in outcome.err
+
+
+def example_of(name: str) -> str:
+    (example,) = re.findall(r"Example: (viso .*)", COMMANDS[name].__doc__ or "")
+    return str(example)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_example_of_the_help_works(
+    viso: Viso, name: str, tmp_path: Path, free_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "data").symlink_to(DATA)
+    # Not the ports that a vehicle on this machine may use.
+    monkeypatch.setattr(
+        serve_command, "DEFAULT_LINKS", (f"tcpin:127.0.0.1:{free_port}", f"udpout:127.0.0.1:{free_port}")
+    )
+    program, *args = shlex.split(example_of(name))
+    outcome = viso(*args)
+    assert (program, outcome.code) == ("viso", 0)
+    assert outcome.out
+
+
+# Parameter files and files that cannot be read
+
+
+@pytest.mark.parametrize("command", ["replay", "serve"])
+@pytest.mark.parametrize(("text", "complaint"), [
+    ("VISO_TYPE 1\nVISO_TPYE 1\n", ":2: unknown parameter: 'VISO_TPYE' (--allow-unknown passes over it)"),
+    ("VISO_TYPE one\n", ":1: "),
+])  # fmt: skip
+def test_bad_parameter_file_is_one_line(
+    viso: Viso, capture: Path, tmp_path: Path, command: str, text: str, complaint: str
+) -> None:
+    parm = tmp_path / "bad.parm"
+    parm.write_text(text)
+    stream = [capture] if command == "replay" else []
+    outcome = viso(command, *stream, "--defaults", parm)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith(f"viso: {parm}{complaint}")
+    assert outcome.err.count("\n") == 1
+
+
+def test_bad_number_in_a_parameter_file_is_shown(viso: Viso, capture: Path, tmp_path: Path) -> None:
+    parm = tmp_path / "bad.parm"
+    parm.write_text("VISO_TYPE one\n")
+    assert "one" in viso("replay", capture, "--defaults", parm).err
+
+
+def test_unknown_parameters_of_a_file_may_be_allowed(viso: Viso, capture: Path, tmp_path: Path) -> None:
+    parm = tmp_path / "other.parm"
+    parm.write_text("RC1_MIN 1100\nVISO_TYPE 1\n")
+    assert viso("replay", capture, "--defaults", parm, "--allow-unknown").code == 0
+
+
+def test_unknown_parameter_on_the_command_line_is_one_line(viso: Viso, capture: Path) -> None:
+    outcome = viso("replay", capture, "--param", "VISO_TPYE=1")
+    assert failed_with(outcome, "--param 'VISO_TPYE=1': unknown parameter VISO_TPYE")
+
+
+@pytest.mark.parametrize("args", [
+    ["replay", "none.jsonl"],
+    ["replay", "none.tlog"],
+    ["vectors", "none.jsonl"],
+    ["vectors", "none.jsonl", "--check"],
+    ["replay", "{capture}", "--ahrs", "none.BIN"],
+    ["replay", "{capture}", "--defaults", "none.parm"],
+    ["serve", "--defaults", "none.parm"],
+])  # fmt: skip
+def test_missing_file_is_one_line(viso: Viso, capture: Path, args: list[str]) -> None:
+    outcome = viso(*(arg.format(capture=capture) for arg in args))
+    assert (outcome.code, outcome.out) == (2, "")
+    assert re.fullmatch(r"viso: none\.\w+: .*No such file or directory\n", outcome.err, re.IGNORECASE)
+
+
+# replay
+
+
+def test_broken_line_of_a_capture_is_named(viso: Viso, capture: Path) -> None:
+    with capture.open("a") as file:
+        file.write("{broken\n")
+    line = f"{capture}:{SHORT + 2}: not JSON: Expecting property name enclosed in double quotes in column 2"
+    assert failed_with(viso("replay", capture), line)
+
+
+def test_unknown_kind_of_stream_is_one_line(viso: Viso) -> None:
+    line = "flight.BIN: neither a capture (.jsonl, .jsonl.gz) nor a telemetry log (.tlog)"
+    assert failed_with(viso("replay", "flight.BIN"), line)
+
+
+def test_replay_prints_texts_and_counts(viso: Viso, capture: Path) -> None:
+    outcome = viso("replay", capture)
+    assert outcome.code == 0
+    assert "2.455 s  (6) ArduPilot Ready" in outcome.out
+    assert "VISION_POSITION_ESTIMATE" in outcome.out
+    assert "handed to the EKF" in outcome.out
+
+
+def test_replay_notes_parameters_without_effect(viso: Viso, capture: Path) -> None:
+    assert viso("replay", capture).err == "note: parameters of the recording without effect here: SIM_GPS1_ENABLE\n"
+
+
+def test_replay_for_machines(viso: Viso, capture: Path) -> None:
+    outcome = json.loads(viso("replay", capture, "--json").out)
+    assert outcome["stream"] == "mav"
+    assert sum(row["count"] for row in outcome["verdicts"]) == SHORT
+    assert outcome["texts"][0] == {"time_us": 2_455_000, "severity": 6, "text": "ArduPilot Ready"}
+
+
+@pytest.mark.parametrize("name", ["out.jsonl", "out.jsonl.gz"])
+def test_replay_writes_a_line_a_message(viso: Viso, capture: Path, name: str) -> None:
+    assert viso("replay", capture, "--records", name).code == 0
+    data = Path(name).read_bytes()
+    lines = [json.loads(line) for line in (gzip.decompress(data) if name.endswith("gz") else data).splitlines()]
+    assert len(lines) == SHORT
+    assert set(lines[0]) == {"arrival_us", "type", "out", "verdict"}
+
+
+def test_replay_writes_the_log(viso: Viso, capture: Path) -> None:
+    assert viso("replay", capture, "--log", "out.BIN").code == 0
+    assert Path("out.BIN").read_bytes().startswith(bytes.fromhex("a3 95 80 80 59 46 4d 54 00"))
+
+
+def test_replay_twice_writes_the_same_bytes(viso: Viso, capture: Path) -> None:
+    for name in ("first.BIN", "second.BIN"):
+        viso("replay", capture, "--log", name, "--records", f"{name}.jsonl")
+    assert Path("first.BIN").read_bytes() == Path("second.BIN").read_bytes()
+    assert Path("first.BIN.jsonl").read_bytes() == Path("second.BIN.jsonl").read_bytes()
+
+
+def test_parameter_on_the_command_line_wins_over_the_recording(viso: Viso, capture: Path) -> None:
+    outcome = json.loads(viso("replay", capture, "--param", "VISO_TYPE=0", "--json").out)
+    assert {row["rule"] for row in outcome["verdicts"]} >= {"viso_disabled"}
+
+
+def first_speed_record(viso: Viso, capture: Path, *args: str) -> list[Any]:
+    assert viso("replay", capture, "--records", "out.jsonl", *args).code == 0
+    records = (out for line in Path("out.jsonl").read_text().splitlines() for out in json.loads(line)["out"])
+    return next(out for out in records if out[0] == "VISV")
+
+
+def test_transport_time_may_be_switched_off(viso: Viso, capture: Path) -> None:
+    modelled, without = (first_speed_record(viso, capture, *args)[3] for args in ([], ["--baud", "0"]))
+    assert without - modelled >= 5
+
+
+@pytest.mark.parametrize("heading_deg", [45, 90])
+def test_heading_counts_without_a_log_of_attitudes(viso: Viso, heading_deg: int) -> None:
+    outcome = viso("replay", DATA / "captures" / "prearm.jsonl.gz", "--heading", str(heading_deg), "--json")
+    texts = [row["text"] for row in json.loads(outcome.out)["texts"]]
+    (aligned,) = (text for text in texts if text.startswith("VisOdom: yaw shifted"))
+    assert float(aligned.split()[-2]) == pytest.approx(heading_deg, abs=1)
+
+
+def test_telemetry_log_is_replayed(viso: Viso, tmp_path: Path, capture: Path) -> None:
+    frames = [json.loads(line)["msg"] for line in capture.read_text().splitlines()[1:]]
+    entries = [(10**6 * number).to_bytes(8, "big") + bytes.fromhex(frame) for number, frame in enumerate(frames)]
+    (tmp_path / "flight.tlog").write_bytes(b"".join(entries) + entries[0][:9])
+    outcome = viso("replay", "flight.tlog", "--param", "VISO_TYPE=1", "--lead", "5", "--json")
+    assert outcome.code == 0
+    assert outcome.err == "note: flight.tlog: the last entry is cut short\n"
+    assert json.loads(outcome.out)["stream"] == "flight"
+
+
+@pytest.mark.parametrize(("args", "line"), [
+    (["--lead", "-1"], "--lead -1.0: not a time in seconds"),
+    (["--lead", "nan"], "--lead nan: not a time in seconds"),
+    (["--baud", "-5"], "--baud -5: not a rate"),
+    (["--log", "none/out.BIN"], "none/out.BIN: No such file or directory"),
+    (["--records", "none/out.jsonl"], "none/out.jsonl: No such file or directory"),
+    (["--log", "/dev/full"], "/dev/full: No space left on device"),
+    (["--records", "/dev/full"], "/dev/full: No space left on device"),
+])  # fmt: skip
+def test_option_that_cannot_be_used_is_one_line(viso: Viso, capture: Path, args: list[str], line: str) -> None:
+    assert failed_with(viso("replay", capture, *args), line)
+
+
+def test_log_that_is_there_survives_an_error(viso: Viso, capture: Path) -> None:
+    Path("out.BIN").write_bytes(b"precious")
+    assert viso("replay", capture, "--ahrs", "none.BIN", "--log", "out.BIN").code == 2
+    assert Path("out.BIN").read_bytes() == b"precious"
+
+
+# vectors
+
+
+def test_vectors_that_agree_are_exit_code_0(viso: Viso, vectors: Path) -> None:
+    assert viso("vectors", vectors, "--check") == Outcome(0, f"{vectors}: 0 differences in 3 outputs\n", "")
+
+
+def test_vectors_that_differ_are_exit_code_1(viso: Viso, vectors: Path) -> None:
+    vectors.write_text(vectors.read_text().replace("3f800000", "3f800001", 1))
+    outcome = viso("vectors", vectors, "--check")
+    assert outcome.code == 1
+    assert outcome.out == f"{vectors}: 1 differences in 3 outputs\n"
+    assert outcome.err == f"{vectors}:1: 1 of 1 outputs differ\n"
+
+
+def test_at_most_five_differences_are_shown(viso: Viso, vectors: Path) -> None:
+    vectors.write_text('["wrap_360", ["3f800000"], ["00000000"]]\n' * 9)
+    outcome = viso("vectors", vectors, "--check")
+    assert outcome.err.count("\n") == 5
+    assert "9 differences in 9 outputs" in outcome.out
+
+
+def test_every_file_is_checked_after_one_that_differs(viso: Viso, vectors: Path) -> None:
+    bad = vectors.with_name("bad.jsonl")
+    bad.write_text('["wrap_360", ["3f800000"], ["00000000"]]\n')
+    outcome = viso("vectors", bad, vectors, "--check")
+    assert outcome.code == 1
+    assert outcome.out.splitlines()[-1] == f"{vectors}: 0 differences in 3 outputs"
+
+
+def test_vectors_are_recomputed_without_looking_at_the_outputs(viso: Viso, vectors: Path) -> None:
+    expected = [json.loads(line) for line in vectors.read_text().splitlines()]
+    vectors.write_text("".join(json.dumps(line[:2]) + "\n" for line in expected))
+    outcome = viso("vectors", vectors)
+    assert outcome.code == 0
+    assert [json.loads(line) for line in outcome.out.splitlines()] == expected
+
+
+@pytest.mark.parametrize("name", ["out.jsonl", "out.jsonl.gz"])
+def test_vectors_are_written_to_a_file(viso: Viso, vectors: Path, name: str) -> None:
+    expected = [json.loads(line) for line in vectors.read_text().splitlines()]
+    assert viso("vectors", vectors, "-o", name) == Outcome(0, "", "")
+    data = Path(name).read_bytes()
+    text = gzip.decompress(data) if name.endswith("gz") else data
+    assert [json.loads(line) for line in text.splitlines()] == expected
+
+
+def test_several_files_are_written_one_after_the_other(viso: Viso, vectors: Path) -> None:
+    assert len(viso("vectors", vectors, vectors).out.splitlines()) == 6
+
+
+def test_checking_and_writing_exclude_each_other(viso: Viso, vectors: Path) -> None:
+    line = "--check writes nothing: leave out --output"
+    assert failed_with(viso("vectors", vectors, "--check", "-o", "out.jsonl"), line)
+
+
+@pytest.mark.parametrize("args", [[], ["--check"]])
+@pytest.mark.parametrize(
+    ("text", "complaint"), [("{", ":4: not JSON"), ('["cosh", []]', ":4: unknown function 'cosh'")]
+)
+def test_broken_line_of_vectors_is_named(viso: Viso, vectors: Path, text: str, complaint: str, args: list[str]) -> None:
+    with vectors.open("a") as file:
+        file.write(text + "\n")
+    outcome = viso("vectors", vectors, *args)
+    assert outcome.code == 2
+    assert outcome.err.startswith(f"viso: {vectors}{complaint}")
+    assert outcome.err.count("\n") == 1
+
+
+def test_line_without_a_result_cannot_be_checked(viso: Viso, vectors: Path) -> None:
+    vectors.write_text('{"samples": [[1, 2]], "max_lag_ms": 500, "convergence_loops": 100}\n')
+    assert viso("vectors", vectors, "--check").code == 1
+
+
+# demo
+
+
+@pytest.fixture
+def short_demo(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut the demonstration short, where its course does not matter."""
+    monkeypatch.setattr("emulator.demo.END_S", 6.0)
+
+
+def test_demo_writes_log_and_plot(viso: Viso) -> None:
+    outcome = viso("demo", "--log-dir", "here")
+    assert outcome.code == 0
+    assert "PreArm: VisOdom: not healthy" in outcome.out
+    assert outcome.out.splitlines()[-2:] == ["log:  here/00000001.BIN", "plot: here/00000001.png"]
+    assert {path.name for path in Path("here").iterdir()} == {"00000001.BIN", "00000001.png", "LASTLOG.TXT"}
+
+
+@pytest.mark.usefixtures("short_demo")
+def test_demo_without_matplotlib_says_what_to_install(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "emulator.demo_plot", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    outcome = viso("demo", "--json")
+    assert outcome.code == 0
+    assert outcome.err == "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'\n"
+    assert json.loads(outcome.out)["plot"] is None
+
+
+@pytest.mark.usefixtures("short_demo")
+def test_other_missing_module_is_not_taken_for_matplotlib(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "emulator.demo_plot", raising=False)
+    monkeypatch.setitem(sys.modules, "companion.trajectory", None)
+    with pytest.raises(ModuleNotFoundError, match=r"companion\.trajectory"):
+        viso("demo")
+
+
+def test_demo_for_machines(viso: Viso) -> None:
+    outcome = json.loads(viso("demo", "--no-plot", "--json").out)
+    assert (outcome["log"], outcome["plot"]) == ("logs/00000001.BIN", None)
+    assert {"VisOdom", "PreArm"} <= {text["text"].split(":")[0] for text in outcome["texts"]}
+    assert {row["rule"] for row in outcome["verdicts"]} == {
+        *("handled", "consumed", "quality_below_min", "reset_settling"),
+    }
+
+
+@pytest.mark.usefixtures("short_demo")
+def test_demo_with_the_same_seed_writes_the_same_bytes(viso: Viso) -> None:
+    for _ in range(2):
+        viso("demo", "--no-plot", "--seed", "7")
+    assert Path("logs/00000001.BIN").read_bytes() == Path("logs/00000002.BIN").read_bytes()
+
+
+def test_demo_in_a_place_that_cannot_be_written_to_is_one_line(viso: Viso) -> None:
+    Path("logs").touch()
+    assert failed_with(viso("demo"), "logs: File exists")
+
+
+@pytest.mark.usefixtures("short_demo")
+def test_plot_that_cannot_be_written_is_one_line(viso: Viso) -> None:
+    Path("logs/00000001.png").mkdir(parents=True)
+    assert failed_with(viso("demo"), "logs/00000001.png: Is a directory")
+
+
+@pytest.mark.usefixtures("short_demo")
+def test_log_of_the_demo_that_cannot_be_written_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_descriptor: int, _data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("emulator.log_files.os.write", refuse)
+    monkeypatch.setattr("emulator.log_files.LogStore._replace_lastlog", lambda *_args: None)
+    assert failed_with(viso("demo"), "logs/00000001.BIN: No space left on device")
+
+
+# serve
+
+
+def serve_args(port: int, *args: str) -> list[str]:
+    return ["serve", "--master", f"udpin:127.0.0.1:{port}", "--duration", "0.02", *args]
+
+
+def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: int) -> None:
+    outcome = viso(*serve_args(free_port))
+    assert outcome.code == 0
+    banner = f"ArduCopter V4.7.0-dev (2b361bde) on udpin:127.0.0.1:{free_port}; logs in logs; Ctrl-C ends"
+    assert outcome.out.splitlines()[0] == banner
+    assert "What became of each message" in outcome.out
+    assert Path("logs/00000001.BIN").stat().st_size > 0
+
+
+def test_serve_for_machines_prints_nothing_else(viso: Viso, free_port: int) -> None:
+    outcome = viso(*serve_args(free_port, "--json", "--speedup", "1000", "--duration", "5"))
+    assert json.loads(outcome.out) == {"verdicts": []}
+    assert "ArduPilot Ready" in outcome.err
+
+
+def test_serve_runs_faster_when_told_to(viso: Viso, free_port: int) -> None:
+    outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
+    assert "(6) ArduPilot Ready" in outcome.out
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    """Yield a TCP port that somebody listens on."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_port_in_use_is_one_line(viso: Viso, taken_port: int) -> None:
+    name = f"tcpin:127.0.0.1:{taken_port}"
+    assert failed_with(viso("serve", "--master", name), f"cannot open {name}: address already in use")
+
+
+def test_udp_port_in_use_is_one_line(viso: Viso) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        name = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
+        assert failed_with(viso("serve", "--master", name), f"cannot open {name}: address already in use")
+
+
+@pytest.mark.parametrize(("args", "line"), [
+    (["--speedup", "0"], "--speedup 0.0: not between 0 and 1000"),
+    (["--speedup", "nan"], "--speedup nan: not between 0 and 1000"),
+    (["--baud", "0"], "--baud 0: not a rate"),
+    (["--duration", "-1"], "--duration -1.0: not a time in seconds"),
+    (["--duration", "nan"], "--duration nan: not a time in seconds"),
+    (["--master", "udpin:0"] * 9, "--master: the autopilot has parameters for 8 links, not 9"),
+    (["--log-dir", "/dev/null/logs"], "--log-dir /dev/null/logs: Not a directory"),
+])  # fmt: skip
+def test_option_of_serve_that_cannot_be_used_is_one_line(viso: Viso, args: list[str], line: str) -> None:
+    assert failed_with(viso("serve", *args), line)
+
+
+def test_bad_link_is_one_line(viso: Viso) -> None:
+    outcome = viso("serve", "--master", "carrier-pigeon:5760")
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert outcome.err.startswith("viso: bad connection string 'carrier-pigeon:5760'")
+
+
+def test_log_that_cannot_be_written_is_told_at_the_end(
+    viso: Viso, free_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_descriptor: int, _data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("emulator.log_files.os.write", refuse)
+    monkeypatch.setattr("emulator.log_files.LogStore._replace_lastlog", lambda *_args: None)
+    outcome = viso(*serve_args(free_port))
+    assert outcome.code == 0
+    assert outcome.err == "log: log cannot be written\n"
+
+
+def test_first_verdict_of_each_kind_is_told(
+    make_bench: Callable[..., "Bench"], capsys: pytest.CaptureFixture[str]
+) -> None:
+    from emulator.console import out
+
+    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
+    serve_command._Reporter(bench.vehicle, out)
+    bench.see(0.2)
+    bench.see(0.2, quality=5)
+    assert capsys.readouterr().out == "    4.200 s  first ODOMETRY ignored: quality is below VISO_QUAL_MIN\n"
+
+
+# Standard output
+
+
+def viso_process(*args: str | Path, **options: Any) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-c", "from emulator.cli import main; main()", *map(str, args)]
+    return subprocess.run(command, timeout=60, check=False, stderr=subprocess.PIPE, **options)
+
+
+@pytest.mark.parametrize("command", ["vectors", "replay"])
+def test_reader_that_leaves_is_no_error(command: str, vectors: Path, capture: Path) -> None:
+    file = vectors if command == "vectors" else capture
+    reader, writer = socket.socketpair()
+    with writer:
+        reader.close()
+        result = viso_process(command, file, stdout=writer)
+    assert result.returncode == 0
+    assert b"Traceback" not in result.stderr
+
+
+def test_full_disk_behind_standard_output_is_one_line(vectors: Path) -> None:
+    with open("/dev/full", "wb") as full:
+        result = viso_process("vectors", vectors, stdout=full)
+    assert (result.returncode, result.stderr) == (2, b"viso: No space left on device\n")
+
+
+def test_what_is_left_of_the_output_goes_nowhere_when_its_reader_leaves(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def write() -> None:
+        print("the beginning", flush=True)
+        raise BrokenPipeError
+
+    redirected: list[int] = []
+    monkeypatch.setitem(COMMANDS, "write", write)
+    monkeypatch.setattr("emulator.cli.os.dup2", lambda _source, target: redirected.append(target))
+    monkeypatch.setattr(sys, "argv", ["viso", "write"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    assert redirected == [sys.stdout.fileno()]
+    assert capfd.readouterr() == ("the beginning\n", "")
+
+
+def test_error_of_the_system_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write() -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(COMMANDS, "write", write)
+    assert failed_with(viso("write"), "No space left on device")
+
+
+# The application
+
+
+def test_commands_run_through_the_application_as_well(vectors: Path) -> None:
+    result = CliRunner().invoke(make_app(), ["vectors", str(vectors), "--check"])
+    assert (result.exit_code, result.stdout) == (0, f"{vectors}: 0 differences in 3 outputs\n")
+
+
+def test_application_raises_errors_of_input() -> None:
+    result = CliRunner().invoke(make_app(), ["replay", "none.jsonl"])
+    assert type(result.exception).__name__ == "InputError"

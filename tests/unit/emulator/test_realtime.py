@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pacer follows a clock: here one that moves only when the pacer waits, so nothing sleeps."""
+
+from collections.abc import Callable, Iterable
+
+import pytest
+
+from emulator import realtime
+from emulator.realtime import AttachedLink, Pacer
+from emulator.vehicle import Vehicle, VehicleConfig
+from mav_handlers.links.base import Link
+from mav_handlers.links.pair import PairLink, make_pair
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import HEARTBEAT, Message
+
+
+class WallClock:
+    """A wall clock in seconds; ``waits`` lists how long the pacer waited, ``early_s`` lets it wake up early."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+        self.waits: list[float] = []
+        self.early_s = 0.0
+        self.on_wait: Callable[[], None] = lambda: None
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def wait(self, links: Iterable[Link], timeout_s: float) -> list[Link]:
+        self.waits.append(timeout_s)
+        self.now_s += max(timeout_s - self.early_s, 1e-6)
+        self.on_wait()
+        return []
+
+
+class Rig:
+    """A vehicle with two links in step with a wall clock; ``loops`` holds the time of every pass."""
+
+    def __init__(self, clock: WallClock, monkeypatch: pytest.MonkeyPatch, speedup: float) -> None:
+        self.clock = clock
+        self.vehicle = Vehicle(VehicleConfig(links=2))
+        self.loops: list[int] = []
+        loop = self.vehicle.loop
+
+        def noted(now_us: int) -> None:
+            self.loops.append(now_us)
+            loop(now_us)
+
+        monkeypatch.setattr(self.vehicle, "loop", noted)
+        ends = [make_pair((f"vehicle{number}", f"client{number}")) for number in (1, 2)]
+        self.clients = [client for _, client in ends]
+        links = [AttachedLink(end, self.vehicle.endpoint.open_channel(end.name)) for end, _ in ends]
+        self.pacer = Pacer(self.vehicle, links, speedup=speedup, now_s=clock)
+
+    def run_to(self, time_us: int) -> None:
+        self.pacer.run(lambda: False, until_us=time_us)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> WallClock:
+    clock = WallClock()
+    monkeypatch.setattr(realtime, "wait_readable", clock.wait)
+    return clock
+
+
+@pytest.fixture
+def make(clock: WallClock, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Rig]:
+    return lambda speedup=1.0: Rig(clock, monkeypatch, speedup)
+
+
+def messages(client: PairLink) -> list[Message]:
+    codec = Codec(255, 190)
+    codec.feed(client.receive())
+    found = []
+    while (received := codec.next_received()) is not None:
+        if isinstance(received, Received) and received.message is not None:
+            found.append(received.message)
+    return found
+
+
+def test_loop_runs_400_times_a_second(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(1_000_000)
+    assert 399 <= len(rig.loops) <= 401
+    assert rig.loops == pytest.approx(range(0, len(rig.loops) * 2500, 2500), abs=2)
+
+
+def test_pacer_waits_between_passes(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(10_000)
+    assert sum(rig.clock.waits) == pytest.approx(0.01, abs=1e-5)
+
+
+def test_speedup_makes_the_vehicle_faster(make: Callable[..., Rig]) -> None:
+    rig = make(10.0)
+    rig.run_to(1_000_000)
+    assert rig.clock.now_s == pytest.approx(1000.1, abs=1e-3)
+    assert 390 <= len(rig.loops) <= 401
+
+
+def test_late_pass_is_not_made_up_for(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(5000)
+    rig.clock.now_s += 1.0
+    rig.loops.clear()
+    rig.pacer.step()
+    rig.pacer.step()
+    assert rig.loops[0] == pytest.approx(1_005_000, abs=2600)
+    assert len(rig.loops) == 2
+    rig.pacer.step()
+    assert rig.loops[2] - rig.loops[0] >= 2500
+
+
+def test_passes_keep_their_rate_when_a_few_come_late(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.clock.on_wait = lambda: setattr(rig.clock, "now_s", rig.clock.now_s + 0.0005)
+    rig.run_to(1_000_000)
+    assert 398 <= len(rig.loops) <= 401
+
+
+def test_waking_up_for_bytes_makes_no_pass(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(2500)
+    before = len(rig.loops)
+    rig.clock.early_s = 0.002
+    rig.pacer.step()
+    assert len(rig.loops) == before
+
+
+def test_bytes_are_handled_when_they_come(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = make()
+    rig.run_to(2500)
+    times: list[int] = []
+    rig.vehicle.endpoint.on_event = lambda event: times.append(event.now_us)
+    rig.clock.early_s = 0.001
+    rig.clients[0].send(Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3)))
+    rig.pacer.step()
+    assert len(times) == 1
+    assert times[0] == pytest.approx(4000, abs=5)
+
+
+def test_each_link_feeds_its_channel(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.clients[1].send(Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3)))
+    rig.pacer.step()
+    assert [channel.frames_received for channel in rig.vehicle.endpoint.channels] == [0, 1]
+
+
+def test_all_waiting_bytes_are_read_at_once(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(realtime, "MAX_READ_BYTES", 10)
+    rig = make()
+    rig.clients[0].send(Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3)))
+    rig.pacer.step()
+    assert rig.vehicle.endpoint.channels[0].frames_received == 1
+
+
+def test_output_goes_to_every_link(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(2_100_000)
+    beats = [[message for message in messages(client) if isinstance(message, HEARTBEAT)] for client in rig.clients]
+    assert [len(found) for found in beats] == [3, 3]
+
+
+def test_run_stops_when_told_to(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.pacer.run(lambda: len(rig.loops) == 3)
+    assert len(rig.loops) == 3
+
+
+def test_run_ends_at_its_time(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(100_000)
+    assert rig.vehicle.clock.micros64() == pytest.approx(100_000, abs=2600)

@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Attitude and position are taken from a log: of one core, and only positions that were valid."""
+
+import gc
+import lzma
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from ap_core.dataflash import DataFlashWriter
+from ap_core.log_field import LogValue
+from ap_core.log_structure import ATT, COMMON_STRUCTURES
+from emulator.errors import InputError
+from emulator.recorded_log import read_recorded_states
+
+FIRMWARE_LOG = Path(__file__).parents[2] / "data" / "logs" / "t265.BIN.xz"
+
+XKF1 = ("XKF1", "TimeUS,C,PN,PE,PD", "QBfff")
+XKF4 = ("XKF4", "TimeUS,C,SS", "QBI")
+HAS_POSITION = 1 << 3 | 1 << 5
+HAS_ABSOLUTE_POSITION = 1 << 4 | 1 << 5
+
+Record = tuple[str, Sequence[LogValue]]
+
+
+def att(time_us: int, roll: float, pitch: float, yaw: float) -> Record:
+    return "ATT", (time_us, 0.0, roll, 0.0, pitch, 0.0, yaw, 3)
+
+
+def log_bytes(*records: Record) -> bytes:
+    writer = DataFlashWriter(COMMON_STRUCTURES)
+    types = {"ATT": ATT} | {definition[0]: writer.define(*definition) for definition in (XKF1, XKF4)}
+    start_up = b"".join(writer.start_up([], time_us=0))
+    return start_up + b"".join(writer.record(types[name], values) for name, values in records)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "recorded.BIN"
+
+
+def error_of(path: Path) -> str:
+    with pytest.raises(InputError) as raised:
+        read_recorded_states(path)
+    assert "\n" not in str(raised.value)
+    return str(raised.value)
+
+
+def test_attitudes_are_read(path: Path) -> None:
+    path.write_bytes(log_bytes(att(1000, 1, -2, 350), att(2000, 3, -4, 10)))
+    states = read_recorded_states(path)
+    assert states.att_time_us.tolist() == [1000, 2000]
+    assert states.att_rpy_deg.tolist() == [[1, -2, 350], [3, -4, 10]]
+
+
+def test_log_may_hold_no_position(path: Path) -> None:
+    path.write_bytes(log_bytes(att(1000, 0, 0, 0)))
+    states = read_recorded_states(path)
+    assert (states.pos_time_us.shape, states.pos_ned.shape) == ((0,), (0, 3))
+
+
+@pytest.mark.parametrize(("status", "read"), [
+    (HAS_POSITION, True),
+    (HAS_ABSOLUTE_POSITION, True),
+    (1 << 3, False),
+    (1 << 5, False),
+    (0, False),
+])  # fmt: skip
+def test_position_counts_when_the_status_says_so(path: Path, status: int, read: bool) -> None:
+    path.write_bytes(log_bytes(att(1, 0, 0, 0), ("XKF4", (1000, 0, status)), ("XKF1", (1000, 0, 1, 2, -3))))
+    assert read_recorded_states(path).pos_ned.tolist() == ([[1, 2, -3]] if read else [])
+
+
+def test_only_the_first_core_counts(path: Path) -> None:
+    records: list[Record] = [
+        att(1, 0, 0, 0),
+        ("XKF4", (1000, 0, HAS_POSITION)),
+        ("XKF1", (1000, 0, 1, 2, -3)),
+        ("XKF4", (1000, 1, 0)),
+        ("XKF1", (1000, 1, 9, 9, 9)),
+        ("XKF1", (1100, 0, 4, 5, -6)),
+    ]
+    path.write_bytes(log_bytes(*records))
+    states = read_recorded_states(path)
+    assert states.pos_time_us.tolist() == [1000, 1100]
+    assert states.pos_ned.tolist() == [[1, 2, -3], [4, 5, -6]]
+
+
+def test_packed_log_is_read(path: Path) -> None:
+    packed = path.with_suffix(".BIN.xz")
+    packed.write_bytes(lzma.compress(log_bytes(att(1000, 1, 2, 3))))
+    assert read_recorded_states(packed).att_rpy_deg.tolist() == [[1, 2, 3]]
+
+
+def test_log_of_the_firmware_is_read() -> None:
+    states = read_recorded_states(FIRMWARE_LOG)
+    assert len(states.att_time_us) > 300
+    assert states.att_time_us[0] == pytest.approx(2.55e6, abs=1e4)
+    assert len(states.pos_time_us) > 300
+
+
+def test_log_that_is_cut_short_is_read_to_its_end(path: Path) -> None:
+    path.write_bytes(log_bytes(att(1000, 0, 0, 1), att(2000, 0, 0, 2))[:-5])
+    assert read_recorded_states(path).att_time_us.tolist() == [1000]
+
+
+def test_log_without_attitudes_is_refused(path: Path) -> None:
+    path.write_bytes(log_bytes())
+    assert error_of(path) == f"{path}: holds no ATT records to take the attitude from"
+
+
+def test_missing_log_is_an_error(path: Path) -> None:
+    assert error_of(path) == f"{path}: No such file or directory"
+
+
+def test_missing_packed_log_is_an_error(path: Path) -> None:
+    packed = path.with_suffix(".xz")
+    assert error_of(packed) == f"{packed}: No such file or directory"
+
+
+@pytest.mark.parametrize("data", [b"not xz", lzma.compress(b"x" * 1000)[:-20]])
+def test_damaged_packed_log_is_an_error(path: Path, data: bytes) -> None:
+    packed = path.with_suffix(".xz")
+    packed.write_bytes(data)
+    assert error_of(packed).startswith(f"{packed}: damaged xz file: ")
+
+
+@pytest.mark.parametrize("data", [b"", b"text\n" * 100, bytes(1000), bytes(range(256)) * 8])
+def test_file_that_is_no_log_is_refused(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    assert error_of(path) == f"{path}: not a DataFlash log"
+
+
+def test_log_that_cannot_be_understood_is_refused(path: Path) -> None:
+    path.write_bytes(bytes.fromhex("a3 95 80 80") + b"\xff" * 300)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pymavlink leaves the file open when it fails
+        error = error_of(path)
+        gc.collect()
+    assert error.startswith(f"{path}: not a DataFlash log: ")
+
+
+def test_damage_is_passed_over_without_a_word_on_standard_output(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + b"damage" + log_bytes(att(2000, 0, 0, 2)))
+    assert read_recorded_states(path).att_time_us.tolist() == [1000, 2000]
+    assert capfd.readouterr().out == ""

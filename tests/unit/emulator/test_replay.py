@@ -1,0 +1,190 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Feeding a stream: which messages were waiting together, when they come, and what is told of each."""
+
+import itertools
+import struct
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ap_core.verdict import Outcome
+from emulator.replay import Replay, ReplayedMessage, batches, makes_record
+from emulator.streams import Stream, StreamMessage
+from emulator.vehicle import Vehicle, VehicleConfig
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, VISION_SPEED_ESTIMATE, Message
+
+
+def frame(message: Message) -> bytes:
+    return Codec(1, 197).encode(message)
+
+
+def speed(usec: int = 0) -> Message:
+    return VISION_SPEED_ESTIMATE(usec, 1.0, 2.0, 3.0, (0.0,) * 9, 0)
+
+
+def pose(frame_id: int = 20) -> Message:
+    nothing = (0.0,) * 21
+    return ODOMETRY(0, frame_id, 12, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, 0, 0, 0, nothing, nothing, 0, 3, 50)
+
+
+SAMPLE = frame(speed())
+SILENT = frame(HEARTBEAT(18, 8, 0, 0, 4, 3))
+
+
+def stream(*messages: tuple[int | None, bytes], shared: bool = True, **params: float) -> Stream:
+    made = tuple(StreamMessage(arrival_us, data) for arrival_us, data in messages)
+    return Stream("test", made, {"VISO_TYPE": 1, **params}, shared_arrival=shared)
+
+
+def sizes(recorded: Stream) -> list[int]:
+    return [len(batch) for batch in batches(recorded)]
+
+
+def run(recorded: Stream, baud: int | None = None) -> list[ReplayedMessage]:
+    return list(Replay(Vehicle(VehicleConfig(defaults=recorded.params)), recorded, baud).run())
+
+
+def field(message: ReplayedMessage, index: int) -> Any:
+    return message.records[0][1][index]
+
+
+# Which messages make a record
+
+
+@pytest.mark.parametrize(("data", "expected"), [
+    (SAMPLE, True),
+    (SILENT, False),
+    (frame(pose()), True),
+    (frame(pose(frame_id=1)), False),
+    (b"noise", False),
+    (b"", False),
+    (SAMPLE[:-1] + bytes([SAMPLE[-1] ^ 1]), False),
+])  # fmt: skip
+def test_external_navigation_makes_records(data: bytes, expected: bool) -> None:
+    assert makes_record(data) is expected
+
+
+# Which messages were waiting together
+
+
+def test_messages_of_one_time_were_waiting_together() -> None:
+    assert sizes(stream((1, SAMPLE), (1, SAMPLE), (2, SAMPLE), (3, SAMPLE), (3, SAMPLE))) == [2, 1, 2]
+
+
+def test_message_without_a_record_in_between_was_waiting_too() -> None:
+    assert sizes(stream((1, SAMPLE), (1, SILENT), (1, SAMPLE))) == [3]
+
+
+def test_messages_without_a_record_at_the_end_are_fed_alone() -> None:
+    assert sizes(stream((1, SAMPLE), (1, SILENT), (1, SILENT), (2, SAMPLE))) == [1, 1, 1, 1]
+
+
+def test_messages_before_any_time_is_known_are_fed_alone() -> None:
+    assert sizes(stream((None, SILENT), (None, SILENT), (5, SAMPLE))) == [1, 1, 1]
+
+
+def test_messages_of_a_telemetry_log_are_fed_alone() -> None:
+    assert sizes(stream((1, SAMPLE), (1, SAMPLE), shared=False)) == [1, 1]
+
+
+def test_empty_stream_has_no_batches() -> None:
+    assert sizes(stream()) == []
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from([SAMPLE, SILENT]))), st.booleans())
+def test_batches_hold_every_message_once_in_order(rows: list[tuple[int, bytes]], shared: bool) -> None:
+    recorded = stream(*sorted(rows, key=lambda row: row[0]), shared=shared)
+    assert tuple(itertools.chain.from_iterable(batches(recorded))) == recorded.messages
+
+
+# Feeding
+
+
+def test_messages_come_at_their_times() -> None:
+    messages = run(stream((3_000_000, SAMPLE), (3_033_333, SAMPLE)))
+    assert [message.arrival_us for message in messages] == [3_000_000, 3_033_333]
+    assert [field(message, 0) for message in messages] == [3_000_000, 3_033_333]
+
+
+def test_messages_without_a_time_come_with_the_first_that_has_one() -> None:
+    messages = run(stream((None, SAMPLE), (3_000_000, SAMPLE)))
+    assert messages[0].arrival_us is None
+    assert field(messages[0], 0) == 3_000_000
+
+
+def test_stream_without_any_time_is_fed_at_boot() -> None:
+    assert field(run(stream((None, SAMPLE)))[0], 0) == 0
+
+
+def test_capture_was_read_a_little_before_it_was_handled() -> None:
+    (message,) = run(stream((3_000_000, frame(speed(usec=3_000_000)))))
+    assert field(message, 2) == 2998
+
+
+def test_transport_time_of_a_uart_is_taken_off() -> None:
+    # 57 bytes of payload and 12 around it, 86 us each.
+    recorded = stream((3_000_000, frame(speed(usec=3_000_000))), shared=False)
+    assert [field(run(recorded, baud)[0], 2) for baud in (None, 115200)] == [3000, 2994]
+
+
+def test_records_belong_to_their_message() -> None:
+    messages = run(stream((3_000_000, SAMPLE + frame(pose()) + SILENT + SAMPLE)))
+    kinds = [(message.type, [name for name, _ in message.records]) for message in messages]
+    assert kinds == [
+        ("VISION_SPEED_ESTIMATE", ["VISV"]),
+        ("ODOMETRY", ["VISP", "VISV"]),
+        ("HEARTBEAT", []),
+        ("VISION_SPEED_ESTIMATE", ["VISV"]),
+    ]
+
+
+def test_replay_records_of_the_estimator_are_not_told() -> None:
+    (message,) = run(stream((4_000_000, SAMPLE), LOG_REPLAY=1))
+    assert [name for name, _ in message.records] == ["VISV"]
+
+
+def test_damaged_bytes_are_told() -> None:
+    (message,) = run(stream((3_000_000, b"noise")))
+    assert (message.type, message.verdict.outcome) == ("BAD_DATA", Outcome.DROPPED)
+
+
+def test_progress_is_told_by_messages() -> None:
+    recorded = stream((1, SAMPLE), (1, SAMPLE), (2, SAMPLE))
+    told: list[int] = []
+    list(Replay(Vehicle(VehicleConfig()), recorded, None).run(told.append))
+    assert told == [2, 3]
+
+
+def test_line_for_machines_has_floats_in_hex() -> None:
+    (message,) = run(stream((3_000_000, SAMPLE)))
+    line = message.as_dict()
+    assert line["type"] == "VISION_SPEED_ESTIMATE"
+    assert line["out"] == [
+        ["VISV", 3_000_000, 0, field(message, 2), "3f800000", "40000000", "40400000", hex_of(0.1), 0, 0, 0]
+    ]
+    assert line["verdict"] == message.verdict.as_dict()
+
+
+def hex_of(value: float) -> str:
+    return struct.pack(">f", value).hex()
+
+
+def test_same_stream_gives_the_same_lines() -> None:
+    recorded = stream(*((3_000_000 + 33_333 * number, SAMPLE) for number in range(20)))
+    assert [message.as_dict() for message in run(recorded)] == [message.as_dict() for message in run(recorded)]
+
+
+def lines(messages: Sequence[ReplayedMessage]) -> list[str]:
+    return [message.verdict.outcome.value for message in messages]
+
+
+def test_disabled_vehicle_drops_everything() -> None:
+    recorded = replace(stream((3_000_000, SAMPLE)), params={"VISO_TYPE": 0})
+    assert lines(run(recorded)) == ["dropped"]

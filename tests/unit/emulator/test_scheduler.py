@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main loop runs at its rate, and bytes come at exact times in between."""
+
+from collections.abc import Callable
+
+import pytest
+
+from emulator.scheduler import Scheduler
+from emulator.vehicle import Vehicle, VehicleConfig
+from mav_handlers.channel import Channel
+
+
+@pytest.fixture
+def vehicle() -> Vehicle:
+    return Vehicle(VehicleConfig())
+
+
+def loops_of(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list to which the time of every pass of the main loop is appended."""
+    times: list[int] = []
+    loop: Callable[[int], None] = vehicle.loop
+
+    def noted(now_us: int) -> None:
+        times.append(now_us)
+        loop(now_us)
+
+    monkeypatch.setattr(vehicle, "loop", noted)
+    return times
+
+
+def test_loop_runs_400_times_a_second(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = loops_of(vehicle, monkeypatch)
+    Scheduler(vehicle).run_until(1_000_000)
+    assert times == list(range(0, 1_000_001, 2500))
+
+
+def test_time_stands_where_it_was_asked_to(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = loops_of(vehicle, monkeypatch)
+    scheduler = Scheduler(vehicle)
+    scheduler.run_until(6_001)
+    assert scheduler.now_us == vehicle.clock.micros64() == 6_001
+    assert times == [0, 2500, 5000]
+
+
+def test_no_pass_is_made_twice(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = loops_of(vehicle, monkeypatch)
+    scheduler = Scheduler(vehicle)
+    for time_us in (2500, 2500, 4000, 5000):
+        scheduler.run_until(time_us)
+    assert times == [0, 2500, 5000]
+
+
+def test_time_does_not_run_backwards(vehicle: Vehicle) -> None:
+    scheduler = Scheduler(vehicle)
+    scheduler.run_until(5000)
+    with pytest.raises(ValueError, match="time 4999 us has passed, it is 5000 us"):
+        scheduler.run_until(4999)
+
+
+@pytest.mark.parametrize("read_us", [None, 3000])
+def test_bytes_come_at_the_present_time(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch, read_us: int | None) -> None:
+    scheduler = Scheduler(vehicle)
+    channel = vehicle.endpoint.open_channel("client")
+    scheduler.run_until(4321)
+    got: list[tuple[Channel, bytes, int, int | None]] = []
+    monkeypatch.setattr(vehicle, "receive_bytes", lambda *args: got.append(args))
+    scheduler.deliver(channel, b"bytes", read_us=read_us)
+    assert got == [(channel, b"bytes", 4321, read_us)]

@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A whole vehicle on the bench in virtual time, and clients that talk to it in frames."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import numpy as np
+import pytest
+
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ap_core.verdict import Verdict
+from ekf_stub.ahrs_bench import BenchAhrs
+from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, ExtNavVel
+from emulator.log_sink import MemoryLog
+from emulator.scheduler import Scheduler
+from emulator.vehicle import AhrsParts, Vehicle, VehicleConfig
+from mav_handlers.channel import Channel
+from mav_handlers.endpoint import MessageEvent
+from mav_handlers.wire.codec import BadData, Codec, Received
+from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
+
+M = TypeVar("M", bound=Message)
+
+SETTLED_MS = 5000
+"""When the estimator runs, the boot texts are over, and heartbeats have just been sent."""
+
+
+class SpyAhrs(BenchAhrs):
+    """The AHRS of the bench, which remembers what it is given."""
+
+    def __init__(self, parts: AhrsParts) -> None:
+        super().__init__(parts.clock, parts.sources, parts.log)
+        self.calls: list[ExtNavCall] = []
+
+    def writeExtNavData(
+        self,
+        pos: Vector3f,
+        quat: Quaternion,
+        posErr: np.float32,
+        angErr: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        resetTime_ms: int,
+    ) -> None:
+        """Remember the call."""
+        self.calls.append(ExtNav(pos, quat, posErr, angErr, timeStamp_ms, delay_ms, resetTime_ms))
+
+    def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
+        """Remember the call."""
+        self.calls.append(ExtNavVel(vel, err, timeStamp_ms, delay_ms))
+
+    def writeBodyFrameOdom(
+        self,
+        quality: np.float32,
+        delPos: Vector3f,
+        delAng: Vector3f,
+        delTime: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        posOffset: Vector3f,
+    ) -> None:
+        """Remember the call."""
+        self.calls.append(BodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, posOffset))
+
+
+class Client:
+    """A ground station or companion on one link: MAVLink 2, system 255, component 190 unless told otherwise."""
+
+    def __init__(self, bench: "Bench", channel: Channel) -> None:
+        self._bench = bench
+        self.channel = channel
+        self.codec = Codec(255, 190)
+        self._decoder = Codec(255, 190)
+
+    def send_bytes(self, data: bytes, *, read_us: int | None = None) -> list[MessageEvent]:
+        """Hand bytes to the vehicle now and return what became of them."""
+        self._bench.drop_events()
+        self._bench.scheduler.deliver(self.channel, data, read_us=read_us)
+        return self._bench.drop_events()
+
+    def tell(self, *messages: Message, read_us: int | None = None) -> Verdict:
+        """Send messages, each in a delivery of its own, and return the verdict on the last."""
+        events = [event for one in messages for event in self.send_bytes(self.codec.encode(one), read_us=read_us)]
+        return events[-1].verdict
+
+    def read_received(self) -> list[Received]:
+        """Return the frames that have come since the last call; bytes that are none fail the test."""
+        self._decoder.feed(self.channel.take_output())
+        frames = []
+        while (received := self._decoder.next_received()) is not None:
+            assert not isinstance(received, BadData), received
+            frames.append(received)
+        return frames
+
+    def read(self) -> list[Message]:
+        """Return the messages that have come since the last call."""
+        return [frame.message for frame in self.read_received() if frame.message is not None]
+
+    def read_of(self, kind: type[M]) -> list[M]:
+        """Return the messages of one kind that have come since the last call, and forget the others."""
+        return [message for message in self.read() if isinstance(message, kind)]
+
+    def read_texts(self) -> list[str]:
+        """Return the texts that have come since the last call, chunk by chunk, and forget everything else."""
+        return [message.text for message in self.read_of(STATUSTEXT)]
+
+    def command(self, number: int, *params: float, target: tuple[int, int] = (1, 1)) -> int:
+        """Send a COMMAND_LONG with the first of its parameters, read everything, and return the result."""
+        filled = (*params, *(0.0,) * (7 - len(params)))
+        self.tell(COMMAND_LONG(*target, number, 0, *filled))
+        return self.acknowledged()
+
+    def command_int(self, number: int, x: int = 0, y: int = 0, z: float = 0.0, *, frame: int = 0) -> int:
+        """Send a COMMAND_INT with a place, read everything, and return the result."""
+        self.tell(COMMAND_INT(1, 1, frame, number, 0, 0, 0.0, 0.0, 0.0, 0.0, x, y, z))
+        return self.acknowledged()
+
+    def acknowledged(self) -> int:
+        """Read everything and return the result in the only COMMAND_ACK."""
+        [ack] = self.read_of(COMMAND_ACK)
+        return ack.result
+
+
+class Bench:
+    """A vehicle in virtual time with its links and clients.
+
+    Args:
+        params: values that count as defaults.
+        bauds: one for each link.
+        version: of MAVLink on all links.
+    """
+
+    def __init__(
+        self, params: dict[str, float], bauds: Sequence[int | None] = (None,), *, version: int = 2, until_ms: int
+    ) -> None:
+        self.log = MemoryLog()
+        spies: list[SpyAhrs] = []
+
+        def make_ahrs(parts: AhrsParts) -> SpyAhrs:
+            spies.append(SpyAhrs(parts))
+            return spies[-1]
+
+        config = VehicleConfig(make_ahrs, links=len(bauds), defaults=params, open_log=lambda: self.log)
+        self.vehicle = Vehicle(config)
+        self.ahrs = spies[0]
+        self.endpoint = self.vehicle.endpoint
+        self.scheduler = Scheduler(self.vehicle)
+        self.records: list[tuple[str, dict[str, LogValue]]] = []
+        self.vehicle.logger.on_write = self._remember
+        channels = [
+            self.endpoint.open_channel(f"link{index}", baud=baud, version=version) for index, baud in enumerate(bauds)
+        ]
+        self.clients = [Client(self, channel) for channel in channels]
+        self.client = self.clients[0]
+        if until_ms:
+            self.run_ms(until_ms)
+        for client in self.clients:
+            client.read()
+        self.records.clear()
+
+    def _remember(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        self.records.append((structure.name, dict(zip(structure.fields, values, strict=True))))
+
+    def drop_events(self) -> list[MessageEvent]:
+        """Return the endpoint's waiting events."""
+        events = []
+        while (event := self.endpoint.next_event()) is not None:
+            events.append(event)
+        return events
+
+    @property
+    def now_us(self) -> int:
+        """Time since boot."""
+        return self.scheduler.now_us
+
+    def run_ms(self, duration_ms: float) -> None:
+        """Let the vehicle run."""
+        self.scheduler.run_until(self.now_us + round(duration_ms * 1000))
+
+    def logged(self, name: str) -> list[dict[str, LogValue]]:
+        """Return the records of one type, by their labels, since the vehicle has settled."""
+        return [fields for record, fields in self.records if record == name]
+
+    @property
+    def poses(self) -> list[ExtNav]:
+        """What writeExtNavData was given."""
+        return [call for call in self.ahrs.calls if isinstance(call, ExtNav)]
+
+    @property
+    def velocities(self) -> list[ExtNavVel]:
+        """What writeExtNavVelData was given."""
+        return [call for call in self.ahrs.calls if isinstance(call, ExtNavVel)]
+
+
+MakeBench = Callable[..., Bench]
+
+
+@pytest.fixture
+def make_bench() -> MakeBench:
+    """Return a function that makes a vehicle from parameters given by keyword; it has run for 5 s by default."""
+
+    def make(
+        *, bauds: Sequence[int | None] = (None,), version: int = 2, until_ms: int = SETTLED_MS, **params: float
+    ) -> Bench:
+        return Bench({"VISO_TYPE": 1, **params}, bauds, version=version, until_ms=until_ms)
+
+    return make
+
+
+@pytest.fixture
+def bench(make_bench: MakeBench) -> Bench:
+    """Return a settled vehicle with VISO_TYPE 1 and one network link."""
+    return make_bench()
+
+
+@pytest.fixture
+def client(bench: Bench) -> Client:
+    """Return the client on the bench's only link."""
+    return bench.client

@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The endpoint's rules, and which of them bad bytes meet."""
+
+import pytest
+
+from ap_core.verdict import Outcome, Verdict
+from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
+from mav_handlers.verdicts import BAD_CRC, BAD_FRAME, BAD_PREFIX, HANDLED, VERDICTS, bad_data_verdict
+
+
+def test_codes_are_unique_among_all_rules() -> None:
+    codes = [verdict.rule.code for verdict in (*VERDICTS, *VISUALODOM_VERDICTS)]
+    assert len(set(codes)) == len(codes)
+
+
+def test_every_rule_but_one_drops_the_message() -> None:
+    assert [verdict for verdict in VERDICTS if verdict.outcome is not Outcome.DROPPED] == [HANDLED]
+
+
+@pytest.mark.parametrize(
+    ("reason", "verdict"),
+    [
+        ("Bad prefix", BAD_PREFIX),
+        ("invalid MAVLink CRC in msgID 0 0x0000 should be 0x1234", BAD_CRC),
+        ("invalid incompat_flags 0x2 0xfd 21", BAD_FRAME),
+        ("something new", BAD_FRAME),
+    ],
+)
+def test_words_of_the_parser_name_the_rule(reason: str, verdict: Verdict) -> None:
+    assert bad_data_verdict(reason) is verdict

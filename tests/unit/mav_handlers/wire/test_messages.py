@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The dataclasses agree with the message definitions that pymavlink was generated from."""
+
+from dataclasses import MISSING, FrozenInstanceError, fields
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from mav_handlers.wire.messages import HEARTBEAT, Message
+
+# By name: a dataclass with slots leaves the class that it was made from behind until that is collected.
+EVERY = {cls.__name__: cls for cls in Message.__subclasses__()}.values()
+every_message = pytest.mark.parametrize("cls", EVERY, ids=lambda cls: cls.__name__)
+
+
+def definition(cls: type[Message]) -> Any:
+    return next(known for known in dialect.mavlink_map.values() if known.msgname == cls.__name__)
+
+
+def fields_of(cls: type[Message]) -> tuple[Any, ...]:
+    return fields(cls)  # type: ignore[arg-type]  # all are dataclasses
+
+
+@every_message
+def test_fields_are_those_of_the_definition_in_its_order(cls: type[Message]) -> None:
+    assert [field.name for field in fields_of(cls)] == definition(cls).fieldnames
+
+
+@every_message
+def test_extension_fields_come_last_and_are_zero_by_default(cls: type[Message]) -> None:
+    defaults = [field.default for field in fields_of(cls)]
+    extensions = [default for default in defaults if default is not MISSING]
+    assert defaults[len(defaults) - len(extensions) :] == extensions
+    assert all(value == 0 for default in extensions for value in (default if isinstance(default, tuple) else [default]))
+
+
+@every_message
+def test_default_of_an_array_has_its_length(cls: type[Message]) -> None:
+    lengths = dict(zip(definition(cls).ordered_fieldnames, definition(cls).array_lengths, strict=True))
+    arrays = {field.name: len(field.default) for field in fields_of(cls) if isinstance(field.default, tuple)}
+    assert arrays == {name: lengths[name] for name in arrays}
+
+
+@every_message
+def test_messages_say_what_they_are(cls: type[Message]) -> None:
+    assert cls.__doc__
+
+
+def test_messages_cannot_be_changed() -> None:
+    message = HEARTBEAT(2, 3, 81, 0, 3, 3)
+    with pytest.raises(FrozenInstanceError):
+        message.type = 1  # type: ignore[misc]  # the point of the test
+
+
+def test_messages_with_equal_fields_are_equal() -> None:
+    assert HEARTBEAT(2, 3, 81, 0, 3, 3) == HEARTBEAT(2, 3, 81, 0, 3, 3)
