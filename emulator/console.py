@@ -11,8 +11,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ap_core.verdict import Outcome, Rule
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
-from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
+from mav_handlers.all_verdicts import ALL_VERDICTS
 
 _STYLES = {
     Outcome.ACCEPTED: "green",
@@ -20,7 +19,7 @@ _STYLES = {
     Outcome.DROPPED: "red",
     Outcome.HANDLED: "",
 }
-_RULES: dict[str, Rule] = {verdict.rule.code: verdict.rule for verdict in (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS)}
+_RULES: dict[str, Rule] = {verdict.rule.code: verdict.rule for verdict in ALL_VERDICTS}
 
 VerdictCounts = Mapping[tuple[str, Outcome, str], int]
 

@@ -142,6 +142,11 @@ class LogStore:
         self._directory = directory
         self._max_files = max_files
 
+    @property
+    def directory(self) -> Path:
+        """Where the logs are."""
+        return self._directory
+
     def path_of(self, number: int) -> Path:
         """Return the path of log ``number``, whether it exists or not."""
         return self._directory / f"{number:08d}.BIN"

@@ -64,6 +64,11 @@ class Logger:
         return self._sink is not None
 
     @property
+    def open_number(self) -> int | None:
+        """Return the number of the log that takes records now, if it has one."""
+        return getattr(self._sink, "number", None)
+
+    @property
     def dropped(self) -> int:
         """Return how many records are lost because a log could not be written."""
         return self._dropped_before + (self._sink.dropped if self._sink is not None else 0)

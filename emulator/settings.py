@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameter values from files and from the command line."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def load_parm_file(path: Path, table: ParamTable, *, allow_unknown: bool) -> dic
 
 
 def parse_assignment(text: str, table: ParamTable) -> tuple[str, float]:
-    """Return name and value of ``NAME=VALUE``.
+    """Return canonical name and value of ``NAME=VALUE``.
 
     Raises:
         InputError: if it has another form, or no parameter has that name.
@@ -49,9 +50,12 @@ def parse_assignment(text: str, table: ParamTable) -> tuple[str, float]:
         (line,) = parse_parm(text, "--param")
     except (ParmFileError, ValueError) as error:
         raise InputError(f"--param {text!r}: not NAME=VALUE with a finite number") from error
-    if table.find(line.name) is None:
+    found = table.find(line.name)
+    if found is None:
         raise InputError(f"--param {text!r}: unknown parameter {line.name}")
-    return line.name, float(line.value)
+    if math.isnan(found.value):
+        raise InputError(f"--param {text!r}: {line.name} is a vector: set its _X, _Y or _Z")
+    return found.canonical_name, float(line.value)
 
 
 def load_settings(

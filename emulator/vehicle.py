@@ -23,12 +23,20 @@ from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.sources import EkfSources
 from emulator.arming import ANY_CHECK, CHECK_VISION, Arming, Check
 from emulator.firmware import REFERENCE, Firmware
+from emulator.ftp_files import VehicleFiles
+from emulator.log_files import LogStore
+from emulator.log_library import NoLogs, StoredLogs
 from emulator.log_sink import LogSink
 from emulator.logger import Logger
+from emulator.param_store import ParamStore
 from emulator.parameters import make_groups
+from emulator.uarts_text import UartCounts, UartsText
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
+from mav_handlers.ftp_ports import FtpFiles
+from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.ports import Attitude, Location, OriginResult
+from mav_handlers.signing import KeyStore, MemoryKeyStore
 from mav_handlers.statustext import StatusTextQueue
 
 LOOP_PERIOD_US: Final = 2500
@@ -102,7 +110,11 @@ class VehicleConfig:
         make_ahrs: makes the AHRS; a vehicle on the bench, heading north, unless told otherwise.
         links: how many links it will have.
         defaults: parameter values by name that count as its defaults, as from a defaults file.
-        open_log: opens the next log; None for no logging.
+        overrides: parameter values by name that hold whatever defaults and stored values say.
+        open_log: opens the next log; None for no logging, or for the next one of ``log_store``.
+        log_store: the folder of logs, which clients may list, download and erase.
+        param_store: where parameters are kept over a restart.
+        signing_store: where the signing key is kept.
         firmware: what it claims to be.
         boot_utc_us: time of day at boot, 0 when unknown.
     """
@@ -110,7 +122,11 @@ class VehicleConfig:
     make_ahrs: Callable[[AhrsParts], VehicleAhrs] = field(default_factory=bench)
     links: int = 1
     defaults: Mapping[str, float] = field(default_factory=dict)
+    overrides: Mapping[str, float] = field(default_factory=dict)
     open_log: Callable[[], LogSink] | None = None
+    log_store: LogStore | None = None
+    param_store: ParamStore | None = None
+    signing_store: KeyStore = field(default_factory=MemoryKeyStore)
     firmware: Firmware = REFERENCE
     boot_utc_us: int = 0
 
@@ -131,7 +147,13 @@ class Vehicle:
         visual_odom_params = make_params()
         self.params = ParamTable(make_groups(config.links, visual_odom_params))
         self.unknown_defaults = tuple(self.params.apply_defaults(config.defaults, "defaults"))
-        self.logger = Logger(self.clock, config.open_log, self._on_log_open)
+        if config.param_store is not None:
+            config.param_store.restore(self.params)
+        for name, value in config.overrides.items():
+            self.params.set(name, value)
+        open_log = config.open_log or (config.log_store.open_next if config.log_store else None)
+        self.logger = Logger(self.clock, open_log, self._on_log_open)
+        self._logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
         self.texts.on_text.append(lambda _severity, text: self.log_text(text))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
@@ -156,7 +178,30 @@ class Vehicle:
         self._internal_errors_told = 0
         self._next_tenth_us = 0
         self._next_second_us = FIRST_SECOND_US
+        self.signing_store = config.signing_store
+        self._files = VehicleFiles(
+            self.params,
+            log_directory=config.log_store.directory if config.log_store else None,
+            system_texts={"uarts.txt": UartsText(self._uart_counts, self.clock.micros64)},
+        )
         self.endpoint = MavEndpoint(self)
+
+    def _make_log_library(self) -> StoredLogs | NoLogs:
+        if self._config.log_store is None:
+            return NoLogs()
+        return StoredLogs(
+            self._config.log_store,
+            clock=self.clock,
+            open_number=lambda: self.logger.open_number,
+            close_log=self.logger.close,
+            utc_us=self.utc_us,
+        )
+
+    def _uart_counts(self) -> list[UartCounts]:
+        return [
+            UartCounts(channel.bytes_sent, channel.bytes_received, channel.active, channel.name)
+            for channel in self.endpoint.channels
+        ]
 
     def _make_checks(self) -> tuple[Check, ...]:
         # The firmware's order, of those checks that have something to look at here.
@@ -164,6 +209,7 @@ class Vehicle:
             Check(0, lambda: None if self._initialised else "System not initialised", ends=True),
             Check(0, lambda: None if self.ahrs.estimator_started() else "AHRS: EKF3 not started"),
             Check(CHECK_LOGGING, lambda: "Logging failed" if self.logger.failure else None),
+            Check(CHECK_LOGGING, lambda: "Downloading logs" if self.endpoint.log_transfer.is_active else None),
             Check(ANY_CHECK, self._check_internal_errors),
             Check(CHECK_VISION, self._check_visual_odom),
         )
@@ -195,6 +241,7 @@ class Vehicle:
 
     def _finish_boot(self) -> None:
         self._initialised = True
+        self.logger.update(self._log_wanted(self.clock.micros64()), self.params)
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
 
@@ -235,15 +282,29 @@ class Vehicle:
             if not self.arming.armed:
                 self.arming.update()
             self._log_statistics(now_us)
+            self._store_parameters()
+
+    def _store_parameters(self) -> None:
+        if self._config.param_store is not None:
+            self._config.param_store.save_if_changed(self.params.stored_values())
 
     def _log_wanted(self, now_us: int) -> bool:
-        if self.params.get_int("LOG_DISARMED") != 0 or self.arming.armed:
+        # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
+        if not self._initialised:
+            return False
+        if self.arming.armed:
+            return True
+        if self._logs.suspends_logging:
+            return False
+        if self.params.get_int("LOG_DISARMED") != 0:
             return True
         return self._disarmed_us is not None and now_us - self._disarmed_us < LOG_AFTER_DISARM_US
 
     def close(self) -> None:
-        """Close the log properly."""
+        """Close the log properly, and keep the parameters."""
+        self.endpoint.ftp.close()
         self.logger.close()
+        self._store_parameters()
 
     # What the log begins with, and what goes into it
 
@@ -313,6 +374,16 @@ class Vehicle:
 
     # What the endpoint asks
 
+    @property
+    def files(self) -> FtpFiles:
+        """What MAVLink FTP shows."""
+        return self._files
+
+    @property
+    def logs(self) -> LogLibrary:
+        """The logs that clients may download."""
+        return self._logs
+
     def firmware_version(self) -> tuple[int, str, str]:
         """Return flight_sw_version, the version text and the source hash."""
         firmware = self._config.firmware
@@ -339,6 +410,7 @@ class Vehicle:
         """Try to arm; failures are told as texts."""
         armed = self.arming.arm(do_checks)
         if armed:
+            self.endpoint.log_transfer.pause()
             # The log that arming opens is to hold the fact.
             self.logger.update(True, self.params)
             self._log_arm(armed=True, forced=not do_checks, event=EV_ARMED)

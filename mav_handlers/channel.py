@@ -9,7 +9,7 @@ from typing import Final
 from ap_core.cint import u32, u64
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.jitter_correction import JitterCorrection
-from mav_handlers.wire.codec import V2_HEADER_AND_CRC_BYTES, Codec, full_length
+from mav_handlers.wire.codec import Codec, full_length
 from mav_handlers.wire.messages import PARAM_VALUE, Message
 
 OUTPUT_LIMIT_BYTES: Final = 65536
@@ -57,6 +57,8 @@ class Channel:
     frames_received: int = 0
     packets_dropped: int = 0
     frames_not_sent: int = 0
+    frames_forwarded: int = 0
+    bytes_sent: int = 0
     _output: bytearray = field(default_factory=bytearray)
 
     @property
@@ -81,10 +83,20 @@ class Channel:
             self._output += self.codec.encode(message)
         return True
 
+    def forward(self, frame: bytes) -> bool:
+        """Send on somebody else's frame as it came; False, and counted, when the peer does not take its output."""
+        if not self.has_room():
+            self.frames_not_sent += 1
+            return False
+        self._output += frame
+        self.frames_forwarded += 1
+        return True
+
     def take_output(self) -> bytes:
         """Return and forget what is to be sent."""
         data = bytes(self._output)
         self._output.clear()
+        self.bytes_sent += len(data)
         return data
 
     def arrival_us(self, message_type: type[Message], read_us: int) -> int:
@@ -101,7 +113,7 @@ class Channel:
         """
         if self.baud is None:
             return read_us
-        length = full_length(message_type) + V2_HEADER_AND_CRC_BYTES
+        length = full_length(message_type) + self.codec.overhead_bytes
         per_byte_us = 10_000_000 // self.baud
         return u64(read_us - u32(per_byte_us * (length + self.codec.unread_bytes)))
 

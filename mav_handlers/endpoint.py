@@ -7,17 +7,22 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from ap_core.cint import u8
+from ap_core.cint import u8, u32
 from ap_core.param import ParamEcho
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.channel import Channel
 from mav_handlers.context import Context
+from mav_handlers.ftp import FtpReply, FtpServer
 from mav_handlers.handlers import HANDLERS
 from mav_handlers.handlers.clocks import send_timesync
 from mav_handlers.handlers.params import NO_INDEX, pump_param_list, pump_param_reads
 from mav_handlers.intervals import due_messages, set_defaults
+from mav_handlers.log_transfer import LogTransfer
 from mav_handlers.ports import VehiclePort
+from mav_handlers.routing import RADIO_MESSAGES, RouteTable
 from mav_handlers.senders import SENDERS
+from mav_handlers.signing import SigningState
+from mav_handlers.signing_verdicts import signing_verdict
 from mav_handlers.statustext import QueuedText
 from mav_handlers.verdicts import (
     NO_HANDLER,
@@ -28,13 +33,14 @@ from mav_handlers.verdicts import (
     bad_data_verdict,
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
-from mav_handlers.wire.messages import PARAM_VALUE, Message
+from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
+from mav_handlers.wire.targets import target_fields
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
 OPTION_PRIVATE: Final = 1 << 1
 OPTION_ONLY_GCS: Final = 1 << 0
-_RADIO_MESSAGES: Final = ("RADIO", "RADIO_STATUS")
+_MAV_SEVERITY_INFO: Final = 6
 _SECOND_US: Final = 1_000_000
 
 
@@ -68,6 +74,10 @@ class MavEndpoint:
         self._echoes: deque[ParamEcho] = deque()
         self._next_expiry_us = _SECOND_US
         self._has_polled = False
+        self.routes = RouteTable()
+        self.signing = SigningState(vehicle.signing_store, self._options)
+        self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, self._has_room)
+        self.log_transfer = LogTransfer(vehicle.logs, vehicle.texts)
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
@@ -78,11 +88,13 @@ class MavEndpoint:
         channel = Channel(len(self.channels), name, codec, baud, timesync_sent_us=now_us)
         self.channels.append(channel)
         set_defaults(self._vehicle, channel, now_us)
+        self.signing.open_link(channel)
         return channel
 
     def close_channel(self, channel: Channel) -> None:
         """Stop sending on a link; its counters stay."""
         channel.open = False
+        self.log_transfer.close_channel(channel.index)
         channel.take_output()
 
     def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
@@ -101,42 +113,56 @@ class MavEndpoint:
 
     def _dispatch(self, channel: Channel, received: Received | BadData, now_us: int, read_us: int) -> None:
         if isinstance(received, BadData):
-            verdict = bad_data_verdict(received.reason)
+            verdict = signing_verdict(received.reason) or bad_data_verdict(received.reason)
             channel.packets_dropped += 1
             channel.count("BAD_DATA", verdict, received.length)
             self._note(MessageEvent(channel.index, now_us, "BAD_DATA", None, None, verdict))
             return
         header = received.header
         channel.frames_received += 1
-        if header.name not in _RADIO_MESSAGES:
-            channel.active = True
         verdict = self._handle(channel, received, now_us, read_us)
         channel.count(header.name, verdict)
         self._note(MessageEvent(channel.index, now_us, header.name, header, received.message, verdict))
 
     def _handle(self, channel: Channel, received: Received, now_us: int, read_us: int) -> Verdict:
         header, message = received.header, received.message
-        refusal = self._refuse(header, message)
+        if header.name.startswith("UNKNOWN_"):
+            # The firmware cannot check such a frame, and takes it for a damaged one.
+            return UNKNOWN_MESSAGE
+        if header.name not in RADIO_MESSAGES:
+            channel.active = True
+        refusal = self._route(channel, received) or self._refuse(header)
         if refusal is not None:
             return refusal
-        if message is None:
-            return UNKNOWN_MESSAGE if header.name.startswith("UNKNOWN_") else NO_HANDLER
-        handler = HANDLERS.get(type(message))
+        handler = None if message is None else HANDLERS.get(type(message))
         if handler is None:
             return NO_HANDLER
         return handler(Context(self, self._vehicle, channel, header, now_us, read_us), message)
 
-    def _refuse(self, header: Header, message: Message | None) -> Verdict | None:
-        system_id = self._system_id()
+    def _route(self, channel: Channel, received: Received) -> Verdict | None:
+        """Learn where the sender is and forward the frame; return why it is not for the autopilot, if so."""
+        header, system_id = received.header, self._system_id()
         if header.system_id == system_id and header.component_id == MAV_COMP_ID_AUTOPILOT1:
             return OWN_MESSAGE
-        if getattr(message, "target_system", 0) not in (0, system_id):
-            # COMMAND_ACK and the like name their receiver too.
-            return NOT_ADDRESSED
+        self.routes.learn(header, received.message, channel.index, own_system=system_id)
+        routing = self.routes.decide(
+            header,
+            *target_fields(header),
+            channel.index,
+            own_system=system_id,
+            is_private=lambda index: self._is_private(self.channels[index]),
+            is_active=lambda index: self.channels[index].active,
+            channels=[other.index for other in self._open_channels()],
+        )
+        for index in routing.forward_to:
+            self.channels[index].forward(header.frame)
+        return None if routing.process_locally else NOT_ADDRESSED
+
+    def _refuse(self, header: Header) -> Verdict | None:
         params = self._vehicle.params
         if params.get_int("MAV_OPTIONS") & OPTION_ONLY_GCS:
-            admitted = (system_id, params.get_int("MAV_GCS_SYSID"))
-            if header.system_id not in admitted and header.name not in _RADIO_MESSAGES:
+            admitted = (self._system_id(), params.get_int("MAV_GCS_SYSID"))
+            if header.system_id not in admitted and header.name not in RADIO_MESSAGES:
                 return NOT_ACCEPTED
         return None
 
@@ -164,6 +190,24 @@ class MavEndpoint:
         """Queue the echoes of a changed parameter for every active link."""
         self._echoes.extend(echoes)
 
+    def send_ftp_replies(self, replies: Iterable[FtpReply]) -> None:
+        """Send replies of the file server, each to whom it is for."""
+        for reply in replies:
+            channel, peer = self.channels[reply.peer.channel], reply.peer
+            if channel.open:
+                payload = tuple(reply.payload)
+                channel.send(FILE_TRANSFER_PROTOCOL(0, peer.system_id, peer.component_id, payload))
+            if reply.banner:
+                for line in self._vehicle.banner():
+                    self._vehicle.texts.send_text(_MAV_SEVERITY_INFO, line)
+
+    def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
+        """Send the next part of a listing or of a log on a link, as far as it takes any."""
+        if channel.has_room():
+            heartbeat_us = channel.last_sent_us.get("HEARTBEAT", 0)
+            armed = self._vehicle.is_armed()
+            channel.send(*self.log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
+
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""
         system_id = self._system_id()
@@ -171,7 +215,10 @@ class MavEndpoint:
             channel.codec.system_id = system_id
         self._send_echoes()
         self._send_home()
+        self.send_ftp_replies(self.ftp.continue_burst(now_us))
+        self.signing.save_timestamp(self.channels, u32(now_us // 1000))
         for channel in self._open_channels():
+            self.pump_log_transfer(channel, now_us)
             if not self._is_private(channel):
                 send_timesync(channel, now_us, system_id)
             if self._telemetry_allowed(now_us):
@@ -191,11 +238,18 @@ class MavEndpoint:
         # MAV_TELEM_DELAY counts "seconds" of 1024 ms.
         return (now_us // 1000) >> 10 >= self._vehicle.params.get_int("MAV_TELEM_DELAY")
 
+    def _options(self, index: int) -> int:
+        return self._vehicle.params.get_int(f"MAV{index + 1}_OPTIONS")
+
     def _is_private(self, channel: Channel) -> bool:
-        return bool(self._vehicle.params.get_int(f"MAV{channel.index + 1}_OPTIONS") & OPTION_PRIVATE)
+        return bool(self._options(channel.index) & OPTION_PRIVATE)
+
+    def _has_room(self, index: int) -> bool:
+        # A link that is gone takes everything, so that a burst to it comes to its end.
+        return not self.channels[index].open or self.channels[index].has_room()
 
     def _send_due(self, channel: Channel, now_us: int) -> None:
-        names = due_messages(channel, now_us)
+        names = due_messages(channel, now_us, slow=self.ftp.slows_streams(now_us))
         while channel.requested:
             names.append(channel.requested.popleft())
         for name in names:

@@ -54,18 +54,19 @@ def set_defaults(vehicle: VehiclePort, channel: Channel, now_us: int) -> None:
     channel.last_sent_us["HEARTBEAT"] = now_us - HEARTBEAT_INTERVAL_MS * 1000
 
 
-def due_messages(channel: Channel, now_us: int) -> list[str]:
+def due_messages(channel: Channel, now_us: int, *, slow: bool = False) -> list[str]:
     """Return the messages that are due, in the firmware's order, and note them as sent.
 
-    While a parameter list is being sent everything but the heartbeat comes at a quarter of its rate.
+    While a parameter list is being sent, and again when the link is ``slow``, everything but the heartbeat comes at a
+    quarter of its rate (get_reschedule_interval_ms).
     """
+    factor = (_SLOW_FACTOR if channel.param_list is not None else 1) * (_SLOW_FACTOR if slow else 1)
     due = []
     for name in SENDERS:
         interval_ms = channel.intervals_ms.get(name)
         if interval_ms is None:
             continue
-        slow = channel.param_list is not None and name != "HEARTBEAT"
-        interval_us = min(interval_ms * (_SLOW_FACTOR if slow else 1), MAX_INTERVAL_MS) * 1000
+        interval_us = min(interval_ms * (1 if name == "HEARTBEAT" else factor), MAX_INTERVAL_MS) * 1000
         late_us = now_us - channel.last_sent_us[name] - interval_us
         if late_us >= 0:
             # Keeps the phase unless a turn was missed altogether.

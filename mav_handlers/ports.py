@@ -13,6 +13,9 @@ from ap_core.internal_error import InternalErrors
 from ap_core.log_field import LogValue
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom
+from mav_handlers.ftp_ports import FtpFiles
+from mav_handlers.log_transfer import LogLibrary
+from mav_handlers.signing import KeyStore
 from mav_handlers.statustext import StatusTextQueue
 
 __all__ = ["Attitude", "Location", "OriginResult", "VehiclePort"]
@@ -52,6 +55,15 @@ class VehiclePort(Protocol):
     texts: StatusTextQueue
     visual_odom: AP_VisualOdom
     internal_errors: InternalErrors
+    signing_store: KeyStore
+
+    @property
+    def files(self) -> FtpFiles:
+        """What MAVLink FTP shows."""
+
+    @property
+    def logs(self) -> LogLibrary:
+        """The logs that clients may download."""
 
     def firmware_version(self) -> tuple[int, str, str]:
         """Return flight_sw_version, the version text and the source hash (8 characters)."""

@@ -68,13 +68,20 @@ class StatusTextQueue:
 
     def send_text(self, severity: int, text: str) -> None:
         """Queue a text for the links that listen now (GCS::send_textv)."""
+        self._queue_text(severity, text, self.listening_channels())
+
+    def send_text_to(self, channel_index: int, severity: int, text: str) -> None:
+        """Queue a text for one link (GCS_MAVLINK::send_text)."""
+        self._queue_text(severity, text, {channel_index})
+
+    def _queue_text(self, severity: int, text: str, channels: set[int] | None) -> None:
         for listener in self.on_text:
             listener(severity, text)
         if len(self._queue) >= QUEUE_CAPACITY:
             self._queue.popleft()
             self.overwritten += 1
         chunks = chunk_text(severity, text, self._take_id(text))
-        self._queue.append(QueuedText(severity, text, self._now_us(), self.listening_channels(), chunks))
+        self._queue.append(QueuedText(severity, text, self._now_us(), channels, chunks))
 
     def _take_id(self, text: str) -> int:
         if len(text) <= TEXT_FIELD_LEN:

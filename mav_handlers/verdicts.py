@@ -22,7 +22,9 @@ ODOMETRY_FRAMES: Final = _dropped(
 OWN_MESSAGE: Final = _dropped(
     "own_ids", "sent with the autopilot's own system and component id", "MAVLink_routing.cpp, check_and_forward"
 )
-NOT_ADDRESSED: Final = _dropped("other_target", "addressed to another system", "MAVLink_routing.cpp, check_and_forward")
+NOT_ADDRESSED: Final = _dropped(
+    "other_target", "addressed to another system or component", "MAVLink_routing.cpp, check_and_forward"
+)
 NOT_ACCEPTED: Final = _dropped(
     "not_from_gcs", "MAV_OPTIONS bit 0 admits only MAV_GCS_SYSID", "GCS_Common.cpp, GCS_MAVLINK::accept_packet"
 )

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import subprocess
 import sys
@@ -21,7 +22,7 @@ Command = list[str]
 
 @dataclass(frozen=True)
 class Run:
-    """One call of `tools/check`: whether slow and interop tests count, and where pytest leaves its counts."""
+    """One call of `tools/check`: whether slow and interop tests count, and the folder where pytest leaves counts."""
 
     everything: bool
     counts: Path
@@ -62,11 +63,14 @@ def _docs(run: Run) -> list[Command]:
     return [[sys.executable, str(script), "--check"]] if script.exists() else []
 
 
+def _pytest(run: Run, name: str, *options: str) -> Command:
+    return _module("pytest", "-n", "2", f"--junit-xml={run.counts / name}.xml", *options)
+
+
 def _tests(run: Run) -> list[Command]:
-    options = ["-n", "2", "--cov", "--cov-branch", "--cov-report=", f"--junit-xml={run.counts}"]
-    if not run.everything:
-        options += ["-m", "not slow and not interop"]
-    return [_module("pytest", *options)]
+    usual = _pytest(run, "usual", "-m", "not slow and not interop", "--cov", "--cov-branch", "--cov-report=")
+    # Measuring coverage makes long tests longer still, and they reach nothing that the others do not.
+    return [usual, _pytest(run, "long", "-m", "slow or interop")] if run.everything else [usual]
 
 
 def _coverage(package: str, percent: int) -> Command:
@@ -103,16 +107,21 @@ def run_step(step: Step, run: Run) -> Result:
     return result
 
 
-def count_tests(report: Path) -> dict[str, int]:
-    """Return pytest's counts from its JUnit report: passed, failed, skipped; empty when there is none.
+def _suites(folder: Path) -> list[ElementTree.Element]:
+    suites: list[ElementTree.Element] = []
+    for report in sorted(folder.glob("*.xml")):
+        with contextlib.suppress(OSError, ElementTree.ParseError):
+            suites += ElementTree.parse(report).getroot().iter("testsuite")
+    return suites
+
+
+def count_tests(folder: Path) -> dict[str, int]:
+    """Return pytest's counts from the JUnit reports in a folder: passed, failed, skipped; empty when there is none.
 
     Errors in fixtures and collection count as failed, expected failures as skipped.
     """
-    try:
-        suites = ElementTree.parse(report).getroot().iter("testsuite")
-    except (OSError, ElementTree.ParseError):
-        return {}
-    counts = {"passed": 0, "failed": 0, "skipped": 0}
+    suites = _suites(folder)
+    counts = {"passed": 0, "failed": 0, "skipped": 0} if suites else {}
     for suite in suites:
         failed = int(suite.get("failures", 0)) + int(suite.get("errors", 0))
         skipped = int(suite.get("skipped", 0))
@@ -157,7 +166,7 @@ def main(args: Sequence[str]) -> int:
     chosen = [step for step in STEPS if not options.steps or step.name in options.steps]
     with tempfile.TemporaryDirectory(prefix="viso-check-") as folder:
         everything = options.all or os.environ.get("CI", "").lower() == "true"
-        run = Run(everything, Path(folder, "tests.xml"))
+        run = Run(everything, Path(folder))
         results = [run_step(step, run) for step in chosen]
         print("\n".join(closing_lines(results, count_tests(run.counts))), flush=True)
     return 1 if any(result.state == "FAIL" for result in results) else 0

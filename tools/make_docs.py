@@ -13,17 +13,15 @@ from pathlib import Path
 from typing import Final
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
-from ap_core.verdict import Verdict
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
 from emulator.cli import COMMANDS as CLI_COMMANDS
 from emulator.parameters import make_groups
+from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
 from mav_handlers.handlers.commands import MavCmd
 from mav_handlers.links import LINKS
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
-from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
 from mav_handlers.wire.codec import full_length, message_id
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
@@ -69,8 +67,7 @@ def _commands() -> Iterator[tuple[str, ...]]:
 
 
 def _verdicts() -> Iterator[tuple[str, ...]]:
-    every: tuple[Verdict, ...] = (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS)
-    for verdict in every:
+    for verdict in ALL_VERDICTS:
         yield f"`{verdict.rule.code}`", verdict.outcome.value, verdict.rule.text, verdict.rule.source
 
 

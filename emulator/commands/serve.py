@@ -15,6 +15,7 @@ from ap_core.verdict import Outcome
 from emulator.console import err, out, verdict_rows, verdict_table
 from emulator.errors import InputError
 from emulator.log_files import LogStore
+from emulator.param_store import ParamStore
 from emulator.parameters import MAX_LINKS
 from emulator.realtime import AttachedLink, Pacer
 from emulator.settings import load_settings
@@ -23,6 +24,7 @@ from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links import Link, open_link
 
 MAX_DURATION_S = 4e9
+STORAGE_NAME = "storage.parm"
 DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 
 
@@ -88,6 +90,10 @@ def serve(
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
     log_dir: Annotated[Path, typer.Option(help="Where logs 00000001.BIN and so on go.")] = Path("logs"),
+    storage: Annotated[
+        Path | None,
+        typer.Option(help=f"Where parameters are kept over a restart; default {STORAGE_NAME} beside the logs."),
+    ] = None,
     speedup: Annotated[float, typer.Option(help="Vehicle seconds in one second.")] = 1.0,
     heading: Annotated[float, typer.Option(help="The vehicle's heading in degrees.")] = 0.0,
     baud: Annotated[
@@ -113,13 +119,21 @@ def serve(
         raise InputError(f"--duration {duration}: not a time in seconds")
     if len(names) > MAX_LINKS:
         raise InputError(f"--master: the autopilot has parameters for {MAX_LINKS} links, not {len(names)}")
-    settings = load_settings(defaults or [], param or [], links=len(names), allow_unknown=allow_unknown)
+    settings = load_settings(defaults or [], [], links=len(names), allow_unknown=allow_unknown)
+    overrides = load_settings([], param or [], links=len(names))
     try:
         log_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--log-dir {log_dir}: {error.strerror or error}") from error
     store = LogStore(log_dir)
-    config = VehicleConfig(bench(heading), links=len(names), defaults=settings, open_log=store.open_next)
+    config = VehicleConfig(
+        bench(heading),
+        links=len(names),
+        defaults=settings,
+        overrides=overrides,
+        log_store=store,
+        param_store=ParamStore(storage or log_dir / STORAGE_NAME),
+    )
     with ExitStack() as stack:
         links = _open_links(names, stack)
         vehicle = Vehicle(config)
@@ -136,6 +150,8 @@ def serve(
         Pacer(vehicle, attached, speedup=speedup).run(lambda: bool(stop), until_us=until_us)
     if vehicle.logger.failure:
         err.print(f"log: {vehicle.logger.failure}")
+    if store_failure := config.param_store and config.param_store.failure:
+        err.print(f"parameters: {store_failure}")
     counts = vehicle.endpoint.verdict_counts()
     if as_json:
         out.print_json(data={"verdicts": verdict_rows(counts)})

@@ -17,6 +17,14 @@ from mav_handlers.handlers.others import (
     handle_statustext,
 )
 from mav_handlers.handlers.params import handle_param_request_list, handle_param_request_read, handle_param_set
+from mav_handlers.handlers.transfers import (
+    handle_file_transfer_protocol,
+    handle_log_erase,
+    handle_log_request_data,
+    handle_log_request_end,
+    handle_log_request_list,
+    handle_setup_signing,
+)
 from mav_handlers.handlers.vision import (
     handle_att_pos_mocap,
     handle_odometry,
@@ -52,6 +60,12 @@ HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict]]] = {
     m.REQUEST_DATA_STREAM: handle_request_data_stream,
     m.AUTOPILOT_VERSION_REQUEST: handle_autopilot_version_request,
     m.STATUSTEXT: handle_statustext,
+    m.FILE_TRANSFER_PROTOCOL: handle_file_transfer_protocol,
+    m.LOG_REQUEST_LIST: handle_log_request_list,
+    m.LOG_REQUEST_DATA: handle_log_request_data,
+    m.LOG_REQUEST_END: handle_log_request_end,
+    m.LOG_ERASE: handle_log_erase,
+    m.SETUP_SIGNING: handle_setup_signing,
 }
 
 # Messages that the endpoint knows and, like the firmware, does not act on when somebody else sends them.
@@ -60,21 +74,15 @@ IGNORED: Final[frozenset[type[m.Message]]] = frozenset(
         m.ATTITUDE,
         m.AUTOPILOT_VERSION,
         m.COMMAND_ACK,
-        m.FILE_TRANSFER_PROTOCOL,
         m.GPS_GLOBAL_ORIGIN,
         m.HOME_POSITION,
         m.LOCAL_POSITION_NED,
         m.LOG_DATA,
         m.LOG_ENTRY,
-        m.LOG_ERASE,
-        m.LOG_REQUEST_DATA,
-        m.LOG_REQUEST_END,
-        m.LOG_REQUEST_LIST,
         m.MESSAGE_INTERVAL,
         m.NAMED_VALUE_FLOAT,
         m.PARAM_VALUE,
         m.RADIO_STATUS,
-        m.SETUP_SIGNING,
         m.SET_MODE,
         m.SYS_STATUS,
     }

@@ -4,7 +4,7 @@
 
 from typing import Final
 
-from ap_core.cint import float_of_u64, i64
+from ap_core.cint import float_of_u64, i64, u32
 from ap_core.fmath import f32
 from ap_core.verdict import Verdict
 from mav_handlers.channel import Channel
@@ -40,5 +40,9 @@ def send_timesync(channel: Channel, now_us: int, system_id: int) -> None:
 
 def handle_system_time(ctx: Context, message: SYSTEM_TIME) -> Verdict:
     """Offer a time of day to the vehicle; BRD_RTC_TYPES decides whether it is taken."""
+    known_before = ctx.vehicle.utc_us() != 0
     ctx.vehicle.set_utc_us(message.time_unix_usec)
+    if not known_before and ctx.vehicle.utc_us():
+        endpoint = ctx.endpoint
+        endpoint.signing.update_timestamp(endpoint.channels, ctx.vehicle.utc_us(), u32(ctx.now_us // 1000))
     return HANDLED

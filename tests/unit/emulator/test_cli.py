@@ -455,7 +455,7 @@ def serve_args(port: int, *args: str) -> list[str]:
 
 
 def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: int) -> None:
-    outcome = viso(*serve_args(free_port))
+    outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
     banner = f"ArduCopter V4.7.0-dev (2b361bde) on udpin:127.0.0.1:{free_port}; logs in logs; Ctrl-C ends"
     assert outcome.out.splitlines()[0] == banner
@@ -520,9 +520,9 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
 
     monkeypatch.setattr("emulator.log_files.os.write", refuse)
     monkeypatch.setattr("emulator.log_files.LogStore._replace_lastlog", lambda *_args: None)
-    outcome = viso(*serve_args(free_port))
+    outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
-    assert outcome.err == "log: log cannot be written\n"
+    assert "log: log cannot be written\n" in outcome.err
 
 
 def test_first_verdict_of_each_kind_is_told(

@@ -8,12 +8,10 @@ import pytest
 from rich.console import Console
 
 from ap_core.verdict import Outcome
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
 from emulator import console
 from emulator.console import VerdictCounts, progress, reason_of, verdict_rows, verdict_table
-from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
+from mav_handlers.all_verdicts import ALL_VERDICTS as VERDICTS
 
-VERDICTS = (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS)
 COUNTS: VerdictCounts = {
     ("ODOMETRY", Outcome.IGNORED, "quality_below_min"): 3,
     ("HEARTBEAT", Outcome.HANDLED, "handled"): 2,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 MakeBench = Callable[..., "Bench"]
 QUIET_NAN_BITS = 0x7FC04152
+BOOTED_S = 2.455
 
 
 class FailingLog(MemoryLog):
@@ -80,9 +81,11 @@ def names(records: Sequence[dict[str, object]]) -> list[object]:
 # LOG_DISARMED
 
 
-def test_log_is_open_from_the_first_pass_by_default(make_bench: MakeBench) -> None:
+def test_log_is_open_from_the_end_of_booting_by_default(make_bench: MakeBench) -> None:
     bench = make_bench(boot=False)
-    bench.run_to(0)
+    bench.run_to(BOOTED_S - 0.0025)
+    assert not bench.vehicle.logger.is_open
+    bench.run_to(BOOTED_S)
     assert bench.vehicle.logger.is_open
 
 
@@ -143,18 +146,18 @@ def test_log_stays_open_when_disarmed_with_log_disarmed_1(make_bench: MakeBench)
 
 def test_log_begins_with_its_own_description(make_bench: MakeBench) -> None:
     bench = make_bench(boot=False)
-    bench.run_to(0)
+    bench.run_to(BOOTED_S)
     assert bytes(bench.logs[0].data[:9]) == bytes.fromhex("a3 95 80 80 59 46 4d 54 00")
 
 
 def test_log_begins_with_parameters_then_texts_version_and_mode(make_bench: MakeBench, tmp_path: Path) -> None:
     bench = make_bench(boot=False, VISO_TYPE=1)
-    bench.run_to(0)
+    bench.run_to(BOOTED_S)
     records = bench.log_records(tmp_path)
     kinds = [kind for index, kind in enumerate(names(records)) if index == 0 or kind != names(records)[index - 1]]
-    assert kinds == ["PARM", "MSG", "VER", "MSG", "MODE"]
+    assert kinds == ["PARM", "MSG", "VER", "MSG", "MODE", "MSG"]
     assert [record["Message"] for record in records if record["name"] == "MSG"] == [
-        *("ArduCopter V4.7.0-dev (2b361bde)", "Frame: QUAD/X"),
+        *("ArduCopter V4.7.0-dev (2b361bde)", "Frame: QUAD/X", "ArduPilot Ready", "AHRS: DCM active"),
     ]
 
 

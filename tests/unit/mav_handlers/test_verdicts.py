@@ -5,12 +5,12 @@
 import pytest
 
 from ap_core.verdict import Outcome, Verdict
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
+from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.verdicts import BAD_CRC, BAD_FRAME, BAD_PREFIX, HANDLED, VERDICTS, bad_data_verdict
 
 
 def test_codes_are_unique_among_all_rules() -> None:
-    codes = [verdict.rule.code for verdict in (*VERDICTS, *VISUALODOM_VERDICTS)]
+    codes = [verdict.rule.code for verdict in ALL_VERDICTS]
     assert len(set(codes)) == len(codes)
 
 

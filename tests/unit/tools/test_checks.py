@@ -14,25 +14,24 @@ REPORT = '<testsuites><testsuite tests="10" failures="2" errors="1" skipped="3"/
 
 
 def _run(everything: bool = False) -> Run:
-    return Run(everything, Path("no-such-report.xml"))
+    return Run(everything, Path("no-such-folder"))
 
 
-def _pytest_command(everything: bool) -> list[str]:
-    (command,) = next(step for step in checks.STEPS if step.name == "tests").commands(_run(everything))
-    return command
+def _pytest_commands(everything: bool) -> list[list[str]]:
+    return next(step for step in checks.STEPS if step.name == "tests").commands(_run(everything))
 
 
 def test_counts_come_from_the_junit_report(tmp_path: Path) -> None:
     report = tmp_path / "tests.xml"
     report.write_text(REPORT, encoding="utf-8")
-    assert checks.count_tests(report) == {"passed": 4, "failed": 3, "skipped": 3}
+    assert checks.count_tests(tmp_path) == {"passed": 4, "failed": 3, "skipped": 3}
 
 
 def test_missing_or_broken_report_gives_no_counts(tmp_path: Path) -> None:
     report = tmp_path / "tests.xml"
-    assert checks.count_tests(report) == {}
+    assert checks.count_tests(tmp_path) == {}
     report.write_text("<testsuites>", encoding="utf-8")
-    assert checks.count_tests(report) == {}
+    assert checks.count_tests(tmp_path) == {}
 
 
 def test_last_line_holds_the_tests_counts() -> None:
@@ -48,8 +47,20 @@ def test_without_tests_the_last_line_counts_steps() -> None:
 
 
 def test_slow_and_interop_tests_run_only_when_everything_is_asked_for() -> None:
-    assert "not slow and not interop" in _pytest_command(everything=False)
-    assert "-m" not in _pytest_command(everything=True)[3:]
+    (usual,) = _pytest_commands(everything=False)
+    assert "not slow and not interop" in usual
+    assert [command == usual for command in _pytest_commands(everything=True)] == [True, False]
+    assert "slow or interop" in _pytest_commands(everything=True)[1]
+
+
+def test_coverage_is_measured_on_the_usual_tests() -> None:
+    assert ["--cov" in command for command in _pytest_commands(everything=True)] == [True, False]
+
+
+def test_counts_of_several_reports_add_up(tmp_path: Path) -> None:
+    for name in ("usual.xml", "long.xml"):
+        (tmp_path / name).write_text(REPORT)
+    assert checks.count_tests(tmp_path) == {"passed": 8, "failed": 6, "skipped": 6}
 
 
 @pytest.mark.parametrize(("codes", "state"), [((0, 0), "ok"), ((3, 0), "FAIL"), ((), "skip")])
