@@ -51,43 +51,10 @@ ExtNavCall = ExtNav | ExtNavVel | BodyFrameOdom
 
 
 @dataclass(slots=True)
-class SettableAhrs:
-    """Every answer is an attribute; every write call is appended to ``calls``.
+class RememberedCalls:
+    """The write calls of an AHRS, each appended to ``calls``."""
 
-    ``yaw`` is in radians, ``pos`` in metres NED from the EKF origin.
-    """
-
-    is_initialised: bool = False
-    is_dcm_yaw_initialised: bool = False
-    is_using_extnav_for_yaw: bool = False
-    yaw: np.float32 = field(default_factory=lambda: f32(0))
-    quat: Quaternion | None = None
-    pos: Vector3f | None = None
     calls: list[ExtNavCall] = field(default_factory=list)
-
-    def initialised(self) -> bool:
-        """Return ``is_initialised``."""
-        return self.is_initialised
-
-    def dcm_yaw_initialised(self) -> bool:
-        """Return ``is_dcm_yaw_initialised``."""
-        return self.is_dcm_yaw_initialised
-
-    def using_extnav_for_yaw(self) -> bool:
-        """Return ``is_using_extnav_for_yaw``."""
-        return self.is_using_extnav_for_yaw
-
-    def get_yaw_rad(self) -> np.float32:
-        """Return ``yaw``."""
-        return self.yaw
-
-    def get_quaternion(self) -> Quaternion | None:
-        """Return ``quat``."""
-        return self.quat
-
-    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
-        """Return ``pos``."""
-        return self.pos
 
     def writeExtNavData(
         self,
@@ -118,3 +85,42 @@ class SettableAhrs:
     ) -> None:
         """Remember the call."""
         self.calls.append(BodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, posOffset))
+
+
+@dataclass(slots=True)
+class SettableAhrs(RememberedCalls):
+    """Every answer is an attribute; every write call is remembered.
+
+    ``yaw`` is in radians, ``pos`` in metres NED from the EKF origin.
+    """
+
+    is_initialised: bool = False
+    is_dcm_yaw_initialised: bool = False
+    is_using_extnav_for_yaw: bool = False
+    yaw: np.float32 = field(default_factory=lambda: f32(0))
+    quat: Quaternion | None = None
+    pos: Vector3f | None = None
+
+    def initialised(self) -> bool:
+        """Return ``is_initialised``."""
+        return self.is_initialised
+
+    def dcm_yaw_initialised(self) -> bool:
+        """Return ``is_dcm_yaw_initialised``."""
+        return self.is_dcm_yaw_initialised
+
+    def using_extnav_for_yaw(self) -> bool:
+        """Return ``is_using_extnav_for_yaw``."""
+        return self.is_using_extnav_for_yaw
+
+    def get_yaw_rad(self) -> np.float32:
+        """Return ``yaw``."""
+        return self.yaw
+
+    def get_quaternion(self) -> Quaternion | None:
+        """Return ``quat``."""
+        return self.quat
+
+    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
+        """Return ``pos``."""
+        return self.pos

@@ -3,55 +3,42 @@
 """The emulated vehicle: everything wired together, behind a MAVLink endpoint."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, Protocol
-
-import numpy as np
+from typing import Final
 
 from ap_core.clock import VirtualClock
-from ap_core.fmath import degrees, f32
+from ap_core.fmath import f32
 from ap_core.internal_error import InternalErrors
-from ap_core.log_field import LogValue
-from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
-from ap_visualodom.ports import Ahrs
 from ekf_stub.ahrs_base import AHRS_START_US, Origin
-from ekf_stub.ahrs_bench import BenchAhrs
 from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.sources import EkfSources
 from emulator.arming import ANY_CHECK, CHECK_VISION, Arming, Check
-from emulator.firmware import REFERENCE, Firmware
 from emulator.ftp_files import VehicleFiles
-from emulator.log_files import LogStore
 from emulator.log_library import NoLogs, StoredLogs
-from emulator.log_sink import LogSink
 from emulator.logger import Logger
-from emulator.param_store import ParamStore
 from emulator.parameters import make_groups
 from emulator.uarts_text import UartCounts, UartsText
+from emulator.vehicle_config import AhrsParts, VehicleAhrs, VehicleConfig, bench
+from emulator.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
 from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.ports import Attitude, Location, OriginResult
-from mav_handlers.signing import KeyStore, MemoryKeyStore
 from mav_handlers.statustext import StatusTextQueue
+
+__all__ = ["LOOP_PERIOD_US", "AhrsParts", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
 
 LOOP_PERIOD_US: Final = 2500
 CHECK_LOGGING: Final = 1 << 10
 ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30
 ERR_INTERNAL_ERRORS_DETECTED: Final = 1
 MODE_STABILIZE: Final = 0
-MODE_REASON_INITIALISED: Final = 26
 EV_ARMED: Final = 10
 EV_DISARMED: Final = 11
 EV_SET_HOME: Final = 25
 EV_SOURCE_SET_1: Final = 85
-ORGN_EKF: Final = 0
-ORGN_HOME: Final = 1
-ARM_METHOD_MAVLINK: Final = 1
 LOG_AFTER_DISARM_US: Final = 15_000_000
 RTC_FROM_SYSTEM_TIME: Final = 1 << 1
 FIRST_SECOND_US: Final = 450_000  # phase of the reference's once-a-second checks, in all recordings
@@ -61,74 +48,6 @@ _MAV_SEVERITY_CRITICAL: Final = 2
 _MAV_SEVERITY_INFO: Final = 6
 _TENTH_US: Final = 100_000
 _SECOND_US: Final = 1_000_000
-_BOARD_TYPE_SITL: Final = 3
-
-
-class VehicleAhrs(Ahrs, Protocol):
-    """An AHRS with an origin, as the vehicle needs it."""
-
-    def estimator_started(self) -> bool:
-        """Tell whether the estimator runs."""
-
-    def origin(self) -> Origin | None:
-        """Return the EKF origin, or None while unset."""
-
-    def set_origin(self, origin: Origin) -> bool:
-        """Set the origin, once; tell whether it was set."""
-
-
-@dataclass(frozen=True, slots=True)
-class AhrsParts:
-    """What an AHRS is made of."""
-
-    clock: VirtualClock
-    sources: EkfSources
-    log: ExtNavLog
-    params: ParamTable
-
-
-def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
-    """Return the maker of an AHRS that stands still, level, with a heading; it has a compass if COMPASS_USE says so."""
-
-    def make(parts: AhrsParts) -> VehicleAhrs:
-        return BenchAhrs(
-            parts.clock,
-            parts.sources,
-            parts.log,
-            heading_rad=math.radians(heading_deg),
-            has_compass=lambda: parts.params.get_int("COMPASS_USE") != 0,
-        )
-
-    return make
-
-
-@dataclass(frozen=True)
-class VehicleConfig:
-    """How to build a vehicle.
-
-    Attributes:
-        make_ahrs: makes the AHRS; a vehicle on the bench, heading north, unless told otherwise.
-        links: how many links it will have.
-        defaults: parameter values by name that count as its defaults, as from a defaults file.
-        overrides: parameter values by name that hold whatever defaults and stored values say.
-        open_log: opens the next log; None for no logging, or for the next one of ``log_store``.
-        log_store: the folder of logs, which clients may list, download and erase.
-        param_store: where parameters are kept over a restart.
-        signing_store: where the signing key is kept.
-        firmware: what it claims to be.
-        boot_utc_us: time of day at boot, 0 when unknown.
-    """
-
-    make_ahrs: Callable[[AhrsParts], VehicleAhrs] = field(default_factory=bench)
-    links: int = 1
-    defaults: Mapping[str, float] = field(default_factory=dict)
-    overrides: Mapping[str, float] = field(default_factory=dict)
-    open_log: Callable[[], LogSink] | None = None
-    log_store: LogStore | None = None
-    param_store: ParamStore | None = None
-    signing_store: KeyStore = field(default_factory=MemoryKeyStore)
-    firmware: Firmware = REFERENCE
-    boot_utc_us: int = 0
 
 
 class Vehicle:
@@ -153,9 +72,10 @@ class Vehicle:
             self.params.set(name, value)
         open_log = config.open_log or (config.log_store.open_next if config.log_store else None)
         self.logger = Logger(self.clock, open_log, self._on_log_open)
+        self.log = VehicleLog(self.logger, self.clock)
         self._logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
-        self.texts.on_text.append(lambda _severity, text: self.log_text(text))
+        self.texts.on_text.append(lambda _severity, text: self.log.text(text))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
         self._ext_nav_log = ExtNavLog(self.logger, lambda: self.params.get_int("LOG_REPLAY") != 0)
         parts = AhrsParts(self.clock, self.sources, self._ext_nav_log, self.params)
@@ -261,27 +181,26 @@ class Vehicle:
             return
         self._home = Location(origin.lat, origin.lng, origin.alt_cm)
         self._home_changed = True
-        self._log_place(ORGN_HOME, self._home)
-        self._log_event(EV_SET_HOME)
+        self.log.place(ORGN_HOME, self._home)
+        self.log.event(EV_SET_HOME)
         self.texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {math.trunc(origin.alt_cm / 100)}m")
 
     def _tell_internal_errors(self) -> None:
         mask = self.internal_errors.mask
         if mask != self._internal_errors_told:
             self._internal_errors_told = mask
-            error = (ERR_SUBSYSTEM_INTERNAL_ERROR, ERR_INTERNAL_ERRORS_DETECTED)
-            self.logger.write(ERR, (self.clock.micros64(), *error))
+            self.log.error(ERR_SUBSYSTEM_INTERNAL_ERROR, ERR_INTERNAL_ERRORS_DETECTED)
             self.texts.send_text(_MAV_SEVERITY_CRITICAL, f"Internal Errors 0x{mask:x}")
 
     def _run_slow_tasks(self, now_us: int) -> None:
         if now_us >= self._next_tenth_us:
             self._next_tenth_us = now_us + _TENTH_US
-            self._log_attitude(now_us)
+            self.log.attitude(self.attitude())
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US
             if not self.arming.armed:
                 self.arming.update()
-            self._log_statistics(now_us)
+            self.log.statistics(self.endpoint.channels)
             self._store_parameters()
 
     def _store_parameters(self) -> None:
@@ -306,71 +225,12 @@ class Vehicle:
         self.logger.close()
         self._store_parameters()
 
-    # What the log begins with, and what goes into it
-
     def _on_log_open(self) -> None:
         self._ext_nav_log.new_log()
-        firmware, now_us = self._config.firmware, self.clock.micros64()
-        self.log_text(firmware.banner)
-        version = (firmware.major, firmware.minor, firmware.patch, firmware.release_type)
-        source_hash = int(firmware.source_hash, 16)
-        numbers = (*version, source_hash, firmware.banner, 0, 2, 2, 0, 0)
-        self.logger.write(VER, (now_us, _BOARD_TYPE_SITL, 65535, *numbers))
-        for line in self.banner()[1:]:
-            self.log_text(line)
-        self.logger.write(MODE, (now_us, MODE_STABILIZE, MODE_STABILIZE, MODE_REASON_INITIALISED))
-        origin = self.origin()
-        if origin is not None:
-            self._log_place(ORGN_EKF, origin)
-        if self._home is not None:
-            self._log_place(ORGN_HOME, self._home)
-
-    def _log_attitude(self, now_us: int) -> None:
-        now = self.attitude()
-        if now is not None:
-            roll, pitch, yaw = degrees(now.roll), degrees(now.pitch), degrees(now.yaw)
-            heading = yaw if yaw >= 0 else yaw + f32(360)
-            self.logger.write(ATT, (now_us, roll, roll, pitch, pitch, heading, heading, 3))
-
-    def _log_statistics(self, now_us: int) -> None:
-        self.logger.write(DSF, (now_us, self.logger.dropped, 0, self.logger.size, 0, 0, 0))
-        for channel in self.endpoint.channels:
-            if channel.active:
-                counts = (channel.codec.frames_sent, channel.frames_received, channel.packets_dropped)
-                self.logger.write(MAV, (now_us, channel.index, *counts, 0, 0, 0, 0))
-
-    def _log_event(self, event: int) -> None:
-        self.logger.write(EV, (self.clock.micros64(), event))
-
-    def _log_place(self, kind: int, place: Location) -> None:
-        self.logger.write(ORGN, (self.clock.micros64(), kind, place.lat, place.lng, place.alt_cm))
-
-    def log_text(self, text: str) -> None:
-        """Write a MSG record, which holds the first 50 characters."""
-        self.logger.write(MSG, (self.clock.micros64(), text[:50]))
-
-    def log_parameter(self, name: str, value: np.float32) -> None:
-        """Write a PARM record of a change."""
-        self.logger.write_parameter(name, value)
-
-    def log_command(self, values: Sequence[LogValue]) -> None:
-        """Write a MAVC record: everything after TimeUS."""
-        self.logger.write(MAVC, (self.clock.micros64(), *values))
-
-    def log_timesync(self, system_id: int, round_trip_us: int) -> None:
-        """Write a TSYN record."""
-        values = (self.clock.micros64(), system_id, round_trip_us)
-        self.logger.write_named("TSYN", "TimeUS,SysID,RTT", "s-s", "F-F", "QBQ", values)
-
-    def log_aux_function(self, function: int, position: int, result: bool) -> None:
-        """Write an AUXF record for a function run by MAVLink (source 3)."""
-        values = (self.clock.micros64(), function, position, 3, 0, int(result))
-        labels = "TimeUS,function,pos,source,index,result"
-        self.logger.write_named("AUXF", labels, "s#----", "F-----", "QHBBHB", values)
-
-    def log_dropped(self) -> int:
-        """Return the number of log records lost."""
-        return self.logger.dropped
+        self.log.start(self._config.firmware, self.banner(), MODE_STABILIZE)
+        for kind, place in ((ORGN_EKF, self.origin()), (ORGN_HOME, self._home)):
+            if place is not None:
+                self.log.place(kind, place)
 
     # What the endpoint asks
 
@@ -427,10 +287,8 @@ class Vehicle:
         return disarmed
 
     def _log_arm(self, *, armed: bool, forced: bool, event: int) -> None:
-        checks = self.arming.enabled_checks()
-        values = (int(armed), checks, int(forced), ARM_METHOD_MAVLINK)
-        self.logger.write(ARM, (self.clock.micros64(), *values))
-        self._log_event(event)
+        self.log.arming(armed=armed, checks=self.arming.enabled_checks(), forced=forced)
+        self.log.event(event)
 
     def run_prearm_checks(self) -> None:
         """Run all pre-arm checks and tell their failures as texts."""
@@ -448,13 +306,13 @@ class Vehicle:
         """Choose one of the three EKF source sets, 0..2."""
         if index != self.sources.active_set:
             self.sources.active_set = index
-            self._log_event(EV_SOURCE_SET_1 + index)
+            self.log.event(EV_SOURCE_SET_1 + index)
 
     def set_origin(self, location: Location) -> OriginResult:
         """Set the EKF origin, once; every core says so."""
         if not self.ahrs.set_origin(Origin(location.lat, location.lng, location.alt_cm)):
             return OriginResult.FAILED
-        self._log_place(ORGN_EKF, location)
+        self.log.place(ORGN_EKF, location)
         mask = self.params.get_int("EK3_IMU_MASK")
         for core in (number for number in range(2) if mask >> number & 1):
             self.texts.send_text(_MAV_SEVERITY_INFO, f"EKF3 IMU{core} origin set")

@@ -266,7 +266,7 @@ class MavEndpoint:
     def _send_echoes(self) -> None:
         while self._echoes:
             echo = self._echoes.popleft()
-            self._vehicle.log_parameter(echo.name, echo.value)
+            self._vehicle.log.parameter(echo.name, echo.value)
             count = self._vehicle.params.count
             for channel in self._open_channels():
                 if channel.active and not self._is_private(channel):

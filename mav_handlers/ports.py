@@ -18,7 +18,7 @@ from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.signing import KeyStore
 from mav_handlers.statustext import StatusTextQueue
 
-__all__ = ["Attitude", "Location", "OriginResult", "VehiclePort"]
+__all__ = ["Attitude", "Location", "LogPort", "OriginResult", "VehiclePort"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +48,28 @@ class OriginResult(Enum):
     FAILED = "failed"
 
 
+class LogPort(Protocol):
+    """The records that the endpoint asks the vehicle to write."""
+
+    def dropped(self) -> int:
+        """Return the number of log records lost."""
+
+    def text(self, text: str) -> None:
+        """Write a MSG record."""
+
+    def parameter(self, name: str, value: np.float32) -> None:
+        """Write a PARM record of a change."""
+
+    def command(self, values: Sequence[LogValue]) -> None:
+        """Write a MAVC record: everything after TimeUS."""
+
+    def timesync(self, system_id: int, round_trip_us: int) -> None:
+        """Write a TSYN record."""
+
+    def aux_function(self, function: int, position: int, result: bool) -> None:
+        """Write an AUXF record for a function run by MAVLink."""
+
+
 class VehiclePort(Protocol):
     """The vehicle as the endpoint sees it."""
 
@@ -56,6 +78,10 @@ class VehiclePort(Protocol):
     visual_odom: AP_VisualOdom
     internal_errors: InternalErrors
     signing_store: KeyStore
+
+    @property
+    def log(self) -> LogPort:
+        """Where the endpoint's log records go."""
 
     @property
     def files(self) -> FtpFiles:
@@ -118,21 +144,3 @@ class VehiclePort(Protocol):
 
     def set_utc_us(self, utc_us: int) -> None:
         """Take a time of day from SYSTEM_TIME, subject to BRD_RTC_TYPES."""
-
-    def log_dropped(self) -> int:
-        """Return the number of log records lost."""
-
-    def log_text(self, text: str) -> None:
-        """Write a MSG record."""
-
-    def log_parameter(self, name: str, value: np.float32) -> None:
-        """Write a PARM record of a change."""
-
-    def log_command(self, values: Sequence[LogValue]) -> None:
-        """Write a MAVC record: everything after TimeUS."""
-
-    def log_timesync(self, system_id: int, round_trip_us: int) -> None:
-        """Write a TSYN record."""
-
-    def log_aux_function(self, function: int, position: int, result: bool) -> None:
-        """Write an AUXF record for a function run by MAVLink."""

@@ -109,7 +109,7 @@ def sys_status(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SYS_STA
         errors_comm=0,
         errors_count1=errors.mask & 0xFFFF,
         errors_count2=errors.mask >> 16 & 0xFFFF,
-        errors_count3=u16(vehicle.log_dropped()),
+        errors_count3=u16(vehicle.log.dropped()),
         errors_count4=u16(errors.count),
     )
 

@@ -25,7 +25,7 @@ def handle_timesync(ctx: Context, message: TIMESYNC) -> Verdict:
         return HANDLED
     if message.ts1 == ctx.channel.timesync_ts1:
         round_trip_ns = arrival_us * 1000 - message.ts1
-        ctx.vehicle.log_timesync(ctx.header.system_id, int(float_of_u64(round_trip_ns) * _MILLI))
+        ctx.vehicle.log.timesync(ctx.header.system_id, int(float_of_u64(round_trip_ns) * _MILLI))
     return HANDLED
 
 

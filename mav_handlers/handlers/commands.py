@@ -139,7 +139,7 @@ def _run(ctx: Context, command: COMMAND_INT) -> MavResult:
 def _finish(ctx: Context, command: COMMAND_INT, result: MavResult, *, was_long: bool) -> Verdict:
     sender = ctx.header.system_id, ctx.header.component_id
     ctx.channel.send(COMMAND_ACK(command.command, result, 0, 0, *sender))
-    ctx.vehicle.log_command(
+    ctx.vehicle.log.command(
         (
             command.target_system,
             command.target_component,
@@ -209,7 +209,7 @@ def do_aux_function(ctx: Context, command: COMMAND_INT) -> MavResult:
         run(ctx, position)
     else:
         ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"Invalid channel option ({function})")
-    ctx.vehicle.log_aux_function(function, position, run is not None)
+    ctx.vehicle.log.aux_function(function, position, run is not None)
     return _accepted(run is not None)
 
 

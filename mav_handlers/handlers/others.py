@@ -35,7 +35,7 @@ def handle_statustext(ctx: Context, message: STATUSTEXT) -> Verdict:
         prefix = "GCS:"
     else:
         prefix = f"SRC={header.system_id}/{header.component_id}:"
-    ctx.vehicle.log_text(prefix + message.text)
+    ctx.vehicle.log.text(prefix + message.text)
     return HANDLED
 
 

@@ -78,7 +78,7 @@ def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
             ctx.channel.send(reply)
         return PARAM_READ_ONLY
     # One record as the sender spelled it; the echoes write theirs when they leave.
-    ctx.vehicle.log_parameter(message.param_id, result.value)
+    ctx.vehicle.log.parameter(message.param_id, result.value)
     ctx.endpoint.echo_parameters(result.echoes)
     return HANDLED
 

@@ -369,7 +369,7 @@ def test_samples_are_not_logged_for_a_replay_by_default(make_bench: MakeBench) -
 def test_lost_records_are_told(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.logs[0].dropped = 7
-    assert bench.vehicle.log_dropped() == 7
+    assert bench.vehicle.log.dropped() == 7
 
 
 def test_closing_closes_the_log(make_bench: MakeBench) -> None:

@@ -5,16 +5,13 @@
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-import numpy as np
 import pytest
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ekf_stub.ahrs_bench import BenchAhrs
-from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, ExtNavVel
+from ekf_stub.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
 from emulator.log_sink import MemoryLog
 from emulator.scheduler import Scheduler
 from emulator.vehicle import AhrsParts, Vehicle, VehicleConfig
@@ -29,42 +26,12 @@ SETTLED_MS = 5000
 """When the estimator runs, the boot texts are over, and heartbeats have just been sent."""
 
 
-class SpyAhrs(BenchAhrs):
+class SpyAhrs(RememberedCalls, BenchAhrs):
     """The AHRS of the bench, which remembers what it is given."""
 
     def __init__(self, parts: AhrsParts) -> None:
-        super().__init__(parts.clock, parts.sources, parts.log)
-        self.calls: list[ExtNavCall] = []
-
-    def writeExtNavData(
-        self,
-        pos: Vector3f,
-        quat: Quaternion,
-        posErr: np.float32,
-        angErr: np.float32,
-        timeStamp_ms: int,
-        delay_ms: int,
-        resetTime_ms: int,
-    ) -> None:
-        """Remember the call."""
-        self.calls.append(ExtNav(pos, quat, posErr, angErr, timeStamp_ms, delay_ms, resetTime_ms))
-
-    def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
-        """Remember the call."""
-        self.calls.append(ExtNavVel(vel, err, timeStamp_ms, delay_ms))
-
-    def writeBodyFrameOdom(
-        self,
-        quality: np.float32,
-        delPos: Vector3f,
-        delAng: Vector3f,
-        delTime: np.float32,
-        timeStamp_ms: int,
-        delay_ms: int,
-        posOffset: Vector3f,
-    ) -> None:
-        """Remember the call."""
-        self.calls.append(BodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, posOffset))
+        BenchAhrs.__init__(self, parts.clock, parts.sources, parts.log)
+        self.calls = []
 
 
 class Client:

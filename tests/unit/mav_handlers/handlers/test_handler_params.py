@@ -346,7 +346,7 @@ class TestSet:
 
     def test_each_set_is_logged_as_spelled_and_as_echoed(self, bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> None:
         logged: list[tuple[str, float]] = []
-        monkeypatch.setattr(bench.vehicle, "log_parameter", lambda *values: logged.append(values))
+        monkeypatch.setattr(bench.vehicle.log, "parameter", lambda *values: logged.append(values))
         echo(bench, "viso_qual_min", 300)
         assert logged == [("viso_qual_min", 127), ("VISO_QUAL_MIN", 127)]
 

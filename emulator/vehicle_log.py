@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The records that a vehicle itself writes to its log.
+
+Source: AP_Logger/LogFile.cpp, AP_Logger/LoggerMessageWriter.cpp, ArduCopter/Log.cpp.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from ap_core.clock import Clock
+from ap_core.fmath import degrees, f32
+from ap_core.log_field import LogValue
+from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
+from emulator.firmware import Firmware
+from emulator.logger import Logger
+from mav_handlers.channel import Channel
+from mav_handlers.ports import Attitude, Location
+
+MODE_REASON_INITIALISED: Final = 26
+ARM_METHOD_MAVLINK: Final = 1
+AUX_SOURCE_MAVLINK: Final = 3
+ORGN_EKF: Final = 0
+ORGN_HOME: Final = 1
+
+_BOARD_TYPE_SITL: Final = 3
+_NO_BOARD_SUBTYPE: Final = 65535
+_TEXT_LEN: Final = 50
+_EKF3: Final = 3
+
+
+class VehicleLog:
+    """Writes records, each stamped with the time of writing; the rest of a record is the arguments."""
+
+    def __init__(self, logger: Logger, clock: Clock) -> None:
+        self._logger = logger
+        self._clock = clock
+
+    def start(self, firmware: Firmware, banner: Sequence[str], mode: int) -> None:
+        """Write what every log begins with, after what describes it: firmware, frame, mode."""
+        self.text(banner[0])
+        version = (firmware.major, firmware.minor, firmware.patch, firmware.release_type)
+        numbers = (*version, int(firmware.source_hash, 16), firmware.banner, 0, 2, 2, 0, 0)
+        self._logger.write(VER, (self._clock.micros64(), _BOARD_TYPE_SITL, _NO_BOARD_SUBTYPE, *numbers))
+        for line in banner[1:]:
+            self.text(line)
+        self._logger.write(MODE, (self._clock.micros64(), mode, mode, MODE_REASON_INITIALISED))
+
+    def attitude(self, now: Attitude | None) -> None:
+        """Write ATT, the wanted attitude being the present one; nothing while there is none."""
+        if now is not None:
+            roll, pitch, yaw = degrees(now.roll), degrees(now.pitch), degrees(now.yaw)
+            heading = yaw if yaw >= 0 else yaw + f32(360)
+            angles = (roll, roll, pitch, pitch, heading, heading)
+            self._logger.write(ATT, (self._clock.micros64(), *angles, _EKF3))
+
+    def statistics(self, channels: Iterable[Channel]) -> None:
+        """Write DSF, and MAV for each active link."""
+        now_us = self._clock.micros64()
+        self._logger.write(DSF, (now_us, self._logger.dropped, 0, self._logger.size, 0, 0, 0))
+        for channel in channels:
+            if channel.active:
+                counts = (channel.codec.frames_sent, channel.frames_received, channel.packets_dropped)
+                self._logger.write(MAV, (now_us, channel.index, *counts, 0, 0, 0, 0))
+
+    def event(self, event: int) -> None:
+        """Write EV."""
+        self._logger.write(EV, (self._clock.micros64(), event))
+
+    def error(self, subsystem: int, code: int) -> None:
+        """Write ERR."""
+        self._logger.write(ERR, (self._clock.micros64(), subsystem, code))
+
+    def place(self, kind: int, place: Location) -> None:
+        """Write ORGN: the EKF origin (0) or home (1)."""
+        self._logger.write(ORGN, (self._clock.micros64(), kind, place.lat, place.lng, place.alt_cm))
+
+    def arming(self, *, armed: bool, checks: int, forced: bool) -> None:
+        """Write ARM, done by MAVLink; ``checks`` is ARMING_CHECK."""
+        values = (int(armed), checks, int(forced), ARM_METHOD_MAVLINK)
+        self._logger.write(ARM, (self._clock.micros64(), *values))
+
+    def text(self, text: str) -> None:
+        """Write MSG, which holds the first 50 characters."""
+        self._logger.write(MSG, (self._clock.micros64(), text[:_TEXT_LEN]))
+
+    def parameter(self, name: str, value: np.float32) -> None:
+        """Write PARM of a change."""
+        self._logger.write_parameter(name, value)
+
+    def command(self, values: Sequence[LogValue]) -> None:
+        """Write MAVC: everything after TimeUS."""
+        self._logger.write(MAVC, (self._clock.micros64(), *values))
+
+    def timesync(self, system_id: int, round_trip_us: int) -> None:
+        """Write TSYN."""
+        values = (self._clock.micros64(), system_id, round_trip_us)
+        self._logger.write_named("TSYN", "TimeUS,SysID,RTT", "s-s", "F-F", "QBQ", values)
+
+    def aux_function(self, function: int, position: int, result: bool) -> None:
+        """Write AUXF of a function run by MAVLink."""
+        values = (self._clock.micros64(), function, position, AUX_SOURCE_MAVLINK, 0, int(result))
+        labels = "TimeUS,function,pos,source,index,result"
+        self._logger.write_named("AUXF", labels, "s#----", "F-----", "QHBBHB", values)
+
+    def dropped(self) -> int:
+        """Return the number of records lost."""
+        return self._logger.dropped
