@@ -13,6 +13,7 @@ from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
 
 MAX_READ_BYTES: Final = 65536
+MAX_READS: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,11 @@ class Pacer:
 
     def _read(self) -> None:
         for attached in self._links:
-            while data := attached.link.receive(MAX_READ_BYTES):
+            # A peer that never stops must not keep the main loop from its turn.
+            for _ in range(MAX_READS):
+                data = attached.link.receive(MAX_READ_BYTES)
+                if not data:
+                    break
                 self._vehicle.receive_bytes(attached.channel, data, self._now_us())
 
     def _write(self) -> None:

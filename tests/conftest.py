@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fixtures for every test: an AP_VisualOdom whose surroundings are settable and remembered."""
 
+import os
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from ap_core.clock import VirtualClock
 from ap_core.fmath import f32
@@ -17,6 +19,10 @@ from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
+
+# A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
+settings.register_profile("viso", deadline=None, derandomize=os.environ.get("CI") == "true")
+settings.load_profile("viso")
 
 Record = tuple[str, dict[str, LogValue]]
 

@@ -155,6 +155,15 @@ def test_all_waiting_bytes_are_read_at_once(make: Callable[..., Rig], monkeypatc
     assert rig.vehicle.endpoint.channels[0].frames_received == 1
 
 
+def test_peer_that_never_stops_does_not_keep_the_main_loop_from_its_turn(
+    make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = make()
+    monkeypatch.setattr(PairLink, "receive", lambda _link, _max_bytes=1: b"\xfd")
+    rig.run_to(50_000)
+    assert len(rig.loops) == 21
+
+
 def test_output_goes_to_every_link(make: Callable[..., Rig]) -> None:
     rig = make()
     rig.run_to(2_100_000)

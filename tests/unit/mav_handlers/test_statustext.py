@@ -138,6 +138,12 @@ def test_receivers_are_chosen_as_the_text_is_queued(queue: StatusTextQueue) -> N
     assert [entry.channels for entry in queue.pending()] == [{0, 2}]
 
 
+def test_text_for_one_link_is_for_that_link(queue: StatusTextQueue) -> None:
+    queue.listening_channels = lambda: {0, 2}
+    queue.send_text_to(1, INFO, "you")
+    assert [entry.channels for entry in queue.pending()] == [{1}]
+
+
 def test_without_an_endpoint_a_text_is_for_every_link(queue: StatusTextQueue) -> None:
     queue.send_text(INFO, "early")
     assert [entry.channels for entry in queue.pending()] == [None]

@@ -42,6 +42,13 @@ class TestMessage:
         client.tell(SET)
         assert client.read() == [GPS_GLOBAL_ORIGIN(LAT, LNG, ALT_MM, bench.now_us)]
 
+    def test_vehicle_that_keeps_its_origin_to_itself_tells_nobody(
+        self, bench: "Bench", client: "Client", monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(bench.vehicle, "origin", lambda: None)
+        assert client.tell(SET) is HANDLED
+        assert client.read() == []
+
     def test_second_origin_is_refused_in_silence(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
         client.read()

@@ -261,9 +261,11 @@ class TestDecode:
 
     def test_busy_link_does_not_pile_up_what_was_read(self) -> None:
         codec, sender = Codec(1, 1), Codec(7, 8)
-        stream = b"".join(sender.encode(BEAT) for _ in range(2000))
-        # Never a whole number of frames, so that the parser's buffer is never empty.
-        received = [one for start in range(0, len(stream), 100) for one in receive(codec, stream[start : start + 100])]
+        frames = [sender.encode(BEAT) for _ in range(2000)]
+        stream, step = b"".join(frames), 10 * len(frames[0])
+        # A part of the next frame always waits, so that the parser's buffer is never empty.
+        received = receive(codec, stream[:5])
+        received += [one for at in range(5, len(stream), step) for one in receive(codec, stream[at : at + step])]
         assert [one.header.sequence for one in received if isinstance(one, Received)] == [n % 256 for n in range(2000)]
 
     @given(data=st.binary(max_size=600))

@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How requests for files, logs and signing reach their servers, and who gets the answers."""
+
+import struct
+from typing import TYPE_CHECKING
+
+from mav_handlers.ftp_wire import PAYLOAD_BYTES, Opcode
+from mav_handlers.verdicts import HANDLED
+from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, SETUP_SIGNING, STATUSTEXT
+
+if TYPE_CHECKING:
+    from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench
+
+PARAMETER_FILE = b"@PARAM/param.pck"
+KEY = SETUP_SIGNING(1, 1, (7,) * 32, 1000)
+
+
+def to_open(name: bytes) -> FILE_TRANSFER_PROTOCOL:
+    payload = struct.pack("<HBBBBBxI", 1, 0, Opcode.OPEN_FILE_RO, len(name), 0, 0, 0) + name
+    return FILE_TRANSFER_PROTOCOL(0, 1, 1, tuple(payload.ljust(PAYLOAD_BYTES, b"\0")))
+
+
+def opcodes(client: "Client") -> list[int]:
+    return [reply.payload[3] for reply in client.read_of(FILE_TRANSFER_PROTOCOL)]
+
+
+class TestFiles:
+    """FILE_TRANSFER_PROTOCOL."""
+
+    def test_request_is_answered_to_its_sender(self, client: "Client") -> None:
+        assert client.tell(to_open(PARAMETER_FILE)) is HANDLED
+        [reply] = client.read_of(FILE_TRANSFER_PROTOCOL)
+        assert (reply.target_system, reply.target_component) == (255, 190)
+        assert (reply.payload[0], reply.payload[3]) == (2, Opcode.ACK)
+
+    def test_answer_goes_to_the_link_of_the_request(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(bauds=(None, 115200))
+        bench.clients[1].tell(to_open(PARAMETER_FILE))
+        assert [opcodes(client) for client in bench.clients] == [[], [Opcode.ACK]]
+
+    def test_opening_the_parameters_is_followed_by_the_banner(self, bench: "Bench", client: "Client") -> None:
+        client.tell(to_open(PARAMETER_FILE))
+        bench.run_ms(3)
+        kinds = [type(message) for message in client.read()]
+        assert kinds == [FILE_TRANSFER_PROTOCOL, STATUSTEXT, STATUSTEXT]
+
+    def test_file_that_is_not_there_is_refused_without_a_banner(self, bench: "Bench", client: "Client") -> None:
+        client.tell(to_open(b"nothing"))
+        bench.run_ms(3)
+        [reply] = client.read()
+        assert isinstance(reply, FILE_TRANSFER_PROTOCOL)
+        assert reply.payload[3] == Opcode.NACK
+
+    def test_link_that_was_closed_gets_no_answer(self, bench: "Bench", client: "Client") -> None:
+        bench.endpoint.close_channel(client.channel)
+        client.tell(to_open(b"nothing"))
+        assert client.read() == []
+
+
+class TestSigning:
+    """SETUP_SIGNING."""
+
+    def test_refusal_while_armed_is_told_to_the_asking_link_alone(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(bauds=(None, None))
+        for client in bench.clients:
+            client.command(400, 1, 21196)
+        bench.run_ms(3)
+        for client in bench.clients:
+            client.read()
+        bench.clients[1].tell(KEY)
+        bench.run_ms(3)
+        assert [client.read_texts() for client in bench.clients] == [[], ["ERROR: Won't setup signing when armed"]]
