@@ -28,6 +28,11 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
 }
 
 
+def _discard_output() -> None:
+    # What is left in the buffer would be tried again at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _ending_with_its_reader(function: Callable[..., Any]) -> Callable[..., Any]:
     """Make a command end in peace when the reader of its output has gone, which is the reader's right."""
 
@@ -37,8 +42,7 @@ def _ending_with_its_reader(function: Callable[..., Any]) -> Callable[..., Any]:
             function(*args, **kwargs)
             sys.stdout.flush()
         except BrokenPipeError:
-            # What is left in the buffer would be tried again at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            _discard_output()
 
     return run
 
@@ -68,5 +72,6 @@ def main() -> None:
         sys.exit(EXIT_USAGE)
     except OSError as error:
         # Files and links give errors of their own; left is standard output, for instance on a full disk.
+        _discard_output()
         print(f"viso: {error.strerror or error}", file=sys.stderr)
         sys.exit(EXIT_USAGE)

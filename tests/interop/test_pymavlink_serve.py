@@ -250,6 +250,7 @@ def test_log_of_a_killed_autopilot_is_readable(session: Session) -> None:
 
 def test_termination_closes_the_log(session: Session) -> None:
     autopilot, client = session
+    client.wait_for_boot()
     client.odometry()
     client.until("HEARTBEAT")
     assert autopilot.stop(signal.SIGTERM) == 0

@@ -414,7 +414,7 @@ class EndpointMachine(RuleBasedStateMachine):
         stamp = ts1 if ts1 is not None else self.channels[link].timesync_ts1 or 0
         self.deliver(link, Codec(255, 190).encode(TIMESYNC(tc1, stamp)))
 
-    @rule(link=LINKS, count=st.sampled_from([10, 3000]))
+    @rule(link=LINKS, count=st.sampled_from([10, 1500]))
     def flood(self, link: int, count: int) -> None:
         """Ask for the time so often that a link that is not read runs full."""
         self.deliver(link, Codec(255, 190).encode(TIMESYNC(0, -1)) * count)

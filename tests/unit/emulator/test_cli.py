@@ -4,6 +4,7 @@
 
 import gzip
 import json
+import os
 import re
 import shlex
 import socket
@@ -542,7 +543,9 @@ def test_first_verdict_of_each_kind_is_told(
 
 def viso_process(*args: str | Path, **options: Any) -> subprocess.CompletedProcess[bytes]:
     command = [sys.executable, "-c", "from emulator.cli import main; main()", *map(str, args)]
-    return subprocess.run(command, timeout=60, check=False, stderr=subprocess.PIPE, **options)
+    # As in a user's shell: output is buffered.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    return subprocess.run(command, timeout=60, check=False, stderr=subprocess.PIPE, env=environment, **options)
 
 
 @pytest.mark.parametrize("command", ["vectors", "replay"])
