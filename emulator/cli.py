@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``viso`` command: one row a command."""
 
+import contextlib
+import io
 import os
 import sys
 from collections.abc import Callable, Mapping
@@ -29,8 +31,9 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
 
 
 def _discard_output() -> None:
-    # What is left in the buffer would be tried again at exit.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    # What is left in the buffer would be tried again at exit. A stand-in for standard output has no descriptor.
+    with contextlib.suppress(io.UnsupportedOperation):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _ending_with_its_reader(function: Callable[..., Any]) -> Callable[..., Any]:
