@@ -190,6 +190,11 @@ class MavEndpoint:
         """Queue the echoes of a changed parameter for every active link."""
         self._echoes.extend(echoes)
 
+    def send_banner(self) -> None:
+        """Introduce the vehicle in texts (GCS_MAVLINK::send_banner)."""
+        for line in self._vehicle.banner():
+            self._vehicle.texts.send_text(_MAV_SEVERITY_INFO, line)
+
     def send_ftp_replies(self, replies: Iterable[FtpReply]) -> None:
         """Send replies of the file server, each to whom it is for."""
         for reply in replies:
@@ -198,8 +203,7 @@ class MavEndpoint:
                 payload = tuple(reply.payload)
                 channel.send(FILE_TRANSFER_PROTOCOL(0, peer.system_id, peer.component_id, payload))
             if reply.banner:
-                for line in self._vehicle.banner():
-                    self._vehicle.texts.send_text(_MAV_SEVERITY_INFO, line)
+                self.send_banner()
 
     def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
         """Send the next part of a listing or of a log on a link, as far as it takes any."""

@@ -316,8 +316,7 @@ def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def do_send_banner(ctx: Context, _command: COMMAND_INT) -> MavResult:
     """Introduce the vehicle in texts."""
-    for line in ctx.vehicle.banner():
-        ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, line)
+    ctx.endpoint.send_banner()
     return MavResult.ACCEPTED
 
 

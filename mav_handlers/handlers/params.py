@@ -29,7 +29,6 @@ _BANDWIDTH_SHARE: Final = 0.3
 _LIST_PER_RUN_FAST: Final = 225
 _LIST_PER_RUN_UART: Final = 5
 _MAV_SEVERITY_WARNING: Final = 4
-_MAV_SEVERITY_INFO: Final = 6
 
 
 def param_value(param: Param, name: str, count: int, index: int) -> PARAM_VALUE:
@@ -39,8 +38,7 @@ def param_value(param: Param, name: str, count: int, index: int) -> PARAM_VALUE:
 
 def handle_param_request_list(ctx: Context, _message: PARAM_REQUEST_LIST) -> Verdict:
     """Introduce the vehicle and start the list at index 0 (handle_param_request_list)."""
-    for line in ctx.vehicle.banner():
-        ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, line)
+    ctx.endpoint.send_banner()
     ctx.channel.param_list = ParamListState(0, ctx.vehicle.params.count, ctx.now_us)
     return HANDLED
 
