@@ -5,31 +5,23 @@
 Source: AP_AHRS/AP_AHRS.cpp.
 """
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from ap_core.cint import u32
 from ap_core.clock import Clock
+from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.filter_status import FilterStatus
 from ekf_stub.sources import EkfSources, SourceYaw
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
 ESTIMATOR_STARTUP_DELAY_US: Final = 1_000_000
 # When the AHRS of the reference first wanted to run the estimator, in all recordings.
 AHRS_START_US: Final = 2_455_000
-
-
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """The EKF origin: latitude and longitude in 1e-7 deg, altitude in cm above mean sea level."""
-
-    lat: int
-    lng: int
-    alt_cm: int
 
 
 class AhrsBase:
@@ -47,7 +39,7 @@ class AhrsBase:
         self._sources = sources
         self._log = log
         self._start_us = start_us
-        self._origin: Origin | None = None
+        self._origin: Location | None = None
 
     def started(self) -> bool:
         """Tell whether the AHRS runs, if only on its first, simple estimate (DCM)."""
@@ -70,16 +62,48 @@ class AhrsBase:
         """
         return self.estimator_started() and self._sources.yaw() == SourceYaw.EXTNAV
 
-    def origin(self) -> Origin | None:
+    def origin(self) -> Location | None:
         """Return the EKF origin, or None while unset."""
         return self._origin
 
-    def set_origin(self, origin: Origin) -> bool:
+    def set_origin(self, origin: Location) -> bool:
         """Set the origin, once, and not before the estimator runs; tell whether it was set."""
         if self._origin is not None or not self.estimator_started():
             return False
         self._origin = origin
         return True
+
+    def update(self) -> None:
+        """Run one frame of the estimator, once a pass of the main loop."""
+
+    def get_gyro(self) -> Vector3f:
+        """Return the body rates in rad/s, without bias."""
+        return Vector3f()
+
+    def get_gyro_drift(self) -> Vector3f:
+        """Return the estimated gyro bias in rad/s."""
+        return Vector3f()
+
+    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
+        """Return the position in metres NED from the EKF origin, or None while there is none."""
+        return None
+
+    def get_velocity_NED(self) -> Vector3f | None:
+        """Return the velocity in m/s NED, or None while there is none."""
+        return None
+
+    def get_location(self) -> Location | None:
+        """Return where the vehicle is, or None without origin or position."""
+        position = self.get_relative_position_NED_origin_float()
+        return None if self._origin is None or position is None else self._origin.offset(position)
+
+    def get_filter_status(self) -> FilterStatus | None:
+        """Return what the estimator says of itself, or None while it does not run or is not a real one."""
+        return None
+
+    def pre_arm_failure(self, requires_position: bool) -> str | None:
+        """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
+        return None if self.estimator_started() else "EKF3 not started"
 
     def writeExtNavData(
         self,

@@ -10,7 +10,7 @@ from ap_core.fmath import f32
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
-from ekf_stub.ahrs_base import AHRS_START_US, Origin
+from ekf_stub.ahrs_base import AHRS_START_US
 from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.sources import EkfSources
 from emulator.arming import ANY_CHECK, CHECK_VISION, Arming, Check
@@ -78,7 +78,16 @@ class Vehicle:
         self.texts.on_text.append(lambda _severity, text: self.log.text(text))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
         self._ext_nav_log = ExtNavLog(self.logger, lambda: self.params.get_int("LOG_REPLAY") != 0)
-        parts = AhrsParts(self.clock, self.sources, self._ext_nav_log, self.params)
+        parts = AhrsParts(
+            self.clock,
+            self.sources,
+            self._ext_nav_log,
+            self.params,
+            self.texts,
+            gps=lambda: None,
+            is_armed=self.is_armed,
+            visual_odom_enabled=lambda: self.visual_odom.enabled(),
+        )
         self.ahrs: VehicleAhrs = config.make_ahrs(parts)
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,
@@ -127,12 +136,16 @@ class Vehicle:
         # The firmware's order, of those checks that have something to look at here.
         return (
             Check(0, lambda: None if self._initialised else "System not initialised", ends=True),
-            Check(0, lambda: None if self.ahrs.estimator_started() else "AHRS: EKF3 not started"),
+            Check(0, self._check_ahrs),
             Check(CHECK_LOGGING, lambda: "Logging failed" if self.logger.failure else None),
             Check(CHECK_LOGGING, lambda: "Downloading logs" if self.endpoint.log_transfer.is_active else None),
             Check(ANY_CHECK, self._check_internal_errors),
             Check(CHECK_VISION, self._check_visual_odom),
         )
+
+    def _check_ahrs(self) -> str | None:
+        failure = self.ahrs.pre_arm_failure(requires_position=False)
+        return None if failure is None else f"AHRS: {failure}"
 
     def _check_internal_errors(self) -> str | None:
         errors = self.internal_errors
@@ -166,6 +179,7 @@ class Vehicle:
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
 
     def _run_estimator_frame(self) -> None:
+        self.ahrs.update()
         if not self.ahrs.estimator_started():
             return
         camera = self.visual_odom
@@ -179,7 +193,7 @@ class Vehicle:
         origin = self.ahrs.origin()
         if origin is None or self._home is not None:
             return
-        self._home = Location(origin.lat, origin.lng, origin.alt_cm)
+        self._home = origin
         self._home_changed = True
         self.log.place(ORGN_HOME, self._home)
         self.log.event(EV_SET_HOME)
@@ -310,7 +324,7 @@ class Vehicle:
 
     def set_origin(self, location: Location) -> OriginResult:
         """Set the EKF origin, once; every core says so."""
-        if not self.ahrs.set_origin(Origin(location.lat, location.lng, location.alt_cm)):
+        if not self.ahrs.set_origin(location):
             return OriginResult.FAILED
         self.log.place(ORGN_EKF, location)
         mask = self.params.get_int("EK3_IMU_MASK")
@@ -320,8 +334,7 @@ class Vehicle:
 
     def origin(self) -> Location | None:
         """Return the EKF origin, or None while unset."""
-        origin = self.ahrs.origin()
-        return None if origin is None else Location(origin.lat, origin.lng, origin.alt_cm)
+        return self.ahrs.origin()
 
     def home(self) -> Location | None:
         """Return home, or None while unset."""

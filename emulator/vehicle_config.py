@@ -8,40 +8,56 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from ap_core.clock import VirtualClock
+from ap_core.location import Location
 from ap_core.param import ParamTable
+from ap_core.sinks import TextSink
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs_base import Origin
 from ekf_stub.ahrs_bench import BenchAhrs
 from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.gps_sample import GpsSample
 from ekf_stub.sources import EkfSources
 from emulator.firmware import REFERENCE, Firmware
 from emulator.log_files import LogStore
 from emulator.log_sink import LogSink
 from emulator.param_store import ParamStore
+from mav_handlers.ports import AhrsPort
 from mav_handlers.signing import KeyStore, MemoryKeyStore
 
 
-class VehicleAhrs(Ahrs, Protocol):
-    """An AHRS with an origin, as the vehicle needs it."""
+class VehicleAhrs(Ahrs, AhrsPort, Protocol):
+    """An AHRS as the vehicle needs it."""
+
+    def update(self) -> None:
+        """Run one frame of the estimator, once a pass of the main loop."""
 
     def estimator_started(self) -> bool:
         """Tell whether the estimator runs."""
 
-    def origin(self) -> Origin | None:
+    def origin(self) -> Location | None:
         """Return the EKF origin, or None while unset."""
 
-    def set_origin(self, origin: Origin) -> bool:
+    def set_origin(self, origin: Location) -> bool:
         """Set the origin, once; tell whether it was set."""
+
+    def pre_arm_failure(self, requires_position: bool) -> str | None:
+        """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None."""
 
 
 @dataclass(frozen=True, slots=True)
 class AhrsParts:
-    """What an AHRS is made of."""
+    """What an AHRS is made of.
+
+    ``gps`` returns the newest solution of the GPS, ``is_armed`` and ``visual_odom_enabled`` what their names say.
+    """
 
     clock: VirtualClock
     sources: EkfSources
     log: ExtNavLog
     params: ParamTable
+    texts: TextSink
+    gps: Callable[[], GpsSample | None]
+    is_armed: Callable[[], bool]
+    visual_odom_enabled: Callable[[], bool]
 
 
 def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:

@@ -10,24 +10,19 @@ from typing import Protocol
 import numpy as np
 
 from ap_core.internal_error import InternalErrors
+from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.param import ParamTable
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.filter_status import FilterStatus
 from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.signing import KeyStore
 from mav_handlers.statustext import StatusTextQueue
 
-__all__ = ["Attitude", "Location", "LogPort", "OriginResult", "VehiclePort"]
-
-
-@dataclass(frozen=True, slots=True)
-class Location:
-    """A place: latitude and longitude in 1e-7 deg, altitude in cm above mean sea level."""
-
-    lat: int
-    lng: int
-    alt_cm: int
+__all__ = ["AhrsPort", "Attitude", "Location", "LogPort", "OriginResult", "VehiclePort"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +65,37 @@ class LogPort(Protocol):
         """Write an AUXF record for a function run by MAVLink."""
 
 
+class AhrsPort(Protocol):
+    """What telemetry asks of the AHRS; names are those of AP_AHRS."""
+
+    def initialised(self) -> bool:
+        """Tell whether the estimator has been running for its settling time."""
+
+    def get_quaternion(self) -> Quaternion | None:
+        """Return the attitude, body (FRD) to earth (NED), or None while there is none."""
+
+    def get_yaw_rad(self) -> np.float32:
+        """Return the yaw in radians, -pi..pi."""
+
+    def get_gyro(self) -> Vector3f:
+        """Return the body rates in rad/s, without bias."""
+
+    def get_gyro_drift(self) -> Vector3f:
+        """Return the estimated gyro bias in rad/s."""
+
+    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
+        """Return the position in metres NED from the EKF origin, or None while there is none."""
+
+    def get_velocity_NED(self) -> Vector3f | None:
+        """Return the velocity in m/s NED, or None while there is none."""
+
+    def get_location(self) -> Location | None:
+        """Return where the vehicle is, or None without origin or position."""
+
+    def get_filter_status(self) -> FilterStatus | None:
+        """Return what the estimator says of itself, or None while it does not run."""
+
+
 class VehiclePort(Protocol):
     """The vehicle as the endpoint sees it."""
 
@@ -78,6 +104,10 @@ class VehiclePort(Protocol):
     visual_odom: AP_VisualOdom
     internal_errors: InternalErrors
     signing_store: KeyStore
+
+    @property
+    def ahrs(self) -> AhrsPort:
+        """The estimates of attitude and position."""
 
     @property
     def log(self) -> LogPort:

@@ -8,16 +8,17 @@ import pytest
 
 from ap_core.clock import VirtualClock
 from ap_core.fmath import f32
+from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase, Origin
+from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.sources import EkfSources, SourceYaw
 
 START_US = 1_000_000
-ORIGIN = Origin(-353632610, 1491652300, 58400)
+ORIGIN = Location(-353632610, 1491652300, 58400)
 
 
 class Rig:
@@ -89,7 +90,7 @@ def test_origin_is_set_once(rig: Rig) -> None:
     ahrs = rig.at_ms(2000)
     assert ahrs.origin() is None
     assert ahrs.set_origin(ORIGIN)
-    assert not ahrs.set_origin(Origin(0, 0, 0))
+    assert not ahrs.set_origin(Location(0, 0, 0))
     assert ahrs.origin() == ORIGIN
 
 

@@ -1,0 +1,33 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a GPS driver tells the estimator (AP_GPS/AP_GPS.h, GPS_State)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.location import Location
+from ap_core.vector3 import Vector3f
+
+FIX_3D: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class GpsSample:
+    """One solution of a GPS.
+
+    ``time_ms`` is since boot. Accuracies and the vertical velocity are None when the receiver gives none; hdop and
+    vdop are x 100, 65535 when unknown. ``yaw_deg`` is 0..360 from north.
+    """
+
+    time_ms: int
+    fix_type: int
+    location: Location
+    vel_ned: Vector3f
+    num_sats: int
+    hdop: int = 65535
+    vdop: int = 65535
+    has_vertical_velocity: bool = False
+    speed_accuracy: float | None = None
+    horizontal_accuracy: float | None = None
+    vertical_accuracy: float | None = None
+    yaw_deg: float | None = None
