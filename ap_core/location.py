@@ -1,29 +1,63 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A place on the globe and short ways from it (AP_Common/Location.cpp)."""
+"""A place on the globe and short ways from it (AP_Common/Location.cpp), with the simulator's precision."""
 
 import math
 from dataclasses import dataclass
 from typing import Final
 
+from ap_core.cint import i32, int_of_float
+from ap_core.fmath import M_PI, cosf, f32
 from ap_core.vector3 import Vector3f
 
 MAX_LAT: Final = 900_000_000
 MAX_LNG: Final = 1_800_000_000
-METRES_PER_UNIT: Final = 0.011131884502145034
-"""Length of 1e-7 degrees of latitude (AP_Math/definitions.h, LATLON_TO_M)."""
+METRES_PER_UNIT: Final = float(f32(0.011131884502145034))
+"""Length of 1e-7 degrees of latitude, a float32 constant (Location.h, LOCATION_SCALING_FACTOR)."""
 
-_FULL_TURN: Final = 3_600_000_000
-_MIN_LONGITUDE_SCALE: Final = 0.01
+_UNITS_PER_METRE: Final = float(f32(89.83204953368922))
+_RADIANS_PER_UNIT: Final = f32(f32(1.0e-7) * f32(M_PI / f32(180)))
+_CENTI: Final = f32(0.01)
+_MIN_LONGITUDE_SCALE: Final = float(_CENTI)
+_I64_LIMIT: Final = 1 << 63
 
 
 def longitude_scale(lat: int) -> float:
-    """Return how much shorter a degree of longitude is than one of latitude, never less than 0.01."""
-    return max(math.cos(math.radians(lat * 1e-7)), _MIN_LONGITUDE_SCALE)
+    """Return how much shorter a degree of longitude is than one of latitude, never less than 0.01.
+
+    The cosine is a float32 one. Source: Location::longitude_scale.
+    """
+    return max(float(cosf(f32(f32(lat) * _RADIANS_PER_UNIT))), _MIN_LONGITUDE_SCALE)
 
 
-def _wrap_longitude(lng: int) -> int:
-    return (lng + MAX_LNG) % _FULL_TURN - MAX_LNG
+def wrap_longitude(lng: int) -> int:
+    """Bring a longitude that is up to a turn outside back into -180..180 degrees (Location::wrap_longitude)."""
+    if lng > MAX_LNG:
+        lng -= 2 * MAX_LNG
+    elif lng < -MAX_LNG:
+        lng += 2 * MAX_LNG
+    return i32(lng)
+
+
+def diff_longitude(lng: int, other: int) -> int:
+    """Return the shorter way from ``other`` to ``lng``, in 1e-7 deg, east positive (Location::diff_longitude)."""
+    difference = lng - other
+    return difference if (lng < 0) == (other < 0) else wrap_longitude(difference)
+
+
+def limit_latitude(lat: int) -> int:
+    """Bring a latitude beyond a pole back on the other side of it (Location::limit_lattitude)."""
+    if lat > MAX_LAT:
+        return i32(2 * MAX_LAT - lat)
+    return i32(-2 * MAX_LAT - lat) if lat < -MAX_LAT else lat
+
+
+def _half(value: int) -> int:
+    return math.trunc(value / 2)
+
+
+def _int64_of_float(value: float) -> int:
+    return math.trunc(value) if abs(value) < _I64_LIMIT else -_I64_LIMIT
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +74,19 @@ class Location:
 
     def distance_ned(self, to: "Location") -> Vector3f:
         """Return the way to another place in metres north, east, down (Location::get_distance_NED)."""
-        north = (to.lat - self.lat) * METRES_PER_UNIT
-        east = _wrap_longitude(to.lng - self.lng) * METRES_PER_UNIT * longitude_scale((self.lat + to.lat) // 2)
-        return Vector3f(north, east, (self.alt_cm - to.alt_cm) * 0.01)
+        north = float(f32(i32(to.lat - self.lat))) * METRES_PER_UNIT
+        east = f32(float(f32(diff_longitude(to.lng, self.lng))) * METRES_PER_UNIT)
+        scale = longitude_scale(_half(i32(self.lat + to.lat)))
+        return Vector3f(north, float(east) * scale, f32(i32(self.alt_cm - to.alt_cm)) * _CENTI)
 
     def offset(self, ned: Vector3f) -> "Location":
-        """Return the place that lies some metres north, east and down of this one (Location::offset)."""
-        lat = self.lat + math.trunc(float(ned.x) / METRES_PER_UNIT)
-        east = float(ned.y) / METRES_PER_UNIT / longitude_scale(self.lat + (lat - self.lat) // 2)
-        alt_cm = math.trunc(self.alt_cm - float(ned.z) * 100)
-        return Location(max(-MAX_LAT, min(lat, MAX_LAT)), _wrap_longitude(self.lng + math.trunc(east)), alt_cm)
+        """Return the place that lies some metres north, east and down of this one.
+
+        Whatever is not finite, or too far for an integer, gives a place all the same: that which x86-64 arrives at.
+
+        Source: Location::offset, Location::offset_latlng.
+        """
+        dlat = int_of_float(float(ned.x) * _UNITS_PER_METRE)
+        dlng = _int64_of_float(float(ned.y) * _UNITS_PER_METRE / longitude_scale(i32(self.lat + _half(dlat))))
+        alt_cm = int_of_float(self.alt_cm - float(ned.z) * 100)
+        return Location(limit_latitude(i32(self.lat + dlat)), wrap_longitude(dlng + self.lng), alt_cm)

@@ -201,6 +201,10 @@ class ParamTable:
         """Return what a restart has to remember, by canonical full name."""
         return {name: value if isinstance(value, int) else float(value) for name, value in self._stored.items()}
 
+    def forget_stored(self) -> None:
+        """Let a restart begin with defaults; values stay until then (AP_Param::erase_all)."""
+        self._stored.clear()
+
     def load_stored(self, values: Mapping[str, float | np.float32]) -> list[str]:
         """Take over remembered values at start-up and return the names that no longer exist.
 

@@ -5,6 +5,7 @@
 Source: AP_AHRS/AP_AHRS.cpp.
 """
 
+from collections import Counter
 from typing import Final
 
 import numpy as np
@@ -32,6 +33,9 @@ class AhrsBase:
         sources: the EKF's source sets.
         log: where the calls are logged.
         start_us: when the AHRS starts; the estimator starts 1 s later and counts as initialised 20 s later.
+
+    Attributes:
+        ext_nav_counts: what the estimator did with how many samples, by kind and code of the rule (``ingest_rules``).
     """
 
     def __init__(self, clock: Clock, sources: EkfSources, log: ExtNavLog, *, start_us: int = AHRS_START_US) -> None:
@@ -40,6 +44,7 @@ class AhrsBase:
         self._log = log
         self._start_us = start_us
         self._origin: Location | None = None
+        self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
     def started(self) -> bool:
         """Tell whether the AHRS runs, if only on its first, simple estimate (DCM)."""
@@ -100,6 +105,21 @@ class AhrsBase:
     def get_filter_status(self) -> FilterStatus | None:
         """Return what the estimator says of itself, or None while it does not run or is not a real one."""
         return None
+
+    def healthy(self) -> bool:
+        """Tell whether the estimator runs well (AP_AHRS::healthy)."""
+        return self.estimator_started()
+
+    def reset_height_datum(self) -> bool:
+        """Let heights count from the present one; tell whether the estimator did (AP_AHRS::resetHeightDatum)."""
+        return False
+
+    def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
+        """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used.
+
+        Source: AP_AHRS::handle_external_position_estimate.
+        """
+        return False
 
     def pre_arm_failure(self, requires_position: bool) -> str | None:
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""

@@ -16,7 +16,8 @@ class GpsSample:
     """One solution of a GPS.
 
     ``time_ms`` is since boot. Accuracies and the vertical velocity are None when the receiver gives none; hdop and
-    vdop are x 100, 65535 when unknown. ``yaw_deg`` is 0..360 from north.
+    vdop are x 100, 65535 when unknown. ``yaw_deg`` is 0..360 from north. ``last_fix_ms`` is the ``time_ms`` of the last
+    solution with a fix, 0 before the first. ``is_healthy`` tells whether solutions have come regularly.
     """
 
     time_ms: int
@@ -31,3 +32,5 @@ class GpsSample:
     horizontal_accuracy: float | None = None
     vertical_accuracy: float | None = None
     yaw_deg: float | None = None
+    last_fix_ms: int = 0
+    is_healthy: bool = True

@@ -7,6 +7,7 @@ from enum import IntEnum
 from typing import Final
 
 SETS: Final = 3
+OPTION_FUSE_ALL_VELOCITIES: Final = 1 << 0
 OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW: Final = 1 << 1
 
 
@@ -43,6 +44,10 @@ class SourceYaw(IntEnum):
     GSF = 8
 
 
+ROWS: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
+EXTNAV: Final = 6  # in every row
+
+
 class EkfSources:
     """The three source sets and which one is active.
 
@@ -54,15 +59,45 @@ class EkfSources:
         self._get_param = get_param
         self.active_set = 0
 
-    def _of(self, index: int, what: str) -> int:
+    def value(self, index: int, what: str) -> int:
+        """Return a row of a set, such as ``POSXY`` of set 0..2."""
         return self._get_param(f"SRC{index + 1}_{what}")
+
+    def pos_xy(self) -> int:
+        """Return the active source of horizontal position."""
+        return self.value(self.active_set, "POSXY")
+
+    def pos_z(self) -> int:
+        """Return the active source of height."""
+        return self.value(self.active_set, "POSZ")
 
     def yaw(self) -> int:
         """Return the active yaw source."""
-        return self._of(self.active_set, "YAW")
+        return self.value(self.active_set, "YAW")
+
+    def uses_vel_xy(self, source: SourceXY) -> bool:
+        """Tell whether horizontal velocity is taken from a source (useVelXYSource)."""
+        return self._uses_velocity("VELXY", source)
+
+    def uses_vel_z(self, source: SourceZ) -> bool:
+        """Tell whether vertical velocity is taken from a source (useVelZSource)."""
+        return self._uses_velocity("VELZ", source)
+
+    def _uses_velocity(self, what: str, source: int) -> bool:
+        fuse_all = self._get_param("SRC_OPTIONS") & OPTION_FUSE_ALL_VELOCITIES != 0
+        return self.value(self.active_set, what) == source or (fuse_all and self._any_set_has(what, source))
+
+    def ext_nav_enabled(self) -> bool:
+        """Tell whether any set names external navigation for anything."""
+        return any(self._any_set_has(what, EXTNAV) for what in ROWS)
+
+    def uses_gps(self) -> bool:
+        """Tell whether the active set takes anything from GPS; its yaw alone does not count (usingGPS)."""
+        rows = (self.value(self.active_set, what) for what in ROWS[:-1])
+        return SourceXY.GPS in rows or self.yaw() == SourceYaw.GSF
 
     def _any_set_has(self, what: str, value: int) -> bool:
-        return any(self._of(index, what) == value for index in range(SETS))
+        return any(self.value(index, what) == value for index in range(SETS))
 
     def position_alignment(self) -> tuple[bool, bool]:
         """Return whether external navigation is to be aligned in x and y, and in z, as it is not in use.
@@ -70,9 +105,9 @@ class EkfSources:
         Asked in every frame. All cores use the active set.
         Source: NavEKF3::align_inactive_sources.
         """
-        xy, z = self._of(self.active_set, "POSXY"), self._of(self.active_set, "POSZ")
+        xy, z = self.value(self.active_set, "POSXY"), self.value(self.active_set, "POSZ")
         by_flow = (
-            self._of(self.active_set, "VELXY") == SourceXY.OPTFLOW
+            self.value(self.active_set, "VELXY") == SourceXY.OPTFLOW
             and self._get_param("SRC_OPTIONS") & OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
         )
         xy_allowed = xy in (SourceXY.GPS, SourceXY.BEACON) or (by_flow and xy != SourceXY.EXTNAV)

@@ -121,3 +121,22 @@ def test_body_odometry_is_logged_without_offset_and_delay(rig: Rig) -> None:
     begin_frames(rig)
     rig.ahrs.writeBodyFrameOdom(f32(1), Vector3f(2, 3, 4), Vector3f(5, 6, 7), f32(8), 9, 10, Vector3f(11, 12, 13))
     assert rig.records == [("RBOH", (1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 0, 0, 0))]
+
+
+def test_estimator_that_does_not_run_vouches_for_nothing(rig: Rig) -> None:
+    ahrs = rig.at_ms(1999)
+    assert not ahrs.healthy()
+    assert ahrs.pre_arm_failure(requires_position=True) == "EKF3 not started"
+
+
+def test_plain_estimator_runs_well_but_knows_nothing(rig: Rig) -> None:
+    ahrs = rig.at_ms(2000)
+    ahrs.set_origin(ORIGIN)
+    ahrs.update()
+    assert ahrs.healthy()
+    assert ahrs.pre_arm_failure(requires_position=True) is None
+    assert (ahrs.get_gyro(), ahrs.get_gyro_drift()) == (Vector3f(), Vector3f())
+    assert [ahrs.get_velocity_NED(), ahrs.get_location(), ahrs.get_filter_status()] == [None] * 3
+    assert not ahrs.reset_height_datum()
+    assert not ahrs.handle_external_position_estimate(ORIGIN, f32(1), 2000)
+    assert ahrs.ext_nav_counts == {}

@@ -86,3 +86,48 @@ def test_flying_by_optical_flow_aligns_when_asked_to(options: int, position: Sou
 
 def test_option_for_optical_flow_takes_optical_flow() -> None:
     assert not sources(SRC1_VELXY=SourceXY.GPS, SRC_OPTIONS=2, **SECOND).position_alignment()[0]
+
+
+# What a source is used for
+
+
+@pytest.mark.parametrize(("options", "used"), [(0, False), (1, True), (2, False)])
+def test_velocity_of_another_set_is_used_when_all_are_to_be_fused(options: int, used: bool) -> None:
+    choice = sources(SRC2_VELXY=SourceXY.EXTNAV, SRC3_VELZ=SourceZ.EXTNAV, SRC_OPTIONS=options)
+    assert choice.uses_vel_xy(SourceXY.EXTNAV) is used
+    assert choice.uses_vel_z(SourceZ.EXTNAV) is used
+
+
+def test_velocity_is_that_of_the_active_set() -> None:
+    choice = sources(SRC1_VELXY=SourceXY.EXTNAV, SRC2_VELXY=SourceXY.GPS, SRC1_VELZ=SourceZ.GPS)
+    assert choice.uses_vel_xy(SourceXY.EXTNAV)
+    assert choice.uses_vel_z(SourceZ.GPS)
+    choice.active_set = 1
+    assert not choice.uses_vel_xy(SourceXY.EXTNAV)
+    assert not choice.uses_vel_z(SourceZ.GPS)
+
+
+def test_position_and_height_are_those_of_the_active_set() -> None:
+    choice = sources(SRC1_POSXY=3, SRC1_POSZ=1, **SECOND)
+    assert (choice.pos_xy(), choice.pos_z()) == (SourceXY.GPS, SourceZ.BARO)
+    choice.active_set = 1
+    assert (choice.pos_xy(), choice.pos_z()) == (SourceXY.EXTNAV, SourceZ.EXTNAV)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("what", ["POSXY", "VELXY", "POSZ", "VELZ", "YAW"])
+def test_external_navigation_may_be_named_anywhere(number: int, what: str) -> None:
+    assert sources(**{f"SRC{number}_{what}": 6}).ext_nav_enabled()
+    assert not sources(**{f"SRC{number}_{what}": 3}).ext_nav_enabled()
+
+
+@pytest.mark.parametrize(("params", "used"), [
+    ({"SRC1_POSXY": 3}, True),
+    ({"SRC1_VELZ": 3}, True),
+    ({"SRC1_YAW": SourceYaw.GSF}, True),
+    ({"SRC1_YAW": SourceYaw.GPS}, False),
+    ({"SRC1_YAW": SourceYaw.GPS_COMPASS_FALLBACK}, False),
+    ({"SRC2_POSXY": 3}, False),
+])  # fmt: skip
+def test_gps_is_used_by_the_active_set(params: dict[str, int], used: bool) -> None:
+    assert sources(**params).uses_gps() is used

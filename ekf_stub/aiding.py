@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the estimator navigates, and by what (AP_NavEKF3/AP_NavEKF3_Control.cpp, setAidingMode)."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, NamedTuple
+
+from ap_core.cint import u32
+
+IN_USE_MS: Final = 7000
+POSITION_LOST_MS: Final = 7000
+POSITION_LOST_WITH_VELOCITY_MS: Final = 10_000
+ALL_LOST_MS: Final = 15_000
+ODOMETRY_LOST_MS: Final = 5000
+
+
+class AidingMode(Enum):
+    """PV_AidingMode: at a constant position, by absolute position, or by relative motion."""
+
+    NONE = "none"
+    ABSOLUTE = "absolute"
+    RELATIVE = "relative"
+
+
+class Ready(NamedTuple):
+    """Which measurements could start aiding now."""
+
+    gps: bool
+    ext_nav: bool
+    odometry: bool
+
+
+@dataclass(slots=True)
+class FusionTimes:
+    """When measurements last passed their gates, in ms since boot; 0 counts as just after boot.
+
+    Position and velocity are those of whichever source is in use, and of none in particular.
+    """
+
+    pos: int = 0
+    vel: int = 0
+    height: int = 0
+    odometry: int = 0
+
+
+class Aiding:
+    """The mode, and which measurements count as lost.
+
+    Attributes:
+        mode: how the estimator navigates.
+        pos_timeout: position is lost; cleared only as a mode is entered.
+        vel_timeout: velocity is lost.
+        times: when measurements last passed.
+    """
+
+    def __init__(self) -> None:
+        self.mode = AidingMode.NONE
+        self.pos_timeout = False
+        self.vel_timeout = True
+        self.times = FusionTimes()
+
+    def update(self, now_ms: int, ready: Ready, *, no_yaw_on_ground: bool) -> bool:
+        """Choose the mode, once a frame; tell whether it changed.
+
+        Args:
+            now_ms: time of the last inertial data.
+            ready: what could start aiding.
+            no_yaw_on_ground: the vehicle is disarmed and has no yaw source, with which it does not navigate.
+        """
+        before = self.mode
+        if no_yaw_on_ground:
+            self.mode = AidingMode.NONE
+        if self.mode is AidingMode.NONE:
+            self._start(ready)
+        elif self.mode is AidingMode.RELATIVE:
+            self._check_relative(now_ms, ready)
+        else:
+            self._check_absolute(now_ms)
+        if self.mode is before:
+            return False
+        self._enter(now_ms)
+        return True
+
+    def _start(self, ready: Ready) -> None:
+        if ready.gps or ready.ext_nav:
+            self.mode = AidingMode.ABSOLUTE
+        elif ready.odometry:
+            self.mode = AidingMode.RELATIVE
+
+    def _check_relative(self, now_ms: int, ready: Ready) -> None:
+        if ready.gps or ready.ext_nav:
+            self.mode = AidingMode.ABSOLUTE
+        elif u32(now_ms - self.times.odometry) > ODOMETRY_LOST_MS:
+            self.mode = AidingMode.NONE
+
+    def _check_absolute(self, now_ms: int) -> None:
+        pos_ms, vel_ms = u32(now_ms - self.times.pos), u32(now_ms - self.times.vel)
+        odometry_used = u32(now_ms - self.times.odometry) <= IN_USE_MS
+        vel_used, pos_used = vel_ms <= IN_USE_MS, pos_ms <= IN_USE_MS
+        aided = pos_used or vel_used or odometry_used
+        if not aided and pos_ms > ALL_LOST_MS and vel_ms > ALL_LOST_MS:
+            self.mode = AidingMode.NONE
+        elif not pos_used and pos_ms > (POSITION_LOST_WITH_VELOCITY_MS if aided else POSITION_LOST_MS):
+            self.pos_timeout = True
+            self.vel_timeout = not (vel_used or odometry_used)
+
+    def _enter(self, now_ms: int) -> None:
+        # Every change of mode resets the position, which ends its timeout; only a real velocity ends the other.
+        self.pos_timeout = False
+        self.vel_timeout = self.mode is not AidingMode.ABSOLUTE
+        if self.mode is AidingMode.ABSOLUTE:
+            self.times.vel = now_ms
+        elif self.mode is AidingMode.RELATIVE:
+            self.times.odometry = now_ms
+        self.times.pos = now_ms

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the estimator's cores tell the ground station: each core for itself, the same."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from ap_core.sinks import TextSink
+
+MAV_SEVERITY_WARNING: Final = 4
+MAV_SEVERITY_INFO: Final = 6
+NUMBER_OF_IMUS: Final = 2
+
+
+def cores_of_mask(imu_mask: int) -> tuple[int, ...]:
+    """Return the IMUs that get a core by EK3_IMU_MASK; there are two IMUs."""
+    return tuple(imu for imu in range(NUMBER_OF_IMUS) if imu_mask >> imu & 1)
+
+
+class NoTexts:
+    """Where texts go that nobody wants."""
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Forget the text."""
+
+
+class CoreTexts:
+    """Collects the lines of one frame and sends them, all of one core and then all of the next.
+
+    Args:
+        texts: where they go.
+        cores: the IMU of each core.
+    """
+
+    def __init__(self, texts: TextSink, cores: Sequence[int]) -> None:
+        self._texts = texts
+        self._cores = tuple(cores)
+        self._lines: list[tuple[int, str]] = []
+
+    def add(self, text: str, severity: int = MAV_SEVERITY_INFO) -> None:
+        """Add a line of this frame: what follows ``EKF3 IMU0 ``."""
+        self._lines.append((severity, text))
+
+    def flush(self) -> None:
+        """Send the lines."""
+        if not self._lines:
+            return
+        for core in self._cores:
+            for severity, text in self._lines:
+                self._texts.send_text(severity, f"EKF3 IMU{core} {text}")
+        self._lines.clear()

@@ -1,0 +1,253 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The estimator's door for external navigation: which samples are taken, and with what time.
+
+Source: AP_NavEKF3/AP_NavEKF3_Measurements.cpp (writeExtNavData, writeExtNavVelData, writeBodyFrameOdom). Times are ms
+since boot, unsigned 32 bit: a stamp that steps backwards is a long way off, and therefore taken.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+import numpy as np
+
+from ap_core.cint import u32
+from ap_core.fmath import f32
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ap_core.verdict import Rule
+from ekf_stub import ingest_rules as rules
+from ekf_stub.obs_ring import ObsRing, RingSizes, Timed
+
+EXT_NAV_INTERVAL_MIN_MS: Final = 20
+SENSOR_INTERVAL_MIN_MS: Final = 50
+HALF_FILTER_STEP_MS: Final = 6  # of a main loop of 400 Hz
+DT_EKF_AVG: Final = f32(0.0125)  # where the firmware's average settles at that rate
+MIN_YAW_ERR: Final = f32(math.radians(5))
+
+T = TypeVar("T", bound=Timed)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseSample:
+    """A position (m, NED) and its error; ``pos_reset`` after the camera's frame has jumped."""
+
+    time_ms: int
+    pos: Vector3f
+    pos_err: np.float32
+    pos_reset: bool
+
+
+@dataclass(frozen=True, slots=True)
+class YawSample:
+    """A yaw and its error in rad."""
+
+    time_ms: int
+    yaw: np.float32
+    yaw_err: np.float32
+
+
+@dataclass(frozen=True, slots=True)
+class VelocitySample:
+    """A velocity (m/s, NED) and its error."""
+
+    time_ms: int
+    vel: Vector3f
+    err: np.float32
+
+
+@dataclass(frozen=True, slots=True)
+class OdometrySample:
+    """A velocity (m/s, FRD) and its error, at a place on the vehicle (m, FRD)."""
+
+    time_ms: int
+    vel: Vector3f
+    vel_err: np.float32
+    pos_offset: Vector3f
+
+
+class ExtNavIngest:
+    """Takes samples or refuses them, counts both, and keeps what waits for the horizon.
+
+    Args:
+        counts: what became of how many samples, by kind (``pose``, ``yaw``, ``velocity``, ``odometry``) and code of
+            the rule.
+        get_float: returns a parameter by its name.
+
+    Attributes:
+        initialised: whether the estimator has a state.
+        horizon_ms: the time of the oldest inertial data, to which later measurements are compared.
+        have_velocity: whether a velocity has ever been taken (useExtNavVel).
+        pose_stamp_ms: the stamp of the last pose taken, before any correction (extNavMeasTime_ms).
+        odometry_ms: the time of the last odometry taken.
+        odometry_err: its error in m/s.
+    """
+
+    def __init__(self, counts: Counter[tuple[str, str]], get_float: Callable[[str], np.float32]) -> None:
+        self._counts = counts
+        self._get_float = get_float
+        self._is_set_up = False
+        self._make_rings(0, 0)
+        self.reset()
+
+    def set_up(self, sizes: RingSizes | None) -> None:
+        """Make the buffers, once a boot; None when no source set names external navigation."""
+        self._is_set_up = True
+        if sizes is not None:
+            self._make_rings(sizes.ext_nav, sizes.slow)
+
+    def _make_rings(self, ext_nav: int, slow: int) -> None:
+        self._poses: ObsRing[PoseSample] = ObsRing(ext_nav)
+        self._yaws: ObsRing[YawSample] = ObsRing(ext_nav)
+        self._velocities: ObsRing[VelocitySample] = ObsRing(ext_nav)
+        self._odometry: ObsRing[OdometrySample] = ObsRing(slow)
+
+    def reset(self) -> None:
+        """Forget everything, as the estimator begins anew (NavEKF3_core::InitialiseVariables)."""
+        self.initialised = False
+        self.horizon_ms = 0
+        self.have_velocity = False
+        self.pose_stamp_ms = 0
+        self._velocity_stamp_ms = 0
+        self.odometry_ms = 0
+        self.odometry_err = f32(0)
+        self._reset_time_ms = 0
+        for ring in (self._poses, self._yaws, self._velocities, self._odometry):
+            ring.clear()
+
+    def write_pose(
+        self,
+        pos: Vector3f,
+        quat: Quaternion,
+        errors: tuple[np.float32, np.float32],
+        stamp_ms: int,
+        delay_ms: int,
+        reset_ms: int,
+    ) -> Rule:
+        """Take a position and a yaw, or refuse them; errors in m and rad (writeExtNavData)."""
+        refusal = self._refuse_pose(pos, errors[0], stamp_ms)
+        if refusal is not None:
+            return self._count("pose", refusal)
+        self.pose_stamp_ms = stamp_ms
+        pos_reset = reset_ms != self._reset_time_ms
+        self._reset_time_ms = reset_ms
+        time_ms = self._observed_ms(stamp_ms, delay_ms)
+        taken = self._push("pose", self._poses, PoseSample(time_ms, pos, errors[0], pos_reset))
+        if any(math.isnan(part) for part in (*quat.to_wxyz(), errors[1])):
+            self._count("yaw", rules.YAW_NOT_A_NUMBER)
+        else:
+            with np.errstate(over="ignore", invalid="ignore"):
+                yaw = quat.get_euler_yaw()
+            self._push("yaw", self._yaws, YawSample(time_ms, yaw, max(errors[1], MIN_YAW_ERR)))
+        return taken
+
+    def _refuse_pose(self, pos: Vector3f, pos_err: np.float32, stamp_ms: int) -> Rule | None:
+        if not self._is_set_up:
+            return rules.NOT_STARTED
+        if pos.is_nan() or math.isnan(pos_err):
+            return rules.NOT_A_NUMBER
+        if u32(stamp_ms - self.pose_stamp_ms) < EXT_NAV_INTERVAL_MIN_MS:
+            return rules.TOO_SOON
+        return None if self.initialised else rules.NOT_INITIALISED
+
+    def write_velocity(self, vel: Vector3f, err: np.float32, stamp_ms: int, delay_ms: int) -> Rule:
+        """Take a velocity, even before there is a state, or refuse it (writeExtNavVelData)."""
+        refusal = self._refuse_velocity(vel, err, stamp_ms)
+        if refusal is not None:
+            return self._count("velocity", refusal)
+        self._velocity_stamp_ms = stamp_ms
+        self.have_velocity = True
+        sample = VelocitySample(self._observed_ms(stamp_ms, delay_ms), vel, err)
+        return self._push("velocity", self._velocities, sample)
+
+    def _refuse_velocity(self, vel: Vector3f, err: np.float32, stamp_ms: int) -> Rule | None:
+        if not self._is_set_up:
+            return rules.NOT_STARTED
+        if vel.is_nan() or math.isnan(err):
+            return rules.NOT_A_NUMBER
+        too_soon = u32(stamp_ms - self._velocity_stamp_ms) < EXT_NAV_INTERVAL_MIN_MS
+        return rules.TOO_SOON if too_soon else None
+
+    def write_odometry(
+        self,
+        quality: np.float32,
+        deltas: tuple[Vector3f, Vector3f, np.float32],
+        stamp_ms: int,
+        delay_ms: int,
+        pos_offset: Vector3f,
+    ) -> Rule:
+        """Take a body odometry, or refuse it; deltas are m, rad and s (writeBodyFrameOdom).
+
+        The interval is measured from the last sample's time with the delay taken off, so it may be shorter than 50 ms
+        by the delay.
+        """
+        refusal = self._refuse_odometry(quality, deltas, stamp_ms, pos_offset)
+        if refusal is not None:
+            return self._count("odometry", refusal)
+        self.odometry_ms = u32(stamp_ms - delay_ms)
+        best, worst = self._get_float("EK3_VIS_VERR_MIN"), self._get_float("EK3_VIS_VERR_MAX")
+        with np.errstate(over="ignore", invalid="ignore"):
+            vel = deltas[0] * (f32(1) / deltas[2])
+            self.odometry_err = best + (worst - best) * (f32(1) - f32(0.01) * quality)
+        return self._push(
+            "odometry", self._odometry, OdometrySample(self.odometry_ms, vel, self.odometry_err, pos_offset)
+        )
+
+    def _refuse_odometry(
+        self, quality: np.float32, deltas: tuple[Vector3f, Vector3f, np.float32], stamp_ms: int, pos_offset: Vector3f
+    ) -> Rule | None:
+        del_pos, del_ang, del_time = deltas
+        if not self._is_set_up:
+            return rules.NOT_STARTED
+        if math.isnan(quality) or math.isnan(del_time) or any(v.is_nan() for v in (del_pos, del_ang, pos_offset)):
+            return rules.NOT_A_NUMBER
+        if u32(stamp_ms - self.odometry_ms) < SENSOR_INTERVAL_MIN_MS:
+            return rules.TOO_SOON
+        if del_time < DT_EKF_AVG:
+            return rules.TOO_SHORT
+        return None if self.initialised else rules.NOT_INITIALISED
+
+    def _observed_ms(self, stamp_ms: int, delay_ms: int) -> int:
+        """Return the time of the observation, never before the horizon: what comes late is fused as if in time."""
+        return max(u32(stamp_ms - delay_ms - HALF_FILTER_STEP_MS), self.horizon_ms)
+
+    def _push(self, kind: str, ring: ObsRing[T], sample: T) -> Rule:
+        if not ring.exists:
+            return self._count(kind, rules.NO_BUFFER)
+        if ring.push(sample):
+            self._count(kind, rules.OVERWRITTEN)
+        return self._count(kind, rules.TAKEN)
+
+    def _count(self, kind: str, rule: Rule) -> Rule:
+        self._counts[kind, rule.code] += 1
+        return rule
+
+    def _recall(self, kind: str, ring: ObsRing[T]) -> T | None:
+        sample, superseded, too_old = ring.recall(self.horizon_ms)
+        for rule, lost in ((rules.SUPERSEDED, superseded), (rules.TOO_OLD, too_old)):
+            if lost:
+                self._counts[kind, rule.code] += lost
+        return sample
+
+    def recall_pose(self) -> PoseSample | None:
+        """Take out the pose that has come due."""
+        return self._recall("pose", self._poses)
+
+    def recall_yaw(self) -> YawSample | None:
+        """Take out the yaw that has come due."""
+        return self._recall("yaw", self._yaws)
+
+    def recall_velocity(self) -> VelocitySample | None:
+        """Take out the velocity that has come due."""
+        return self._recall("velocity", self._velocities)
+
+    def recall_odometry(self) -> OdometrySample | None:
+        """Take out the odometry that has come due."""
+        return self._recall("odometry", self._odometry)
+
+    def count(self, kind: str, rule: Rule) -> None:
+        """Count what became of a sample that was taken out."""
+        self._count(kind, rule)

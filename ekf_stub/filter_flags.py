@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The estimator's status flags (AP_NavEKF3/AP_NavEKF3_Control.cpp, updateFilterStatus)."""
+
+from dataclasses import dataclass
+
+from ekf_stub.aiding import AidingMode
+from ekf_stub.filter_status import FilterFlag
+
+
+@dataclass(frozen=True, slots=True)
+class FilterState:
+    """What the flags follow from.
+
+    ``keeps_velocity`` is true while a velocity of external navigation is among what the filter navigates by;
+    ``height_needs_origin`` while height comes from GPS and there is no origin.
+    """
+
+    healthy: bool
+    tilt_aligned: bool
+    yaw_aligned: bool
+    uses_compass: bool
+    mode: AidingMode
+    pos_timeout: bool
+    vel_timeout: bool
+    height_timeout: bool
+    has_vertical_velocity: bool
+    odometry_in_use: bool
+    keeps_velocity: bool = False
+    height_needs_origin: bool = False
+
+
+def filter_flags(state: FilterState) -> FilterFlag:
+    """Return the flags as EKF_STATUS_REPORT has them."""
+    if not state.healthy:
+        return FilterFlag.UNINITIALISED
+    absolute = state.mode is AidingMode.ABSOLUTE
+    aligned = state.yaw_aligned or (not state.uses_compass and not absolute)
+    if not (state.tilt_aligned and aligned):
+        return FilterFlag(0)
+    relative = state.odometry_in_use and state.mode is not AidingMode.NONE
+    pos_abs = absolute and not state.pos_timeout
+    pos_rel = pos_abs or relative
+    # In the recordings the velocity flag outlives the loss of position and velocity where velocity was in use
+    # (dropout, bench_pose_velocity), and does not where it was not (bench_pose_baro).
+    horiz_vel = not (state.vel_timeout and state.pos_timeout) or relative or (absolute and state.keeps_velocity)
+    vert_vel = (state.has_vertical_velocity and not state.vel_timeout) or not state.height_timeout
+    conditions = {
+        FilterFlag.ATTITUDE: True,
+        FilterFlag.HORIZ_VEL: horiz_vel,
+        FilterFlag.VERT_VEL: vert_vel,
+        FilterFlag.HORIZ_POS_REL: pos_rel,
+        FilterFlag.HORIZ_POS_ABS: pos_abs,
+        FilterFlag.VERT_POS: not state.height_timeout and not state.height_needs_origin,
+        FilterFlag.CONST_POS_MODE: state.mode is AidingMode.NONE,
+        FilterFlag.PRED_HORIZ_POS_REL: pos_rel,
+        FilterFlag.PRED_HORIZ_POS_ABS: pos_abs,
+    }
+    flags = FilterFlag(0)
+    for flag, condition in conditions.items():
+        if condition:
+            flags |= flag
+    return flags

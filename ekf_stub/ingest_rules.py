@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What becomes of a sample that the driver hands to the estimator, and the rule that decides it.
+
+The firmware says nothing of any of this. Rules of the door are exact. What happens to a sample behind it depends on the
+instant at which the horizon reaches it, which is modelled: these codes begin with ``model_``.
+"""
+
+from typing import Final
+
+from ap_core.verdict import Rule
+
+_MEASUREMENTS: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::"
+_BUFFER: Final = "EKF_Buffer.cpp, ekf_ring_buffer::"
+
+TAKEN: Final = Rule("taken", "put into the buffer of the estimator", _MEASUREMENTS + "writeExtNavData")
+NOT_STARTED: Final = Rule("not_started", "the estimator does not run yet", "AP_NavEKF3.cpp, NavEKF3::writeExtNavData")
+NOT_A_NUMBER: Final = Rule("nan", "position, velocity or error is not a number", _MEASUREMENTS + "writeExtNavData")
+YAW_NOT_A_NUMBER: Final = Rule("yaw_nan", "attitude is not a number; position taken", _MEASUREMENTS + "writeExtNavData")
+TOO_SOON: Final = Rule("too_soon", "less than 20 ms, odometry 50 ms, after the last", _MEASUREMENTS + "writeExtNavData")
+TOO_SHORT: Final = Rule(
+    "too_short", "odometry over less than a step of the estimator", _MEASUREMENTS + "writeBodyFrameOdom"
+)
+NOT_INITIALISED: Final = Rule("not_initialised", "the estimator has no state yet", _MEASUREMENTS + "writeExtNavData")
+NO_BUFFER: Final = Rule(
+    "no_buffer", "no source set named external navigation at boot", "AP_NavEKF3_core.cpp, NavEKF3_core::setup_core"
+)
+OVERWRITTEN: Final = Rule("model_overwritten", "the buffer was full; the oldest sample gave way", _BUFFER + "push")
+SUPERSEDED: Final = Rule("model_superseded", "a newer sample came due in the same step", _BUFFER + "recall")
+TOO_OLD: Final = Rule("model_too_old", "100 ms or more behind the horizon", _BUFFER + "recall")
+NOT_FINITE: Final = Rule(
+    "model_not_finite",
+    "infinite, which no gate lets through",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
+)
+UNUSED: Final = Rule(
+    "model_unused", "not the source in use", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion"
+)
+FUSED: Final = Rule("model_fused", "used by the estimator", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED")
+
+RULES: Final = (
+    TAKEN,
+    NOT_STARTED,
+    NOT_A_NUMBER,
+    YAW_NOT_A_NUMBER,
+    TOO_SOON,
+    TOO_SHORT,
+    NOT_INITIALISED,
+    NO_BUFFER,
+    OVERWRITTEN,
+    SUPERSEDED,
+    TOO_OLD,
+    NOT_FINITE,
+    UNUSED,
+    FUSED,
+)

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Samples that wait until the fusion horizon reaches them (AP_NavEKF/EKF_Buffer.cpp)."""
+
+from collections import deque
+from typing import Final, Generic, NamedTuple, Protocol, TypeVar
+
+from ap_core.cint import i32
+
+RECALL_WINDOW_MS: Final = 100
+
+
+class Timed(Protocol):
+    """A sample with the time of its observation in ms since boot."""
+
+    @property
+    def time_ms(self) -> int:
+        """Time of the observation."""
+
+
+T = TypeVar("T", bound=Timed)
+
+
+class Recalled(NamedTuple, Generic[T]):
+    """What came due: the sample to fuse, how many newer ones superseded, and how many were too old."""
+
+    sample: T | None
+    superseded: int
+    too_old: int
+
+
+class ObsRing(Generic[T]):
+    """A buffer in order of arrival; the oldest sample gives way when it is full (ekf_ring_buffer).
+
+    Args:
+        size: how many samples it holds; 0 for a buffer that was never allocated.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._samples: deque[T] = deque()
+
+    @property
+    def exists(self) -> bool:
+        """Tell whether it was allocated."""
+        return self._size > 0
+
+    def push(self, sample: T) -> bool:
+        """Append a sample; tell whether the oldest was overwritten for it."""
+        overwrites = len(self._samples) >= self._size
+        if overwrites:
+            self._samples.popleft()
+        self._samples.append(sample)
+        return overwrites
+
+    def recall(self, horizon_ms: int) -> Recalled[T]:
+        """Take out what the horizon has passed, and return the last of it that is less than 100 ms behind.
+
+        A sample from the future blocks those that arrived after it.
+        """
+        found: T | None = None
+        superseded = too_old = 0
+        while self._samples:
+            age_ms = i32(horizon_ms - self._samples[0].time_ms)
+            if age_ms < 0:
+                break
+            sample = self._samples.popleft()
+            if age_ms >= RECALL_WINDOW_MS:
+                too_old += 1
+                continue
+            superseded += found is not None
+            found = sample
+        return Recalled(found, superseded, too_old)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._samples.clear()
+
+
+class RingSizes(NamedTuple):
+    """Lengths of the buffers: of inertial data, of external navigation, of slower sensors (body odometry)."""
+
+    imu: int
+    ext_nav: int
+    slow: int
+
+
+_EKF_STEP_MS: Final = 12
+_EXT_NAV_INTERVAL_MS: Final = 20
+_SLOW_INTERVAL_MS: Final = 50
+
+
+def ring_sizes(longest_delay_ms: int) -> RingSizes:
+    """Return the lengths for the longest delay of all sensors (NavEKF3_core::setup_core)."""
+    imu = longest_delay_ms // _EKF_STEP_MS + 1
+    with_jitter_ms = longest_delay_ms + (longest_delay_ms + 1) // 2
+    return RingSizes(
+        imu,
+        min(with_jitter_ms // _EXT_NAV_INTERVAL_MS + 1, imu),
+        min(with_jitter_ms // _SLOW_INTERVAL_MS + 1, imu),
+    )
