@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pre-arm and arming checks that bear on external navigation (AP_Arming/AP_Arming.cpp)."""
+"""When checks run and speak, and what arming and disarming log and say (AP_Arming/AP_Arming.cpp)."""
 
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from enum import IntEnum
+from typing import Final, NamedTuple, Protocol
 
 from ap_core.cint import u32
 from ap_core.clock import Clock
@@ -13,45 +14,88 @@ from ap_core.sinks import TextSink
 PREARM_DISPLAY_PERIOD_MS: Final = 30_000
 PREARM_CHANGE_DISPLAY_MS: Final = 4000
 CHECK_ALL: Final = 1 << 0
-CHECK_VISION: Final = 1 << 18
 ANY_CHECK: Final = 0xFFFFFFFF
 OPTION_DISABLE_PREARM_DISPLAY: Final = 1 << 0
 OPTION_DISABLE_STATUSTEXT: Final = 1 << 1
+EV_ARMED: Final = 10
+EV_DISARMED: Final = 11
 
 _MAV_SEVERITY_CRITICAL: Final = 2
 _MAV_SEVERITY_WARNING: Final = 4
 _MAV_SEVERITY_INFO: Final = 6
 
 
+class ArmMethod(IntEnum):
+    """Who armed or disarmed (AP_Arming::Method)."""
+
+    MAVLINK = 1
+    LANDED = 13
+    DISARMDELAY = 17
+
+
 class Check(NamedTuple):
     """One check, and what says its failure or None.
 
     ``bit`` is its bit in ARMING_CHECK; 0 for a check that is always made, ANY_CHECK for one that is made unless all
-    are switched off. ``ends`` is for a check after whose failure no other is made.
+    are switched off.
     """
 
     bit: int
     run: Callable[[], str | None]
-    ends: bool = False
+
+
+class CheckLists(NamedTuple):
+    """All checks, each list in the firmware's order.
+
+    Attributes:
+        boot: when one of these fails, no other is made.
+        vehicle: the copter's own.
+        common: those of all vehicles; only when these stop passing that is shown soon.
+        mandatory: all that is left of the above when checks are switched off or arming is forced.
+        arm: made last, at an attempt to arm only, up to the first failure.
+    """
+
+    boot: Sequence[Check] = ()
+    vehicle: Sequence[Check] = ()
+    common: Sequence[Check] = ()
+    mandatory: Sequence[Check] = ()
+    arm: Sequence[Check] = ()
+
+
+class ArmLog(Protocol):
+    """Where arming and disarming are logged."""
+
+    def arming(self, *, armed: bool, checks: int, forced: bool, method: int) -> None:
+        """Write an ARM record."""
+
+    def event(self, event: int) -> None:
+        """Write an EV record."""
 
 
 class Arming:
     """Runs the checks in order, tells their failures, arms and disarms.
 
     Args:
-        checks: in the firmware's order.
+        checks: what has to pass.
         params: the ARMING_ group.
         texts: where failures are told.
+        log: where changes are logged.
         clock: time since boot.
+
+    Attributes:
+        armed: whether the vehicle is armed.
+        passed: whether the pre-arm checks passed when they were made the last time.
     """
 
-    def __init__(self, checks: Sequence[Check], params: ParamGroup, texts: TextSink, clock: Clock) -> None:
-        self._checks = tuple(checks)
+    def __init__(self, checks: CheckLists, params: ParamGroup, texts: TextSink, log: ArmLog, clock: Clock) -> None:
+        self._checks = checks
         self._params = params
         self._texts = texts
+        self._log = log
         self._clock = clock
         self._report_immediately = False
         self._last_display_ms = 0
+        self._common_passed = False
         self.armed = False
         self.passed = False
 
@@ -59,8 +103,9 @@ class Arming:
         """Return ARMING_CHECK."""
         return self._params.get_int("CHECK")
 
-    def _is_enabled(self, check: Check) -> bool:
-        return check.bit == 0 or bool(self.enabled_checks() & (CHECK_ALL | check.bit))
+    def is_enabled(self, bit: int) -> bool:
+        """Tell whether the check with a bit is to be made."""
+        return bit == 0 or bool(self.enabled_checks() & (CHECK_ALL | bit))
 
     def _option(self, bit: int) -> bool:
         return bool(self._params.get_int("OPTIONS") & bit)
@@ -81,47 +126,62 @@ class Arming:
         """Run all checks, as a rule even after one failed; tell failures when asked to."""
         if self.armed:
             return True
-        passed = self._run("PreArm", display, mandatory_only=False)
-        if self.passed and not passed:
-            self._report_immediately = True
-        self.passed = passed
-        return passed
+        self.passed = self._pre_arm("PreArm", display)
+        return self.passed
 
-    def _run(self, prefix: str, display: bool, *, mandatory_only: bool) -> bool:
-        passed = True
-        for check in self._checks:
-            if not self._is_enabled(check) or (mandatory_only and check.bit):
-                continue
-            failure = check.run()
-            if failure is not None:
-                passed = False
-                if display:
-                    self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"{prefix}: {failure}")
-                if check.ends:
-                    break
-        return passed
+    def _pre_arm(self, prefix: str, display: bool) -> bool:
+        # AP_Arming_Copter::run_pre_arm_checks, AP_Arming::pre_arm_checks.
+        if not self._run(self._checks.boot, prefix, display):
+            return False
+        if self.enabled_checks() == 0:
+            return self._run(self._checks.mandatory, prefix, display)
+        vehicle_passed = self._run(self._checks.vehicle, prefix, display)
+        common_passed = self._run(self._checks.common, prefix, display)
+        if self._common_passed and not common_passed:
+            self._report_immediately = True
+        self._common_passed = common_passed
+        return vehicle_passed and common_passed
+
+    def _run(self, checks: Sequence[Check], prefix: str, display: bool) -> bool:
+        failures = [check.run() for check in checks if self.is_enabled(check.bit)]
+        for failure in failures:
+            if failure is not None and display:
+                self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"{prefix}: {failure}")
+        return not any(failures)
+
+    def _run_arm_checks(self) -> bool:
+        return all(self._run([check], "Arm", display=True) for check in self._checks.arm)
 
     def arm(self, do_checks: bool) -> bool:
         """Try to arm and tell failures; without checks the mandatory ones remain (AP_Arming::arm).
 
         Tell whether the vehicle is armed by this; False when it was armed already.
         """
-        if self.armed:
-            return False
-        self.passed = self._run("Arm", display=True, mandatory_only=not do_checks)
-        if not self.passed:
+        if self.armed or not (self._may_be_forced(do_checks) or self._passes()):
             return False
         self.armed = True
+        self._log.arming(armed=True, checks=self.enabled_checks(), forced=not do_checks, method=ArmMethod.MAVLINK)
+        self._log.event(EV_ARMED)
         if do_checks and self.enabled_checks() == 0:
             self._texts.send_text(_MAV_SEVERITY_WARNING, "Warning: Arming Checks Disabled")
         self._tell_change("Arming motors")
         return True
 
-    def disarm(self) -> bool:
+    def _may_be_forced(self, do_checks: bool) -> bool:
+        # When it may not, the firmware goes on to make all checks.
+        return not do_checks and self._run(self._checks.mandatory, "Arm", display=True)
+
+    def _passes(self) -> bool:
+        self.passed = self._pre_arm("Arm", display=True)
+        return self.passed and self._run_arm_checks()
+
+    def disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
         """Disarm; tell whether that changed anything."""
         if not self.armed:
             return False
         self.armed = False
+        self._log.arming(armed=False, checks=self.enabled_checks(), forced=forced, method=method)
+        self._log.event(EV_DISARMED)
         self._tell_change("Disarming motors")
         return True
 

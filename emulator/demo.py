@@ -23,7 +23,7 @@ from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 
 HEADING_RAD: Final = math.radians(30)
 CAMERA_YAW_RAD: Final = math.radians(-75)
-COMPANION_START_S: Final = 5.0
+COMPANION_START_S: Final = 7.5
 FLIGHT: Final = Flight(start_s=28.0, heading_rad=HEADING_RAD)
 FAULTS: Final = CameraFaults(reset_s=43.0, low_quality=Span(36.0, 39.0), dropout=Span(50.0, 52.0))
 END_S: Final = FLIGHT.end_s + 4.0
@@ -32,6 +32,7 @@ ARM_S: Final = 26.0
 PARAMS: Final = {
     "VISO_TYPE": 2,
     "VISO_QUAL_MIN": 20,
+    "DISARM_DELAY": 0,  # no throttle is there to be raised
     "VISO_DELAY_MS": 40,
     "EK3_SRC1_POSXY": 6,
     "EK3_SRC1_VELXY": 6,
@@ -123,7 +124,7 @@ class Demo:
         send = self.companion.send
         command = self.companion.command
         return [
-            (4.0, lambda: command(_RUN_PREARM_CHECKS)),
+            (7.0, lambda: command(_RUN_PREARM_CHECKS)),
             (8.0, lambda: send(SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000))),
             (12.0, lambda: command(_RUN_PREARM_CHECKS)),
             (24.0, lambda: command(_RUN_PREARM_CHECKS)),

@@ -4,4 +4,10 @@
 
 
 class InputError(Exception):
-    """Something given to a command cannot be used; the text is one line that names it and says why."""
+    """Something given to a command cannot be used; the text is one line that names it and says why.
+
+    Line ends within the text, such as those of a name that it quotes, become spaces.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(" ".join(text.splitlines()))

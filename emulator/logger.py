@@ -11,12 +11,13 @@ import numpy as np
 from ap_core.clock import Clock
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
-from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, LogStructure
+from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, PARM, LogStructure
 from ap_core.param import ParamTable
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from ekf_stub.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
 from emulator.log_files import LogStoreError
 from emulator.log_sink import LogSink
+from emulator.log_structure import LOG_STRUCTURE_FROM_GPS, OF
 
 _log = logging.getLogger(__name__)
 
@@ -24,10 +25,13 @@ _log = logging.getLogger(__name__)
 def _in_firmware_order() -> Iterator[LogStructure]:
     for structure in COMMON_STRUCTURES:
         yield structure
+        if structure is PARM:
+            yield from LOG_STRUCTURE_FROM_GPS
         if structure is MODE:
             yield from LOG_STRUCTURE_FROM_EKF_STUB
         if structure is MAV:
             yield from LOG_STRUCTURE_FROM_VISUALODOM
+            yield OF
 
 
 STRUCTURES: Final = tuple(_in_firmware_order())

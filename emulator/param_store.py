@@ -6,20 +6,16 @@ The file has a ``NAME VALUE`` line a parameter, as parameter files have, and ``#
 firmware's EEPROM and holds what AP_Param::save wrote: values that differ from the default or were set once.
 """
 
-import contextlib
-import errno
-import fcntl
 import logging
 import math
-import os
 import re
-import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned, to_f32
+from emulator.atomic_file import remove_stale_drafts, replace_file
 from emulator.errors import InputError
 
 _log = logging.getLogger(__name__)
@@ -69,7 +65,7 @@ class ParamStore:
     def _loaded(self, found: Mapping[str, tuple[float, int]]) -> dict[str, float]:
         self._saved = {name: value for name, (value, _) in found.items()}
         self.unknown = {}
-        _remove_stale_drafts(self._target())
+        remove_stale_drafts(self._path)
         return dict(self._saved)
 
     def restore(self, params: ParamTable) -> None:
@@ -105,7 +101,7 @@ class ParamStore:
             return False
         data = _format(wanted).encode("ascii")
         try:
-            _replace(self._target(), data)
+            replace_file(self._path, data)
         except OSError as error:
             self._fail(error)
             return False
@@ -119,10 +115,6 @@ class ParamStore:
         self.failure = f"{self._path}: parameters cannot be stored: {error.strerror or error}"
         if not told:
             _log.error("%s", self.failure)
-
-    def _target(self) -> Path:
-        # A link to the file stays a link: what it points to is replaced.
-        return Path(os.path.realpath(self._path))
 
     def _read(self) -> dict[str, tuple[float, int]]:
         try:
@@ -187,55 +179,3 @@ def _text(value: float) -> str:
         raise ValueError(f"{value} cannot be stored as a parameter")
     # The second one is always exact: a short text may change when it passes through double precision.
     return next(text for text in (str(number), repr(float(number))) if to_f32(float(text)) == number)
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Put a file in place such that a crash at any instant leaves the old or the new one, whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(8)}.draft")
-    try:
-        _write_to_disk(draft, data)
-        os.replace(draft, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        raise
-    _sync_folder(path.parent)
-
-
-def _write_to_disk(path: Path, data: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-    try:
-        with contextlib.suppress(OSError):  # some file systems have no locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        waiting = memoryview(data)
-        while waiting:
-            waiting = waiting[os.write(descriptor, waiting) :]
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        if error.errno != errno.EINVAL:  # some file systems cannot do that to a folder
-            raise
-    finally:
-        os.close(descriptor)
-
-
-def _remove_stale_drafts(path: Path) -> None:
-    """Delete what killed processes left; a draft in use is locked (one not yet locked costs its writer a retry)."""
-    for draft in _drafts(path):
-        with contextlib.suppress(OSError), draft.open("rb") as stale:
-            fcntl.flock(stale.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-            draft.unlink()
-
-
-def _drafts(path: Path) -> Iterator[Path]:
-    pattern = re.compile(re.escape(f".{path.name}.") + r"[0-9a-f]{16}\.draft")
-    with contextlib.suppress(OSError):
-        yield from [entry for entry in path.parent.iterdir() if pattern.fullmatch(entry.name)]

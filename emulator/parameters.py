@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle's own parameters, in the order in which a Copter lists them.
 
-Types, defaults and order: ArduCopter/Parameters.cpp and the ``var_info`` tables of AP_Arming, AP_AHRS, AP_RTC,
-AP_Compass, AP_GPS, AP_OpticalFlow, AP_Logger, AP_SerialManager and GCS_MAVLink. EKF3's rows are in
-``ekf3_parameters``; AP_VisualOdom brings its own.
+Types, defaults and order: ArduCopter/Parameters.cpp, AP_Vehicle/AP_Vehicle.cpp and the ``var_info`` tables of
+AP_Stats, AP_Logger, AP_SerialManager and GCS_MAVLink. ``copter_parameters``, ``sensor_parameters`` and
+``ekf3_parameters`` hold the others; AP_VisualOdom brings its own.
+
+The firmware's count of SERIALn_ differs by board. Here there are those that every flight board has: USB and two
+telemetry ports.
 """
 
 from collections.abc import Sequence
@@ -12,68 +15,48 @@ from typing import Final
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
+from emulator import copter_parameters as copter
+from emulator import sensor_parameters as sensors
 from emulator.ekf3_parameters import make_ekf3_group
 
 INT8: Final = ParamType.INT8
 INT16: Final = ParamType.INT16
 INT32: Final = ParamType.INT32
 FLOAT: Final = ParamType.FLOAT
-VECTOR3F: Final = ParamType.VECTOR3F
 
 MAX_LINKS: Final = 8
 """How many MAVLink links the firmware can have (GCS_MAVLink.h, MAVLINK_COMM_NUM_BUFFERS)."""
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
-_FRAME_CLASS: Final = {0: "Undefined", 1: "Quad", 2: "Hexa", 3: "Octa", 4: "OctaQuad"}
-_FRAME_TYPE: Final = {0: "Plus", 1: "X", 2: "V", 3: "H"}
-_EKF_ACTION: Final = {0: "Report", 1: "Land if position needed", 2: "AltHold if position needed", 3: "Land always"}
-_EKF_TYPE: Final = {0: "DCM", 2: "EKF2", 3: "EKF3", 10: "Simulation", 11: "External"}
 _LOG_DISARMED: Final = {0: "No", 1: "Yes", 2: "Not with USB", 3: "Yes, discarded if never armed"}
-_GPS_TYPE: Final = {0: "None", 1: "Auto", 2: "uBlox", 5: "NMEA", 14: "MAVLink"}
-_FLOW_TYPE: Final = {0: "None", 5: "MAVLink", 10: "Simulation"}
-_PROTOCOL: Final = {1: "MAVLink 1", 2: "MAVLink 2"}
+_CONSOLE_PROTOCOL: Final = {1: "MAVLink 1", 2: "MAVLink 2"}
+_PROTOCOL: Final = {-1: "None", **_CONSOLE_PROTOCOL, 5: "GPS", 23: "Radio", 28: "Scripting", 43: "High latency"}
+_BAUD: Final = {
+    1: "1200",
+    2: "2400",
+    4: "4800",
+    9: "9600",
+    19: "19200",
+    38: "38400",
+    57: "57600",
+    111: "111100",
+    115: "115200",
+    230: "230400",
+    256: "256000",
+    460: "460800",
+    500: "500000",
+    921: "921600",
+    1500: "1500000",
+    2000: "2000000",
+    12500000: "12500000",
+}
+_RATE: Final = (0.0, 1000.0)
 
-_FORMAT_VERSION: Final = (ParamInfo("FORMAT_VERSION", INT16, 120, "Version of the stored parameters' layout"),)
-
-_LOG_AND_FRAME: Final = (
-    ParamInfo("LOG_BITMASK", INT32, 180222, "Which kinds of records are logged, a bit each"),
-    ParamInfo("FRAME_TYPE", INT8, 1, "Arrangement of the arms", values=_FRAME_TYPE, reboot_required=True),
-)
-
-_ARMING: Final = (
-    ParamInfo("CHECK", INT32, 1, "Which checks precede arming, a bit each; bit 0 means all"),
-    ParamInfo("OPTIONS", INT32, 0, "Bits: 0 do not show pre-arm failures, 1 do not announce arming"),
-)
-
-_FAILSAFE: Final = (
-    ParamInfo("DISARM_DELAY", INT8, 10, "Time on the ground until disarming, 0 is never", "s", (0.0, 127.0)),
-    ParamInfo("FS_EKF_ACTION", INT8, 1, "What to do when the EKF fails", values=_EKF_ACTION),
-    ParamInfo("FS_EKF_THRESH", FLOAT, 0.8, "Normalised variance that counts as an EKF failure"),
-)
-
-_COMPASS: Final = (
-    ParamInfo("USE", INT8, 1, "Use the first compass for yaw", values=_OFF_ON),
-    ParamInfo("ENABLE", INT8, 1, "Look for compasses", values=_OFF_ON, reboot_required=True),
-)
-
-_AHRS: Final = (
-    ParamInfo("TRIM", VECTOR3F, (0.0, 0.0, 0.0), "Tilt of the autopilot in the frame", "rad", (-0.1745, 0.1745)),
-    ParamInfo("ORIENTATION", INT8, 0, "Rotation of the autopilot in the frame", reboot_required=True),
-    ParamInfo("EKF_TYPE", INT8, 3, "Which estimator the vehicle uses", values=_EKF_TYPE),
-)
-
-_RTC: Final = (ParamInfo("_TYPES", INT8, 1, "Who may set the clock, bits: 0 GPS, 1 SYSTEM_TIME, 2 hardware"),)
-
-_GPS1: Final = (ParamInfo("TYPE", INT8, 1, "Kind of GPS", "", None, _GPS_TYPE, ParamFlag.ENABLE, reboot_required=True),)
-
-_FLOW: Final = (
-    ParamInfo("_TYPE", INT8, 0, "Kind of flow sensor", "", None, _FLOW_TYPE, ParamFlag.ENABLE, reboot_required=True),
-)
-
-# FIRMWARE PARITY: the firmware's default is 0, no frame, and its simulator's file of defaults makes it 1. There is
-# no set-up step here that would ask.
-_FRAME_CLASS_ROW: Final = (
-    ParamInfo("FRAME_CLASS", INT8, 1, "Kind of multicopter", values=_FRAME_CLASS, reboot_required=True),
+_STAT: Final = (
+    ParamInfo("_BOOTCNT", INT16, 0, "How often the autopilot has started"),
+    ParamInfo("_FLTTIME", INT32, 0, "Time in flight so far", "s"),
+    ParamInfo("_RUNTIME", INT32, 0, "Time running so far", "s"),
+    ParamInfo("_RESET", INT32, 1, "When these were reset, since 2016; 0 resets them", "s"),
 )
 
 _LOG: Final = (
@@ -83,13 +66,39 @@ _LOG: Final = (
     ParamInfo("_DISARMED", INT8, 1, "Log while disarmed", values=_LOG_DISARMED),
     ParamInfo("_REPLAY", INT8, 0, "Log what a replay of the estimator needs", values=_OFF_ON),
     ParamInfo("_FILE_DSRMROT", INT8, 0, "Start a new log file after disarming", values=_OFF_ON),
+    ParamInfo("_MAV_BUFSIZE", INT8, 8, "Buffer before logging by MAVLink", "kB"),
+    ParamInfo("_FILE_TIMEOUT", INT16, 5, "How long writing may fail until logging stops", "s"),
     ParamInfo("_FILE_MB_FREE", INT16, 500, "Space to keep free by deleting old logs", "MB", (2.0, 1000.0)),
+    ParamInfo("_FILE_RATEMAX", FLOAT, 0.0, "Most records of a kind in files, 0 for no limit", "Hz", _RATE),
+    ParamInfo("_MAV_RATEMAX", FLOAT, 0.0, "The same by MAVLink", "Hz", _RATE),
+    ParamInfo("_BLK_RATEMAX", FLOAT, 0.0, "The same in block memory", "Hz", _RATE),
+    ParamInfo("_DARM_RATEMAX", FLOAT, 0.0, "The same anywhere while disarmed", "Hz", _RATE),
     ParamInfo("_MAX_FILES", INT16, 500, "How many logs to keep", "", (2.0, 500.0), reboot_required=True),
 )
 
+
+def _protocol(number: int) -> ParamInfo:
+    text = f"Protocol of port {number}"
+    return ParamInfo(f"{number}_PROTOCOL", INT8, 2, text, values=_PROTOCOL, reboot_required=True)
+
+
+def _baud(number: int) -> ParamInfo:
+    return ParamInfo(f"{number}_BAUD", INT32, 57, f"Speed of port {number}, in thousands of baud", values=_BAUD)
+
+
+def _serial_options(number: int) -> ParamInfo:
+    return ParamInfo(f"{number}_OPTIONS", INT32, 0, f"Wiring of port {number}, a bit each", reboot_required=True)
+
+
 _SERIAL: Final = (
-    ParamInfo("0_BAUD", INT32, 115, "Speed of the first port, in thousands of baud"),
-    ParamInfo("0_PROTOCOL", INT8, 2, "Protocol of the first port", values=_PROTOCOL, reboot_required=True),
+    ParamInfo("0_BAUD", INT32, 115, "Speed of the USB port, in thousands of baud", values=_BAUD),
+    ParamInfo("0_PROTOCOL", INT8, 2, "Protocol of the USB port", values=_CONSOLE_PROTOCOL, reboot_required=True),
+    _protocol(1),
+    _baud(1),
+    _protocol(2),
+    _baud(2),
+    _serial_options(1),
+    _serial_options(2),
 )
 
 _MAV: Final = (
@@ -153,18 +162,25 @@ def make_groups(number_of_links: int, visual_odom: ParamGroup | None = None) -> 
         ValueError: more links than the firmware has parameters for.
     """
     return [
-        _top_level(_FORMAT_VERSION),
-        _top_level(_LOG_AND_FRAME),
-        _object("ARMING_", _ARMING, "ARMING_"),
-        _top_level(_FAILSAFE),
-        _object("COMPASS_", _COMPASS, "COMPASS_"),
-        _object("AHRS_", _AHRS, "AHRS_"),
-        _object("BRD_RTC", _RTC, "BRD_"),
-        _object("GPS1_", _GPS1, "GPS"),
+        _top_level(copter.FORMAT_VERSION),
+        _top_level(copter.MODES),
+        _object("ARMING_", copter.ARMING, "ARMING_"),
+        _top_level(copter.FAILSAFE),
+        _object("COMPASS_", sensors.COMPASS, "COMPASS_"),
+        _object("INS", sensors.INS, "INS"),
+        _object("AHRS_", sensors.AHRS, "AHRS_"),
+        _object("BATT_", sensors.BATTERY, "BATT"),
+        _object("BRD_RTC", sensors.RTC, "BRD_"),
+        _object("GPS1_", sensors.GPS1, "GPS"),
+        _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
+        _object("RCMAP_", copter.RCMAP, "RCMAP_"),
         make_ekf3_group(),
-        _object("FLOW", _FLOW, "FLOW"),
-        _object("", _FRAME_CLASS_ROW, ""),
+        _object("FLOW", sensors.FLOW, "FLOW"),
+        _object("", copter.FRAME_CLASS, ""),
+        *(_object(f"RC{stick}_", copter.RC_CHANNEL, "") for stick in range(1, copter.NUMBER_OF_STICKS + 1)),
+        _object("", copter.LATE_FAILSAFE, ""),
         *([] if visual_odom is None else [visual_odom]),
+        _object("STAT", _STAT, ""),
         _object("LOG", _LOG, ""),
         _object("SERIAL", _SERIAL, ""),
         _object("MAV", _MAV, "MAV"),

@@ -15,6 +15,8 @@ from mav_handlers.links.tlog import TlogError, read_tlog
 # The recording simulator applied this rate to its TCP port.
 CAPTURE_BAUD: Final = 115200
 MAX_PARAMETER: Final = 3.4e38  # of binary32
+# A vehicle runs through the silence between two messages; a damaged stamp would have it run for years.
+MAX_GAP_US: Final = 86_400_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +86,14 @@ def read_capture(path: Path) -> Stream:
             if message.arrival_us is not None:
                 if message.arrival_us < latest_us:
                     raise ValueError(f"'arrival_us' runs backwards: {message.arrival_us} after {latest_us}")
+                if message.arrival_us - latest_us > MAX_GAP_US:
+                    raise ValueError(f"'arrival_us' leaps over more than a day: {message.arrival_us} after {latest_us}")
                 latest_us = message.arrival_us
             messages.append(message)
         except json.JSONDecodeError as error:
             raise InputError(f"{path}:{number}: not JSON: {error.msg} in column {error.colno}") from error
+        except RecursionError as error:
+            raise InputError(f"{path}:{number}: nested too deeply") from error
         except ValueError as error:
             raise InputError(f"{path}:{number}: {error}") from error
     if header is None:
@@ -101,7 +107,7 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     Messages whose stamp runs backwards are handled at the time of their predecessor.
 
     Raises:
-        InputError: if the file cannot be read as a .tlog.
+        InputError: if the file cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
     """
     try:
         reader = read_tlog(path)
@@ -109,8 +115,11 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     except TlogError as error:
         raise InputError(str(error)) from error
     messages, latest_us = [], lead_us
-    for entry in entries:
-        latest_us = max(latest_us, lead_us + entry.time_us - entries[0].time_us)
+    for number, entry in enumerate(entries, 1):
+        time_us = lead_us + entry.time_us - entries[0].time_us
+        if time_us - latest_us > MAX_GAP_US:
+            raise InputError(f"{path}: entry {number}: more than a day after the one before")
+        latest_us = max(latest_us, time_us)
         messages.append(StreamMessage(latest_us, entry.data))
     notes = []
     if reader.skipped_bytes:

@@ -2,22 +2,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The emulated vehicle: everything wired together, behind a MAVLink endpoint."""
 
-import math
+from collections.abc import Sequence
 from typing import Final
 
+from ap_core.cint import i16
 from ap_core.clock import VirtualClock
-from ap_core.fmath import f32
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs_base import AHRS_START_US
+from ekf_stub.core_texts import CoreTexts, cores_of_mask
 from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
+from ekf_stub.gps_sample import GpsSample
 from ekf_stub.sources import EkfSources
-from emulator.arming import ANY_CHECK, CHECK_VISION, Arming, Check
+from emulator.copter import Copter, CopterParts
+from emulator.ekf_check import EkfCheck
 from emulator.ftp_files import VehicleFiles
 from emulator.log_library import NoLogs, StoredLogs
 from emulator.logger import Logger
+from emulator.mavlink_flow import FLOW_PERIOD_US, MavlinkFlow
+from emulator.mavlink_gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
+from emulator.modes import AVAILABLE_MODES
 from emulator.parameters import make_groups
+from emulator.rtc import Rtc, RtcSource
 from emulator.uarts_text import UartCounts, UartsText
 from emulator.vehicle_config import AhrsParts, VehicleAhrs, VehicleConfig, bench
 from emulator.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
@@ -25,24 +32,19 @@ from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
 from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
-from mav_handlers.ports import Attitude, Location, OriginResult
+from mav_handlers.ports import AvailableMode, CopterPort, Location, OriginResult
 from mav_handlers.statustext import StatusTextQueue
+from mav_handlers.wire.messages import GPS_INPUT, OPTICAL_FLOW
 
 __all__ = ["LOOP_PERIOD_US", "AhrsParts", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
 
 LOOP_PERIOD_US: Final = 2500
-CHECK_LOGGING: Final = 1 << 10
 ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30
 ERR_INTERNAL_ERRORS_DETECTED: Final = 1
-MODE_STABILIZE: Final = 0
-EV_ARMED: Final = 10
-EV_DISARMED: Final = 11
-EV_SET_HOME: Final = 25
+EV_EKF_YAW_RESET: Final = 62
 EV_SOURCE_SET_1: Final = 85
 LOG_AFTER_DISARM_US: Final = 15_000_000
-RTC_FROM_SYSTEM_TIME: Final = 1 << 1
 FIRST_SECOND_US: Final = 450_000  # phase of the reference's once-a-second checks, in all recordings
-OLDEST_VALID_UTC_US: Final = 1_640_995_200_000_000  # 2022-01-01
 
 _MAV_SEVERITY_CRITICAL: Final = 2
 _MAV_SEVERITY_INFO: Final = 6
@@ -66,8 +68,8 @@ class Vehicle:
         visual_odom_params = make_params()
         self.params = ParamTable(make_groups(config.links, visual_odom_params))
         self.unknown_defaults = tuple(self.params.apply_defaults(config.defaults, "defaults"))
-        if config.param_store is not None:
-            config.param_store.restore(self.params)
+        config.param_store.restore(self.params)
+        self.params.set_from_mavlink("STAT_BOOTCNT", i16(self.params.get_int("STAT_BOOTCNT") + 1))  # AP_Stats::init
         for name, value in config.overrides.items():
             self.params.set(name, value)
         open_log = config.open_log or (config.log_store.open_next if config.log_store else None)
@@ -78,15 +80,18 @@ class Vehicle:
         self.texts.on_text.append(lambda _severity, text: self.log.text(text))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
         self._ext_nav_log = ExtNavLog(self.logger, lambda: self.params.get_int("LOG_REPLAY") != 0)
+        self._rtc = Rtc(self.clock, self.params, self.is_armed, config.boot_utc_us)
+        self._gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
         parts = AhrsParts(
             self.clock,
             self.sources,
             self._ext_nav_log,
             self.params,
             self.texts,
-            gps=lambda: None,
+            gps=self.gps,
             is_armed=self.is_armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
+            on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
         )
         self.ahrs: VehicleAhrs = config.make_ahrs(parts)
         self.visual_odom = AP_VisualOdom(
@@ -98,22 +103,33 @@ class Vehicle:
             errors=self.internal_errors,
         )
         self.visual_odom.init()
-        self.arming = Arming(self._make_checks(), self.params.group("ARMING_"), self.texts, self.clock)
-        self._utc_offset_us = config.boot_utc_us
+        self._flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
         self._initialised = False
-        self._home: Location | None = None
-        self._home_changed = False
-        self._disarmed_us: int | None = None
+        self._copter = self._make_copter()
+        self._ekf_check = EkfCheck(
+            self.ahrs,
+            self.params,
+            self.texts,
+            self.log,
+            self.clock,
+            has_position=self._copter.position_ok,
+            is_armed=self.is_armed,
+        )
+        self._last_location: Location | None = None
         self._internal_errors_told = 0
+        self._origin_told = False
+        self._next_flow_us = 0
+        self._next_gps_us = 0
         self._next_tenth_us = 0
         self._next_second_us = FIRST_SECOND_US
+        self.reboot_requested = False
         self.signing_store = config.signing_store
         self._files = VehicleFiles(
             self.params,
             log_directory=config.log_store.directory if config.log_store else None,
             system_texts={"uarts.txt": UartsText(self._uart_counts, self.clock.micros64)},
         )
-        self.endpoint = MavEndpoint(self)
+        self.endpoint = MavEndpoint(self, config.message_intervals)
 
     def _make_log_library(self) -> StoredLogs | NoLogs:
         if self._config.log_store is None:
@@ -132,28 +148,27 @@ class Vehicle:
             for channel in self.endpoint.channels
         ]
 
-    def _make_checks(self) -> tuple[Check, ...]:
-        # The firmware's order, of those checks that have something to look at here.
-        return (
-            Check(0, lambda: None if self._initialised else "System not initialised", ends=True),
-            Check(0, self._check_ahrs),
-            Check(CHECK_LOGGING, lambda: "Logging failed" if self.logger.failure else None),
-            Check(CHECK_LOGGING, lambda: "Downloading logs" if self.endpoint.log_transfer.is_active else None),
-            Check(ANY_CHECK, self._check_internal_errors),
-            Check(CHECK_VISION, self._check_visual_odom),
+    def _make_copter(self) -> Copter:
+        return Copter(
+            CopterParts(
+                clock=self.clock,
+                params=self.params,
+                texts=self.texts,
+                log=self.log,
+                logger=self.logger,
+                ahrs=self.ahrs,
+                visual_odom=self.visual_odom,
+                internal_errors=self.internal_errors,
+                gps=self.gps,
+                is_initialised=self.is_initialised,
+                is_downloading=lambda: self.endpoint.log_transfer.is_active,
+                on_mode=self._send_heartbeat,
+            )
         )
 
-    def _check_ahrs(self) -> str | None:
-        failure = self.ahrs.pre_arm_failure(requires_position=False)
-        return None if failure is None else f"AHRS: {failure}"
-
-    def _check_internal_errors(self) -> str | None:
-        errors = self.internal_errors
-        return f"Internal errors 0x{errors.mask:x} l:{errors.last_line} {errors.describe()}" if errors.mask else None
-
-    def _check_visual_odom(self) -> str | None:
-        failure = self.visual_odom.pre_arm_check()
-        return None if failure is None else f"VisOdom: {failure}"
+    def _send_heartbeat(self) -> None:
+        for channel in self.endpoint.channels:
+            self.endpoint.request_message(channel, "HEARTBEAT")
 
     def loop(self, now_us: int) -> None:
         """Run one pass of the main loop at ``now_us`` since boot, 400 times a second."""
@@ -161,8 +176,10 @@ class Vehicle:
         if not self._initialised and now_us >= AHRS_START_US:
             self._finish_boot()
         self._run_estimator_frame()
-        self._set_home_once()
+        self._copter.update()
         self._tell_internal_errors()
+        if self._initialised:
+            self._run_sensors(now_us)
         self._run_slow_tasks(now_us)
         self.endpoint.poll(now_us)
         self.logger.update(self._log_wanted(now_us), self.params)
@@ -174,12 +191,14 @@ class Vehicle:
 
     def _finish_boot(self) -> None:
         self._initialised = True
+        self._copter.enter_initial_mode()
         self.logger.update(self._log_wanted(self.clock.micros64()), self.params)
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
 
     def _run_estimator_frame(self) -> None:
         self.ahrs.update()
+        self._tell_origin_once()
         if not self.ahrs.estimator_started():
             return
         camera = self.visual_odom
@@ -189,16 +208,6 @@ class Vehicle:
         if camera.enabled():
             camera.align_position_to_ahrs(*self.sources.position_alignment())
 
-    def _set_home_once(self) -> None:
-        origin = self.ahrs.origin()
-        if origin is None or self._home is not None:
-            return
-        self._home = origin
-        self._home_changed = True
-        self.log.place(ORGN_HOME, self._home)
-        self.log.event(EV_SET_HOME)
-        self.texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {math.trunc(origin.alt_cm / 100)}m")
-
     def _tell_internal_errors(self) -> None:
         mask = self.internal_errors.mask
         if mask != self._internal_errors_told:
@@ -206,32 +215,42 @@ class Vehicle:
             self.log.error(ERR_SUBSYSTEM_INTERNAL_ERROR, ERR_INTERNAL_ERRORS_DETECTED)
             self.texts.send_text(_MAV_SEVERITY_CRITICAL, f"Internal Errors 0x{mask:x}")
 
+    def _run_sensors(self, now_us: int) -> None:
+        if now_us >= self._next_gps_us:
+            self._next_gps_us = now_us + GPS_PERIOD_US
+            self._gps.update()
+        if now_us >= self._next_flow_us:
+            self._next_flow_us = now_us + FLOW_PERIOD_US
+            self._flow.update()
+
     def _run_slow_tasks(self, now_us: int) -> None:
         if now_us >= self._next_tenth_us:
             self._next_tenth_us = now_us + _TENTH_US
-            self.log.attitude(self.attitude())
+            self._copter.disarm_when_idle()
+            self._ekf_check.update()
+            self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US
-            if not self.arming.armed:
-                self.arming.update()
+            if not self.is_armed():
+                self._copter.arming.update()
             self.log.statistics(self.endpoint.channels)
             self._store_parameters()
 
     def _store_parameters(self) -> None:
-        if self._config.param_store is not None:
-            self._config.param_store.save_if_changed(self.params.stored_values())
+        self._config.param_store.save_if_changed(self.params.stored_values())
 
     def _log_wanted(self, now_us: int) -> bool:
         # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
         if not self._initialised:
             return False
-        if self.arming.armed:
+        if self.is_armed():
             return True
         if self._logs.suspends_logging:
             return False
         if self.params.get_int("LOG_DISARMED") != 0:
             return True
-        return self._disarmed_us is not None and now_us - self._disarmed_us < LOG_AFTER_DISARM_US
+        disarmed_us = self._copter.disarmed_us
+        return disarmed_us is not None and now_us - disarmed_us < LOG_AFTER_DISARM_US
 
     def close(self) -> None:
         """Close the log properly, and keep the parameters."""
@@ -241,10 +260,13 @@ class Vehicle:
 
     def _on_log_open(self) -> None:
         self._ext_nav_log.new_log()
-        self.log.start(self._config.firmware, self.banner(), MODE_STABILIZE)
-        for kind, place in ((ORGN_EKF, self.origin()), (ORGN_HOME, self._home)):
+        modes = self._copter.modes
+        self.log.start(self._config.firmware, self.banner(), modes.current.number, modes.reason)
+        for kind, place in ((ORGN_EKF, self.origin()), (ORGN_HOME, self.home())):
             if place is not None:
                 self.log.place(kind, place)
+        if self._gps.has_driver:
+            self.log.text(SPECIFIED_TEXT)
 
     # What the endpoint asks
 
@@ -272,49 +294,49 @@ class Vehicle:
         """Tell whether booting is over."""
         return self._initialised
 
+    @property
+    def copter(self) -> CopterPort:
+        """Mode, home and arming, as clients ask for them."""
+        return self._copter
+
     def is_armed(self) -> bool:
         """Tell whether the vehicle is armed."""
-        return self.arming.armed
+        return self._copter.is_armed()
 
     def custom_mode(self) -> int:
-        """Return STABILIZE; there is no flight controller behind it."""
-        return MODE_STABILIZE
+        """Return the flight mode's number."""
+        return self._copter.modes.current.number
+
+    def available_modes(self) -> Sequence[AvailableMode]:
+        """Return the flight modes that clients may list."""
+        return AVAILABLE_MODES
+
+    def request_reboot(self) -> None:
+        """Ask whoever runs the vehicle for a restart."""
+        self.reboot_requested = True
 
     def arm(self, do_checks: bool) -> bool:
         """Try to arm; failures are told as texts."""
-        armed = self.arming.arm(do_checks)
+        armed = self._copter.arm(do_checks)
         if armed:
             self.endpoint.log_transfer.pause()
-            # The log that arming opens is to hold the fact.
-            self.logger.update(True, self.params)
-            self._log_arm(armed=True, forced=not do_checks, event=EV_ARMED)
-        else:
-            self._disarmed_us = self.clock.micros64()
         return armed
 
     def disarm(self, force: bool) -> bool:
-        """Disarm; tell whether that changed anything."""
-        disarmed = self.arming.disarm()
-        if disarmed:
-            self._disarmed_us = self.clock.micros64()
-            self._log_arm(armed=False, forced=force, event=EV_DISARMED)
-        return disarmed
-
-    def _log_arm(self, *, armed: bool, forced: bool, event: int) -> None:
-        self.log.arming(armed=armed, checks=self.arming.enabled_checks(), forced=forced)
-        self.log.event(event)
+        """Disarm, in flight only when forced; tell whether that changed anything."""
+        return self._copter.disarm(force)
 
     def run_prearm_checks(self) -> None:
         """Run all pre-arm checks and tell their failures as texts."""
-        self.arming.pre_arm_checks(display=True)
+        self._copter.arming.pre_arm_checks(display=True)
 
     def prearm_passed(self) -> bool:
         """Tell whether the last run of the checks passed."""
-        return self.arming.passed
+        return self._copter.arming.passed
 
     def checks_enabled(self) -> bool:
         """Tell whether any arming check is enabled."""
-        return self.arming.enabled_checks() != 0
+        return self._copter.arming.enabled_checks() != 0
 
     def set_source_set(self, index: int) -> None:
         """Choose one of the three EKF source sets, 0..2."""
@@ -326,11 +348,18 @@ class Vehicle:
         """Set the EKF origin, once; every core says so."""
         if not self.ahrs.set_origin(location):
             return OriginResult.FAILED
+        self._tell_origin_once()
         self.log.place(ORGN_EKF, location)
-        mask = self.params.get_int("EK3_IMU_MASK")
-        for core in (number for number in range(2) if mask >> number & 1):
-            self.texts.send_text(_MAV_SEVERITY_INFO, f"EKF3 IMU{core} origin set")
         return OriginResult.SET
+
+    def _tell_origin_once(self) -> None:
+        # The estimator may also have set it itself, from GPS.
+        if self._origin_told or self.origin() is None:
+            return
+        self._origin_told = True
+        texts = CoreTexts(self.texts, cores_of_mask(self.params.get_int("EK3_IMU_MASK")))
+        texts.add("origin set")
+        texts.flush()
 
     def origin(self) -> Location | None:
         """Return the EKF origin, or None while unset."""
@@ -338,28 +367,45 @@ class Vehicle:
 
     def home(self) -> Location | None:
         """Return home, or None while unset."""
-        return self._home
+        return self._copter.home.place
 
     def take_home_changed(self) -> bool:
         """Tell, once, that home has changed."""
-        changed, self._home_changed = self._home_changed, False
-        return changed
+        return self._copter.home.take_changed()
 
-    def attitude(self) -> Attitude | None:
-        """Return the attitude, or None while there is none; body rates are zero."""
-        quat = self.ahrs.get_quaternion()
-        if quat is None:
-            return None
-        roll, pitch, _ = quat.to_euler()
-        return Attitude(roll, pitch, self.ahrs.get_yaw_rad(), (f32(0), f32(0), f32(0)))
+    def last_location(self) -> Location | None:
+        """Return where the vehicle is, or where it was when somebody last asked and it was known."""
+        # FIRMWARE PARITY: each link remembers what it told itself.
+        self._last_location = self.ahrs.get_location() or self._last_location
+        return self._last_location
+
+    def gps(self) -> GpsSample | None:
+        """Return the GPS's newest solution, or None without a GPS."""
+        return self._gps.sample()
+
+    def take_gps_input(self, message: GPS_INPUT) -> bool:
+        """Give a solution to the GPS; tell whether there is one that takes it."""
+        return self._gps.take(message)
+
+    def take_optical_flow(self, message: OPTICAL_FLOW) -> bool:
+        """Give flow to the flow sensor; tell whether there is one that takes it."""
+        return self._flow.take(message)
+
+    def flow_sensor(self) -> tuple[bool, bool]:
+        """Tell whether a flow sensor is enabled, and whether it is healthy."""
+        return self._flow.enabled(), self._flow.healthy()
 
     def utc_us(self) -> int:
         """Return the time of day in us since 1970, 0 while unknown."""
-        return self._utc_offset_us + self.clock.micros64() if self._utc_offset_us else 0
+        return self._rtc.utc_us()
 
     def set_utc_us(self, utc_us: int) -> None:
-        """Take a time of day if BRD_RTC_TYPES admits it, it is plausible, and time does not run backwards."""
-        if not self.params.get_int("BRD_RTC_TYPES") & RTC_FROM_SYSTEM_TIME or utc_us < OLDEST_VALID_UTC_US:
-            return
-        if utc_us > self.utc_us() and self._utc_offset_us == 0:
-            self._utc_offset_us = utc_us - self.clock.micros64()
+        """Take a time of day from SYSTEM_TIME, if BRD_RTC_TYPES admits it and no better source was there."""
+        self._rtc.set_utc_us(utc_us, RtcSource.SYSTEM_TIME)
+
+    def _take_gps_time(self, utc_us: int) -> None:
+        known_before = self.utc_us() != 0
+        self._rtc.set_utc_us(utc_us, RtcSource.GPS)
+        if not known_before and self.utc_us():
+            endpoint = self.endpoint
+            endpoint.signing.update_timestamp(endpoint.channels, self.utc_us(), self.clock.millis())

@@ -3,6 +3,7 @@
 """What a vehicle is made of, and how to choose it."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -15,17 +16,24 @@ from ap_visualodom.ports import Ahrs
 from ekf_stub.ahrs_bench import BenchAhrs
 from ekf_stub.ext_nav_log import ExtNavLog
 from ekf_stub.gps_sample import GpsSample
+from ekf_stub.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
 from ekf_stub.sources import EkfSources
+from ekf_stub.surroundings import Surroundings
 from emulator.firmware import REFERENCE, Firmware
 from emulator.log_files import LogStore
 from emulator.log_sink import LogSink
-from emulator.param_store import ParamStore
+from emulator.param_memory import MemoryParamStore, StoredParams
 from mav_handlers.ports import AhrsPort
 from mav_handlers.signing import KeyStore, MemoryKeyStore
 
 
 class VehicleAhrs(Ahrs, AhrsPort, Protocol):
-    """An AHRS as the vehicle needs it."""
+    """An AHRS as the vehicle needs it.
+
+    ``ext_nav_counts`` is what the estimator did with how many samples, by kind and code of the rule.
+    """
+
+    ext_nav_counts: Counter[tuple[str, str]]
 
     def update(self) -> None:
         """Run one frame of the estimator, once a pass of the main loop."""
@@ -39,6 +47,12 @@ class VehicleAhrs(Ahrs, AhrsPort, Protocol):
     def set_origin(self, origin: Location) -> bool:
         """Set the origin, once; tell whether it was set."""
 
+    def healthy(self) -> bool:
+        """Tell whether the estimator runs well."""
+
+    def reset_height_datum(self) -> bool:
+        """Let heights count from the present one; tell whether the estimator did."""
+
     def pre_arm_failure(self, requires_position: bool) -> str | None:
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None."""
 
@@ -47,7 +61,8 @@ class VehicleAhrs(Ahrs, AhrsPort, Protocol):
 class AhrsParts:
     """What an AHRS is made of.
 
-    ``gps`` returns the newest solution of the GPS, ``is_armed`` and ``visual_odom_enabled`` what their names say.
+    ``gps`` returns the newest solution of the GPS, ``is_armed`` and ``visual_odom_enabled`` what their names say;
+    ``on_yaw_reset`` is called as the estimator has aligned its yaw.
     """
 
     clock: VirtualClock
@@ -58,10 +73,26 @@ class AhrsParts:
     gps: Callable[[], GpsSample | None]
     is_armed: Callable[[], bool]
     visual_odom_enabled: Callable[[], bool]
+    on_yaw_reset: Callable[[], None]
+
+    def is_fitted(self, sensor: str) -> bool:
+        """Tell whether there is a sensor that EKF sources may need, by its name in their pre-arm check."""
+        fitted = {
+            BARO: True,
+            COMPASS: self.has_compass(),
+            GPS: self.params.get_int("GPS1_TYPE") != 0,
+            OPTICAL_FLOW: self.params.get_int("FLOW_TYPE") != 0,
+            VISUAL_ODOM: self.visual_odom_enabled(),
+        }
+        return fitted.get(sensor, False)
+
+    def has_compass(self) -> bool:
+        """Tell whether there is a compass, and in use."""
+        return self.params.get_int("COMPASS_ENABLE") != 0 and self.params.get_int("COMPASS_USE") != 0
 
 
 def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
-    """Return the maker of an AHRS that stands still, level, with a heading; it has a compass if COMPASS_USE says so."""
+    """Return the maker of an AHRS that stands still, level, with a heading, and believes what EKF3 would use."""
 
     def make(parts: AhrsParts) -> VehicleAhrs:
         return BenchAhrs(
@@ -69,7 +100,16 @@ def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
             parts.sources,
             parts.log,
             heading_rad=math.radians(heading_deg),
-            has_compass=lambda: parts.params.get_int("COMPASS_USE") != 0,
+            has_compass=parts.has_compass,
+            around=Surroundings(
+                parts.texts,
+                parts.params.get_int,
+                parts.params.get_float,
+                parts.gps,
+                parts.is_armed,
+                parts.is_fitted,
+                parts.on_yaw_reset,
+            ),
         )
 
     return make
@@ -90,6 +130,7 @@ class VehicleConfig:
         signing_store: where the signing key is kept.
         firmware: what it claims to be.
         boot_utc_us: time of day at boot, 0 when unknown.
+        message_intervals: default intervals in ms by message id, by number of the link; 0 is off.
     """
 
     make_ahrs: Callable[[AhrsParts], VehicleAhrs] = field(default_factory=bench)
@@ -98,7 +139,8 @@ class VehicleConfig:
     overrides: Mapping[str, float] = field(default_factory=dict)
     open_log: Callable[[], LogSink] | None = None
     log_store: LogStore | None = None
-    param_store: ParamStore | None = None
+    param_store: StoredParams = field(default_factory=MemoryParamStore)
     signing_store: KeyStore = field(default_factory=MemoryKeyStore)
     firmware: Firmware = REFERENCE
     boot_utc_us: int = 0
+    message_intervals: Mapping[int, Mapping[int, int]] = field(default_factory=dict)

@@ -14,13 +14,12 @@ from ap_core.clock import Clock
 from ap_core.fmath import degrees, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
+from ap_core.quaternion import Quaternion
 from emulator.firmware import Firmware
 from emulator.logger import Logger
 from mav_handlers.channel import Channel
-from mav_handlers.ports import Attitude, Location
+from mav_handlers.ports import Location
 
-MODE_REASON_INITIALISED: Final = 26
-ARM_METHOD_MAVLINK: Final = 1
 AUX_SOURCE_MAVLINK: Final = 3
 ORGN_EKF: Final = 0
 ORGN_HOME: Final = 1
@@ -38,7 +37,7 @@ class VehicleLog:
         self._logger = logger
         self._clock = clock
 
-    def start(self, firmware: Firmware, banner: Sequence[str], mode: int) -> None:
+    def start(self, firmware: Firmware, banner: Sequence[str], mode: int, reason: int) -> None:
         """Write what every log begins with, after what describes it: firmware, frame, mode."""
         self.text(banner[0])
         version = (firmware.major, firmware.minor, firmware.patch, firmware.release_type)
@@ -46,12 +45,12 @@ class VehicleLog:
         self._logger.write(VER, (self._clock.micros64(), _BOARD_TYPE_SITL, _NO_BOARD_SUBTYPE, *numbers))
         for line in banner[1:]:
             self.text(line)
-        self._logger.write(MODE, (self._clock.micros64(), mode, mode, MODE_REASON_INITIALISED))
+        self.mode(mode, reason)
 
-    def attitude(self, now: Attitude | None) -> None:
+    def attitude(self, quat: Quaternion | None, yaw_rad: np.float32) -> None:
         """Write ATT, the wanted attitude being the present one; nothing while there is none."""
-        if now is not None:
-            roll, pitch, yaw = degrees(now.roll), degrees(now.pitch), degrees(now.yaw)
+        if quat is not None:
+            roll, pitch, yaw = degrees(quat.get_euler_roll()), degrees(quat.get_euler_pitch()), degrees(yaw_rad)
             heading = yaw if yaw >= 0 else yaw + f32(360)
             angles = (roll, roll, pitch, pitch, heading, heading)
             self._logger.write(ATT, (self._clock.micros64(), *angles, _EKF3))
@@ -63,7 +62,8 @@ class VehicleLog:
         for channel in channels:
             if channel.active:
                 counts = (channel.codec.frames_sent, channel.frames_received, channel.packets_dropped)
-                self._logger.write(MAV, (now_us, channel.index, *counts, 0, 0, 0, 0))
+                slowness = (channel.stream_slowdown_ms, channel.times_full)
+                self._logger.write(MAV, (now_us, channel.index, *counts, 0, *slowness, 0))
 
     def event(self, event: int) -> None:
         """Write EV."""
@@ -77,9 +77,13 @@ class VehicleLog:
         """Write ORGN: the EKF origin (0) or home (1)."""
         self._logger.write(ORGN, (self._clock.micros64(), kind, place.lat, place.lng, place.alt_cm))
 
-    def arming(self, *, armed: bool, checks: int, forced: bool) -> None:
-        """Write ARM, done by MAVLink; ``checks`` is ARMING_CHECK."""
-        values = (int(armed), checks, int(forced), ARM_METHOD_MAVLINK)
+    def mode(self, mode: int, reason: int) -> None:
+        """Write MODE; ``reason`` is a ModeReason."""
+        self._logger.write(MODE, (self._clock.micros64(), mode, mode, reason))
+
+    def arming(self, *, armed: bool, checks: int, forced: bool, method: int) -> None:
+        """Write ARM; ``checks`` is ARMING_CHECK, ``method`` an AP_Arming::Method."""
+        values = (int(armed), checks, int(forced), method)
         self._logger.write(ARM, (self._clock.micros64(), *values))
 
     def text(self, text: str) -> None:
@@ -105,6 +109,15 @@ class VehicleLog:
         labels = "TimeUS,function,pos,source,index,result"
         self._logger.write_named("AUXF", labels, "s#----", "F-----", "QHBBHB", values)
 
+    def named_value(self, time_boot_ms: int, name: str, value: float, system_id: int, component_id: int) -> None:
+        """Write NVAL: somebody's named value, with the sender's ids."""
+        values = (self._clock.micros64(), time_boot_ms, name, value, system_id, component_id)
+        self._logger.write_named("NVAL", "TimeUS,TimeBootMS,Name,Value,SSys,SCom", "ss#---", "FC----", "QINfBB", values)
+
     def dropped(self) -> int:
         """Return the number of records lost."""
         return self._logger.dropped
+
+    def failed(self) -> bool:
+        """Tell whether the log cannot be written."""
+        return self._logger.failure is not None

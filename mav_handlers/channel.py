@@ -2,17 +2,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The MAVLink state of one link: codec, time correction, intervals, queues and counters."""
 
-from collections import Counter, deque
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from ap_core.cint import u32, u64
 from ap_core.verdict import Outcome, Verdict
+from mav_handlers.buckets import IntervalBuckets
+from mav_handlers.deferred import DeferredMessages
 from mav_handlers.jitter_correction import JitterCorrection
 from mav_handlers.wire.codec import Codec, full_length
-from mav_handlers.wire.messages import PARAM_VALUE, Message
+from mav_handlers.wire.messages import Message
 
 OUTPUT_LIMIT_BYTES: Final = 65536
+TXSPACE_LIMIT_BYTES: Final = 8192
+RESERVED_BYTES: Final = 100
+RESERVED_US: Final = 2_000_000
+MAX_INTERVAL_MS: Final = 60_000
+_SLOW_FACTOR: Final = 4
 
 CountKey = tuple[str, Outcome, str]
 
@@ -23,7 +31,29 @@ class ParamListState:
 
     next_index: int
     count: int
-    last_run_us: int
+
+
+@dataclass(slots=True)
+class ModesRequest:
+    """Flight modes asked for: one by its index, from 1, or with 0 all from ``next_index`` on."""
+
+    index: int
+    next_index: int
+
+
+class TransmitReserve:
+    """Room that all links keep for parameters for 2 s after one did not fit (GCS_MAVLINK::packet_overhead_chan)."""
+
+    def __init__(self) -> None:
+        self._start_us: int | None = None
+
+    def start(self, now_us: int) -> None:
+        """Keep the room from now on."""
+        self._start_us = now_us
+
+    def bytes_at(self, now_us: int) -> int:
+        """Return how many bytes are kept free."""
+        return RESERVED_BYTES if self._start_us is not None and now_us - self._start_us < RESERVED_US else 0
 
 
 @dataclass(slots=True)
@@ -35,6 +65,15 @@ class Channel:
         name: what the user calls it.
         codec: parser and packer of this link.
         baud: bits per second for the transport time of a UART; None for links that add no delay.
+        reserve: the room for parameters, which all links share.
+
+    Attributes:
+        requested: messages to be sent once.
+        card_intervals_ms: default intervals by message, from a file; 0 is off.
+        stream_slowdown_ms: by how much a radio's full buffer lengthens the intervals.
+        ftp_is_busy: file transfers slow down everything else.
+        params_sent_us: when parameters were last sent on this link's turn.
+        times_full: how often a message did not fit.
     """
 
     index: int
@@ -44,27 +83,52 @@ class Channel:
     jitter: JitterCorrection = field(default_factory=JitterCorrection)
     active: bool = False
     open: bool = True
-    intervals_ms: dict[str, int] = field(default_factory=dict)
-    last_sent_us: dict[str, int] = field(default_factory=dict)
-    requested: deque[str] = field(default_factory=deque)
-    param_reads: deque[PARAM_VALUE] = field(default_factory=deque)
-    param_reads_due_us: int = 0
+    reserve: TransmitReserve = field(default_factory=TransmitReserve)
+    deferred: DeferredMessages = field(default_factory=DeferredMessages)
+    buckets: IntervalBuckets = field(init=False)
+    requested: set[str] = field(default_factory=set)
+    card_intervals_ms: Mapping[str, int] = field(default_factory=dict)
+    stream_slowdown_ms: int = 0
+    ftp_is_busy: bool = False
+    heartbeat_sent_us: int = 0
     param_list: ParamListState | None = None
+    params_sent_us: int = 0
+    modes_request: ModesRequest | None = None
     timesync_sent_us: int = 0
     timesync_ts1: int | None = None
     counters: Counter[CountKey] = field(default_factory=Counter)
     bytes_received: int = 0
     frames_received: int = 0
+    # FIRMWARE PARITY: its own count of these is never raised.
     packets_dropped: int = 0
     frames_not_sent: int = 0
+    times_full: int = 0
     frames_forwarded: int = 0
     bytes_sent: int = 0
     _output: bytearray = field(default_factory=bytearray)
 
+    def __post_init__(self) -> None:
+        """Make the buckets, whose intervals follow the link's slow-down."""
+        self.buckets = IntervalBuckets(self.reschedule_interval_ms)
+
     @property
     def streaming(self) -> bool:
         """Tell whether anything but the heartbeat is sent at an interval."""
-        return any(name != "HEARTBEAT" for name in self.intervals_ms)
+        return not self.buckets.is_empty
+
+    @property
+    def intervals_ms(self) -> Mapping[str, int]:
+        """The interval of each message that has one, before any slow-down (GCS_MAVLINK::get_ap_message_interval)."""
+        return self.deferred.intervals_ms() | self.buckets.intervals_ms()
+
+    def reschedule_interval_ms(self, interval_ms: int) -> int:
+        """Return the interval at which a bucket is really sent (GCS_MAVLINK::get_reschedule_interval_ms)."""
+        interval_ms += self.stream_slowdown_ms
+        if self.param_list is not None:
+            interval_ms *= _SLOW_FACTOR
+        if self.ftp_is_busy:
+            interval_ms *= _SLOW_FACTOR
+        return min(interval_ms, MAX_INTERVAL_MS)
 
     def count(self, name: str, verdict: Verdict, amount: int = 1) -> None:
         """Count a message, or ``amount`` bytes that are none, under its verdict."""
@@ -73,6 +137,26 @@ class Channel:
     def has_room(self) -> bool:
         """Tell whether output may be added; a peer that does not read must not cost memory."""
         return len(self._output) < OUTPUT_LIMIT_BYTES
+
+    def txspace(self) -> int:
+        """Return for how many bytes there is room, at most 8192 (GCS_MAVLINK::txspace)."""
+        return max(0, min(OUTPUT_LIMIT_BYTES - len(self._output), TXSPACE_LIMIT_BYTES))
+
+    def overhead_bytes(self, now_us: int) -> int:
+        """Return what a frame takes beside its payload, with the room kept for parameters (packet_overhead_chan)."""
+        return self.codec.overhead_bytes + self.reserve.bytes_at(now_us)
+
+    def has_space_for(self, message_type: type[Message], now_us: int | None = None) -> bool:
+        """Tell whether a message fits; counted when it does not (GCS_MAVLINK::check_payload_size).
+
+        Args:
+            message_type: what is to be sent.
+            now_us: time since boot; without it the room kept for parameters may be used.
+        """
+        overhead = self.codec.overhead_bytes if now_us is None else self.overhead_bytes(now_us)
+        fits = self.txspace() >= overhead + full_length(message_type)
+        self.times_full += not fits
+        return fits
 
     def send(self, *messages: Message) -> bool:
         """Pack messages for sending, all or none; False, and counted, when the peer does not take its output."""
@@ -99,7 +183,7 @@ class Channel:
         self.bytes_sent += len(data)
         return data
 
-    def arrival_us(self, message_type: type[Message], read_us: int) -> int:
+    def arrival_us(self, message_type: type[Message], read_us: int, now_us: int) -> int:
         """Return the latest time at which a message can have been sent, in us since boot.
 
         The link delivered its bytes one after the other at ``baud``; those still unread came after it. The length is
@@ -108,12 +192,13 @@ class Channel:
         Args:
             message_type: the message being handled.
             read_us: when the link was last read.
+            now_us: time of handling; while room is kept for parameters, that counts as if it were received.
 
         Source: AP_HAL UARTDriver::receive_time_constraint_us.
         """
         if self.baud is None:
             return read_us
-        length = full_length(message_type) + self.codec.overhead_bytes
+        length = full_length(message_type) + self.overhead_bytes(now_us)
         per_byte_us = 10_000_000 // self.baud
         return u64(read_us - u32(per_byte_us * (length + self.codec.unread_bytes)))
 
@@ -122,5 +207,5 @@ class Channel:
 
         Source: GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms.
         """
-        local_us = self.arrival_us(message_type, read_us) or now_us
+        local_us = self.arrival_us(message_type, read_us, now_us) or now_us
         return u32(self.jitter.correct_offboard_timestamp_usec(remote_us, local_us) // 1000)

@@ -3,27 +3,27 @@
 """The autopilot's end of MAVLink without I/O: bytes and time in, bytes and events out."""
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u8, u32
 from ap_core.param import ParamEcho
 from ap_core.verdict import Outcome, Verdict
-from mav_handlers.channel import Channel
+from mav_handlers.channel import Channel, TransmitReserve
 from mav_handlers.context import Context
 from mav_handlers.ftp import FtpReply, FtpServer
 from mav_handlers.handlers import HANDLERS
 from mav_handlers.handlers.clocks import send_timesync
-from mav_handlers.handlers.params import NO_INDEX, pump_param_list, pump_param_reads
-from mav_handlers.intervals import due_messages, set_defaults
+from mav_handlers.intervals import by_name, set_defaults
 from mav_handlers.log_transfer import LogTransfer
+from mav_handlers.param_reads import NO_INDEX, ParamReads
 from mav_handlers.ports import VehiclePort
+from mav_handlers.radio import RadioLink
 from mav_handlers.routing import RADIO_MESSAGES, RouteTable
-from mav_handlers.senders import SENDERS
+from mav_handlers.sending import Sending
 from mav_handlers.signing import SigningState
 from mav_handlers.signing_verdicts import signing_verdict
-from mav_handlers.statustext import QueuedText
 from mav_handlers.verdicts import (
     NO_HANDLER,
     NOT_ACCEPTED,
@@ -38,10 +38,10 @@ from mav_handlers.wire.targets import target_fields
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
+UNKNOWN_NAME: Final = "UNKNOWN"
 OPTION_PRIVATE: Final = 1 << 1
 OPTION_ONLY_GCS: Final = 1 << 0
 _MAV_SEVERITY_INFO: Final = 6
-_SECOND_US: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +65,20 @@ class MavEndpoint:
 
     Args:
         vehicle: what is behind the endpoint.
+        message_intervals: default intervals in ms by message id, by number of the link; 0 is off.
     """
 
-    def __init__(self, vehicle: VehiclePort) -> None:
+    def __init__(self, vehicle: VehiclePort, message_intervals: Mapping[int, Mapping[int, int]] | None = None) -> None:
         self._vehicle = vehicle
+        self._message_intervals = message_intervals or {}
         self.channels: list[Channel] = []
         self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
         self._echoes: deque[ParamEcho] = deque()
-        self._next_expiry_us = _SECOND_US
         self._has_polled = False
+        self._reserve = TransmitReserve()
+        self.param_reads = ParamReads()
+        self.radio = RadioLink()
+        self._sending = Sending(vehicle, self.param_reads, self.radio)
         self.routes = RouteTable()
         self.signing = SigningState(vehicle.signing_store, self._options)
         self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, self._has_room)
@@ -81,12 +86,14 @@ class MavEndpoint:
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
+        vehicle.texts.on_text.append(self._on_text)
 
     def open_channel(self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0) -> Channel:
         """Add a link; ``baud`` gives its messages the transport time of a UART."""
         codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
-        channel = Channel(len(self.channels), name, codec, baud, timesync_sent_us=now_us)
+        channel = Channel(len(self.channels), name, codec, baud, reserve=self._reserve, timesync_sent_us=now_us)
         self.channels.append(channel)
+        channel.card_intervals_ms = by_name(self._message_intervals.get(channel.index, {}))
         set_defaults(self._vehicle, channel, now_us)
         self.signing.open_link(channel)
         return channel
@@ -121,8 +128,10 @@ class MavEndpoint:
         header = received.header
         channel.frames_received += 1
         verdict = self._handle(channel, received, now_us, read_us)
-        channel.count(header.name, verdict)
-        self._note(MessageEvent(channel.index, now_us, header.name, header, received.message, verdict))
+        # One name for all that are not known: there may be millions of ids, each of which would be counted.
+        name = UNKNOWN_NAME if verdict is UNKNOWN_MESSAGE else header.name
+        channel.count(name, verdict)
+        self._note(MessageEvent(channel.index, now_us, name, header, received.message, verdict))
 
     def _handle(self, channel: Channel, received: Received, now_us: int, read_us: int) -> Verdict:
         header, message = received.header, received.message
@@ -183,8 +192,7 @@ class MavEndpoint:
 
     def request_message(self, channel: Channel, name: str) -> None:
         """Queue a message to be sent once at the next poll."""
-        if name not in channel.requested:
-            channel.requested.append(name)
+        channel.requested.add(name)
 
     def echo_parameters(self, echoes: Iterable[ParamEcho]) -> None:
         """Queue the echoes of a changed parameter for every active link."""
@@ -208,8 +216,7 @@ class MavEndpoint:
     def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
         """Send the next part of a listing or of a log on a link, as far as it takes any."""
         if channel.has_room():
-            heartbeat_us = channel.last_sent_us.get("HEARTBEAT", 0)
-            armed = self._vehicle.is_armed()
+            armed, heartbeat_us = self._vehicle.is_armed(), channel.heartbeat_sent_us
             channel.send(*self.log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
 
     def poll(self, now_us: int) -> None:
@@ -221,15 +228,14 @@ class MavEndpoint:
         self._send_home()
         self.send_ftp_replies(self.ftp.continue_burst(now_us))
         self.signing.save_timestamp(self.channels, u32(now_us // 1000))
+        self.param_reads.look_up(self._vehicle.params, now_us)
         for channel in self._open_channels():
             self.pump_log_transfer(channel, now_us)
             if not self._is_private(channel):
                 send_timesync(channel, now_us, system_id)
-            if self._telemetry_allowed(now_us):
-                pump_param_reads(channel, now_us)
-                self._send_due(channel, now_us)
-                pump_param_list(self._vehicle, channel, now_us)
-        self._send_texts(now_us)
+            channel.ftp_is_busy = self.ftp.slows_streams(now_us)
+            self._sending.run(channel, now_us)
+        self._vehicle.texts.service(self._open_channels())
         self._has_polled = True
 
     def _open_channels(self) -> list[Channel]:
@@ -237,10 +243,6 @@ class MavEndpoint:
 
     def _system_id(self) -> int:
         return u8(self._vehicle.params.get_int("MAV_SYSID"))
-
-    def _telemetry_allowed(self, now_us: int) -> bool:
-        # MAV_TELEM_DELAY counts "seconds" of 1024 ms.
-        return (now_us // 1000) >> 10 >= self._vehicle.params.get_int("MAV_TELEM_DELAY")
 
     def _options(self, index: int) -> int:
         return self._vehicle.params.get_int(f"MAV{index + 1}_OPTIONS")
@@ -251,15 +253,6 @@ class MavEndpoint:
     def _has_room(self, index: int) -> bool:
         # A link that is gone takes everything, so that a burst to it comes to its end.
         return not self.channels[index].open or self.channels[index].has_room()
-
-    def _send_due(self, channel: Channel, now_us: int) -> None:
-        names = due_messages(channel, now_us, slow=self.ftp.slows_streams(now_us))
-        while channel.requested:
-            names.append(channel.requested.popleft())
-        for name in names:
-            message = SENDERS[name](self._vehicle, channel, now_us)
-            if message is not None:
-                channel.send(message)
 
     def _send_home(self) -> None:
         if self._vehicle.take_home_changed():
@@ -285,23 +278,10 @@ class MavEndpoint:
             if (channel.active or channel.streaming) and not self._is_private(channel)
         }
 
-    def _send_texts(self, now_us: int) -> None:
-        texts = self._vehicle.texts
-        for entry in texts.pending():
-            self._send_text(entry)
-            if not entry.channels:
-                texts.done(entry)
-        if now_us >= self._next_expiry_us:
-            self._next_expiry_us = now_us + _SECOND_US
-            texts.discard_expired()
-
-    def _send_text(self, entry: QueuedText) -> None:
-        waiting = entry.channels if entry.channels is not None else {c.index for c in self._open_channels()}
-        still_open = {channel.index for channel in self._open_channels()}
-        entry.channels = waiting & still_open
-        for index in sorted(entry.channels):
-            if self.channels[index].send(*entry.chunks):
-                entry.channels.discard(index)
+    def _on_text(self, _severity: int, _text: str) -> None:
+        # While booting nobody waits for the telemetry loop.
+        if self._has_polled and not self._vehicle.is_initialised():
+            self._vehicle.texts.service(self._open_channels())
 
     def verdict_counts(self) -> dict[tuple[str, Outcome, str], int]:
         """Return how often each message type met each verdict, over all links."""

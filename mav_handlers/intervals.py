@@ -1,75 +1,102 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When periodic messages are due on a link (GCS_Common.cpp, set_message_interval and the deferred messages)."""
+"""At which interval each message of a link is sent (GCS_Common.cpp, set_ap_message_interval and the defaults)."""
 
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 from mav_handlers.channel import Channel
+from mav_handlers.deferred import DEFERRED, NEXT_PARAM
 from mav_handlers.ports import VehiclePort
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
+from mav_handlers.wire.codec import message_name
 
 MAX_INTERVAL_MS: Final = 60_000
-# Intervals below 0.8 of the main loop of 400 Hz are refused: 1 and 2 ms.
+# Intervals below 0.8 of the main loop of 400 Hz are too fast: 1 and 2 ms.
 MIN_INTERVAL_MS: Final = 3
 HEARTBEAT_INTERVAL_MS: Final = 1000
-_SLOW_FACTOR: Final = 4
+HIGH_LATENCY2_INTERVAL_MS: Final = 5000
+PARAMS_INTERVAL_MS: Final = 100
+PARAMS_MAX_INTERVAL_MS: Final = 1000
+
+# Groups without an id of their own: the suffix of their parameter, and what is in them.
+PARAMS_GROUP: Final = ("_PARAMS", (NEXT_PARAM, "AVAILABLE_MODES"))
+ADSB_GROUP: Final = ("_ADSB", ("ADSB_VEHICLE", "AIS_VESSEL"))
+
+# The order in which groups get their intervals at boot, by their ids: POSITION, then RAW_CTRL and RC_CHAN.
+_BOOT_ORDER: Final = (1, 2, 6, 4, 3, 10, 11, 12)
 
 
 def stream_interval_ms(rate_hz: int) -> int | None:
     """Return the interval of a stream rate (int16) in whole milliseconds, or None when it is off.
 
     Rates above 1000 Hz come out as 0 ms, which is off; the quotient of a negative rate wraps to a huge interval.
-    Source: GCS_MAVLINK::get_interval_for_stream, GCS_MAVLINK::cap_message_interval.
+    Source: GCS_MAVLINK::get_interval_for_stream.
     """
     interval_ms = 1000 // abs(rate_hz) if rate_hz else 0
     if interval_ms == 0:
         return None
-    return max(interval_ms, MIN_INTERVAL_MS) if rate_hz > 0 else MAX_INTERVAL_MS
+    return interval_ms if rate_hz > 0 else MAX_INTERVAL_MS
+
+
+def _boot_groups() -> Iterator[tuple[str, tuple[str, ...]]]:
+    yield from (STREAM_GROUPS[stream_id] for stream_id in _BOOT_ORDER)
+    yield from (PARAMS_GROUP, ADSB_GROUP)
+
+
+def _group_interval_ms(vehicle: VehiclePort, channel: Channel, suffix: str) -> int | None:
+    return stream_interval_ms(vehicle.params.get_int(f"MAV{channel.index + 1}{suffix}"))
 
 
 def default_interval_ms(vehicle: VehiclePort, channel: Channel, name: str) -> int | None:
-    """Return the interval of a message that nobody asked for otherwise, or None when it is off."""
+    """Return the interval of a message that nobody asked for otherwise, or None when it is off.
+
+    A rate of 500 Hz or more gives an interval that is refused (1 and 2 ms).
+    Source: GCS_MAVLINK::get_default_interval_for_ap_message.
+    """
     if name == "HEARTBEAT":
         return HEARTBEAT_INTERVAL_MS
-    for suffix, names in STREAM_GROUPS.values():
+    if name == "HIGH_LATENCY2":
+        return HIGH_LATENCY2_INTERVAL_MS
+    if name in channel.card_intervals_ms:
+        return channel.card_intervals_ms[name] or None
+    for suffix, names in _boot_groups():
         if name in names:
-            return stream_interval_ms(vehicle.params.get_int(f"MAV{channel.index + 1}{suffix}"))
+            return _group_interval_ms(vehicle, channel, suffix)
     return None
 
 
+def by_name(intervals_ms: Mapping[int, int]) -> dict[str, int]:
+    """Return intervals by message from those by id, without the messages that cannot be sent."""
+    names = {message_id: message_name(message_id) for message_id in intervals_ms}
+    return {name: intervals_ms[number] for number, name in names.items() if name is not None and name in SENDERS}
+
+
 def set_interval(channel: Channel, name: str, interval_ms: int | None, now_us: int) -> None:
-    """Start a message at an interval, or stop it with None."""
-    if interval_ms is None:
-        channel.intervals_ms.pop(name, None)
-        channel.last_sent_us.pop(name, None)
-        return
-    channel.intervals_ms[name] = interval_ms
-    channel.last_sent_us[name] = now_us
+    """Start a message at an interval, at least 3 ms, or stop it with None.
+
+    The parameter pump never stops: 100 ms instead, and 1000 ms at most.
+    """
+    wanted_ms = interval_ms or 0
+    if name == NEXT_PARAM:
+        wanted_ms = min(wanted_ms, PARAMS_MAX_INTERVAL_MS) or PARAMS_INTERVAL_MS
+    if wanted_ms:
+        wanted_ms = max(wanted_ms, MIN_INTERVAL_MS)
+    timers = channel.deferred if name in DEFERRED else channel.buckets
+    timers.set_interval(name, wanted_ms, now_us // 1000)
 
 
 def set_defaults(vehicle: VehiclePort, channel: Channel, now_us: int) -> None:
-    """Give every message its interval at boot; the heartbeat starts at once."""
-    for name in SENDERS:
-        set_interval(channel, name, default_interval_ms(vehicle, channel, name), now_us)
-    channel.last_sent_us["HEARTBEAT"] = now_us - HEARTBEAT_INTERVAL_MS * 1000
+    """Give every message its interval at boot, and send a heartbeat at once.
 
-
-def due_messages(channel: Channel, now_us: int, *, slow: bool = False) -> list[str]:
-    """Return the messages that are due, in the firmware's order, and note them as sent.
-
-    While a parameter list is being sent, and again when the link is ``slow``, everything but the heartbeat comes at a
-    quarter of its rate (get_reschedule_interval_ms).
+    Source: GCS_MAVLINK::initialise_message_intervals_from_streamrates, initialise_message_intervals_from_config_files.
     """
-    factor = (_SLOW_FACTOR if channel.param_list is not None else 1) * (_SLOW_FACTOR if slow else 1)
-    due = []
-    for name in SENDERS:
-        interval_ms = channel.intervals_ms.get(name)
-        if interval_ms is None:
-            continue
-        interval_us = min(interval_ms * (1 if name == "HEARTBEAT" else factor), MAX_INTERVAL_MS) * 1000
-        late_us = now_us - channel.last_sent_us[name] - interval_us
-        if late_us >= 0:
-            # Keeps the phase unless a turn was missed altogether.
-            channel.last_sent_us[name] = now_us - late_us if late_us < interval_us else now_us
-            due.append(name)
-    return due
+    for suffix, names in _boot_groups():
+        interval_ms = _group_interval_ms(vehicle, channel, suffix)
+        for name in names:
+            set_interval(channel, name, interval_ms, now_us)
+    set_interval(channel, "HEARTBEAT", HEARTBEAT_INTERVAL_MS, now_us)
+    for name, interval_ms in channel.card_intervals_ms.items():
+        set_interval(channel, name, interval_ms, now_us)
+    # FIRMWARE PARITY: its first heartbeat comes 1 s later, or with the first blocking delay of initialisation.
+    channel.requested.add("HEARTBEAT")

@@ -17,22 +17,25 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.filter_status import FilterStatus
+from ekf_stub.gps_sample import GpsSample
 from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
+from mav_handlers.mission import Mission
 from mav_handlers.signing import KeyStore
 from mav_handlers.statustext import StatusTextQueue
+from mav_handlers.wire.messages import GPS_INPUT, OPTICAL_FLOW
 
-__all__ = ["AhrsPort", "Attitude", "Location", "LogPort", "OriginResult", "VehiclePort"]
+__all__ = ["AhrsPort", "AvailableMode", "CopterPort", "Location", "LogPort", "OriginResult", "VehiclePort"]
 
 
 @dataclass(frozen=True, slots=True)
-class Attitude:
-    """Roll, pitch, yaw in rad (body to NED), body rates in rad/s."""
+class AvailableMode:
+    """A flight mode as AVAILABLE_MODES tells it: MAV_STANDARD_MODE 0 is none of those, properties are bits."""
 
-    roll: np.float32
-    pitch: np.float32
-    yaw: np.float32
-    rates: tuple[np.float32, np.float32, np.float32]
+    name: str
+    custom_mode: int
+    standard_mode: int
+    properties: int
 
 
 class OriginResult(Enum):
@@ -49,6 +52,9 @@ class LogPort(Protocol):
     def dropped(self) -> int:
         """Return the number of log records lost."""
 
+    def failed(self) -> bool:
+        """Tell whether the log cannot be written."""
+
     def text(self, text: str) -> None:
         """Write a MSG record."""
 
@@ -63,6 +69,9 @@ class LogPort(Protocol):
 
     def aux_function(self, function: int, position: int, result: bool) -> None:
         """Write an AUXF record for a function run by MAVLink."""
+
+    def named_value(self, time_boot_ms: int, name: str, value: float, system_id: int, component_id: int) -> None:
+        """Write an NVAL record of somebody's named value."""
 
 
 class AhrsPort(Protocol):
@@ -92,8 +101,40 @@ class AhrsPort(Protocol):
     def get_location(self) -> Location | None:
         """Return where the vehicle is, or None without origin or position."""
 
+    def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
+        """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used."""
+
     def get_filter_status(self) -> FilterStatus | None:
         """Return what the estimator says of itself, or None while it does not run."""
+
+
+class CopterPort(Protocol):
+    """What makes the vehicle a copter: its mode, its home, and whether it stands on the ground."""
+
+    @property
+    def mission(self) -> Mission:
+        """The mission, which holds nothing but home."""
+
+    def set_mode(self, number: int) -> bool:
+        """Enter a mode; tell whether the vehicle is in it now. A refusal is told as a text."""
+
+    def is_holding_position(self) -> bool:
+        """Tell whether the mode runs the horizontal position controller."""
+
+    def is_landed(self) -> bool:
+        """Tell whether the vehicle stands on the ground."""
+
+    def set_safety(self, on: bool) -> None:
+        """Move the safety switch; on, it keeps the motors off."""
+
+    def set_home(self, place: Location) -> bool:
+        """Set home for good; tell whether it was set, for which the EKF needs an origin."""
+
+    def set_home_here(self) -> bool:
+        """Set home for good to where the vehicle is; tell whether that is known."""
+
+    def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
+        """Start a take-off to a height above home; tell whether it was accepted."""
 
 
 class VehiclePort(Protocol):
@@ -136,6 +177,16 @@ class VehiclePort(Protocol):
     def custom_mode(self) -> int:
         """Return the flight mode's number."""
 
+    def available_modes(self) -> Sequence[AvailableMode]:
+        """Return the flight modes in the firmware's order; AVAILABLE_MODES counts them from 1."""
+
+    @property
+    def copter(self) -> CopterPort:
+        """What clients may have it do."""
+
+    def request_reboot(self) -> None:
+        """Restart, once the answer to the command has left."""
+
     def arm(self, do_checks: bool) -> bool:
         """Try to arm; tell whether it worked. Failures are told as texts."""
 
@@ -166,8 +217,20 @@ class VehiclePort(Protocol):
     def take_home_changed(self) -> bool:
         """Tell, once, that home has changed and is to be told to all links."""
 
-    def attitude(self) -> Attitude | None:
-        """Return the attitude, or None while there is none."""
+    def last_location(self) -> Location | None:
+        """Return where the vehicle is, or was when that was last known; None before the first time."""
+
+    def gps(self) -> GpsSample | None:
+        """Return the GPS's newest solution, or None without a GPS; one that has lost its data has fix type 1."""
+
+    def take_gps_input(self, message: GPS_INPUT) -> bool:
+        """Give a solution to the GPS, whatever its ``gps_id``; tell whether there is one that takes it."""
+
+    def take_optical_flow(self, message: OPTICAL_FLOW) -> bool:
+        """Give flow to the flow sensor; tell whether there is one that takes it."""
+
+    def flow_sensor(self) -> tuple[bool, bool]:
+        """Tell whether a flow sensor is enabled, and whether it is healthy."""
 
     def utc_us(self) -> int:
         """Return the time of day in us since 1970, 0 while unknown."""

@@ -1,32 +1,32 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts for the ground station: the queue, and cutting into chunks.
+"""Texts for the ground station: cutting into chunks, and the queue of those.
 
-Source: GCS_MAVLink/GCS.cpp (GCS::send_textv), GCS_MAVLink/GCS_Common.cpp (GCS::service_statustext).
+Source: GCS_MAVLink/GCS_Common.cpp (GCS::send_textv, GCS::service_statustext, StatusTextQueue::prune).
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
+from mav_handlers.channel import Channel
 from mav_handlers.wire.messages import STATUSTEXT
 
 TEXT_FIELD_LEN: Final = 50
 QUEUE_CAPACITY: Final = 30
 EXPIRY_US: Final = 5_000_000
+PRUNE_PERIOD_US: Final = 1_000_000
 MAX_TEXT_LEN: Final = 256
 
 
 @dataclass(slots=True)
-class QueuedText:
-    """A text and the channels that still have to get it; None means every channel there is."""
+class QueuedChunk:
+    """A chunk of a text and the links that still have to get it; None means every link there is."""
 
-    severity: int
-    text: str
+    message: STATUSTEXT
     queued_us: int
     channels: set[int] | None
-    chunks: tuple[STATUSTEXT, ...] = field(default=())
 
 
 def chunk_text(severity: int, text: str, text_id: int) -> tuple[STATUSTEXT, ...]:
@@ -47,21 +47,24 @@ def chunk_text(severity: int, text: str, text_id: int) -> tuple[STATUSTEXT, ...]
 
 
 class StatusTextQueue:
-    """Holds texts until the telemetry loop sends them; the oldest is lost when 30 are waiting.
+    """Holds texts until the telemetry loop sends them; the oldest chunk is lost when 30 are waiting.
 
     Args:
         now_us: returns the time since boot.
 
     Attributes:
-        on_text: each is called with severity and text as a text is queued; the vehicle's log listens here.
+        on_text: each is called with severity and text when a text has been queued; the vehicle's log listens here.
         listening_channels: tells which links are to get a text that is queued now; None for every link.
+        overwritten: chunks lost because 30 newer ones came.
+        expired: chunks lost because they waited for more than 5 s.
     """
 
     def __init__(self, now_us: Callable[[], int]) -> None:
         self._now_us = now_us
         self.on_text: list[Callable[[int, str], None]] = []
-        self._queue: deque[QueuedText] = deque()
+        self._queue: deque[QueuedChunk] = deque()
         self._next_id = 1
+        self._pruned_us = 0
         self.listening_channels: Callable[[], set[int] | None] = lambda: None
         self.overwritten = 0
         self.expired = 0
@@ -71,17 +74,22 @@ class StatusTextQueue:
         self._queue_text(severity, text, self.listening_channels())
 
     def send_text_to(self, channel_index: int, severity: int, text: str) -> None:
-        """Queue a text for one link (GCS_MAVLINK::send_text)."""
-        self._queue_text(severity, text, {channel_index})
+        """Queue a text for one link, if that listens (GCS_MAVLINK::send_text)."""
+        listening = self.listening_channels()
+        self._queue_text(severity, text, {channel_index} if listening is None else {channel_index} & listening)
 
     def _queue_text(self, severity: int, text: str, channels: set[int] | None) -> None:
+        if channels is None or channels:
+            for message in chunk_text(severity, text, self._take_id(text)):
+                self._push(QueuedChunk(message, self._now_us(), None if channels is None else set(channels)))
         for listener in self.on_text:
             listener(severity, text)
+
+    def _push(self, chunk: QueuedChunk) -> None:
         if len(self._queue) >= QUEUE_CAPACITY:
             self._queue.popleft()
             self.overwritten += 1
-        chunks = chunk_text(severity, text, self._take_id(text))
-        self._queue.append(QueuedText(severity, text, self._now_us(), channels, chunks))
+        self._queue.append(chunk)
 
     def _take_id(self, text: str) -> int:
         if len(text) <= TEXT_FIELD_LEN:
@@ -90,16 +98,39 @@ class StatusTextQueue:
         self._next_id = self._next_id % 65535 + 1
         return taken
 
-    def discard_expired(self) -> None:
-        """Forget texts older than 5 s; the telemetry loop calls this once a second."""
-        while self._queue and self._now_us() - self._queue[0].queued_us > EXPIRY_US:
+    def pending(self) -> tuple[QueuedChunk, ...]:
+        """Return the chunks that wait, oldest first."""
+        return tuple(self._queue)
+
+    def service(self, channels: Sequence[Channel]) -> None:
+        """Send each link what it has room for, and once a second forget what has waited for more than 5 s.
+
+        Args:
+            channels: every link that is open; the others get nothing any more.
+        """
+        if not self._queue:
+            return
+        is_open = {channel.index for channel in channels}
+        for chunk in self._queue:
+            chunk.channels = is_open if chunk.channels is None else chunk.channels & is_open
+        for channel in channels:
+            self._service_channel(channel)
+        self._queue = deque(chunk for chunk in self._queue if chunk.channels)
+        self._prune()
+
+    def _service_channel(self, channel: Channel) -> None:
+        for chunk in self._queue:
+            if chunk.channels and channel.index in chunk.channels:
+                if not channel.has_space_for(STATUSTEXT, self._now_us()):
+                    return
+                channel.send(chunk.message)
+                chunk.channels = chunk.channels - {channel.index}
+
+    def _prune(self) -> None:
+        now_us = self._now_us()
+        if now_us - self._pruned_us < PRUNE_PERIOD_US:
+            return
+        self._pruned_us = now_us
+        while self._queue and now_us - self._queue[0].queued_us > EXPIRY_US:
             self._queue.popleft()
             self.expired += 1
-
-    def pending(self) -> Iterator[QueuedText]:
-        """Iterate over the texts that wait, oldest first."""
-        return iter(tuple(self._queue))
-
-    def done(self, entry: QueuedText) -> None:
-        """Take a text off the queue once every channel has it."""
-        self._queue.remove(entry)

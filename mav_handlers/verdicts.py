@@ -56,6 +56,39 @@ ORIGIN_REFUSED: Final = _dropped(
     "out of range, all zero, or the origin is set already",
     "GCS_Common.cpp, GCS_MAVLINK::handle_set_gps_global_origin",
 )
+GPS_NOT_MAVLINK: Final = _dropped(
+    "gps_not_mavlink", "no GPS takes it: GPS1_TYPE is not 14, or booting is not over", "AP_GPS.cpp, AP_GPS::handle_msg"
+)
+GPS_OTHER_INSTANCE: Final = _dropped(
+    "gps_other_instance", "gps_id is not 0, and there is no second GPS", "AP_GPS_MAV.cpp, AP_GPS_MAV::handle_msg"
+)
+NO_FLOW_SENSOR: Final = _dropped(
+    "no_flow_sensor",
+    "no flow sensor takes it: FLOW_TYPE was not 5 at boot, or is 0 now",
+    "AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
+)
+NO_PRECISION_LANDING: Final = _dropped(
+    "no_precision_landing",
+    "precision landing is off; the time stamp went through the link's time correction all the same",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_landing_target",
+)
+NO_RANGEFINDER: Final = _dropped(
+    "no_rangefinder", "neither a rangefinder nor a proximity sensor takes it", "AP_RangeFinder.cpp, handle_msg"
+)
+ADSB_OFF: Final = _dropped(
+    "adsb_off", "aircraft are forwarded but not tracked, as ADSB_TYPE is 0", "AP_ADSB.cpp, AP_ADSB::handle_adsb_vehicle"
+)
+
+MODE_REFUSED: Final = _dropped(
+    "mode_refused",
+    "no such mode, or it may not be entered; a text says why",
+    "GCS_Common.cpp, GCS_MAVLINK::_set_mode_common",
+)
+MISSION_TYPE: Final = _dropped(
+    "mission_type",
+    "neither a mission nor a fence nor rally points",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_mission_request_int",
+)
 
 VERDICTS: Final = (
     HANDLED,
@@ -73,6 +106,14 @@ VERDICTS: Final = (
     PARAM_READ_ONLY,
     PARAM_QUEUE_FULL,
     ORIGIN_REFUSED,
+    GPS_NOT_MAVLINK,
+    GPS_OTHER_INSTANCE,
+    NO_FLOW_SENSOR,
+    NO_PRECISION_LANDING,
+    NO_RANGEFINDER,
+    ADSB_OFF,
+    MODE_REFUSED,
+    MISSION_TYPE,
 )
 
 

@@ -3,30 +3,22 @@
 """``viso replay``: feed a recorded stream to the vehicle in virtual time."""
 
 import json
-from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ekf_stub.ahrs_recorded import RecordedAhrs
+from emulator.ahrs_source import ahrs_maker
 from emulator.console import err, out, progress, verdict_rows, verdict_table
 from emulator.errors import InputError
-from emulator.recorded_log import read_recorded_states
+from emulator.presets import PRESET_HELP, preset_files
 from emulator.replay import Replay
 from emulator.settings import load_settings
 from emulator.single_log import SingleLog
 from emulator.streams import read_stream
 from emulator.text_files import write_text
-from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
-
-
-def _ahrs_maker(log: Path | None, heading_deg: float) -> Callable[[AhrsParts], VehicleAhrs]:
-    if log is None:
-        return bench(heading_deg)
-    states = read_recorded_states(log)
-    return lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, states)
+from emulator.vehicle import Vehicle, VehicleConfig
 
 
 def replay(
@@ -40,6 +32,7 @@ def replay(
     records: Annotated[
         Path | None, typer.Option(help="Write a line a message here (.gz compresses).", metavar="OUT.jsonl")
     ] = None,
+    preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
@@ -61,11 +54,12 @@ def replay(
     if not 0 <= lead <= 4e9:
         raise InputError(f"--lead {lead}: not a time in seconds")
     stream = read_stream(stream_file, int(lead * 1e6))
-    settings = {**stream.params, **load_settings(defaults or [], param or [], links=1, allow_unknown=allow_unknown)}
+    files = [*preset_files(preset), *(defaults or [])]
+    settings = {**stream.params, **load_settings(files, param or [], links=1, allow_unknown=allow_unknown)}
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
-    make_ahrs = _ahrs_maker(ahrs, heading)
+    make_ahrs = ahrs_maker(ahrs, heading)
     # Last of all, as it replaces what is there.
     log_file = None if log is None else SingleLog(log)
     open_log = None if log_file is None else log_file.open

@@ -2,70 +2,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso serve``: the autopilot on links, in real time."""
 
-import signal
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from ap_core.verdict import Outcome
+from emulator.ahrs_source import ahrs_maker
 from emulator.console import err, out, verdict_rows, verdict_table
 from emulator.errors import InputError
+from emulator.key_store import FileKeyStore
+from emulator.line_writer import LineWriter
+from emulator.live_counts import REFRESH_US, LiveCounts
+from emulator.live_report import LiveReport
 from emulator.log_files import LogStore
+from emulator.message_intervals import load_message_intervals
 from emulator.param_store import ParamStore
 from emulator.parameters import MAX_LINKS
-from emulator.realtime import AttachedLink, Pacer
+from emulator.power import Port, PoweredVehicle
+from emulator.presets import PRESET_HELP, preset_files
+from emulator.realtime import Pacer
 from emulator.settings import load_settings
-from emulator.vehicle import Vehicle, VehicleConfig, bench
-from mav_handlers.endpoint import MessageEvent
+from emulator.signals import stop_on_signal
+from emulator.vehicle import VehicleConfig
+from emulator.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file
 from mav_handlers.links import Link, open_link
 
 MAX_DURATION_S = 4e9
 STORAGE_NAME = "storage.parm"
+KEY_NAME = "signing.key"
 DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
-
-
-class _Reporter:
-    """Prints texts as they come, and the first time that a message type meets a verdict other than acceptance."""
-
-    def __init__(self, vehicle: Vehicle, console: Console) -> None:
-        self._vehicle = vehicle
-        self._console = console
-        self._seen: set[tuple[str, str]] = set()
-        vehicle.texts.on_text.append(self.text)
-        vehicle.endpoint.on_event = self.event
-
-    def _print(self, line: str) -> None:
-        self._console.print(f"{self._vehicle.clock.micros64() / 1e6:9.3f} s  {line}")
-
-    def text(self, severity: int, text: str) -> None:
-        self._print(f"({severity}) {text}")
-
-    def event(self, event: MessageEvent) -> None:
-        verdict = event.verdict
-        key = (event.name, verdict.rule.code)
-        if verdict.outcome in (Outcome.ACCEPTED, Outcome.HANDLED) or key in self._seen:
-            return
-        self._seen.add(key)
-        self._print(f"first {event.name} {verdict.outcome}: {verdict.rule.text}")
-
-
-@contextmanager
-def _stop_on_signal() -> Iterator[list[int]]:
-    """Yield a list to which SIGINT and SIGTERM append instead of killing the process."""
-    received: list[int] = []
-    before = {
-        number: signal.signal(number, lambda caught, _frame: received.append(caught))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _open_links(names: Sequence[str], stack: ExitStack) -> list[Link]:
@@ -77,6 +46,20 @@ def _open_links(names: Sequence[str], stack: ExitStack) -> list[Link]:
     return links
 
 
+def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStack) -> list[VerdictStream]:
+    wanted = []
+    if kind is not None:
+        wanted.append((sys.stdout.fileno(), kind, "--verdicts"))
+    if file is not None:
+        descriptor = create_verdict_file(file)
+        stack.callback(os.close, descriptor)
+        wanted.append((descriptor, VerdictFormat.JSON, str(file)))
+    streams = [VerdictStream(LineWriter(descriptor), how, name) for descriptor, how, name in wanted]
+    for stream in streams:
+        stack.callback(stream.close)
+    return streams
+
+
 def serve(
     master: Annotated[
         list[str] | None,
@@ -86,21 +69,37 @@ def serve(
             metavar="STRING",
         ),
     ] = None,
+    preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
-    log_dir: Annotated[Path, typer.Option(help="Where logs 00000001.BIN and so on go.")] = Path("logs"),
+    log_dir: Annotated[
+        Path, typer.Option(help="Where logs 00000001.BIN and so on go, and message-intervals-chan0.txt is.")
+    ] = Path("logs"),
     storage: Annotated[
         Path | None,
-        typer.Option(help=f"Where parameters are kept over a restart; default {STORAGE_NAME} beside the logs."),
+        typer.Option(
+            help=f"Where parameters are kept over a restart, {KEY_NAME} beside; default {STORAGE_NAME} beside the logs."
+        ),
     ] = None,
     speedup: Annotated[float, typer.Option(help="Vehicle seconds in one second.")] = 1.0,
-    heading: Annotated[float, typer.Option(help="The vehicle's heading in degrees.")] = 0.0,
+    heading: Annotated[float, typer.Option(help="The vehicle's heading in degrees, without --ahrs.")] = 0.0,
+    ahrs: Annotated[
+        Path | None, typer.Option(help="Take attitude and position from this log (.BIN, .BIN.xz).", metavar="LOG")
+    ] = None,
     baud: Annotated[
         int | None,
         typer.Option(help="Model the transport time of a UART of this rate on network links, as the simulator does."),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Stop after this many vehicle seconds.")] = None,
+    verdicts: Annotated[
+        VerdictFormat | None,
+        typer.Option(help="Print a line a message: what became of it and why; all else goes to standard error."),
+    ] = None,
+    verdicts_file: Annotated[
+        Path | None, typer.Option(help="Write these lines to a file, as JSON.", metavar="FILE")
+    ] = None,
+    live: Annotated[bool, typer.Option(help="Show the counts while they grow, on a terminal.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the closing counts as JSON.")] = False,
 ) -> None:
     """Be the autopilot: a stationary vehicle that takes external navigation and answers as ArduCopter does.
@@ -119,41 +118,58 @@ def serve(
         raise InputError(f"--duration {duration}: not a time in seconds")
     if len(names) > MAX_LINKS:
         raise InputError(f"--master: the autopilot has parameters for {MAX_LINKS} links, not {len(names)}")
-    settings = load_settings(defaults or [], [], links=len(names), allow_unknown=allow_unknown)
+    if as_json and verdicts is not None:
+        raise InputError("--json and --verdicts both take standard output: use --verdicts-file")
+    files = [*preset_files(preset), *(defaults or [])]
+    settings = load_settings(files, [], links=len(names), allow_unknown=allow_unknown)
     overrides = load_settings([], param or [], links=len(names))
     try:
         log_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--log-dir {log_dir}: {error.strerror or error}") from error
     store = LogStore(log_dir)
+    storage_path = storage or log_dir / STORAGE_NAME
+    param_store = ParamStore(storage_path)
+    key_store = FileKeyStore(storage_path.with_name(KEY_NAME))
     config = VehicleConfig(
-        bench(heading),
+        ahrs_maker(ahrs, heading),
         links=len(names),
         defaults=settings,
         overrides=overrides,
         log_store=store,
-        param_store=ParamStore(storage or log_dir / STORAGE_NAME),
+        param_store=param_store,
+        signing_store=key_store,
+        message_intervals=load_message_intervals(log_dir, len(names)),
     )
+    # Standard output is for one thing alone when it is for a machine.
+    console = out if verdicts is None and not as_json else err
     with ExitStack() as stack:
         links = _open_links(names, stack)
-        vehicle = Vehicle(config)
-        stack.callback(vehicle.close)
-        # Standard output is for the closing counts alone when a machine reads them.
-        live = err if as_json else out
-        _Reporter(vehicle, live)
-        attached = [
-            AttachedLink(link, vehicle.endpoint.open_channel(link.name, baud=link.baud or baud)) for link in links
-        ]
-        stop = stack.enter_context(_stop_on_signal())
-        live.print(f"{config.firmware.banner} on {', '.join(names)}; logs in {log_dir}; Ctrl-C ends")
+        streams = _open_streams(verdicts, verdicts_file, stack)
+        report = LiveReport(console, [stream.take for stream in streams])
+        ports = [Port(link.name, link.baud or baud) for link in links]
+        powered = PoweredVehicle(config, ports, on_boot=report.watch)
+        stack.callback(powered.close)
+        stop = stack.enter_context(stop_on_signal())
+        console.print(f"{config.firmware.banner} on {', '.join(names)}; logs in {log_dir}; Ctrl-C ends")
+        counted, period_us = powered.verdict_counts, int(REFRESH_US * speedup)
+        shown = stack.enter_context(LiveCounts(console, counted, period_us=period_us, wanted=live and console is out))
+
+        def is_over() -> bool:
+            shown.update(powered.vehicle.clock.micros64())
+            return bool(stop) or any(stream.reader_left for stream in streams)
+
         until_us = None if duration is None else int(duration * 1e6)
-        Pacer(vehicle, attached, speedup=speedup).run(lambda: bool(stop), until_us=until_us)
-    if vehicle.logger.failure:
-        err.print(f"log: {vehicle.logger.failure}")
-    if store_failure := config.param_store and config.param_store.failure:
-        err.print(f"parameters: {store_failure}")
-    counts = vehicle.endpoint.verdict_counts()
+        Pacer(powered, links, speedup=speedup).run(is_over, until_us=until_us)
+    if powered.vehicle.logger.failure:
+        err.print(f"log: {powered.vehicle.logger.failure}")
+    if param_store.failure:
+        err.print(f"parameters: {param_store.failure}")
+    for failure in (key_store.failure, *(stream.failure() for stream in streams)):
+        if failure is not None:
+            err.print(failure)
+    counts = powered.verdict_counts()
     if as_json:
         out.print_json(data={"verdicts": verdict_rows(counts)})
     else:
-        out.print(verdict_table(counts))
+        console.print(verdict_table(counts))

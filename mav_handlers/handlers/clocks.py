@@ -19,7 +19,7 @@ _MILLI: Final = f32(0.001)
 
 def handle_timesync(ctx: Context, message: TIMESYNC) -> Verdict:
     """Answer a request at once; log the round trip of an answer to our own request."""
-    arrival_us = ctx.channel.arrival_us(TIMESYNC, ctx.read_us) or ctx.now_us
+    arrival_us = ctx.channel.arrival_us(TIMESYNC, ctx.read_us, ctx.now_us) or ctx.now_us
     if message.tc1 == 0:
         ctx.channel.send(TIMESYNC(i64(arrival_us * 1000), message.ts1))
         return HANDLED

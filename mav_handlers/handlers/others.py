@@ -7,19 +7,20 @@ from typing import Final
 from ap_core.cint import i16
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
-from mav_handlers.intervals import set_interval, stream_interval_ms
+from mav_handlers.intervals import ADSB_GROUP, set_interval, stream_interval_ms
+from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION_REQUEST,
     HEARTBEAT,
+    RADIO,
+    RADIO_STATUS,
     REQUEST_DATA_STREAM,
     STATUSTEXT,
 )
 
 STREAM_ALL: Final = 0
-# A group without an id of its own, and without a message here.
-STREAM_WITHOUT_ID: Final = "_ADSB"
 OPTION_NO_STREAM_REQUESTS: Final = 1 << 2
 
 
@@ -47,17 +48,30 @@ def handle_autopilot_version_request(ctx: Context, _message: AUTOPILOT_VERSION_R
 
 def handle_request_data_stream(ctx: Context, message: REQUEST_DATA_STREAM) -> Verdict:
     """Set the rate of a group of messages, in memory only (GCS_MAVLINK::handle_request_data_stream)."""
-    prefix = f"MAV{ctx.channel.index + 1}"
-    params = ctx.vehicle.params
-    if message.start_stop > 1 or params.get_int(f"{prefix}_OPTIONS") & OPTION_NO_STREAM_REQUESTS:
+    if message.start_stop > 1 or _options(ctx) & OPTION_NO_STREAM_REQUESTS:
         return HANDLED
     rate_hz = i16(message.req_message_rate) if message.start_stop == 1 else 0
+    for stream_id, group in STREAM_GROUPS.items():
+        if message.req_stream_id in (STREAM_ALL, stream_id):
+            _set_rate(ctx, group, rate_hz)
     if message.req_stream_id == STREAM_ALL:
-        params.set(f"{prefix}{STREAM_WITHOUT_ID}", rate_hz)
-    for stream_id, (suffix, names) in STREAM_GROUPS.items():
-        if message.req_stream_id not in (STREAM_ALL, stream_id):
-            continue
-        params.set(f"{prefix}{suffix}", rate_hz)
-        for name in names:
-            set_interval(ctx.channel, name, stream_interval_ms(rate_hz), ctx.now_us)
+        _set_rate(ctx, ADSB_GROUP, rate_hz)
+    return HANDLED
+
+
+def _options(ctx: Context) -> int:
+    return ctx.vehicle.params.get_int(f"MAV{ctx.channel.index + 1}_OPTIONS")
+
+
+def _set_rate(ctx: Context, group: tuple[str, tuple[str, ...]], rate_hz: int) -> None:
+    suffix, names = group
+    ctx.vehicle.params.set(f"MAV{ctx.channel.index + 1}{suffix}", rate_hz)
+    for name in names:
+        set_interval(ctx.channel, name, stream_interval_ms(rate_hz), ctx.now_us)
+
+
+def handle_radio_status(ctx: Context, message: RADIO_STATUS | RADIO) -> Verdict:
+    """Adapt to how full a radio's transmit buffer is (GCS_MAVLINK::handle_radio_status)."""
+    ctx.endpoint.radio.report(message.txbuf, ctx.now_us)
+    ctx.channel.stream_slowdown_ms = adapted_slowdown_ms(ctx.channel.stream_slowdown_ms, message.txbuf)
     return HANDLED

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What udpin, udpout and mcast share: a socket that carries one datagram for each call to send."""
+"""What udpin, udpout and mcast share: a socket that carries one datagram for each frame."""
 
 import socket
 from abc import ABC, abstractmethod
@@ -14,6 +14,7 @@ from mav_handlers.links.base import (
     check_max_bytes,
     reason_of,
 )
+from mav_handlers.links.packetise import datagrams
 
 MAX_DATAGRAM_BYTES = 65535
 READS_PER_CALL = 64
@@ -63,13 +64,12 @@ class DatagramLink(ABC):
         return data
 
     def send(self, data: bytes) -> None:
-        """Send the bytes as one datagram, or drop and count them."""
-        if not data:
-            return
-        if self._closed:
+        """Send the bytes, each frame as one datagram, or drop and count them."""
+        if self._closed and data:
             self._counters.drop(len(data), DROP_CLOSED)
-        else:
-            self._transmit(data)
+            return
+        for datagram in datagrams(data):
+            self._transmit(datagram)
 
     def close(self) -> None:
         """Close the socket."""

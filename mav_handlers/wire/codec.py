@@ -8,6 +8,7 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from pymavlink.dialects.v20 import development
 
 from mav_handlers.wire import messages
 from mav_handlers.wire.messages import Message
@@ -75,6 +76,11 @@ def _layout_of(cls: type[Message], dialect_class: Any) -> _Layout:
         full_length,
         full_length - sum(struct.calcsize(codes[name]) * max(1, lengths[name]) for name in extensions),
     )
+
+
+# The firmware's dialect has these already; pymavlink's releases know them as drafts.
+for _draft in (development.MAVLink_available_modes_message, development.MAVLink_available_modes_monitor_message):
+    dialect.mavlink_map.setdefault(_draft.id, _draft)
 
 
 def _layouts() -> dict[str, _Layout]:

@@ -107,6 +107,74 @@ class PARAM_SET(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class GPS_RAW_INT(Message):
+    """What a GPS says: degE7, mm, dilutions x 100 (65535 unknown), cm/s, centidegrees; accuracies in mm and mm/s."""
+
+    time_usec: int
+    fix_type: int
+    lat: int
+    lon: int
+    alt: int
+    eph: int
+    epv: int
+    vel: int
+    cog: int
+    satellites_visible: int
+    alt_ellipsoid: int = 0
+    h_acc: int = 0
+    v_acc: int = 0
+    vel_acc: int = 0
+    hdg_acc: int = 0
+    yaw: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SCALED_IMU(Message):
+    """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
+
+    time_boot_ms: int
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+    xmag: int
+    ymag: int
+    zmag: int
+    temperature: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RAW_IMU(Message):
+    """First IMU and compass, as the firmware scales them: mG, mrad/s, mgauss, 0.01 degC."""
+
+    time_usec: int
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+    xmag: int
+    ymag: int
+    zmag: int
+    id: int = 0
+    temperature: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SCALED_PRESSURE(Message):
+    """First barometer: hPa, 0.01 degC."""
+
+    time_boot_ms: int
+    press_abs: float
+    press_diff: float
+    temperature: int
+    temperature_press_diff: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class ATTITUDE(Message):
     """Roll, pitch, yaw in rad, body rates in rad/s."""
 
@@ -120,6 +188,21 @@ class ATTITUDE(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class ATTITUDE_QUATERNION(Message):
+    """Attitude as w, x, y, z (body to NED), body rates in rad/s."""
+
+    time_boot_ms: int
+    q1: float
+    q2: float
+    q3: float
+    q4: float
+    rollspeed: float
+    pitchspeed: float
+    yawspeed: float
+    repr_offset_q: tuple[float, ...] = (0.0,) * 4
+
+
+@dataclass(frozen=True, slots=True)
 class LOCAL_POSITION_NED(Message):
     """Position in m and velocity in m/s, NED from the EKF origin."""
 
@@ -130,6 +213,72 @@ class LOCAL_POSITION_NED(Message):
     vx: float
     vy: float
     vz: float
+
+
+@dataclass(frozen=True, slots=True)
+class GLOBAL_POSITION_INT(Message):
+    """Place and velocity: degE7, mm above sea level and above home, cm/s NED, centidegrees."""
+
+    time_boot_ms: int
+    lat: int
+    lon: int
+    alt: int
+    relative_alt: int
+    vx: int
+    vy: int
+    vz: int
+    hdg: int
+
+
+@dataclass(frozen=True, slots=True)
+class RC_CHANNELS_RAW(Message):
+    """Eight radio channels in us, for MAVLink 1."""
+
+    time_boot_ms: int
+    port: int
+    chan1_raw: int
+    chan2_raw: int
+    chan3_raw: int
+    chan4_raw: int
+    chan5_raw: int
+    chan6_raw: int
+    chan7_raw: int
+    chan8_raw: int
+    rssi: int
+
+
+@dataclass(frozen=True, slots=True)
+class SERVO_OUTPUT_RAW(Message):
+    """Sixteen servo outputs in us."""
+
+    time_usec: int
+    port: int
+    servo1_raw: int
+    servo2_raw: int
+    servo3_raw: int
+    servo4_raw: int
+    servo5_raw: int
+    servo6_raw: int
+    servo7_raw: int
+    servo8_raw: int
+    servo9_raw: int = 0
+    servo10_raw: int = 0
+    servo11_raw: int = 0
+    servo12_raw: int = 0
+    servo13_raw: int = 0
+    servo14_raw: int = 0
+    servo15_raw: int = 0
+    servo16_raw: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_CURRENT(Message):
+    """The mission's present item, number of items, state and mode."""
+
+    seq: int
+    total: int = 0
+    mission_state: int = 0
+    mission_mode: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +303,47 @@ class GPS_GLOBAL_ORIGIN(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class NAV_CONTROLLER_OUTPUT(Message):
+    """Where the controllers want to go: degrees, m, m/s."""
+
+    nav_roll: float
+    nav_pitch: float
+    nav_bearing: int
+    target_bearing: int
+    wp_dist: int
+    alt_error: float
+    aspd_error: float
+    xtrack_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class RC_CHANNELS(Message):
+    """Eighteen radio channels in us, signal strength (255 unknown)."""
+
+    time_boot_ms: int
+    chancount: int
+    chan1_raw: int
+    chan2_raw: int
+    chan3_raw: int
+    chan4_raw: int
+    chan5_raw: int
+    chan6_raw: int
+    chan7_raw: int
+    chan8_raw: int
+    chan9_raw: int
+    chan10_raw: int
+    chan11_raw: int
+    chan12_raw: int
+    chan13_raw: int
+    chan14_raw: int
+    chan15_raw: int
+    chan16_raw: int
+    chan17_raw: int
+    chan18_raw: int
+    rssi: int
+
+
+@dataclass(frozen=True, slots=True)
 class REQUEST_DATA_STREAM(Message):
     """Request for the rate in Hz of a group of messages."""
 
@@ -162,6 +352,18 @@ class REQUEST_DATA_STREAM(Message):
     req_stream_id: int
     req_message_rate: int
     start_stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class VFR_HUD(Message):
+    """What a pilot looks at: m/s, degrees, percent, m above sea level, m/s upwards."""
+
+    airspeed: float
+    groundspeed: float
+    heading: int
+    throttle: int
+    alt: float
+    climb: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,11 +471,87 @@ class VICON_POSITION_ESTIMATE(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class HIGHRES_IMU(Message):
+    """Inertial sensors, compass and barometer with a mask of what is new: m/s/s, rad/s, hPa, m, degC."""
+
+    time_usec: int
+    xacc: float
+    yacc: float
+    zacc: float
+    xgyro: float
+    ygyro: float
+    zgyro: float
+    xmag: float
+    ymag: float
+    zmag: float
+    abs_pressure: float
+    diff_pressure: float
+    pressure_alt: float
+    temperature: float
+    fields_updated: int
+    id: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class TIMESYNC(Message):
     """Time in ns: tc1 of the answering side (0 in a request), ts1 of the asking side."""
 
     tc1: int
     ts1: int
+
+
+@dataclass(frozen=True, slots=True)
+class SCALED_IMU2(Message):
+    """Second IMU and compass, as SCALED_IMU."""
+
+    time_boot_ms: int
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+    xmag: int
+    ymag: int
+    zmag: int
+    temperature: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class POWER_STATUS(Message):
+    """Voltages of the board and of the servo rail in mV."""
+
+    Vcc: int
+    Vservo: int
+    flags: int
+
+
+@dataclass(frozen=True, slots=True)
+class SCALED_IMU3(Message):
+    """Third IMU and compass, as SCALED_IMU."""
+
+    time_boot_ms: int
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+    xmag: int
+    ymag: int
+    zmag: int
+    temperature: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SCALED_PRESSURE2(Message):
+    """Second barometer, as SCALED_PRESSURE."""
+
+    time_boot_ms: int
+    press_abs: float
+    press_diff: float
+    temperature: int
+    temperature_press_diff: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +564,68 @@ class ATT_POS_MOCAP(Message):
     y: float
     z: float
     covariance: tuple[float, ...] = (0.0,) * 21
+
+
+@dataclass(frozen=True, slots=True)
+class BATTERY_STATUS(Message):
+    """A battery: mV of each cell (65535 none), cA, mAh, hJ, percent."""
+
+    id: int
+    battery_function: int
+    type: int
+    temperature: int
+    voltages: tuple[int, ...]
+    current_battery: int
+    current_consumed: int
+    energy_consumed: int
+    battery_remaining: int
+    time_remaining: int = 0
+    charge_state: int = 0
+    voltages_ext: tuple[int, ...] = (0,) * 4
+    mode: int = 0
+    fault_bitmask: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MEMINFO(Message):
+    """Free memory in bytes."""
+
+    brkval: int
+    freemem: int
+    freemem32: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class AHRS(Message):
+    """Gyro bias in rad/s and DCM's errors."""
+
+    omegaIx: float
+    omegaIy: float
+    omegaIz: float
+    accel_weight: float
+    renorm_val: float
+    error_rp: float
+    error_yaw: float
+
+
+@dataclass(frozen=True, slots=True)
+class HWSTATUS(Message):
+    """Voltage of the board in mV, errors of the I2C bus."""
+
+    Vcc: int
+    I2Cerr: int
+
+
+@dataclass(frozen=True, slots=True)
+class AHRS2(Message):
+    """Attitude in rad and place (m, degE7) of the second estimator."""
+
+    roll: float
+    pitch: float
+    yaw: float
+    altitude: float
+    lat: int
+    lng: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,6 +655,32 @@ class AUTOPILOT_VERSION(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class EKF_STATUS_REPORT(Message):
+    """What the EKF says of itself: flags, and square roots of test ratios, 1.0 at the gate."""
+
+    flags: int
+    velocity_variance: float
+    pos_horiz_variance: float
+    pos_vert_variance: float
+    compass_variance: float
+    terrain_alt_variance: float
+    airspeed_variance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class VIBRATION(Message):
+    """Vibration levels in m/s/s and how often each accelerometer clipped."""
+
+    time_usec: int
+    vibration_x: float
+    vibration_y: float
+    vibration_z: float
+    clipping_0: int
+    clipping_1: int
+    clipping_2: int
+
+
+@dataclass(frozen=True, slots=True)
 class HOME_POSITION(Message):
     """Home: degE7, mm; m NED from the EKF origin."""
 
@@ -337,6 +703,14 @@ class MESSAGE_INTERVAL(Message):
 
     message_id: int
     interval_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class EXTENDED_SYS_STATE(Message):
+    """Kind of flight of a VTOL, and whether landed."""
+
+    vtol_state: int
+    landed_state: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -482,3 +856,262 @@ class RADIO_STATUS(Message):
     remnoise: int
     rxerrors: int
     fixed: int
+
+
+@dataclass(frozen=True, slots=True)
+class OPTICAL_FLOW(Message):
+    """Movement of an image: flow in 0.1 pixels (as the sender sees it), compensated flow in m/s, quality 0..255."""
+
+    time_usec: int
+    sensor_id: int
+    flow_x: int
+    flow_y: int
+    flow_comp_m_x: float
+    flow_comp_m_y: float
+    quality: int
+    ground_distance: float
+    flow_rate_x: float = 0.0
+    flow_rate_y: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DISTANCE_SENSOR(Message):
+    """A distance in cm, its limits, and where the sensor looks."""
+
+    time_boot_ms: int
+    min_distance: int
+    max_distance: int
+    current_distance: int
+    type: int
+    id: int
+    orientation: int
+    covariance: int
+    horizontal_fov: float = 0.0
+    vertical_fov: float = 0.0
+    quaternion: tuple[float, ...] = (0.0,) * 4
+    signal_quality: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class LANDING_TARGET(Message):
+    """Where a landing target is: angles in rad from the image's middle, distance in m, or a position in m."""
+
+    time_usec: int
+    target_num: int
+    frame: int
+    angle_x: float
+    angle_y: float
+    distance: float
+    size_x: float
+    size_y: float
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    q: tuple[float, ...] = (0.0,) * 4
+    type: int = 0
+    position_valid: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class GPS_INPUT(Message):
+    """A GPS solution: degE7, m above mean sea level, m/s NED, accuracies in m/s and m; yaw in 0.01 deg, 0 for none."""
+
+    time_usec: int
+    gps_id: int
+    ignore_flags: int
+    time_week_ms: int
+    time_week: int
+    fix_type: int
+    lat: int
+    lon: int
+    alt: float
+    hdop: float
+    vdop: float
+    vn: float
+    ve: float
+    vd: float
+    speed_accuracy: float
+    horiz_accuracy: float
+    vert_accuracy: float
+    satellites_visible: int
+    yaw: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ADSB_VEHICLE(Message):
+    """An aircraft: degE7, mm, heading in 0.01 deg, speeds in cm/s, seconds since it was last heard of."""
+
+    ICAO_address: int
+    lat: int
+    lon: int
+    altitude_type: int
+    altitude: int
+    heading: int
+    hor_velocity: int
+    ver_velocity: int
+    callsign: str
+    emitter_type: int
+    tslc: int
+    flags: int
+    squawk: int
+
+
+@dataclass(frozen=True, slots=True)
+class RADIO(Message):
+    """RADIO_STATUS as older radios send it."""
+
+    rssi: int
+    remrssi: int
+    txbuf: int
+    noise: int
+    remnoise: int
+    rxerrors: int
+    fixed: int
+
+
+@dataclass(frozen=True, slots=True)
+class AVAILABLE_MODES(Message):
+    """One flight mode: how many there are, its index from 1, its numbers, its properties (bits) and its name."""
+
+    number_modes: int
+    mode_index: int
+    standard_mode: int
+    custom_mode: int
+    properties: int
+    mode_name: str
+
+
+@dataclass(frozen=True, slots=True)
+class AVAILABLE_MODES_MONITOR(Message):
+    """A number that changes with the list of modes."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_REQUEST_LIST(Message):
+    """Request for the number of items: of a mission (0), a fence (1) or rally points (2)."""
+
+    target_system: int
+    target_component: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_COUNT(Message):
+    """How many items there are, or will come."""
+
+    target_system: int
+    target_component: int
+    count: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_REQUEST(Message):
+    """Request for one item, in float32."""
+
+    target_system: int
+    target_component: int
+    seq: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_REQUEST_INT(Message):
+    """Request for one item."""
+
+    target_system: int
+    target_component: int
+    seq: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_ITEM(Message):
+    """One item; x and y are degrees where they are a place, z is metres."""
+
+    target_system: int
+    target_component: int
+    seq: int
+    frame: int
+    command: int
+    current: int
+    autocontinue: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    x: float
+    y: float
+    z: float
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_ITEM_INT(Message):
+    """One item; x and y are degE7 where they are a place, z is metres."""
+
+    target_system: int
+    target_component: int
+    seq: int
+    frame: int
+    command: int
+    current: int
+    autocontinue: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    x: int
+    y: int
+    z: float
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_ACK(Message):
+    """End of a transfer, with a MAV_MISSION_RESULT."""
+
+    target_system: int
+    target_component: int
+    type: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_CLEAR_ALL(Message):
+    """Request to forget all items."""
+
+    target_system: int
+    target_component: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_WRITE_PARTIAL_LIST(Message):
+    """Announcement of items that replace some."""
+
+    target_system: int
+    target_component: int
+    start_index: int
+    end_index: int
+    mission_type: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SET_HOME_POSITION(Message):
+    """Wish for another home: degE7, mm; the firmware ignores it."""
+
+    target_system: int
+    latitude: int
+    longitude: int
+    altitude: int
+    x: float
+    y: float
+    z: float
+    q: tuple[float, float, float, float]
+    approach_x: float
+    approach_y: float
+    approach_z: float
+    time_usec: int = 0

@@ -58,7 +58,7 @@ from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS
-from mav_handlers.handlers.params import READ_QUEUE_LENGTH
+from mav_handlers.param_reads import READ_QUEUE_LENGTH
 from mav_handlers.senders import SENDERS
 from mav_handlers.statustext import QUEUE_CAPACITY
 from mav_handlers.verdicts import NOT_ACCEPTED, ODOMETRY_FRAMES, OWN_MESSAGE
@@ -504,8 +504,8 @@ class EndpointMachine(RuleBasedStateMachine):
     def queues_are_limited(self) -> None:
         """Nothing that others send makes memory grow."""
         assert len(list(self.vehicle.texts.pending())) <= QUEUE_CAPACITY
+        assert self.vehicle.endpoint.param_reads.waiting <= READ_QUEUE_LENGTH
         for channel in self.channels:
-            assert len(channel.param_reads) <= READ_QUEUE_LENGTH
             assert len(channel.requested) <= len(SENDERS)
 
     def teardown(self) -> None:

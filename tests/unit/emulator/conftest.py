@@ -4,18 +4,32 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
+from ap_core.clock import VirtualClock
+from ap_core.internal_error import InternalErrors
+from ap_core.location import Location
+from ap_core.log_field import LogValue
+from ap_core.param import ParamTable
+from ap_core.vector3 import Vector3f
+from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.ahrs_settable import SettableAhrs
+from ekf_stub.filter_status import FilterFlag, FilterStatus
+from ekf_stub.gps_sample import GpsSample
+from emulator.copter import Copter, CopterParts
 from emulator.log_sink import LogSink, MemoryLog
+from emulator.logger import Logger
+from emulator.parameters import make_groups
 from emulator.scheduler import Scheduler
 from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
+from emulator.vehicle_log import VehicleLog
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
 
-BOOTED_US = 4_000_000
+BOOTED_US = 6_000_000
 
 MakeAhrs = Callable[[AhrsParts], VehicleAhrs]
 
@@ -137,7 +151,10 @@ def read_log(path: Path) -> list[dict[str, Any]]:
 
 @pytest.fixture
 def make_bench() -> Callable[..., Bench]:
-    """Return a function that makes a vehicle from parameters, given by keyword, and boots it."""
+    """Return a function that makes a vehicle from parameters, given by keyword, and boots it.
+
+    What was said while booting is forgotten.
+    """
 
     def make(
         *,
@@ -150,6 +167,138 @@ def make_bench() -> Callable[..., Bench]:
         made = Bench(params, make_ahrs or bench(heading_deg), open_log)
         if boot:
             made.run_to(BOOTED_US * 1e-6)
+            made.texts.clear()
         return made
 
     return make
+
+
+NAVIGATES = FilterFlag.ATTITUDE | FilterFlag.VERT_VEL | FilterFlag.VERT_POS | FilterFlag.HORIZ_POS_ABS
+
+
+class FakeAhrs(SettableAhrs):
+    """An AHRS whose every answer is an attribute, as far as a copter asks."""
+
+    started = True
+    is_healthy = True
+    failure: str | None = None
+    position_required: bool | None = None
+    status: FilterStatus | None = FilterStatus(NAVIGATES)
+    place: Location | None = None
+    ekf_origin: Location | None = None
+    height_resets = 0
+
+    def estimator_started(self) -> bool:
+        return self.started
+
+    def healthy(self) -> bool:
+        return self.is_healthy
+
+    def pre_arm_failure(self, requires_position: bool) -> str | None:
+        self.position_required = requires_position
+        return self.failure
+
+    def get_filter_status(self) -> FilterStatus | None:
+        return self.status
+
+    def get_location(self) -> Location | None:
+        return self.place
+
+    def origin(self) -> Location | None:
+        return self.ekf_origin
+
+    def reset_height_datum(self) -> bool:
+        self.height_resets += 1
+        return True
+
+    def navigate(self, *flags: FilterFlag) -> None:
+        """Say of itself nothing but these flags."""
+        self.status = FilterStatus(FilterFlag(sum(flags)))
+
+    def stand_at(self, place: Location, down_m: float = 0.0) -> None:
+        """Be somewhere, by default at the origin's height."""
+        self.place = place
+        self.pos = Vector3f(0, 0, down_m)
+
+
+class FakeVisualOdom:
+    """Visual odometry, on or off, with the failure that it is given."""
+
+    is_enabled = True
+    failure: str | None = None
+
+    def enabled(self) -> bool:
+        return self.is_enabled
+
+    def pre_arm_check(self) -> str | None:
+        return self.failure
+
+
+class CopterRig:
+    """A copter with everything that it needs faked; texts, records and changes of mode are kept."""
+
+    def __init__(self, open_log: Callable[[], LogSink] | None = MemoryLog) -> None:
+        self.clock = VirtualClock()
+        self.clock.set_us(10_000_000)
+        self.params = ParamTable(make_groups(0))
+        self.texts: list[tuple[int, str]] = []
+        self.records: list[tuple[str, dict[str, LogValue]]] = []
+        self.ahrs = FakeAhrs()
+        self.visual_odom = FakeVisualOdom()
+        self.errors = InternalErrors()
+        self.gps: GpsSample | None = None
+        self.initialised = True
+        self.downloading = False
+        self.mode_changes = 0
+        self.logger = Logger(self.clock, open_log)
+        self.logger.on_write = lambda structure, values: self.records.append(
+            (structure.name, dict(zip(structure.fields, values, strict=True)))
+        )
+        self.copter = Copter(
+            CopterParts(
+                clock=self.clock,
+                params=self.params,
+                texts=self,
+                log=VehicleLog(self.logger, self.clock),
+                logger=self.logger,
+                ahrs=cast(VehicleAhrs, self.ahrs),
+                visual_odom=cast(AP_VisualOdom, self.visual_odom),
+                internal_errors=self.errors,
+                gps=lambda: self.gps,
+                is_initialised=lambda: self.initialised,
+                is_downloading=lambda: self.downloading,
+                on_mode=self._note_mode,
+            )
+        )
+        self.copter.disarm_when_idle()
+
+    def _note_mode(self) -> None:
+        self.mode_changes += 1
+
+    def send_text(self, severity: int, text: str) -> None:
+        self.texts.append((severity, text))
+
+    def take_texts(self) -> list[str]:
+        """Return the texts since the last call."""
+        texts = [text for _, text in self.texts]
+        self.texts.clear()
+        return texts
+
+    def written(self, *names: str) -> list[tuple[str, tuple[LogValue, ...]]]:
+        """Return the records of some types since the last call, without their times."""
+        found = [(name, tuple(values.values())[1:]) for name, values in self.records if name in names]
+        self.records.clear()
+        return found
+
+    def run_for(self, duration_s: float) -> None:
+        """Run the copter's main loop for a while, ten times a second."""
+        for _ in range(round(duration_s * 10)):
+            self.clock.set_us(self.clock.micros64() + 100_000)
+            self.copter.update()
+            self.copter.disarm_when_idle()
+
+
+@pytest.fixture
+def rig() -> CopterRig:
+    """Return a copter that navigates, 10 s after boot, without an origin and with nothing wrong."""
+    return CopterRig()

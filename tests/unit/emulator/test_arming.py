@@ -6,14 +6,27 @@ import pytest
 
 from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
-from emulator.arming import ANY_CHECK, CHECK_VISION, Arming, Check
+from emulator.arming import ANY_CHECK, Arming, ArmMethod, Check, CheckLists
 from emulator.parameters import make_groups
 
-LOGGING = 1 << 10
+LOGGING, VISION = 1 << 10, 1 << 18
+
+
+class FakeLog:
+    """Keeps what is logged."""
+
+    def __init__(self) -> None:
+        self.records: list[object] = []
+
+    def arming(self, *, armed: bool, checks: int, forced: bool, method: int) -> None:
+        self.records.append({"armed": armed, "checks": checks, "forced": forced, "method": method})
+
+    def event(self, event: int) -> None:
+        self.records.append(event)
 
 
 class Rig:
-    """Four checks: always made, made unless all are off, logging, vision; each fails with its text in ``failing``."""
+    """Checks of every list, each of which fails with its text in ``failing``; what is logged and told is kept."""
 
     def __init__(self) -> None:
         self.clock = VirtualClock()
@@ -21,11 +34,15 @@ class Rig:
         self.failing: dict[str, str] = {}
         self.made: list[str] = []
         self.texts: list[tuple[int, str]] = []
-        checks = [
-            self._check(bit, name)
-            for bit, name in ((0, "system"), (LOGGING, "logging"), (ANY_CHECK, "any"), (CHECK_VISION, "vision"))
-        ]
-        self.arming = Arming(checks, self.params.group("ARMING_"), self, self.clock)
+        self.log = FakeLog()
+        checks = CheckLists(
+            boot=[self._check(0, "boot")],
+            vehicle=[self._check(0, "height")],
+            common=[self._check(LOGGING, "logging"), self._check(ANY_CHECK, "any"), self._check(VISION, "vision")],
+            mandatory=[self._check(0, "position"), self._check(0, "height")],
+            arm=[self._check(0, "mode"), self._check(ANY_CHECK, "switch")],
+        )
+        self.arming = Arming(checks, self.params.group("ARMING_"), self, self.log, self.clock)
 
     def _check(self, bit: int, name: str) -> Check:
         def run() -> str | None:
@@ -125,17 +142,22 @@ def test_requested_checks_speak_at_once_in_spite_of_option_0(rig: Rig) -> None:
 
 
 def test_every_failing_check_is_told_in_order(rig: Rig) -> None:
-    rig.failing |= {"vision": "V", "system": "S", "logging": "L", "any": "A"}
+    rig.failing |= {"vision": "V", "height": "H", "logging": "L", "any": "A"}
     rig.arming.pre_arm_checks(display=True)
-    assert rig.take_texts() == ["PreArm: S", "PreArm: L", "PreArm: A", "PreArm: V"]
+    assert rig.take_texts() == ["PreArm: H", "PreArm: L", "PreArm: A", "PreArm: V"]
 
 
-def test_check_that_ends_the_run_is_the_last_one_told() -> None:
-    rig = Rig()
-    checks = [Check(0, lambda: "first", ends=True), Check(0, lambda: "second")]
-    arming = Arming(checks, rig.params.group("ARMING_"), rig, rig.clock)
-    assert not arming.pre_arm_checks(display=True)
-    assert rig.take_texts() == ["PreArm: first"]
+def test_no_other_check_is_made_when_booting_is_not_over(rig: Rig) -> None:
+    rig.failing["boot"] = "System not initialised"
+    assert not rig.arming.pre_arm_checks(display=True)
+    assert rig.take_texts() == ["PreArm: System not initialised"]
+    assert rig.made == ["boot"]
+
+
+def test_change_of_the_vehicle_s_own_checks_is_not_shown_soon(rig: Rig) -> None:
+    rig.update_until(10)
+    rig.failing["height"] = "Need Alt Estimate"
+    assert rig.update_until(45) == [31]
 
 
 def test_passing_checks_say_nothing(rig: Rig) -> None:
@@ -144,13 +166,13 @@ def test_passing_checks_say_nothing(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize(("mask", "made"), [
-    (0, ["system"]),
-    (1, ["system", "logging", "any", "vision"]),
-    (CHECK_VISION, ["system", "any", "vision"]),
-    (LOGGING, ["system", "logging", "any"]),
-    (1 << 5, ["system", "any"]),
-    (LOGGING | CHECK_VISION, ["system", "logging", "any", "vision"]),
-    (-1, ["system", "logging", "any", "vision"]),
+    (0, ["boot", "position", "height"]),
+    (1, ["boot", "height", "logging", "any", "vision"]),
+    (VISION, ["boot", "height", "any", "vision"]),
+    (LOGGING, ["boot", "height", "logging", "any"]),
+    (1 << 5, ["boot", "height", "any"]),
+    (LOGGING | VISION, ["boot", "height", "logging", "any", "vision"]),
+    (-1, ["boot", "height", "logging", "any", "vision"]),
 ])  # fmt: skip
 def test_arming_check_chooses_the_checks(rig: Rig, mask: int, made: list[str]) -> None:
     rig.params.set("ARMING_CHECK", mask)
@@ -183,16 +205,75 @@ def test_failures_of_an_attempt_are_told_as_such(rig: Rig) -> None:
     assert rig.texts == [(2, "Arm: VisOdom: not healthy")]
 
 
+def test_checks_of_the_attempt_come_last(rig: Rig) -> None:
+    rig.arming.arm(do_checks=True)
+    assert rig.made == ["boot", "height", "logging", "any", "vision", "mode", "switch"]
+
+
+def test_checks_of_the_attempt_are_not_made_after_another_failed(rig: Rig) -> None:
+    rig.failing |= {"vision": "V", "mode": "M"}
+    assert not rig.arming.arm(do_checks=True)
+    assert rig.take_texts() == ["Arm: V"]
+
+
+def test_first_failing_check_of_the_attempt_is_the_last_one_told(rig: Rig) -> None:
+    rig.failing |= {"mode": "LAND mode not armable", "switch": "Safety Switch"}
+    assert not rig.arming.arm(do_checks=True)
+    assert rig.take_texts() == ["Arm: LAND mode not armable"]
+
+
+def test_failed_attempt_leaves_the_result_of_the_pre_arm_checks(rig: Rig) -> None:
+    rig.failing["mode"] = "LAND mode not armable"
+    rig.arming.arm(do_checks=True)
+    assert rig.arming.passed
+
+
+def test_mode_is_checked_when_checks_are_switched_off(rig: Rig) -> None:
+    rig.params.set("ARMING_CHECK", 0)
+    rig.failing |= {"mode": "LAND mode not armable", "switch": "Safety Switch"}
+    assert not rig.arming.arm(do_checks=True)
+    assert rig.take_texts() == ["Arm: LAND mode not armable"]
+
+
 def test_arming_without_checks_makes_the_mandatory_ones(rig: Rig) -> None:
-    rig.failing["vision"] = "VisOdom: not healthy"
+    rig.failing |= {"vision": "VisOdom: not healthy", "mode": "LAND mode not armable", "boot": "too early"}
     assert rig.arming.arm(do_checks=False)
-    assert rig.made == ["system"]
+    assert rig.made == ["position", "height"]
 
 
-def test_mandatory_check_fails_arming_without_checks(rig: Rig) -> None:
-    rig.failing["system"] = "System not initialised"
+def test_all_checks_are_made_when_a_mandatory_one_fails_in_a_forced_attempt(rig: Rig) -> None:
+    rig.failing |= {"height": "Need Alt Estimate", "vision": "VisOdom: not healthy"}
     assert not rig.arming.arm(do_checks=False)
-    assert rig.take_texts() == ["Arm: System not initialised"]
+    assert rig.take_texts() == ["Arm: Need Alt Estimate", "Arm: Need Alt Estimate", "Arm: VisOdom: not healthy"]
+
+
+def test_arming_is_logged(rig: Rig) -> None:
+    rig.params.set("ARMING_CHECK", VISION)
+    rig.arming.arm(do_checks=True)
+    assert rig.log.records == [{"armed": True, "checks": VISION, "forced": False, "method": 1}, 10]
+
+
+def test_forced_arming_is_logged_as_such(rig: Rig) -> None:
+    rig.arming.arm(do_checks=False)
+    assert rig.log.records == [{"armed": True, "checks": 1, "forced": True, "method": 1}, 10]
+
+
+@pytest.mark.parametrize("forced", [False, True])
+@pytest.mark.parametrize(("method", "number"), [
+    (ArmMethod.MAVLINK, 1), (ArmMethod.LANDED, 13), (ArmMethod.DISARMDELAY, 17),
+])  # fmt: skip
+def test_disarming_is_logged_with_its_reason(rig: Rig, method: ArmMethod, number: int, forced: bool) -> None:
+    rig.arming.arm(do_checks=True)
+    rig.log.records.clear()
+    rig.arming.disarm(method, forced=forced)
+    assert rig.log.records == [{"armed": False, "checks": 1, "forced": forced, "method": number}, 11]
+
+
+def test_failed_attempts_are_not_logged(rig: Rig) -> None:
+    rig.failing["vision"] = "VisOdom: not healthy"
+    rig.arming.arm(do_checks=True)
+    rig.arming.disarm(ArmMethod.MAVLINK)
+    assert rig.log.records == []
 
 
 def test_disabled_checks_are_warned_of(rig: Rig) -> None:
@@ -224,18 +305,18 @@ def test_armed_vehicle_makes_no_pre_arm_checks(rig: Rig) -> None:
 def test_disarming_is_announced(rig: Rig) -> None:
     rig.arming.arm(do_checks=True)
     rig.take_texts()
-    assert rig.arming.disarm()
+    assert rig.arming.disarm(ArmMethod.MAVLINK)
     assert not rig.arming.armed
     assert rig.texts == [(6, "Disarming motors")]
 
 
 def test_disarmed_vehicle_does_not_disarm(rig: Rig) -> None:
-    assert not rig.arming.disarm()
+    assert not rig.arming.disarm(ArmMethod.MAVLINK)
     assert rig.take_texts() == []
 
 
 def test_option_1_keeps_arming_and_disarming_quiet(rig: Rig) -> None:
     rig.params.set("ARMING_OPTIONS", 2)
     rig.arming.arm(do_checks=True)
-    rig.arming.disarm()
+    rig.arming.disarm(ArmMethod.MAVLINK)
     assert rig.take_texts() == []

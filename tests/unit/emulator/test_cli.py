@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from typer.testing import CliRunner
@@ -20,9 +20,6 @@ from typer.testing import CliRunner
 from emulator import cli
 from emulator.cli import COMMANDS, make_app
 from emulator.commands import serve as serve_command
-
-if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import Bench
 
 DATA = Path(__file__).parents[2] / "data"
 SHORT = 40
@@ -380,7 +377,7 @@ def test_line_without_a_result_cannot_be_checked(viso: Viso, vectors: Path) -> N
 @pytest.fixture
 def short_demo(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut the demonstration short, where its course does not matter."""
-    monkeypatch.setattr("emulator.demo.END_S", 6.0)
+    monkeypatch.setattr("emulator.demo.END_S", 8.0)
 
 
 def test_demo_writes_log_and_plot(viso: Viso) -> None:
@@ -524,18 +521,6 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
     assert "log: log cannot be written\n" in outcome.err
-
-
-def test_first_verdict_of_each_kind_is_told(
-    make_bench: Callable[..., "Bench"], capsys: pytest.CaptureFixture[str]
-) -> None:
-    from emulator.console import out
-
-    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
-    serve_command._Reporter(bench.vehicle, out)
-    bench.see(0.2)
-    bench.see(0.2, quality=5)
-    assert capsys.readouterr().out == "    4.200 s  first ODOMETRY ignored: quality is below VISO_QUAL_MIN\n"
 
 
 # Standard output

@@ -101,13 +101,13 @@ def test_log_that_arming_opens_holds_the_fact(make_bench: MakeBench, tmp_path: P
     bench.command(400, 1)
     records = bench.log_records(tmp_path)
     assert [(r["ArmState"], r["Forced"], r["Method"]) for r in records if r["name"] == "ARM"] == [(1, 0, 1)]
-    assert [r["Id"] for r in records if r["name"] == "EV"] == [10]
+    assert [r["Id"] for r in records if r["name"] == "EV"] == [10, 60]
 
 
 def test_log_closes_15_seconds_after_disarming(make_bench: MakeBench) -> None:
     bench = make_bench(LOG_DISARMED=0)
     bench.command(400, 1)
-    bench.run_for(20)
+    bench.run_for(5)
     bench.command(400, 0)
     bench.run_for(14.9)
     assert bench.vehicle.logger.is_open

@@ -2,12 +2,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle's parameter tables."""
 
+import lzma
+import re
+from pathlib import Path
+
 import pytest
+from pymavlink.DFReader import DFReader_binary
 
 from ap_core.param import Param, ParamGroup, ParamInfo, ParamTable, ParamType
+from ap_visualodom.ap_visualodom import make_params
+from emulator.param_memory import MemoryParamStore, StoredParams
+from emulator.param_store import ParamStore
 from emulator.parameters import MAX_LINKS, STREAM_NAMES, make_groups
+from emulator.vehicle import Vehicle, VehicleConfig
 
+LOG = Path(__file__).parents[2] / "data" / "logs" / "flight_t265.BIN.xz"
+LINKS_OF_THE_LOG = 3
 VISO = (ParamInfo("_TYPE", ParamType.INT8, 0, "backend"),)
+
+SET_BY_FILES = r"""(?x)
+    FLTMODE[1-5] | FRAME_TYPE | COMPASS_OFS[23]?_[XYZ] | INS_ACCOFFS_[XYZ] | BATT_MONITOR | RC[1-4]_(MIN|MAX)
+    | GPS1_TYPE | EK3_SRC1_(POSXY|VELXY|VELZ) | VISO_(TYPE|DELAY_MS) | LOG_REPLAY
+"""
+"""What the simulator's file of defaults, and that of the recording, set otherwise than the firmware."""
 
 
 def found(table: ParamTable, name: str) -> Param:
@@ -55,6 +72,45 @@ def test_format_version_comes_first(table: ParamTable) -> None:
         ("EK3_SRC3_POSZ", ParamType.INT8, 1),
         ("EK3_SRC_OPTIONS", ParamType.INT16, 0),
         ("EK3_MAG_CAL", ParamType.INT8, 3),
+        ("FS_GCS_ENABLE", ParamType.INT8, 0),
+        ("FS_THR_ENABLE", ParamType.INT8, 1),
+        ("FS_THR_VALUE", ParamType.INT16, 975),
+        ("FS_OPTIONS", ParamType.INT32, 16),
+        ("FS_GCS_TIMEOUT", ParamType.FLOAT, 5),
+        ("FS_DR_ENABLE", ParamType.INT8, 2),
+        ("FS_DR_TIMEOUT", ParamType.INT16, 30),
+        ("FS_EKF_FILT", ParamType.FLOAT, 5),
+        ("FLTMODE1", ParamType.INT8, 0),
+        ("FLTMODE6", ParamType.INT8, 0),
+        ("FLTMODE_CH", ParamType.INT8, 5),
+        ("INITIAL_MODE", ParamType.INT8, 0),
+        ("ARMING_ACCTHRESH", ParamType.FLOAT, 0.75),
+        ("ARMING_MIS_ITEMS", ParamType.INT32, 0),
+        ("ARMING_MAGTHRESH", ParamType.INT16, 100),
+        ("ARMING_NEED_LOC", ParamType.INT8, 0),
+        ("COMPASS_OFS_X", ParamType.FLOAT, 0),
+        ("COMPASS_DEV_ID3", ParamType.INT32, 0),
+        ("COMPASS_USE2", ParamType.INT8, 1),
+        ("INS_ACCOFFS_Y", ParamType.FLOAT, 0),
+        ("INS_ACC_ID", ParamType.INT32, 0),
+        ("AHRS_GPS_USE", ParamType.INT8, 1),
+        ("AHRS_WIND_MAX", ParamType.INT8, 0),
+        ("AHRS_OPTIONS", ParamType.INT16, 0),
+        ("BATT_MONITOR", ParamType.INT8, 0),
+        ("BRD_RTC_TZ_MIN", ParamType.INT16, 0),
+        ("SCHED_LOOP_RATE", ParamType.INT16, 400),
+        ("RCMAP_THROTTLE", ParamType.INT8, 3),
+        ("RC3_MIN", ParamType.INT16, 1100),
+        ("RC4_MAX", ParamType.INT16, 1900),
+        ("STAT_BOOTCNT", ParamType.INT16, 0),
+        ("STAT_RUNTIME", ParamType.INT32, 0),
+        ("STAT_RESET", ParamType.INT32, 1),
+        ("LOG_MAV_BUFSIZE", ParamType.INT8, 8),
+        ("LOG_FILE_TIMEOUT", ParamType.INT16, 5),
+        ("LOG_DARM_RATEMAX", ParamType.FLOAT, 0),
+        ("SERIAL1_BAUD", ParamType.INT32, 57),
+        ("SERIAL2_PROTOCOL", ParamType.INT8, 2),
+        ("SERIAL2_OPTIONS", ParamType.INT32, 0),
     ],
 )
 def test_type_and_default(table: ParamTable, name: str, kind: ParamType, value: float) -> None:
@@ -70,10 +126,10 @@ def test_groups_are_in_the_order_of_a_copter(table: ParamTable) -> None:
     assert sorted(landmarks, key=names.index) == landmarks
 
 
-def test_visual_odom_is_listed_before_the_log_parameters() -> None:
+def test_visual_odom_is_listed_before_the_statistics() -> None:
     table = ParamTable(make_groups(0, ParamGroup("VISO", VISO)))
     names = [param.name for param in table]
-    assert names[names.index("LOG_BACKEND_TYPE") - 1] == "VISO_TYPE"
+    assert names[names.index("STAT_BOOTCNT") - 1] == "VISO_TYPE"
 
 
 def test_each_link_adds_its_rates_and_options() -> None:
@@ -118,3 +174,88 @@ def test_every_row_says_what_it_is(table: ParamTable) -> None:
 def test_more_links_than_the_firmware_has_is_an_error() -> None:
     with pytest.raises(ValueError, match="link 9"):
         make_groups(MAX_LINKS + 1)
+
+
+# Against a log of the firmware
+
+
+@pytest.fixture(scope="module")
+def recorded_defaults(tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
+    """Return the defaults that a recorded log tells, in its order; NaN is none of ours."""
+    path = tmp_path_factory.mktemp("log") / "flight.BIN"
+    path.write_bytes(lzma.decompress(LOG.read_bytes()))
+    defaults: dict[str, float] = {}
+    with DFReader_binary(str(path)) as log:
+        while (record := log.recv_match(type="PARM")) is not None:
+            defaults.setdefault(record.Name, record.Default)
+    return defaults
+
+
+@pytest.fixture
+def recorded_table() -> ParamTable:
+    """Return the parameters of a vehicle with a camera and as many links as the recorded one had."""
+    table = ParamTable(make_groups(LINKS_OF_THE_LOG, make_params()))
+    table.set("VISO_TYPE", 2)
+    return table
+
+
+def test_firmware_has_every_parameter(recorded_defaults: dict[str, float], recorded_table: ParamTable) -> None:
+    assert [param.name for param in recorded_table if param.name not in recorded_defaults] == []
+
+
+def test_order_is_the_firmwares(recorded_defaults: dict[str, float], recorded_table: ParamTable) -> None:
+    ours = {param.name for param in recorded_table}
+    assert [param.name for param in recorded_table] == [name for name in recorded_defaults if name in ours]
+
+
+def test_defaults_are_the_firmwares(recorded_defaults: dict[str, float], recorded_table: ParamTable) -> None:
+    differing = [p.name for p in recorded_table if float(p.default) != recorded_defaults[p.name]]
+    assert [name for name in differing if not re.fullmatch(SET_BY_FILES, name)] == []
+
+
+# Counting starts
+
+
+def starts(store: StoredParams) -> int:
+    """Start a vehicle and return the count that it has then."""
+    vehicle = Vehicle(VehicleConfig(param_store=store))
+    vehicle.close()
+    return vehicle.params.get_int("STAT_BOOTCNT")
+
+
+def test_every_start_is_counted() -> None:
+    store = MemoryParamStore()
+    assert [starts(store) for _ in range(3)] == [1, 2, 3]
+
+
+def test_count_of_starts_outlives_the_process(tmp_path: Path) -> None:
+    path = tmp_path / "storage.parm"
+    assert [starts(ParamStore(path)) for _ in range(2)] == [1, 2]
+
+
+def test_count_of_starts_wraps_as_an_int16_does() -> None:
+    store = MemoryParamStore()
+    store.save_if_changed({"STAT_BOOTCNT": 32767})
+    assert starts(store) == -32768
+
+
+# What the rows say of themselves
+
+ROWS = [
+    pytest.param(row, id=group.prefix + row.name) for group in make_groups(1, make_params()) for row in group.var_info
+]
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_default_is_within_what_is_documented(row: ParamInfo) -> None:
+    for default in row.default if isinstance(row.default, tuple) else (row.default,):
+        assert row.range is None or row.range[0] <= default <= row.range[1]
+        assert not row.values or default in row.values
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_documented_values_fit_the_type(row: ParamInfo) -> None:
+    # Ranges need not: the firmware documents delays of an INT8 up to 250.
+    limit = 1 << (row.type.bits - 1) if row.type.bits else float("inf")
+    assert all(-limit <= value < limit for value in row.values)
+    assert row.range is None or row.range[0] < row.range[1]

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable
 import pytest
 
 from emulator import realtime
-from emulator.realtime import AttachedLink, Pacer
+from emulator.power import Port, PoweredVehicle
+from emulator.realtime import Pacer
 from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import PairLink, make_pair
@@ -39,19 +40,23 @@ class Rig:
 
     def __init__(self, clock: WallClock, monkeypatch: pytest.MonkeyPatch, speedup: float) -> None:
         self.clock = clock
-        self.vehicle = Vehicle(VehicleConfig(links=2))
         self.loops: list[int] = []
-        loop = self.vehicle.loop
+        loop = Vehicle.loop
 
-        def noted(now_us: int) -> None:
+        def noted(vehicle: Vehicle, now_us: int) -> None:
             self.loops.append(now_us)
-            loop(now_us)
+            loop(vehicle, now_us)
 
-        monkeypatch.setattr(self.vehicle, "loop", noted)
+        monkeypatch.setattr(Vehicle, "loop", noted)
         ends = [make_pair((f"vehicle{number}", f"client{number}")) for number in (1, 2)]
         self.clients = [client for _, client in ends]
-        links = [AttachedLink(end, self.vehicle.endpoint.open_channel(end.name)) for end, _ in ends]
-        self.pacer = Pacer(self.vehicle, links, speedup=speedup, now_s=clock)
+        links = [end for end, _ in ends]
+        self.powered = PoweredVehicle(VehicleConfig(links=2), [Port(link.name) for link in links])
+        self.pacer = Pacer(self.powered, links, speedup=speedup, now_s=clock)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        return self.powered.vehicle
 
     def run_to(self, time_us: int) -> None:
         self.pacer.run(lambda: False, until_us=time_us)
@@ -181,3 +186,16 @@ def test_run_ends_at_its_time(make: Callable[..., Rig]) -> None:
     rig = make()
     rig.run_to(100_000)
     assert rig.vehicle.clock.micros64() == pytest.approx(100_000, abs=2600)
+
+
+def test_restarted_vehicle_counts_its_time_from_zero_and_keeps_its_links(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.run_to(1_000_000)
+    before = rig.vehicle
+    before.reboot_requested = True
+    rig.run_to(4_000_000)
+    assert rig.vehicle is not before
+    assert rig.vehicle.clock.micros64() == pytest.approx(3_000_000, abs=5200)
+    rig.clients[0].receive()
+    rig.run_to(5_100_000)
+    assert [beat for beat in messages(rig.clients[0]) if isinstance(beat, HEARTBEAT)]

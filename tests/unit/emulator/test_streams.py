@@ -74,6 +74,7 @@ def test_capture_without_messages_is_a_stream(tmp_path: Path) -> None:
     ([HEADER, {"msg": 7}], ":2: 'msg' is not text in hex"),
     ([HEADER, {"msg": "0g"}], ":2: non-hexadecimal number"),
     ([HEADER, message(5), message(4)], ":3: 'arrival_us' runs backwards: 4 after 5"),
+    ([HEADER, message(5), message(10**15)], ":3: 'arrival_us' leaps over more than a day: 1000000000000000 after 5"),
     ([HEADER, message(5), message(None), message(4)], ":4: 'arrival_us' runs backwards: 4 after 5"),
     ([], ": an empty capture"),
 ])  # fmt: skip

@@ -3,18 +3,18 @@
 """A whole vehicle on the bench in virtual time, and clients that talk to it in frames."""
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import pytest
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
-from ekf_stub.ahrs_bench import BenchAhrs
 from ekf_stub.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
 from emulator.log_sink import MemoryLog
 from emulator.scheduler import Scheduler
-from emulator.vehicle import AhrsParts, Vehicle, VehicleConfig
+from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
+from emulator.vehicle_config import bench
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
@@ -23,15 +23,30 @@ from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, S
 M = TypeVar("M", bound=Message)
 
 SETTLED_MS = 5000
-"""When the estimator runs, the boot texts are over, and heartbeats have just been sent."""
+"""When the estimator runs, and heartbeats have just been sent; the estimator has texts to tell until 6 s."""
 
 
-class SpyAhrs(RememberedCalls, BenchAhrs):
-    """The AHRS of the bench, which remembers what it is given."""
+class SpyAhrs(RememberedCalls):
+    """The AHRS of the bench, with a note of what it is given."""
 
-    def __init__(self, parts: AhrsParts) -> None:
-        BenchAhrs.__init__(self, parts.clock, parts.sources, parts.log)
-        self.calls = []
+    def __init__(self, ahrs: VehicleAhrs) -> None:
+        super().__init__()
+        self._ahrs = ahrs
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._ahrs, name)
+
+    def writeExtNavData(self, *args: Any) -> None:
+        super().writeExtNavData(*args)
+        self._ahrs.writeExtNavData(*args)
+
+    def writeExtNavVelData(self, *args: Any) -> None:
+        super().writeExtNavVelData(*args)
+        self._ahrs.writeExtNavVelData(*args)
+
+    def writeBodyFrameOdom(self, *args: Any) -> None:
+        super().writeBodyFrameOdom(*args)
+        self._ahrs.writeBodyFrameOdom(*args)
 
 
 class Client:
@@ -107,9 +122,9 @@ class Bench:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
 
-        def make_ahrs(parts: AhrsParts) -> SpyAhrs:
-            spies.append(SpyAhrs(parts))
-            return spies[-1]
+        def make_ahrs(parts: AhrsParts) -> VehicleAhrs:
+            spies.append(SpyAhrs(bench()(parts)))
+            return cast("VehicleAhrs", spies[-1])
 
         config = VehicleConfig(make_ahrs, links=len(bauds), defaults=params, open_log=lambda: self.log)
         self.vehicle = Vehicle(config)
@@ -178,10 +193,16 @@ def make_bench() -> MakeBench:
     return make
 
 
-@pytest.fixture
-def bench(make_bench: MakeBench) -> Bench:
+@pytest.fixture(name="bench")
+def settled_bench(make_bench: MakeBench) -> Bench:
     """Return a settled vehicle with VISO_TYPE 1 and one network link."""
     return make_bench()
+
+
+@pytest.fixture
+def quiet_bench(make_bench: MakeBench) -> Bench:
+    """Return a vehicle that has told all it has to tell of its start."""
+    return make_bench(until_ms=7000)
 
 
 @pytest.fixture

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts for the ground station: chunks, ids, and the queue."""
+"""Texts for the ground station: chunks, ids, the queue, and who gets them."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ap_core.clock import VirtualClock
+from mav_handlers.channel import Channel
 from mav_handlers.statustext import EXPIRY_US, StatusTextQueue, chunk_text
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import HEARTBEAT
 
 INFO = 6
 
@@ -22,12 +25,26 @@ def queue(clock: VirtualClock) -> StatusTextQueue:
     return StatusTextQueue(clock.micros64)
 
 
+@pytest.fixture
+def channels() -> list[Channel]:
+    return [Channel(index, f"link{index}", Codec(1, 1)) for index in range(3)]
+
+
 def texts(queue: StatusTextQueue) -> list[str]:
-    return [entry.text for entry in queue.pending()]
+    return [chunk.message.text for chunk in queue.pending()]
 
 
 def ids(queue: StatusTextQueue) -> list[int]:
-    return [entry.chunks[0].id for entry in queue.pending()]
+    return [chunk.message.id for chunk in queue.pending() if chunk.message.chunk_seq == 0]
+
+
+def receivers(queue: StatusTextQueue) -> list[set[int] | None]:
+    return [chunk.channels for chunk in queue.pending()]
+
+
+def fill(channel: Channel) -> None:
+    while channel.send(HEARTBEAT(6, 8, 0, 0, 4, 3)):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -92,36 +109,64 @@ def test_id_after_65535_is_1(queue: StatusTextQueue) -> None:
     assert ids(queue)[-2:] == [65535, 1]
 
 
-def test_queue_holds_30_texts(queue: StatusTextQueue) -> None:
-    for number in range(30):
-        queue.send_text(INFO, f"text {number}")
-    assert len(texts(queue)) == 30
+def test_text_for_nobody_uses_up_no_id(queue: StatusTextQueue) -> None:
+    queue.listening_channels = set
+    queue.send_text(INFO, "x" * 51)
+    queue.listening_channels = lambda: {0}
+    queue.send_text(INFO, "x" * 51)
+    assert ids(queue) == [1]
+
+
+def test_queue_holds_30_chunks(queue: StatusTextQueue) -> None:
+    for number in range(10):
+        queue.send_text(INFO, f"text {number}".ljust(120))
+    assert len(queue.pending()) == 30
     assert queue.overwritten == 0
 
 
-def test_oldest_text_gives_way_when_30_wait(queue: StatusTextQueue) -> None:
-    for number in range(32):
+def test_oldest_chunk_gives_way_when_30_wait(queue: StatusTextQueue) -> None:
+    queue.send_text(INFO, "a" * 50 + "b" * 50 + "c")
+    for number in range(29):
         queue.send_text(INFO, f"text {number}")
-    assert texts(queue) == [f"text {number}" for number in range(2, 32)]
+    assert texts(queue) == ["c", *(f"text {number}" for number in range(29))]
     assert queue.overwritten == 2
 
 
 @pytest.mark.parametrize(("age_us", "kept"), [(EXPIRY_US, True), (EXPIRY_US + 1, False)])
-def test_text_expires_after_5_s(clock: VirtualClock, queue: StatusTextQueue, age_us: int, kept: bool) -> None:
+def test_text_expires_after_5_s(
+    clock: VirtualClock, queue: StatusTextQueue, channels: list[Channel], age_us: int, kept: bool
+) -> None:
+    fill(channels[0])
     queue.send_text(INFO, "old")
     clock.set_us(clock.micros64() + age_us)
-    queue.discard_expired()
+    queue.service(channels)
     assert (texts(queue) == ["old"]) is kept
     assert queue.expired == (not kept)
 
 
-def test_younger_text_outlives_an_expired_one(clock: VirtualClock, queue: StatusTextQueue) -> None:
+def test_younger_text_outlives_an_expired_one(
+    clock: VirtualClock, queue: StatusTextQueue, channels: list[Channel]
+) -> None:
+    fill(channels[0])
     queue.send_text(INFO, "old")
     clock.set_us(clock.micros64() + EXPIRY_US)
     queue.send_text(INFO, "young")
     clock.set_us(clock.micros64() + 1)
-    queue.discard_expired()
+    queue.service(channels)
     assert texts(queue) == ["young"]
+
+
+def test_age_is_looked_at_once_a_second(clock: VirtualClock, queue: StatusTextQueue, channels: list[Channel]) -> None:
+    fill(channels[0])
+    queue.send_text(INFO, "old")
+    clock.set_us(clock.micros64() + EXPIRY_US - 10_000)
+    queue.service(channels)
+    clock.set_us(clock.micros64() + 999_999)
+    queue.service(channels)
+    assert texts(queue) == ["old"]
+    clock.set_us(clock.micros64() + 1)
+    queue.service(channels)
+    assert texts(queue) == []
 
 
 def test_listeners_hear_the_whole_text_as_it_is_queued(queue: StatusTextQueue) -> None:
@@ -131,26 +176,72 @@ def test_listeners_hear_the_whole_text_as_it_is_queued(queue: StatusTextQueue) -
     assert heard == [(4, "x" * 70)]
 
 
+def test_listeners_hear_a_text_that_no_link_gets(queue: StatusTextQueue) -> None:
+    heard: list[str] = []
+    queue.on_text.append(lambda _severity, text: heard.append(text))
+    queue.listening_channels = set
+    queue.send_text(INFO, "alone")
+    assert heard == ["alone"]
+    assert texts(queue) == []
+
+
 def test_receivers_are_chosen_as_the_text_is_queued(queue: StatusTextQueue) -> None:
     queue.listening_channels = lambda: {0, 2}
     queue.send_text(INFO, "early")
     queue.listening_channels = lambda: {1}
-    assert [entry.channels for entry in queue.pending()] == [{0, 2}]
+    assert receivers(queue) == [{0, 2}]
 
 
 def test_text_for_one_link_is_for_that_link(queue: StatusTextQueue) -> None:
     queue.listening_channels = lambda: {0, 2}
+    queue.send_text_to(2, INFO, "you")
+    assert receivers(queue) == [{2}]
+
+
+def test_text_for_one_link_that_does_not_listen_is_for_nobody(queue: StatusTextQueue) -> None:
+    queue.listening_channels = lambda: {0, 2}
     queue.send_text_to(1, INFO, "you")
-    assert [entry.channels for entry in queue.pending()] == [{1}]
+    assert receivers(queue) == []
 
 
 def test_without_an_endpoint_a_text_is_for_every_link(queue: StatusTextQueue) -> None:
     queue.send_text(INFO, "early")
-    assert [entry.channels for entry in queue.pending()] == [None]
+    queue.send_text_to(1, INFO, "you")
+    assert receivers(queue) == [None, {1}]
 
 
-def test_text_that_is_done_leaves_the_queue(queue: StatusTextQueue) -> None:
-    for text in ("a", "b", "c"):
-        queue.send_text(INFO, text)
-    queue.done(list(queue.pending())[1])
-    assert texts(queue) == ["a", "c"]
+def test_text_leaves_the_queue_when_every_link_has_it(queue: StatusTextQueue, channels: list[Channel]) -> None:
+    fill(channels[1])
+    queue.send_text(INFO, "a")
+    queue.service(channels)
+    assert receivers(queue) == [{1}]
+    channels[1].take_output()
+    queue.service(channels)
+    assert texts(queue) == []
+
+
+def test_each_link_gets_each_chunk_once(queue: StatusTextQueue, channels: list[Channel]) -> None:
+    fill(channels[1])
+    queue.send_text(INFO, "x" * 60)
+    queue.service(channels)
+    queue.service(channels)
+    assert [channel.codec.frames_sent for channel in (channels[0], channels[2])] == [2, 2]
+
+
+def test_chunks_that_do_not_fit_come_later(queue: StatusTextQueue, channels: list[Channel]) -> None:
+    channel = channels[0]
+    queue.send_text_to(0, INFO, "a" * 50 + "b" * 50 + "c" * 9)
+    while channel.txspace() >= 2 * (54 + 12):
+        channel.send(HEARTBEAT(6, 8, 0, 0, 4, 3))
+    sent = channel.codec.frames_sent
+    queue.service(channels)
+    assert channel.codec.frames_sent == sent + 1
+    assert [text[0] for text in texts(queue)] == ["b", "c"]
+
+
+def test_link_that_is_gone_is_not_waited_for(queue: StatusTextQueue, channels: list[Channel]) -> None:
+    fill(channels[2])
+    queue.send_text(INFO, "a")
+    queue.service(channels)
+    queue.service(channels[:2])
+    assert texts(queue) == []

@@ -129,11 +129,16 @@ class TestSystemTime:
         bench.client.tell(SYSTEM_TIME(YEAR_2026_US, 0), SYSTEM_TIME(YEAR_2026_US - 1_000_000, 0))
         assert utc_us(bench) == YEAR_2026_US
 
-    def test_time_beyond_every_date_is_still_told(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(BRD_RTC_TYPES=FROM_SYSTEM_TIME, MAV1_EXTRA3=10)
+    def test_time_beyond_every_date_is_ignored(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(BRD_RTC_TYPES=FROM_SYSTEM_TIME)
         bench.client.tell(SYSTEM_TIME((1 << 64) - 1, 0))
+        assert utc_us(bench) == 0
+
+    def test_time_just_within_64_signed_bits_is_still_told(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(BRD_RTC_TYPES=FROM_SYSTEM_TIME, MAV1_EXTRA3=10)
+        bench.client.tell(SYSTEM_TIME((1 << 63) - 1, 0))
         bench.run_ms(100)
-        assert [message.time_unix_usec for message in bench.client.read_of(SYSTEM_TIME)] == [99_999]
+        assert [message.time_unix_usec for message in bench.client.read_of(SYSTEM_TIME)] == [(1 << 63) - 1 + 100_000]
 
     def test_sample_times_do_not_depend_on_the_clock(self, make_bench: "MakeBench") -> None:
         bench = make_bench(BRD_RTC_TYPES=FROM_SYSTEM_TIME, MAV1_EXTRA3=10)

@@ -21,8 +21,20 @@ if TYPE_CHECKING:
 
 LAT, LNG, ALT_MM = 473_977_420, 85_455_940, 488_000
 SET_ORIGIN = 611
+READY_MS = 6000  # when the estimator has told all there is to tell
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 SET = SET_GPS_GLOBAL_ORIGIN(1, LAT, LNG, ALT_MM)
+
+
+@pytest.fixture
+def bench(make_bench: "MakeBench") -> "Bench":
+    """Return a vehicle that stands at its EKF origin, and knows that it does."""
+    return standing(make_bench(until_ms=READY_MS))
+
+
+def standing(bench: "Bench") -> "Bench":
+    vars(bench.ahrs)["get_location"] = bench.vehicle.ahrs.origin
+    return bench
 
 
 def shorthand(messages: list[Message]) -> list[str]:
@@ -99,24 +111,24 @@ class TestMessage:
 class TestConsequences:
     """Texts, home, and who is told."""
 
-    def test_requester_gets_origin_then_home_and_origin_then_the_texts(self, bench: "Bench", client: "Client") -> None:
+    def test_requester_gets_origin_then_origin_and_home_then_the_texts(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
         bench.run_ms(10)
         assert shorthand(client.read()) == [
             "GPS_GLOBAL_ORIGIN",
-            "HOME_POSITION",
             "GPS_GLOBAL_ORIGIN",
+            "HOME_POSITION",
             "EKF3 IMU0 origin set",
             "EKF3 IMU1 origin set",
             "Field Elevation Set: 488m",
         ]
 
     def test_every_link_is_told_of_home_and_origin(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(bauds=(None, None, None))
+        bench = standing(make_bench(until_ms=READY_MS, bauds=(None, None, None)))
         bench.clients[0].tell(SET)
         bench.run_ms(10)
         for silent in bench.clients[1:]:
-            assert shorthand(silent.read()) == ["HOME_POSITION", "GPS_GLOBAL_ORIGIN"]
+            assert shorthand(silent.read()) == ["GPS_GLOBAL_ORIGIN", "HOME_POSITION"]
 
     def test_each_core_says_so(self, make_bench: "MakeBench") -> None:
         bench = make_bench(EK3_IMU_MASK=1)
@@ -127,7 +139,7 @@ class TestConsequences:
     def test_field_elevation_is_in_whole_metres(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET_GPS_GLOBAL_ORIGIN(1, LAT, LNG, -1900))
         bench.run_ms(10)
-        assert client.read_texts()[-1] == "Field Elevation Set: -1m"
+        assert client.read_texts()[-1] == "Field Elevation Set: -2m"
 
     def test_home_is_where_the_origin_is(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
@@ -135,11 +147,16 @@ class TestConsequences:
         [home] = client.read_of(HOME_POSITION)
         assert (home.latitude, home.longitude, home.altitude) == (LAT, LNG, ALT_MM)
 
-    def test_log_has_origin_then_home_then_the_event(self, bench: "Bench", client: "Client") -> None:
+    def test_log_has_origin_then_the_event_then_both(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
         bench.run_ms(10)
         records = [(name, fields.get("Type", fields.get("Id"))) for name, fields in bench.records]
-        assert [record for record in records if record[0] in ("ORGN", "EV")] == [("ORGN", 0), ("ORGN", 1), ("EV", 25)]
+        assert [record for record in records if record[0] in ("ORGN", "EV")] == [
+            ("ORGN", 0),
+            ("EV", 25),
+            ("ORGN", 0),
+            ("ORGN", 1),
+        ]
 
     def test_home_is_set_only_once(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)

@@ -23,7 +23,7 @@ from mav_handlers.wire.messages import (
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench
 
-ALL, EXT_STAT, EXTRA1, EXTRA3 = 0, 2, 10, 12
+ALL, EXT_STAT, RAW_CTRL, EXTRA1, EXTRA3 = 0, 2, 4, 10, 12
 START, STOP = 1, 0
 STREAMS = ("RAW_SENS", "EXT_STAT", "RC_CHAN", "RAW_CTRL", "POSITION", "EXTRA1", "EXTRA2", "EXTRA3", "PARAMS", "ADSB")
 
@@ -50,7 +50,13 @@ class TestRequestDataStream:
         self, bench: "Bench", client: "Client", stream: int, kind: type[ATTITUDE | SYS_STATUS | SYSTEM_TIME]
     ) -> None:
         assert client.tell(request(stream, 10)) is HANDLED
+        bench.run_ms(1000)
         assert received_per_second(bench, kind) == 10
+
+    def test_first_burst_holds_the_first_message_of_the_group(self, bench: "Bench", client: "Client") -> None:
+        client.tell(request(EXT_STAT, 10))
+        bench.run_ms(100)
+        assert [type(message) for message in client.read() if not isinstance(message, HEARTBEAT)] == [SYS_STATUS]
 
     def test_messages_of_other_groups_stay_off(self, bench: "Bench", client: "Client") -> None:
         client.tell(request(EXT_STAT, 10))
@@ -60,11 +66,10 @@ class TestRequestDataStream:
         client.tell(request(EXTRA1, 3))
         assert client.channel.intervals_ms["ATTITUDE"] == 333
 
-    def test_nothing_is_acknowledged_or_echoed(self, bench: "Bench", client: "Client") -> None:
-        client.tell(request(EXTRA2 := 11, 10))
-        bench.run_ms(900)
-        assert EXTRA2
-        assert client.read() == []
+    def test_nothing_is_acknowledged_or_echoed(self, quiet_bench: "Bench") -> None:
+        quiet_bench.client.tell(request(RAW_CTRL, 10))
+        quiet_bench.run_ms(900)
+        assert quiet_bench.client.read() == []
 
     def test_stop_switches_off_whatever_the_rate(self, bench: "Bench", client: "Client") -> None:
         client.tell(request(EXTRA1, 10), request(EXTRA1, 10, STOP))
@@ -82,6 +87,9 @@ class TestRequestDataStream:
     def test_all_means_every_group_but_the_parameters(self, bench: "Bench", client: "Client") -> None:
         client.tell(request(ALL, 4))
         assert rates(bench) == {name: 0 if name == "PARAMS" else 4 for name in STREAMS}
+        intervals_ms = client.channel.intervals_ms
+        assert (intervals_ms["ADSB_VEHICLE"], intervals_ms["PARAM_VALUE"]) == (250, 100)
+        assert "AVAILABLE_MODES" not in intervals_ms
 
     @pytest.mark.parametrize("stream", [5, 7, 9, 13, 255])
     def test_unknown_group_is_ignored(self, bench: "Bench", client: "Client", stream: int) -> None:
@@ -164,8 +172,8 @@ class TestAutopilotVersionRequest:
 class TestHeartbeat:
     """HEARTBEAT, in."""
 
-    def test_it_has_no_effect_but_to_make_the_link_active(self, bench: "Bench", client: "Client") -> None:
-        assert client.tell(HEARTBEAT(6, 8, 0, 0, 4, 3)) is HANDLED
-        bench.run_ms(900)
-        assert client.read() == []
-        assert bench.records == [record for record in bench.records if record[0] in ("ATT", "DSF", "MAV")]
+    def test_it_has_no_effect_but_to_make_the_link_active(self, quiet_bench: "Bench") -> None:
+        assert quiet_bench.client.tell(HEARTBEAT(6, 8, 0, 0, 4, 3)) is HANDLED
+        quiet_bench.run_ms(900)
+        assert quiet_bench.client.read() == []
+        assert quiet_bench.records == [record for record in quiet_bench.records if record[0] in ("ATT", "DSF", "MAV")]

@@ -62,7 +62,7 @@ class TestSigning:
     """SETUP_SIGNING."""
 
     def test_refusal_while_armed_is_told_to_the_asking_link_alone(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(bauds=(None, None))
+        bench = make_bench(bauds=(None, None), until_ms=7000)
         for client in bench.clients:
             client.command(400, 1, 21196)
         bench.run_ms(3)

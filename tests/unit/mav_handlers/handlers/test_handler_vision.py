@@ -151,10 +151,10 @@ class TestHandedOver:
         client.tell(SPEED)
         assert [(fields["Q"], fields["Rst"]) for fields in bench.logged("VISV")] == [(0, 7)]
 
-    def test_nothing_is_acknowledged(self, bench: "Bench", client: "Client") -> None:
-        client.tell(*EVERY)
-        bench.run_ms(900)
-        assert client.read() == []
+    def test_nothing_is_acknowledged(self, quiet_bench: "Bench") -> None:
+        quiet_bench.client.tell(*EVERY)
+        quiet_bench.run_ms(900)
+        assert quiet_bench.client.read() == []
 
 
 class TestRecords:

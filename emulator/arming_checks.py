@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The arming checks that have something to look at here (AP_Arming.cpp, ArduCopter/AP_Arming_Copter.cpp).
+
+FIRMWARE PARITY: there are no motors, radio and inertial sensors; their checks are left out. The compass always is
+healthy, and none is asked for when yaw comes from elsewhere.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.internal_error import InternalErrors
+from ap_core.param import ParamTable
+from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.gps_sample import GpsSample
+from emulator.arming import ANY_CHECK, CHECK_ALL, Check, CheckLists
+from emulator.estimates import Estimates
+from emulator.logger import Logger
+from emulator.modes import Mode, ModeNumber
+from emulator.vehicle_config import VehicleAhrs
+
+CHECK_GPS: Final = 1 << 3
+CHECK_INS: Final = 1 << 4
+CHECK_LOGGING: Final = 1 << 10
+CHECK_SWITCH: Final = 1 << 11
+CHECK_MISSION: Final = 1 << 14
+CHECK_VISION: Final = 1 << 18
+GPS_FIX_3D: Final = 3
+LEAN_LIMIT_DEG: Final = 30.0
+"""ANGLE_MAX's default."""
+
+
+@dataclass(frozen=True)
+class CheckedThings:
+    """What the checks look at.
+
+    Attributes:
+        is_initialised: tells whether booting is over.
+        is_downloading: tells whether a client is downloading a log.
+        is_safety_on: tells whether the safety switch keeps the motors off.
+        has_home: tells whether home is set.
+        mode: returns the flight mode.
+        gps: returns the newest solution of the GPS; None without a GPS.
+    """
+
+    params: ParamTable
+    ahrs: VehicleAhrs
+    estimates: Estimates
+    logger: Logger
+    visual_odom: AP_VisualOdom
+    internal_errors: InternalErrors
+    is_initialised: Callable[[], bool]
+    is_downloading: Callable[[], bool]
+    is_safety_on: Callable[[], bool]
+    has_home: Callable[[], bool]
+    mode: Callable[[], Mode]
+    gps: Callable[[], GpsSample | None]
+
+
+class ArmingChecks:
+    """Each method looks at one thing and returns what is wrong with it, or None."""
+
+    def __init__(self, things: CheckedThings) -> None:
+        self._things = things
+
+    def lists(self) -> CheckLists:
+        """Return all checks in the firmware's order."""
+        return CheckLists(
+            boot=(Check(0, self.system_initialised),),
+            vehicle=(Check(0, self.altitude),),
+            common=(
+                Check(CHECK_SWITCH, self.hardware_safety_switch),
+                Check(CHECK_INS, self.attitude),
+                Check(0, self.gps),
+                Check(CHECK_LOGGING, self.logging),
+                Check(CHECK_MISSION, self.mission),
+                Check(ANY_CHECK, self.internal_errors),
+                Check(CHECK_VISION, self.visual_odom),
+            ),
+            mandatory=(Check(0, self.position), Check(0, self.altitude)),
+            arm=(
+                Check(0, self.ahrs_health),
+                Check(0, self.mode),
+                Check(CHECK_INS, self.lean_angle),
+                Check(ANY_CHECK, self.safety_switch),
+                Check(ANY_CHECK, self.logging_started),
+            ),
+        )
+
+    def _is_enabled(self, bit: int) -> bool:
+        return bool(self._things.params.get_int("ARMING_CHECK") & (CHECK_ALL | bit))
+
+    def system_initialised(self) -> str | None:
+        """Booting is over."""
+        return None if self._things.is_initialised() else "System not initialised"
+
+    def altitude(self) -> str | None:
+        """A mode that holds height needs to know it (alt_checks)."""
+        things = self._things
+        return None if things.mode().manual_throttle or things.estimates.alt_ok() else "Need Alt Estimate"
+
+    def hardware_safety_switch(self) -> str | None:
+        """The safety switch lets motors run (hardware_safety_check)."""
+        return "Hardware safety switch" if self._things.is_safety_on() else None
+
+    def attitude(self) -> str | None:
+        """The estimator has an attitude (ins_checks)."""
+        return None if self._things.estimates.attitude_ok() else "EKF attitude is bad"
+
+    def gps(self) -> str | None:
+        """What a mode with a position needs of GPS and home, and then what is mandatory (gps_checks)."""
+        things = self._things
+        if things.mode().requires_position and self._is_enabled(CHECK_GPS):
+            solution = things.gps()
+            if solution is not None and solution.fix_type < GPS_FIX_3D:
+                return "GPS 1: Bad fix"
+            if not things.has_home():
+                return "AHRS: waiting for home"
+        return self.position()
+
+    def position(self) -> str | None:
+        """The AHRS is ready and, in a mode that needs it, has a position (mandatory_gps_checks)."""
+        things = self._things
+        needs_position = things.mode().requires_position
+        failure = things.ahrs.pre_arm_failure(requires_position=needs_position)
+        if failure is not None:
+            return f"AHRS: {failure}"
+        return self._position_failure() if needs_position else None
+
+    def _position_failure(self) -> str | None:
+        estimates = self._things.estimates
+        if not estimates.position_ok():
+            return "Need Position Estimate"
+        if estimates.is_gps_glitching():
+            return "GPS glitching"
+        variance = estimates.failing_variance(float(self._things.params.get_float("FS_EKF_THRESH")))
+        return None if variance is None else f"EKF {variance} variance"
+
+    def logging(self) -> str | None:
+        """Logs can be written, and nobody is downloading one (logging_checks)."""
+        if self._things.logger.failure is not None:
+            return "Logging failed"
+        return "Downloading logs" if self._things.is_downloading() else None
+
+    def mission(self) -> str | None:
+        """AUTO has a mission; there is none here (mission_checks)."""
+        return "Mode requires mission" if self._things.mode().number == ModeNumber.AUTO else None
+
+    def internal_errors(self) -> str | None:
+        """Nothing happened that should not be possible (system_checks)."""
+        errors = self._things.internal_errors
+        return f"Internal errors 0x{errors.mask:x} l:{errors.last_line} {errors.describe()}" if errors.mask else None
+
+    def visual_odom(self) -> str | None:
+        """Visual odometry works (visodom_checks)."""
+        failure = self._things.visual_odom.pre_arm_check()
+        return None if failure is None else f"VisOdom: {failure}"
+
+    def ahrs_health(self) -> str | None:
+        """The estimator is healthy."""
+        return None if self._things.ahrs.healthy() else "AHRS not healthy"
+
+    def mode(self) -> str | None:
+        """The mode may be armed in."""
+        mode = self._things.mode()
+        return None if mode.arms else f"{mode.name} mode not armable"
+
+    def lean_angle(self) -> str | None:
+        """The vehicle is roughly level."""
+        quat = self._things.ahrs.get_quaternion()
+        if quat is None:
+            return None
+        cos_lean = math.cos(quat.get_euler_roll()) * math.cos(quat.get_euler_pitch())
+        return "Leaning" if cos_lean < math.cos(math.radians(LEAN_LIMIT_DEG)) else None
+
+    def safety_switch(self) -> str | None:
+        """The safety switch lets motors run."""
+        return "Safety Switch" if self._things.is_safety_on() else None
+
+    def logging_started(self) -> str | None:
+        """The log of the flight can be opened; opening it comes last (AP_Arming::arm_checks)."""
+        logger = self._things.logger
+        logger.update(True, self._things.params)
+        failed = not logger.is_open and logger.failure is not None
+        return "Logging not started" if failed and self._is_enabled(CHECK_LOGGING) else None

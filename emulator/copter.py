@@ -1,0 +1,217 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The part of the vehicle that is ArduCopter: mode, home, arming, and whether it flies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.cint import u8
+from ap_core.clock import Clock
+from ap_core.internal_error import InternalErrors
+from ap_core.location import Location
+from ap_core.param import ParamTable
+from ap_core.sinks import TextSink
+from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.gps_sample import GpsSample
+from emulator.arming import Arming, ArmMethod
+from emulator.arming_checks import ArmingChecks, CheckedThings
+from emulator.estimates import Estimates
+from emulator.home import Home
+from emulator.landing import Landing
+from emulator.logger import Logger
+from emulator.modes import FlightModes, ModeReason
+from emulator.vehicle_config import VehicleAhrs
+from emulator.vehicle_log import VehicleLog
+from mav_handlers.mission import Mission
+
+EV_EKF_ALT_RESET: Final = 60
+
+
+@dataclass(frozen=True)
+class CopterParts:
+    """What a copter is made of.
+
+    Attributes:
+        gps: returns the newest solution of the GPS; None without a GPS.
+        is_initialised: tells whether booting is over.
+        is_downloading: tells whether a client is downloading a log.
+        on_mode: called when the mode has changed.
+    """
+
+    clock: Clock
+    params: ParamTable
+    texts: TextSink
+    log: VehicleLog
+    logger: Logger
+    ahrs: VehicleAhrs
+    visual_odom: AP_VisualOdom
+    internal_errors: InternalErrors
+    gps: Callable[[], GpsSample | None]
+    is_initialised: Callable[[], bool]
+    is_downloading: Callable[[], bool]
+    on_mode: Callable[[], None]
+
+
+class Copter:
+    """Mode, home, arming and landing, each of which depends on the others.
+
+    Attributes:
+        mission: holds home.
+        home: where home is.
+        modes: the flight mode.
+        arming: the checks, and whether the vehicle is armed.
+        landing: whether it stands on the ground.
+        disarmed_us: when it was disarmed, or arming it failed; None before the first time.
+    """
+
+    def __init__(self, parts: CopterParts) -> None:
+        self._parts = parts
+        self._estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position)
+        self._safety_on = False
+        self.mission = Mission()
+        self.home = Home(
+            parts.ahrs, self.is_armed, mission=self.mission, log=parts.log, texts=parts.texts, clock=parts.clock
+        )
+        self.modes = FlightModes(self, parts.texts, parts.log)
+        self.landing = Landing(parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current)
+        checks = ArmingChecks(self._checked_things()).lists()
+        self.arming = Arming(checks, parts.params.group("ARMING_"), parts.texts, parts.log, parts.clock)
+        self.disarmed_us: int | None = None
+
+    def _checked_things(self) -> CheckedThings:
+        parts = self._parts
+        return CheckedThings(
+            params=parts.params,
+            ahrs=parts.ahrs,
+            estimates=self._estimates,
+            logger=parts.logger,
+            visual_odom=parts.visual_odom,
+            internal_errors=parts.internal_errors,
+            is_initialised=parts.is_initialised,
+            is_downloading=parts.is_downloading,
+            is_safety_on=lambda: self._safety_on,
+            has_home=self.has_home,
+            mode=lambda: self.modes.current,
+            gps=parts.gps,
+        )
+
+    def _aids_relative_position(self) -> bool:
+        return self._parts.visual_odom.enabled() or self._parts.params.get_int("FLOW_TYPE") != 0
+
+    # What entering a mode depends on
+
+    def is_armed(self) -> bool:
+        """Tell whether the vehicle is armed."""
+        return self.arming.armed
+
+    def position_ok(self) -> bool:
+        """Tell whether the position is good enough for a mode that requires it."""
+        return self._estimates.position_ok()
+
+    def alt_ok(self) -> bool:
+        """Tell whether the height is known."""
+        return self._estimates.alt_ok()
+
+    def has_home(self) -> bool:
+        """Tell whether home is set."""
+        return self.home.place is not None
+
+    def has_return_path(self) -> bool:
+        """Tell whether there is a path back for SMART_RTL."""
+        return self.home.has_return_path
+
+    # What happens by itself
+
+    def enter_initial_mode(self) -> None:
+        """Enter the mode of INITIAL_MODE, at the end of booting, or stay in STABILIZE (Copter::init_ardupilot)."""
+        self.modes.set_mode(u8(self._parts.params.get_int("INITIAL_MODE")), ModeReason.INITIALISED)
+
+    def update(self) -> None:
+        """Set home, lift off, land; once a pass of the main loop."""
+        self.home.update()
+        if self.is_armed():
+            self.landing.update()
+            if self.landing.has_landed_by_itself():
+                self._disarm(ArmMethod.LANDED)
+
+    def disarm_when_idle(self) -> None:
+        """Disarm after DISARM_DELAY on the ground; ten times a second."""
+        if self.landing.wants_disarming(self.is_armed()):
+            self._disarm(ArmMethod.DISARMDELAY)
+
+    # What clients ask for
+
+    def set_mode(self, number: int) -> bool:
+        """Enter a mode on behalf of a client; tell whether the vehicle is in it now. A refusal is told as a text."""
+        before = self.modes.current
+        entered = self.modes.set_mode(number, ModeReason.GCS_COMMAND)
+        if self.modes.current is not before:
+            self._parts.on_mode()
+        return entered
+
+    def is_holding_position(self) -> bool:
+        """Tell whether the mode runs the horizontal position controller."""
+        return self.modes.current.holds_position
+
+    def is_landed(self) -> bool:
+        """Tell whether the vehicle stands on the ground."""
+        return self.landing.landed
+
+    def set_safety(self, on: bool) -> None:
+        """Move the safety switch; on, it keeps the motors off."""
+        self._safety_on = on
+
+    def set_home(self, place: Location) -> bool:
+        """Set home on behalf of a client; tell whether it was set."""
+        return self.home.set(place, lock=True)
+
+    def set_home_here(self) -> bool:
+        """Set home to where the vehicle is, on behalf of a client; tell whether that is known."""
+        return self.home.set_here(lock=True)
+
+    def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
+        """Start a take-off to a height above home; tell whether it was accepted (Mode::do_user_takeoff)."""
+        if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
+            return False
+        return self.landing.take_off(must_navigate)
+
+    def _height_above_home_cm(self) -> float:
+        # current_loc: above home or, while that is unset, above the origin.
+        place, home = self._parts.ahrs.get_location(), self.home.place
+        if place is not None and home is not None:
+            return place.alt_cm - home.alt_cm
+        position = self._parts.ahrs.get_relative_position_NED_origin_float()
+        return 0.0 if position is None else -100 * float(position.z)
+
+    def arm(self, do_checks: bool) -> bool:
+        """Try to arm; failures are told as texts (AP_Arming_Copter::arm)."""
+        parts = self._parts
+        if not do_checks:
+            # The log that arming opens is to hold the fact; the checks would have opened it.
+            parts.logger.update(True, parts.params)
+        if not self.arming.arm(do_checks):
+            self.disarmed_us = parts.clock.micros64()
+            return False
+        parts.logger.update(True, parts.params)
+        if not self.has_home():
+            parts.ahrs.reset_height_datum()
+            parts.log.event(EV_EKF_ALT_RESET)
+        elif not self.home.locked:
+            self.home.set_here(lock=False)
+        self.landing.note_armed()
+        self.modes.log_mode()
+        return True
+
+    def disarm(self, force: bool) -> bool:
+        """Disarm, in flight only when forced; tell whether that changed anything (AP_Arming_Copter::disarm)."""
+        if not force and not self.landing.landed:
+            return False
+        return self._disarm(ArmMethod.MAVLINK, forced=force)
+
+    def _disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
+        if not self.arming.disarm(method, forced=forced):
+            return False
+        self.disarmed_us = self._parts.clock.micros64()
+        self.landing.note_disarmed()
+        return True

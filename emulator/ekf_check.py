@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the vehicle does when its estimator fails (ArduCopter/ekf_check.cpp)."""
+
+from collections.abc import Callable
+from typing import Final
+
+from ap_core.cint import u32
+from ap_core.clock import Clock
+from ap_core.param import ParamTable
+from ap_core.sinks import TextSink
+from ekf_stub.filter_status import FilterStatus
+from emulator.vehicle_config import VehicleAhrs
+from emulator.vehicle_log import VehicleLog
+
+ITERATIONS_MAX: Final = 10
+WARNING_PERIOD_MS: Final = 30_000
+ERR_SUBSYSTEM_EKFCHECK: Final = 16
+ERR_SUBSYSTEM_FAILSAFE_EKFINAV: Final = 17
+ERR_BAD_VARIANCE: Final = 2
+ERR_FAILSAFE_OCCURRED: Final = 1
+ERR_RESOLVED: Final = 0
+
+_MAV_SEVERITY_CRITICAL: Final = 2
+
+
+def is_over_threshold(status: FilterStatus, threshold: float) -> bool:
+    """Tell whether too many variances are too large (Copter::ekf_over_threshold)."""
+    # FIRMWARE PARITY: the firmware filters position and velocity first, with FS_EKF_FILT.
+    over = int(status.compass_variance >= threshold)
+    if status.velocity_variance >= 2 * threshold:
+        over += 2
+    elif status.velocity_variance >= threshold:
+        over += 1
+    return over >= 2 or (over >= 1 and status.pos_horiz_variance >= threshold)
+
+
+class EkfCheck:
+    """Counts failures, ten times a second; after a second of them it warns.
+
+    Args:
+        ahrs: whose estimator it is.
+        params: the vehicle's parameters.
+        texts: where it is told.
+        log: where it is logged.
+        clock: time since boot.
+        has_position: tells whether the position is good enough to fly by.
+        is_armed: tells whether the vehicle is armed.
+
+    Attributes:
+        failed: whether the estimator is not to be trusted.
+    """
+
+    def __init__(
+        self,
+        ahrs: VehicleAhrs,
+        params: ParamTable,
+        texts: TextSink,
+        log: VehicleLog,
+        clock: Clock,
+        *,
+        has_position: Callable[[], bool],
+        is_armed: Callable[[], bool],
+    ) -> None:
+        self._ahrs = ahrs
+        self._params = params
+        self._texts = texts
+        self._log = log
+        self._clock = clock
+        self._has_position = has_position
+        self._is_armed = is_armed
+        self._failures = 0
+        self._has_ever_passed = False
+        self._last_warning_ms = 0
+        self._failsafe = False
+        self._failsafe_was_told = False
+        self.failed = False
+
+    def update(self) -> None:
+        """Look at the estimator, once there is an origin (Copter::ekf_check)."""
+        status = self._ahrs.get_filter_status()
+        if status is None or self._ahrs.origin() is None:
+            return
+        threshold = float(self._params.get_float("FS_EKF_THRESH"))
+        if threshold <= 0:
+            self._failures = 0
+            self.failed = False
+            self._end_failsafe()
+            return
+        passed = self._has_position() and not is_over_threshold(status, threshold)
+        self._has_ever_passed |= passed
+        if self._has_ever_passed:
+            self._count(passed)
+
+    def _count(self, passed: bool) -> None:
+        if not passed and not self.failed:
+            self._failures += 1
+            if self._failures == ITERATIONS_MAX:
+                self._fail()
+        elif passed and self._failures > 0:
+            self._failures -= 1
+            if self.failed and self._failures == 0:
+                self.failed = False
+                self._log.error(ERR_SUBSYSTEM_EKFCHECK, ERR_RESOLVED)
+                self._end_failsafe()
+
+    def _fail(self) -> None:
+        self.failed = True
+        self._log.error(ERR_SUBSYSTEM_EKFCHECK, ERR_BAD_VARIANCE)
+        now_ms = self._clock.millis()
+        if u32(now_ms - self._last_warning_ms) > WARNING_PERIOD_MS:
+            self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF variance")
+            self._last_warning_ms = now_ms
+        self._failsafe = True
+        self._log.error(ERR_SUBSYSTEM_FAILSAFE_EKFINAV, ERR_FAILSAFE_OCCURRED)
+        if self._is_armed():
+            # FIRMWARE PARITY: the firmware leaves a mode that needs a position, as FS_EKF_ACTION has it.
+            self._failsafe_was_told = True
+            self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF Failsafe")
+
+    def _end_failsafe(self) -> None:
+        if not self._failsafe:
+            return
+        self._failsafe = False
+        if self._failsafe_was_told:
+            self._failsafe_was_told = False
+            self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF Failsafe Cleared")
+        self._log.error(ERR_SUBSYSTEM_FAILSAFE_EKFINAV, ERR_RESOLVED)

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Home: when it is set, and by whom (ArduCopter/commands.cpp, AP_AHRS.cpp, AP_Baro.cpp)."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import u32
+from ap_core.clock import Clock
+from ap_core.fmath import f32, is_zero
+from ap_core.location import Location
+from ap_core.sinks import TextSink
+from emulator.vehicle_config import VehicleAhrs
+from emulator.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
+from mav_handlers.mission import Mission
+
+EV_SET_HOME: Final = 25
+FIELD_ELEVATION_PERIOD_MS: Final = 1000
+
+_MAV_SEVERITY_INFO: Final = 6
+
+
+class Home:
+    """Home and the field's elevation.
+
+    Args:
+        ahrs: says where the vehicle and the EKF origin are.
+        is_armed: tells whether the vehicle is armed.
+        mission: whose first item home is.
+        log: where it is logged.
+        texts: where the field's elevation is told.
+        clock: time since boot.
+
+    Attributes:
+        place: home, or None while unset.
+        locked: a command has set it, so that arming leaves it alone.
+        has_return_path: it was set to where the vehicle was, from where SMART_RTL notes its path.
+    """
+
+    def __init__(
+        self,
+        ahrs: VehicleAhrs,
+        is_armed: Callable[[], bool],
+        *,
+        mission: Mission,
+        log: VehicleLog,
+        texts: TextSink,
+        clock: Clock,
+    ) -> None:
+        self._ahrs = ahrs
+        self._is_armed = is_armed
+        self._mission = mission
+        self._log = log
+        self._texts = texts
+        self._clock = clock
+        self._changed = False
+        self._field_elevation_m: np.float32 = f32(0)
+        self._field_elevation_ms = 0
+        self.place: Location | None = None
+        self.locked = False
+        self.has_return_path = False
+
+    def update(self) -> None:
+        """Set home once there is a location, and the field's elevation once there is an origin; every main loop."""
+        if self.place is None:
+            self._set_from_ekf()
+        self._update_field_elevation()
+
+    def _set_from_ekf(self) -> None:
+        # Copter::update_home_from_EKF: in flight, home is level with the origin.
+        place, origin = self._ahrs.get_location(), self._ahrs.origin()
+        if not self._is_armed():
+            self.set_here(lock=False)
+        elif place is not None and origin is not None:
+            self.has_return_path |= self.set(Location(place.lat, place.lng, origin.alt_cm), lock=False)
+
+    def set_here(self, lock: bool) -> bool:
+        """Set home to where the vehicle is; tell whether that is known (Copter::set_home_to_current_location)."""
+        place = self._ahrs.get_location()
+        if place is None or not self.set(place, lock):
+            return False
+        self.has_return_path = True
+        return True
+
+    def set(self, place: Location, lock: bool) -> bool:
+        """Set home; tell whether it was set: there must be an origin (Copter::set_home, AP_AHRS::set_home)."""
+        origin = self._ahrs.origin()
+        if origin is None or place == Location(0, 0, 0) or not place.is_valid():
+            return False
+        if self.place is None:
+            self._log.event(EV_SET_HOME)
+        self.place = place
+        self._changed = True
+        self._log.place(ORGN_EKF, origin)
+        self._log.place(ORGN_HOME, place)
+        self._mission.add_home()
+        self.locked |= lock
+        return True
+
+    def take_changed(self) -> bool:
+        """Tell, once, that home has changed."""
+        changed, self._changed = self._changed, False
+        return changed
+
+    def _update_field_elevation(self) -> None:
+        # AP_Baro::update_field_elevation: the elevation of an origin at 0 m looks unset, and is told every second.
+        now_ms = self._clock.millis()
+        origin = self._ahrs.origin()
+        if origin is None or self._is_armed() or not is_zero(self._field_elevation_m):
+            return
+        if u32(now_ms - self._field_elevation_ms) < FIELD_ELEVATION_PERIOD_MS:
+            return
+        self._field_elevation_m = f32(origin.alt_cm * 0.01)
+        self._field_elevation_ms = now_ms
+        self._ahrs.reset_height_datum()
+        self._texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {self._field_elevation_m:.0f}m")

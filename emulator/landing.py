@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the vehicle counts as standing on the ground, and when it disarms there by itself.
+
+Source: ArduCopter/motors.cpp (auto_disarm_check), ArduCopter/takeoff.cpp, ArduCopter/land_detector.cpp.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from ap_core.clock import Clock
+from ap_core.param import ParamTable
+from emulator.modes import Mode, ModeNumber, UserTakeoff
+from emulator.vehicle_config import VehicleAhrs
+from emulator.vehicle_log import VehicleLog
+
+EV_AUTO_ARMED: Final = 15
+EV_LAND_COMPLETE: Final = 18
+EV_NOT_LANDED: Final = 28
+SPOOL_UP_US: Final = 1_279_000
+"""From the acceptance of a take-off until the motors of the reference lifted it, in all recordings."""
+
+LANDED_BELOW_M: Final = 0.3
+
+
+class Landing:
+    """Whether the vehicle stands on the ground.
+
+    FIRMWARE PARITY: there are no motors. After an accepted take-off the vehicle counts as flying, wherever external
+    navigation says that it is; in a mode that lands it counts as landed when it is not above the place of arming.
+
+    Args:
+        ahrs: says how high the vehicle is.
+        log: where landing and lift-off are logged.
+        params: all parameters.
+        clock: time since boot.
+        mode: returns the flight mode.
+
+    Attributes:
+        landed: whether it stands on the ground.
+    """
+
+    def __init__(
+        self, ahrs: VehicleAhrs, log: VehicleLog, params: ParamTable, clock: Clock, mode: Callable[[], Mode]
+    ) -> None:
+        self._ahrs = ahrs
+        self._log = log
+        self._params = params
+        self._clock = clock
+        self._mode = mode
+        self._armed_down_m = 0.0
+        self._idle_since_us = 0
+        self._lift_off_us: int | None = None
+        self.landed = True
+
+    def _down_m(self) -> float:
+        position = self._ahrs.get_relative_position_NED_origin_float()
+        return self._armed_down_m if position is None else float(position.z)
+
+    def note_armed(self) -> None:
+        """Remember the height of arming."""
+        self._armed_down_m = self._down_m()
+
+    def note_disarmed(self) -> None:
+        """Count as landed, as a disarmed vehicle does."""
+        self._lift_off_us = None
+        self._set_landed(True)
+
+    def take_off(self, must_navigate: bool) -> bool:
+        """Start an armed vehicle's take-off; tell whether the mode can (Mode::do_user_takeoff)."""
+        takeoff = self._mode().takeoff
+        able = takeoff is UserTakeoff.ALWAYS or (takeoff is UserTakeoff.BY_PILOT and not must_navigate)
+        if not self.landed or not able:
+            return False
+        if self._lift_off_us is None:
+            self._log.event(EV_AUTO_ARMED)
+            self._lift_off_us = self._clock.micros64() + SPOOL_UP_US
+        return True
+
+    def update(self) -> None:
+        """Lift off, or land, of an armed vehicle; every main loop."""
+        if self._lift_off_us is not None and self._clock.micros64() >= self._lift_off_us:
+            self._lift_off_us = None
+            self._set_landed(False)
+        if not self.landed and self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
+            self._set_landed(True)
+
+    def _set_landed(self, landed: bool) -> None:
+        if landed != self.landed:
+            self.landed = landed
+            self._log.event(EV_LAND_COMPLETE if landed else EV_NOT_LANDED)
+
+    def wants_disarming(self, armed: bool) -> bool:
+        """Tell, ten times a second, whether the vehicle has idled on the ground for DISARM_DELAY.
+
+        Its throttle stick is down, always. Source: Copter::auto_disarm_check.
+        """
+        now_us = self._clock.micros64()
+        delay_us = self._params.get_int("DISARM_DELAY") * 1_000_000
+        idles = armed and delay_us > 0 and self.landed and self._lift_off_us is None
+        if not idles or self._mode().number == ModeNumber.THROW:
+            self._idle_since_us = now_us
+        return idles and now_us - self._idle_since_us >= delay_us
+
+    def has_landed_by_itself(self) -> bool:
+        """Tell whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
+        return self.landed and self._lift_off_us is None and self._mode().lands

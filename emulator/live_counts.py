@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The table of verdicts while it grows, at the bottom of a terminal."""
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+from rich.console import Console
+from rich.live import Live
+
+from emulator.console import VerdictCounts, verdict_table
+
+REFRESH_US: Final = 250_000
+
+
+class LiveCounts:
+    """Shows how often each message type met each verdict, anew now and then; nothing where there is no terminal.
+
+    It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
+
+    Args:
+        console: the terminal, or what stands in for one.
+        counts: returns the counts of the moment.
+        period_us: least time between two looks, by the clock that ``update`` is told.
+        wanted: False shows nothing anywhere.
+    """
+
+    def __init__(
+        self,
+        console: Console,
+        counts: Callable[[], VerdictCounts],
+        *,
+        period_us: int = REFRESH_US,
+        wanted: bool = True,
+    ) -> None:
+        self._counts = counts
+        self._period_us = period_us
+        self._shown_us: int | None = None
+        shown = wanted and console.is_terminal
+        self._live = Live(console=console, auto_refresh=False, transient=True) if shown else None
+
+    def __enter__(self) -> Self:
+        """Take the bottom of the terminal."""
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Clear it."""
+        if self._live is not None:
+            self._live.stop()
+
+    def update(self, now_us: int) -> None:
+        """Show the counts anew if it is time to; a clock that has gone back has started again."""
+        if self._live is None or (self._shown_us is not None and 0 <= now_us - self._shown_us < self._period_us):
+            return
+        self._shown_us = now_us
+        counts = self._counts()
+        if counts:
+            self._live.update(verdict_table(counts), refresh=True)

@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a vehicle that is running says on the terminal, and who is told of each message."""
+
+from collections.abc import Callable, Sequence
+
+from rich.console import Console
+
+from ap_core.verdict import Outcome
+from emulator.vehicle import Vehicle
+from mav_handlers.endpoint import MessageEvent
+
+OnMessage = Callable[[str, MessageEvent], None]
+
+
+class LiveReport:
+    """Prints texts as they come, and the first time that a message type meets a verdict other than acceptance.
+
+    Args:
+        console: where to print.
+        listeners: told of each message as well, with the name of its link.
+    """
+
+    def __init__(self, console: Console, listeners: Sequence[OnMessage] = ()) -> None:
+        self._console = console
+        self._listeners = tuple(listeners)
+        self._vehicle: Vehicle | None = None
+        self._seen: set[tuple[str, str]] = set()
+
+    def watch(self, vehicle: Vehicle) -> None:
+        """Report on a vehicle that is about to run, in place of the one before it."""
+        if self._vehicle is not None:
+            self._print("restart")
+        self._vehicle = vehicle
+        vehicle.texts.on_text.append(lambda severity, text: self._print(f"({severity}) {text}"))
+        vehicle.endpoint.on_event = lambda event: self._event(vehicle.endpoint.channels[event.channel].name, event)
+
+    def _print(self, line: str) -> None:
+        time_s = 0.0 if self._vehicle is None else self._vehicle.clock.micros64() / 1e6
+        self._console.print(f"{time_s:9.3f} s  {line}")
+
+    def _event(self, link: str, event: MessageEvent) -> None:
+        for listener in self._listeners:
+            listener(link, event)
+        verdict = event.verdict
+        key = (event.name, verdict.rule.code)
+        if verdict.outcome in (Outcome.ACCEPTED, Outcome.HANDLED) or key in self._seen:
+            return
+        self._seen.add(key)
+        self._print(f"first {event.name} {verdict.outcome}: {verdict.rule.text}")

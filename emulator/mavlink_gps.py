@@ -1,0 +1,206 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The vehicle's one GPS, which GPS_INPUT messages feed (AP_GPS/AP_GPS.cpp)."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import int_of_float, u8, u16, u32
+from ap_core.clock import Clock
+from ap_core.fmath import f32
+from ap_core.param import ParamTable
+from ap_core.sinks import RecordSink, TextSink
+from ekf_stub.gps_sample import FIX_3D, GpsSample
+from emulator.log_structure import GPA, GPS
+from emulator.mavlink_gps_driver import UNKNOWN_DOP, GpsState, MavlinkGpsDriver
+from mav_handlers.wire.messages import GPS_INPUT
+
+GPS_TYPE_NONE: Final = 0
+GPS_TYPE_MAV: Final = 14
+NO_GPS: Final = 0
+NO_FIX: Final = 1
+FIX_2D: Final = 2
+GPS_PERIOD_US: Final = 20_000
+GPS_TIMEOUT_MS: Final = 4000
+MASK_LOG_GPS: Final = 1 << 2
+SPECIFIED_TEXT: Final = "GPS 1: specified as MAV"
+DETECTED_TEXT: Final = "GPS 1: detected MAV"
+
+_MAV_SEVERITY_INFO: Final = 6
+_MAX_DELTA_MS: Final = 245
+_MAX_AVERAGE_DELTA_MS: Final = f32(215)
+_MAX_DELAYED: Final = 2
+_ACCURACY_LIMIT: Final = 65535
+_DEFAULT_YAW_ACCURACY_DEG: Final = 10
+_NO_ELLIPSOID_HEIGHT: Final = -(1 << 31)
+_UNIX_TIME_OF_GPS_WEEK_0_MS: Final = 315_964_800_000 - 18_000  # with the leap seconds since
+_MS_PER_WEEK: Final = 604_800_000
+
+
+class MavlinkGps:
+    """The GPS: finds its driver, watches how regularly it speaks, logs and tells the time.
+
+    There is a driver for GPS1_TYPE 14 only; whatever else that asks for has no receiver attached.
+
+    Args:
+        clock: time since boot.
+        params: holds GPS1_TYPE and LOG_BITMASK.
+        texts: where the driver is announced.
+        logger: where GPS and GPA records go.
+        set_utc_us: takes the time of day in us since 1970.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        params: ParamTable,
+        texts: TextSink,
+        logger: RecordSink,
+        set_utc_us: Callable[[int], None],
+    ) -> None:
+        self._clock = clock
+        self._params = params
+        self._texts = texts
+        self._logger = logger
+        self._set_utc_us = set_utc_us
+        self._driver: MavlinkGpsDriver | None = None
+        self._state = GpsState()
+        self._last_fix_ms = 0
+        self._last_message_ms = 0
+        self._delta_ms = 0
+        self._delayed_count = 0
+        self._average_delta_ms = f32(0)
+
+    def _type(self) -> int:
+        return self._params.get_int("GPS1_TYPE")
+
+    @property
+    def has_driver(self) -> bool:
+        """Tell whether there is a driver that takes messages."""
+        return self._driver is not None and self._type() != GPS_TYPE_NONE
+
+    def take(self, packet: GPS_INPUT) -> bool:
+        """Give a message to the driver; tell whether there is one (AP_GPS::handle_msg)."""
+        if self._driver is None or self._type() == GPS_TYPE_NONE:
+            return False
+        self._driver.handle(packet, self._state, self._clock.millis())
+        return True
+
+    def sample(self) -> GpsSample | None:
+        """Return the newest solution, or None without a driver."""
+        if not self.has_driver:
+            return None
+        state = self._state
+        return GpsSample(
+            time_ms=self._last_message_ms,
+            fix_type=state.status,
+            location=state.location,
+            vel_ned=state.velocity,
+            num_sats=state.num_sats,
+            hdop=state.hdop,
+            vdop=state.vdop,
+            has_vertical_velocity=state.have_vertical_velocity,
+            speed_accuracy=_wide(state.speed_accuracy),
+            horizontal_accuracy=_wide(state.horizontal_accuracy),
+            vertical_accuracy=_wide(state.vertical_accuracy),
+            yaw_deg=_wide(state.yaw_deg),
+            last_fix_ms=self._last_fix_ms,
+            is_healthy=self._healthy(),
+        )
+
+    def _healthy(self) -> bool:
+        """Tell whether messages come regularly, at about 5 Hz or more (AP_GPS::is_healthy)."""
+        return self._delayed_count < _MAX_DELAYED and bool(self._average_delta_ms < _MAX_AVERAGE_DELTA_MS)
+
+    def update(self) -> None:
+        """Look for the driver, then for what it has got, 50 times a second (AP_GPS::update_instance)."""
+        if self._type() == GPS_TYPE_NONE:
+            self._state.status = NO_GPS
+            self._state.hdop = self._state.vdop = UNKNOWN_DOP
+        elif self._driver is None:
+            self._detect()
+        else:
+            self._update_instance(self._driver)
+
+    def _detect(self) -> None:
+        if self._type() != GPS_TYPE_MAV:
+            return
+        self._driver = MavlinkGpsDriver()
+        self._state.status = NO_FIX
+        self._last_message_ms = self._clock.millis()
+        self._delta_ms = GPS_TIMEOUT_MS
+        self._texts.send_text(_MAV_SEVERITY_INFO, SPECIFIED_TEXT)
+
+    def _update_instance(self, driver: MavlinkGpsDriver) -> None:
+        now_ms = self._clock.millis()
+        if driver.read():
+            self._take_news(now_ms)
+        elif u32(now_ms - self._last_message_ms) > GPS_TIMEOUT_MS:
+            self._time_out(now_ms)
+        else:
+            self._tell_time()
+            return
+        self._watch_rate()
+        if self._params.get_int("LOG_BITMASK") & MASK_LOG_GPS:
+            self._log()
+        self._tell_time()
+
+    def _take_news(self, now_ms: int) -> None:
+        state = self._state
+        if state.corrected_ms_updated:
+            state.corrected_ms_updated = False
+            now_ms = state.corrected_ms
+        if not state.announced:
+            state.announced = True
+            self._texts.send_text(_MAV_SEVERITY_INFO, DETECTED_TEXT)
+        self._delta_ms = u16(now_ms - self._last_message_ms)
+        self._last_message_ms = now_ms
+        if state.status >= FIX_2D:
+            self._last_fix_ms = now_ms
+
+    def _time_out(self, now_ms: int) -> None:
+        # A silent MAVLink GPS remains, without a fix.
+        self._state = GpsState()
+        self._last_message_ms = now_ms
+        self._delta_ms = GPS_TIMEOUT_MS
+        if self._type() == GPS_TYPE_MAV:
+            self._state.status = NO_FIX
+        else:
+            self._driver = None
+
+    def _watch_rate(self) -> None:
+        self._delayed_count = u8(self._delayed_count + 1) if self._delta_ms > _MAX_DELTA_MS else 0
+        if self._delta_ms < 2000:
+            delta_ms = f32(self._delta_ms)
+            average_ms = f32(f32(0.98) * self._average_delta_ms + f32(0.02) * delta_ms)
+            self._average_delta_ms = average_ms if self._average_delta_ms > 0 else delta_ms
+
+    def _tell_time(self) -> None:
+        state = self._state
+        if state.status >= FIX_3D and state.time_week:
+            fix_ms = _UNIX_TIME_OF_GPS_WEEK_0_MS + state.time_week * _MS_PER_WEEK + state.time_week_ms
+            self._set_utc_us(fix_ms * 1000 + self._clock.micros64() - state.corrected_ms * 1000)
+
+    def _log(self) -> None:
+        """Write GPS and GPA (AP_GPS::Write_GPS)."""
+        state, time_us = self._state, self._clock.micros64()
+        yaw_deg, yaw_accuracy_deg = (f32(0), 0) if state.yaw_deg is None else (state.yaw_deg, _DEFAULT_YAW_ACCURACY_DEG)
+        solution = (state.status, state.time_week_ms, state.time_week, state.num_sats, state.hdop)
+        place = (state.location.lat, state.location.lng, state.location.alt_cm)
+        motion = (state.ground_speed, state.ground_course, state.velocity.z)
+        self._logger.write(GPS, (time_us, 0, *solution, *place, *motion, yaw_deg, 1))
+        accuracies = map(_centi, (state.horizontal_accuracy, state.vertical_accuracy, state.speed_accuracy))
+        times = (self._last_message_ms, self._delta_ms)
+        flags = (yaw_accuracy_deg, int(state.have_vertical_velocity))
+        self._logger.write(GPA, (time_us, 0, state.vdop, *accuracies, *flags, *times, _NO_ELLIPSOID_HEIGHT, 0, 0))
+
+
+def _wide(value: np.float32 | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _centi(value: np.float32 | None) -> int:
+    scaled = float(f32(0) if value is None else value * f32(100))
+    return u16(int_of_float(scaled)) if scaled < _ACCURACY_LIMIT else _ACCURACY_LIMIT

@@ -1,0 +1,231 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Flight modes: which there are, and when one may be entered (ArduCopter/mode.h, ArduCopter/mode.cpp).
+
+FIRMWARE PARITY: there is no flight controller. A mode is a number that is told and logged, with the firmware's rules
+about entering it, arming in it and taking off in it; none flies.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from typing import Final, Protocol
+
+from ap_core.sinks import TextSink
+from emulator.vehicle_log import VehicleLog
+from mav_handlers.ports import AvailableMode
+
+ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
+
+_MAV_SEVERITY_WARNING: Final = 4
+_NON_STANDARD: Final = 0
+_NO_PROPERTIES: Final = 0
+
+
+class ModeReason(IntEnum):
+    """Why the mode is what it is (AP_Vehicle/ModeReason.h)."""
+
+    GCS_COMMAND = 2
+    INITIALISED = 26
+
+
+class ModeNumber(IntEnum):
+    """HEARTBEAT's custom_mode of a copter."""
+
+    STABILIZE = 0
+    ACRO = 1
+    ALT_HOLD = 2
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    CIRCLE = 7
+    LAND = 9
+    DRIFT = 11
+    FLIP = 14
+    AUTOTUNE = 15
+    POSHOLD = 16
+    BRAKE = 17
+    THROW = 18
+    AVOID_ADSB = 19
+    GUIDED_NOGPS = 20
+    SMART_RTL = 21
+    FLOWHOLD = 22
+    FOLLOW = 23
+    ZIGZAG = 24
+    SYSTEMID = 25
+    AUTO_RTL = 27
+    TURTLE = 28
+
+
+class UserTakeoff(Enum):
+    """Whether NAV_TAKEOFF works in a mode (Mode::has_user_takeoff)."""
+
+    NEVER = "never"
+    BY_PILOT = "only where the pilot does the horizontal part"
+    ALWAYS = "always"
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One flight mode.
+
+    Attributes:
+        number: its custom_mode.
+        name: as in texts and AVAILABLE_MODES.
+        requires_position: it cannot do without a position (requires_GPS).
+        manual_throttle: the pilot has the throttle, so that no height is needed.
+        arms: it may be armed in by a ground station.
+        takeoff: whether NAV_TAKEOFF works in it.
+        holds_position: it runs the horizontal position controller, on the ground too.
+        lands: it brings the vehicle down and disarms it there.
+    """
+
+    number: ModeNumber
+    name: str
+    requires_position: bool = False
+    manual_throttle: bool = False
+    arms: bool = True
+    takeoff: UserTakeoff = UserTakeoff.NEVER
+    holds_position: bool = True
+    lands: bool = False
+
+
+def _modes(*modes: Mode) -> Mapping[int, Mode]:
+    return {mode.number: mode for mode in modes}
+
+
+_N = ModeNumber
+
+MODES: Final = _modes(
+    Mode(_N.AUTO, "AUTO", requires_position=True, arms=False),
+    Mode(_N.ACRO, "ACRO", manual_throttle=True, holds_position=False),
+    Mode(_N.STABILIZE, "STABILIZE", manual_throttle=True, holds_position=False),
+    Mode(_N.ALT_HOLD, "ALT_HOLD", takeoff=UserTakeoff.BY_PILOT, holds_position=False),
+    Mode(_N.CIRCLE, "CIRCLE", requires_position=True, arms=False),
+    Mode(_N.LOITER, "LOITER", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.GUIDED, "GUIDED", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.LAND, "LAND", arms=False, lands=True),
+    Mode(_N.RTL, "RTL", requires_position=True, arms=False, lands=True),
+    Mode(_N.DRIFT, "DRIFT", requires_position=True, holds_position=False),
+    Mode(_N.FLIP, "FLIP", arms=False, holds_position=False),
+    Mode(_N.AUTOTUNE, "AUTOTUNE", arms=False),
+    Mode(_N.POSHOLD, "POSHOLD", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.BRAKE, "BRAKE", requires_position=True, arms=False),
+    Mode(_N.THROW, "THROW", requires_position=True, holds_position=False),
+    Mode(_N.AVOID_ADSB, "AVOID_ADSB", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.GUIDED_NOGPS, "GUIDED_NOGPS", takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.SMART_RTL, "SMARTRTL", requires_position=True, arms=False, lands=True),
+    Mode(_N.FLOWHOLD, "FLOWHOLD", takeoff=UserTakeoff.BY_PILOT),
+    Mode(_N.FOLLOW, "FOLLOW", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.ZIGZAG, "ZIGZAG", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.SYSTEMID, "SYSTEMID", manual_throttle=True, arms=False),
+    Mode(_N.TURTLE, "TURTLE", manual_throttle=True),
+)
+"""The modes of the reference build by number, in the order of AVAILABLE_MODES."""
+
+AVAILABLE_MODES: Final = (
+    AvailableMode("AUTO RTL", ModeNumber.AUTO_RTL, _NON_STANDARD, _NO_PROPERTIES),
+    *(AvailableMode(mode.name, mode.number, _NON_STANDARD, _NO_PROPERTIES) for mode in MODES.values()),
+)
+"""AUTO RTL comes first: it is AUTO under another name and number (GCS_MAVLINK_Copter::send_available_mode)."""
+
+# What these say when they refuse: their parameters have the values of the firmware's defaults.
+_TEXTS: Final = {
+    ModeNumber.FOLLOW: "Set FOLL_ENABLE = 1",
+    ModeNumber.SYSTEMID: "No axis selected, SID_AXIS = 0",
+}
+# They need a flight in the air, an optical flow sensor or DShot motors.
+_NEVER_ENTERED: Final = frozenset(
+    {ModeNumber.FLIP, ModeNumber.AUTOTUNE, ModeNumber.FLOWHOLD, ModeNumber.TURTLE, *_TEXTS}
+)
+
+
+class ModeConditions(Protocol):
+    """What entering a mode depends on."""
+
+    def is_armed(self) -> bool:
+        """Tell whether the vehicle is armed."""
+
+    def position_ok(self) -> bool:
+        """Tell whether the position is good enough for a mode that requires it."""
+
+    def alt_ok(self) -> bool:
+        """Tell whether the height is known."""
+
+    def has_home(self) -> bool:
+        """Tell whether home is set."""
+
+    def has_return_path(self) -> bool:
+        """Tell whether there is a path back for SMART_RTL."""
+
+
+class FlightModes:
+    """The flight mode, STABILIZE at first.
+
+    Args:
+        conditions: what entering a mode depends on.
+        texts: where refusals are told.
+        log: where changes and refusals are logged.
+
+    Attributes:
+        current: the mode.
+        reason: why it is that.
+    """
+
+    def __init__(self, conditions: ModeConditions, texts: TextSink, log: VehicleLog) -> None:
+        self._conditions = conditions
+        self._texts = texts
+        self._log = log
+        self.current = MODES[ModeNumber.STABILIZE]
+        self.reason = ModeReason.INITIALISED
+
+    def set_mode(self, number: int, reason: ModeReason) -> bool:
+        """Enter a mode; tell whether the vehicle is in it now. A refusal is told as a text (Copter::set_mode)."""
+        if number == self.current.number:
+            self.reason = reason
+            return True
+        if number == ModeNumber.AUTO_RTL:
+            return self._refuse("Mode change to AUTO RTL failed: No return path or landing sequence found", number)
+        mode = MODES.get(number)
+        if mode is None:
+            return self._refuse(f"No such mode {number}", number)
+        failure = self._failure(mode)
+        if failure is not None:
+            return self._refuse(f"Mode change to {mode.name} failed: {failure}", number)
+        self.current = mode
+        self.reason = reason
+        self.log_mode()
+        return True
+
+    def log_mode(self) -> None:
+        """Write a MODE record."""
+        self._log.mode(self.current.number, self.reason)
+
+    def _refuse(self, text: str, number: int) -> bool:
+        self._texts.send_text(_MAV_SEVERITY_WARNING, text)
+        self._log.error(ERR_SUBSYSTEM_FLIGHT_MODE, number)
+        return False
+
+    def _failure(self, mode: Mode) -> str | None:
+        # Disarmed, any mode may be chosen: arming has its own checks.
+        if self._conditions.is_armed():
+            if mode.requires_position and not self._conditions.position_ok():
+                return "requires position"
+            takes_over_height = self.current.manual_throttle and not mode.manual_throttle
+            if takes_over_height and not self._conditions.alt_ok():
+                return "need alt estimate"
+        return None if self._init(mode) else "init failed"
+
+    def _init(self, mode: Mode) -> bool:
+        """Do what the mode itself checks (Mode::init of each)."""
+        conditions = self._conditions
+        if mode.number in _TEXTS:
+            self._texts.send_text(_MAV_SEVERITY_WARNING, _TEXTS[mode.number])
+        if mode.number in _NEVER_ENTERED:
+            return False
+        if mode.number in (ModeNumber.AUTO, ModeNumber.THROW):  # there is no mission, and no throwing once armed
+            return not conditions.is_armed()
+        if mode.number == ModeNumber.RTL:
+            return not conditions.is_armed() or conditions.has_home()
+        return mode.number != ModeNumber.SMART_RTL or conditions.has_return_path()

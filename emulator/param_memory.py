@@ -1,0 +1,35 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a vehicle's parameters are kept over a restart: what it asks of such a place, and one in memory."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from ap_core.param import ParamTable
+
+
+class StoredParams(Protocol):
+    """Keeps parameters over a restart."""
+
+    def restore(self, params: ParamTable) -> None:
+        """Give a vehicle's parameters their stored values."""
+
+    def save_if_changed(self, values: Mapping[str, float]) -> bool:
+        """Keep what a restart has to remember, by name; tell whether anything was new."""
+
+
+class MemoryParamStore:
+    """Keeps parameters as long as it exists itself."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, float] = {}
+
+    def restore(self, params: ParamTable) -> None:
+        """Give a vehicle's parameters their stored values."""
+        params.load_stored(self._values)
+
+    def save_if_changed(self, values: Mapping[str, float]) -> bool:
+        """Keep what a restart has to remember, by name; tell whether anything was new."""
+        changed = values != self._values
+        self._values = dict(values)
+        return changed

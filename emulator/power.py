@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A vehicle that can be restarted by its clients, on links that outlive the restart."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emulator.vehicle import Vehicle, VehicleConfig
+from mav_handlers.channel import Channel, CountKey
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """A port of the autopilot: its name, and the rate of its UART or None."""
+
+    name: str
+    baud: int | None = None
+
+
+class PoweredVehicle:
+    """The vehicle that is running, and how to start the next one.
+
+    A restart forgets everything but stored parameters, the signing key and the logs: a new log begins, and time counts
+    from 0 again. The ports stay.
+
+    Args:
+        config: how to build the vehicle.
+        ports: one for each of its links.
+        on_boot: called with each vehicle before it runs.
+
+    Attributes:
+        vehicle: the one that runs now.
+        channels: its links, in the order of the ports.
+        restarts: how many there have been.
+    """
+
+    def __init__(
+        self, config: VehicleConfig, ports: Sequence[Port], on_boot: Callable[[Vehicle], None] = lambda _vehicle: None
+    ) -> None:
+        self._config = config
+        self._ports = tuple(ports)
+        self._on_boot = on_boot
+        self.restarts = 0
+        self._counts: Counter[CountKey] = Counter()
+        self._start()
+
+    def _start(self) -> None:
+        self.vehicle = Vehicle(self._config)
+        self.channels: tuple[Channel, ...] = tuple(
+            self.vehicle.endpoint.open_channel(port.name, baud=port.baud) for port in self._ports
+        )
+        self._overridden = {name: self._value(name) for name in self._config.overrides}
+        self._on_boot(self.vehicle)
+
+    def _value(self, name: str) -> np.float32 | None:
+        param = self.vehicle.params.find(name)
+        return None if param is None else param.value
+
+    def restart_if_asked(self) -> bool:
+        """Restart the vehicle if a client asked for it, once its answer has left; tell whether it was."""
+        if not self.vehicle.reboot_requested:
+            return False
+        self.close()
+        self._counts += self.vehicle.endpoint.verdict_counts()
+        # What a client has set otherwise since is what it expects to find after the restart.
+        config = self._config
+        overrides = {name: to for name, to in config.overrides.items() if self._value(name) == self._overridden[name]}
+        self._config = replace(config, overrides=overrides, boot_utc_us=self._next_boot_utc_us())
+        self.restarts += 1
+        self._start()
+        return True
+
+    def _next_boot_utc_us(self) -> int:
+        # Only a clock that was right at boot runs on; one that was set by GPS or MAVLink is lost.
+        return self.vehicle.utc_us() if self._config.boot_utc_us else 0
+
+    def verdict_counts(self) -> dict[CountKey, int]:
+        """Return how often each message type met each verdict, over all links and restarts."""
+        return self._counts + Counter(self.vehicle.endpoint.verdict_counts())
+
+    def close(self) -> None:
+        """Close the log properly, and keep the parameters."""
+        self.vehicle.close()

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parameters of sensors, AHRS, clock and battery, in list order.
+
+What decides which sources the EKF has is read here; the rest is what ground stations ask for by name when they
+connect: QGroundControl and MAVProxy for the compasses and the accelerometer's offsets, Mission Planner for the ids of
+devices.
+
+Types, defaults and order: the ``var_info`` tables of Compass, AP_InertialSensor, AP_AHRS, AP_BattMonitor, AP_RTC,
+AP_GPS, AP_Scheduler and AP_OpticalFlow.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from ap_core.param_info import ParamFlag, ParamInfo, ParamType
+from ap_core.rotations import Rotation
+
+INT8: Final = ParamType.INT8
+INT16: Final = ParamType.INT16
+INT32: Final = ParamType.INT32
+FLOAT: Final = ParamType.FLOAT
+VECTOR3F: Final = ParamType.VECTOR3F
+
+_ZERO: Final = (0.0, 0.0, 0.0)
+_OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
+_GPS_USE: Final = {0: "No", 1: "Position", 2: "Position and height"}
+_EKF_TYPE: Final = {0: "DCM", 2: "EKF2", 3: "EKF3", 10: "Simulation", 11: "External"}
+_BATTERY: Final = {0: "Disabled", 3: "Analog voltage", 4: "Analog voltage and current"}
+_GPS_TYPE: Final = {0: "None", 1: "Auto", 2: "uBlox", 5: "NMEA", 14: "MAVLink"}
+_ORIENTATION: Final = {int(rotation): rotation.name for rotation in Rotation}
+_FLOW_TYPE: Final = {0: "None", 5: "MAVLink", 10: "Simulation"}
+
+
+def _compass_offset(name: str, which: str) -> ParamInfo:
+    return ParamInfo(name, VECTOR3F, _ZERO, f"Hard iron of the {which} compass", "mGauss", (-400.0, 400.0))
+
+
+def _compass_id(name: str, which: str) -> ParamInfo:
+    return ParamInfo(name, INT32, 0, f"Device id of the {which} compass, 0 for none")
+
+
+def _compass_use(name: str, which: str) -> ParamInfo:
+    return ParamInfo(name, INT8, 1, f"Use the {which} compass for yaw", values=_OFF_ON)
+
+
+def _enabling(name: str, default: int, text: str, values: Mapping[int, str]) -> ParamInfo:
+    return ParamInfo(name, INT8, default, text, "", None, values, ParamFlag.ENABLE, reboot_required=True)
+
+
+COMPASS: Final = (
+    _compass_offset("OFS", "first"),
+    _compass_use("USE", "first"),
+    _compass_offset("OFS2", "second"),
+    _compass_offset("OFS3", "third"),
+    _compass_id("DEV_ID", "first"),
+    _compass_id("DEV_ID2", "second"),
+    _compass_id("DEV_ID3", "third"),
+    _compass_use("USE2", "second"),
+    _compass_use("USE3", "third"),
+    ParamInfo("ENABLE", INT8, 1, "Look for compasses", values=_OFF_ON, reboot_required=True),
+)
+
+INS: Final = (
+    ParamInfo("_ACCOFFS", VECTOR3F, _ZERO, "Offset of the first accelerometer", "m/s/s", (-3.5, 3.5)),
+    ParamInfo("_GYR_ID", INT32, 0, "Device id of the first gyro, 0 for none"),
+    ParamInfo("_ACC_ID", INT32, 0, "Device id of the first accelerometer, 0 for none"),
+)
+
+AHRS: Final = (
+    ParamInfo("GPS_GAIN", FLOAT, 1.0, "How much GPS corrects DCM's attitude", "", (0.0, 1.0)),
+    ParamInfo("GPS_USE", INT8, 1, "What DCM takes from GPS", values=_GPS_USE),
+    ParamInfo("YAW_P", FLOAT, 0.2, "How fast DCM follows its source of yaw", "", (0.1, 0.4)),
+    ParamInfo("RP_P", FLOAT, 0.2, "How fast DCM follows the accelerometers", "", (0.1, 0.4)),
+    ParamInfo("WIND_MAX", INT8, 0, "Difference of airspeed and ground speed that is believed", "m/s", (0.0, 127.0)),
+    ParamInfo("TRIM", VECTOR3F, _ZERO, "Tilt of the autopilot in the frame", "rad", (-0.1745, 0.1745)),
+    ParamInfo(
+        "ORIENTATION", INT8, 0, "Rotation of the autopilot in the frame", values=_ORIENTATION, reboot_required=True
+    ),
+    ParamInfo("COMP_BETA", FLOAT, 0.1, "Crossover of airspeed and GPS in DCM's velocity", "", (0.001, 0.5)),
+    ParamInfo("GPS_MINSATS", INT8, 6, "Satellites that DCM asks for", "", (0.0, 10.0)),
+    ParamInfo("EKF_TYPE", INT8, 3, "Which estimator the vehicle uses", values=_EKF_TYPE),
+    ParamInfo("OPTIONS", INT16, 0, "When planes may fall back to DCM, a bit each"),
+)
+
+BATTERY: Final = (_enabling("MONITOR", 0, "Kind of battery monitor", _BATTERY),)
+
+RTC: Final = (
+    ParamInfo("_TYPES", INT8, 1, "Who may set the clock, bits: 0 GPS, 1 SYSTEM_TIME, 2 hardware"),
+    ParamInfo("_TZ_MIN", INT16, 0, "Local time less UTC", "min", (-720.0, 840.0)),
+)
+
+GPS1: Final = (_enabling("TYPE", 1, "Kind of GPS", _GPS_TYPE),)
+
+SCHEDULER: Final = (
+    ParamInfo("LOOP_RATE", INT16, 400, "Passes of the main loop", "Hz", (50.0, 400.0), reboot_required=True),
+)
+
+FLOW: Final = (_enabling("_TYPE", 0, "Kind of flow sensor", _FLOW_TYPE),)

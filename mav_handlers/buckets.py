@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ten buckets that hold a link's periodic messages by their intervals.
+
+Source: GCS_MAVLink/GCS_Common.cpp (set_ap_message_interval, remove_message_from_bucket, find_next_bucket_to_send,
+next_deferred_bucket_message_to_send, update_send). Times are milliseconds since boot of which 16 bits count.
+"""
+
+from collections.abc import Callable, Set
+from dataclasses import dataclass, field
+from typing import Final
+
+from ap_core.cint import u16
+
+BUCKET_COUNT: Final = 10
+_NEVER_MS: Final = 65535
+
+
+@dataclass(slots=True, eq=False)
+class _Bucket:
+    """Messages that go out together; free while the interval is 0."""
+
+    interval_ms: int = 0
+    last_sent_ms: int = 0
+    names: set[str] = field(default_factory=set)
+
+    def free(self) -> None:
+        self.interval_ms = 0
+        self.last_sent_ms = 0
+
+
+class IntervalBuckets:
+    """Which messages are sent at which interval, and which of them are due.
+
+    One bucket at a time is chosen to be sent next, and the messages of its burst are fixed at that moment. What is
+    added to it later, and any bucket that would be due earlier by then, waits until that burst has gone out.
+
+    Args:
+        stretch: returns the interval at which a bucket is really sent, from its own one, both in ms.
+    """
+
+    def __init__(self, stretch: Callable[[int], int]) -> None:
+        self._stretch = stretch
+        self._buckets = tuple(_Bucket() for _ in range(BUCKET_COUNT))
+        self._sending: _Bucket | None = None
+        self._to_send: set[str] = set()
+
+    @property
+    def is_empty(self) -> bool:
+        """Tell whether no message has an interval (GCS_MAVLINK::is_streaming, negated)."""
+        return self._sending is None
+
+    def intervals_ms(self) -> dict[str, int]:
+        """Return the interval of each message in a bucket, before any slow-down."""
+        return {name: bucket.interval_ms for bucket in self._buckets for name in bucket.names}
+
+    def set_interval(self, name: str, interval_ms: int, now_ms: int) -> None:
+        """Put a message into the bucket of its interval, or, when all ten are taken, into that of the nearest.
+
+        Args:
+            name: the message.
+            interval_ms: 0 takes it out.
+            now_ms: time since boot.
+        """
+        current = next((bucket for bucket in self._buckets if name in bucket.names), None)
+        if interval_ms == 0:
+            if current is not None:
+                self._remove(current, name, now_ms)
+            return
+        free = next((bucket for bucket in self._buckets if bucket.interval_ms == 0), None)
+        target = min(self._buckets, key=lambda bucket: _distance_ms(bucket, interval_ms))
+        fits = target.interval_ms == interval_ms
+        if current is not None:
+            if fits and current is target:
+                return
+            self._remove(current, name, now_ms)
+            if free is None and not current.names:
+                free = current
+        if free is not None and not fits:
+            target = free
+            target.interval_ms = interval_ms
+            target.last_sent_ms = u16(now_ms)
+        target.names.add(name)
+        if self._sending is None:
+            self._choose(target)
+
+    def _remove(self, bucket: _Bucket, name: str, now_ms: int) -> None:
+        bucket.names.discard(name)
+        if not bucket.names:
+            bucket.free()
+        if bucket is self._sending:
+            self._to_send.discard(name)
+            if not self._to_send:
+                self._find_next(now_ms)
+
+    def _choose(self, bucket: _Bucket | None) -> None:
+        self._sending = bucket
+        self._to_send = set() if bucket is None else set(bucket.names)
+
+    def _find_next(self, now_ms: int) -> None:
+        used = [bucket for bucket in self._buckets if bucket.names]
+        self._choose(min(used, key=lambda bucket: self._wait_ms(bucket, now_ms), default=None))
+
+    def _wait_ms(self, bucket: _Bucket, now_ms: int) -> int:
+        return max(self._stretch(bucket.interval_ms) - u16(now_ms - bucket.last_sent_ms), 0)
+
+    def due(self, now_ms: int) -> Set[str]:
+        """Return what is left of the burst that is due; nothing while none is."""
+        if self._sending is None or self._wait_ms(self._sending, now_ms) > 0:
+            return frozenset()
+        return self._to_send
+
+    def note_sent(self, name: str, now_ms: int) -> None:
+        """Take a message off the burst; its bucket is due again one interval later when it was the last one.
+
+        The phase is kept, unless more than one turn was missed.
+        """
+        bucket = self._sending
+        self._to_send.discard(name)
+        if bucket is None or self._to_send:
+            return
+        interval_ms = self._stretch(bucket.interval_ms)
+        bucket.last_sent_ms = next_sent_ms(bucket.last_sent_ms, interval_ms, now_ms)
+        self._find_next(now_ms)
+
+
+def _distance_ms(bucket: _Bucket, interval_ms: int) -> int:
+    return abs(bucket.interval_ms - interval_ms) if bucket.interval_ms else _NEVER_MS
+
+
+def next_sent_ms(last_sent_ms: int, interval_ms: int, now_ms: int) -> int:
+    """Return the time to note for something just sent: one interval on, or now when that is too long ago."""
+    kept_phase_ms = u16(last_sent_ms + interval_ms)
+    return kept_phase_ms if u16(now_ms - kept_phase_ms) <= interval_ms else u16(now_ms)

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handlers of commands (GCS_Common.cpp, handle_command_long, handle_command_int, handle_command_int_packet)."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import int_of_float
+from ap_core.verdict import Verdict
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands.results import MavCmd, MavResult
+from mav_handlers.handlers.commands.table import COMMANDS
+from mav_handlers.verdicts import HANDLED
+from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG
+
+MAV_FRAME_GLOBAL: Final = 0
+MAV_FRAME_GLOBAL_RELATIVE_ALT: Final = 3
+
+_CARRY_LOCATION: Final = frozenset(
+    {
+        MavCmd.DO_SET_HOME,
+        MavCmd.DO_SET_ROI,
+        MavCmd.DO_SET_ROI_LOCATION,
+        MavCmd.DO_REPOSITION,
+        MavCmd.EXTERNAL_POSITION_ESTIMATE,
+        MavCmd.DO_SET_GLOBAL_ORIGIN,
+    }
+)
+_NO_ASSUMED_FRAME: Final = frozenset(
+    {MavCmd.DO_REPOSITION, MavCmd.EXTERNAL_POSITION_ESTIMATE, MavCmd.DO_SET_GLOBAL_ORIGIN}
+)
+
+
+def _location_param(value: float, carries_location: bool) -> int:
+    if math.isnan(value):
+        return 0
+    return int_of_float(value * 1e7 if carries_location else value)
+
+
+def to_command_int(message: COMMAND_LONG) -> COMMAND_INT:
+    """Convert a COMMAND_LONG: param5 and 6 become integers, x 1e7 where they are a place.
+
+    Source: GCS_MAVLINK::convert_COMMAND_LONG_to_COMMAND_INT.
+    """
+    carries_location = message.command in _CARRY_LOCATION
+    frame = MAV_FRAME_GLOBAL if message.command == MavCmd.DO_SET_HOME else MAV_FRAME_GLOBAL_RELATIVE_ALT
+    return COMMAND_INT(
+        message.target_system,
+        message.target_component,
+        frame,
+        message.command,
+        0,
+        0,
+        message.param1,
+        message.param2,
+        message.param3,
+        message.param4,
+        _location_param(message.param5, carries_location),
+        _location_param(message.param6, carries_location),
+        message.param7,
+    )
+
+
+def handle_command_long(ctx: Context, message: COMMAND_LONG) -> Verdict:
+    """Run a command and acknowledge it, whatever its confirmation count."""
+    command = to_command_int(message)
+    result = MavResult.UNSUPPORTED if message.command in _NO_ASSUMED_FRAME else _run(ctx, command)
+    return _finish(ctx, command, result, was_long=True)
+
+
+def handle_command_int(ctx: Context, message: COMMAND_INT) -> Verdict:
+    """Run a command and acknowledge it."""
+    return _finish(ctx, message, _run(ctx, message), was_long=False)
+
+
+def _run(ctx: Context, command: COMMAND_INT) -> MavResult:
+    handler = COMMANDS.get(command.command)
+    return handler(ctx, command) if handler is not None else MavResult.UNSUPPORTED
+
+
+def _finish(ctx: Context, command: COMMAND_INT, result: MavResult, *, was_long: bool) -> Verdict:
+    sender = ctx.header.system_id, ctx.header.component_id
+    ctx.channel.send(COMMAND_ACK(command.command, result, 0, 0, *sender))
+    ctx.vehicle.log.command(
+        (
+            command.target_system,
+            command.target_component,
+            *sender,
+            command.frame,
+            command.command,
+            *(np.float32(p) for p in (command.param1, command.param2, command.param3, command.param4)),
+            command.x,
+            command.y,
+            np.float32(command.z),
+            int(result),
+            int(was_long),
+        )
+    )
+    return HANDLED

@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Commands about home and the EKF's origin."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import int_of_float
+from ap_core.fmath import f32, is_zero
+from ap_core.param_info import is_equal
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands.numbers import u32_of_float, u64_of_float
+from mav_handlers.handlers.commands.results import MavResult, accepted_if
+from mav_handlers.handlers.origin import set_ekf_origin
+from mav_handlers.ports import Location, OriginResult
+from mav_handlers.senders import gps_global_origin, home_position
+from mav_handlers.wire.messages import COMMAND_INT
+
+LOCATION_ALT_MAX_M: Final = 83_000
+# Above home, above terrain and absolute, each also in its "INT" form.
+LOCATION_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
+ABSOLUTE_FRAMES: Final = frozenset({0, 5})
+TERRAIN_FRAMES: Final = frozenset({10, 11})
+
+_ONE: Final = f32(1)
+_MAV_SEVERITY_INFO: Final = 6
+
+
+def get_home_position(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Send home and origin ahead of the acknowledgement."""
+    home = home_position(ctx.vehicle, ctx.channel, ctx.now_us)
+    if home is None:
+        return MavResult.FAILED
+    ctx.channel.send(home)
+    origin = gps_global_origin(ctx.vehicle, ctx.channel, ctx.now_us)
+    if origin is not None:
+        ctx.channel.send(origin)
+    return MavResult.ACCEPTED
+
+
+_ORIGIN_RESULTS: Final = {
+    OriginResult.SET: MavResult.ACCEPTED,
+    OriginResult.INVALID: MavResult.DENIED,
+    OriginResult.FAILED: MavResult.FAILED,
+}
+
+
+def _location_problem(ctx: Context, command: COMMAND_INT) -> bool:
+    # GCS_MAVLINK::location_from_command_t
+    if math.isnan(command.z) or abs(command.z) > LOCATION_ALT_MAX_M:
+        return True
+    if command.frame in LOCATION_FRAMES:
+        return False
+    ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"Unknown mavlink coordinate frame {command.frame}")
+    return True
+
+
+def _location(command: COMMAND_INT) -> Location:
+    return Location(command.x, command.y, int_of_float(float(np.float32(command.z) * np.float32(100))))
+
+
+def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Set the EKF origin: degE7 and metres."""
+    if _location_problem(ctx, command):
+        return MavResult.DENIED
+    return _ORIGIN_RESULTS[set_ekf_origin(ctx, _location(command))]
+
+
+def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Set home for good: to where the vehicle is, or to degE7 and metres (handle_command_do_set_home)."""
+    copter = ctx.vehicle.copter
+    if is_equal(f32(command.param1), _ONE) or (command.x == 0 and command.y == 0):
+        return accepted_if(copter.set_home_here())
+    if not is_zero(f32(command.param1)):
+        return MavResult.FAILED
+    if _location_problem(ctx, command):
+        return MavResult.DENIED
+    place = _absolute(ctx, command)
+    return accepted_if(place is not None and copter.set_home(place))
+
+
+def _absolute(ctx: Context, command: COMMAND_INT) -> Location | None:
+    # Location::change_alt_frame: a height above home needs one, and there is no terrain data.
+    place, home = _location(command), ctx.vehicle.home()
+    if command.frame in ABSOLUTE_FRAMES:
+        return place
+    if command.frame in TERRAIN_FRAMES or home is None:
+        return None
+    return Location(place.lat, place.lng, place.alt_cm + home.alt_cm)
+
+
+def external_position_estimate(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Give the EKF a place without a height: param1 seconds, param2 delay in s, param3 accuracy in m.
+
+    Source: GCS_MAVLINK::handle_command_int_external_position_estimate.
+    """
+    if command.frame not in ABSOLUTE_FRAMES or not math.isnan(command.z):
+        return MavResult.DENIED
+    time_ms = ctx.correct_time_ms(COMMAND_INT, u64_of_float(float(f32(command.param1)) * 1e6))
+    delay_ms = u32_of_float(float(f32(command.param2)) * 1e3)
+    if time_ms > delay_ms:
+        time_ms -= delay_ms
+    place = Location(command.x, command.y, 0)
+    return accepted_if(ctx.vehicle.ahrs.handle_external_position_estimate(place, f32(command.param3), time_ms))
+
+
+def external_wind_estimate(_ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Take a wind, m/s and degrees; only DCM would use it (handle_command_int_external_wind_estimate)."""
+    in_range = not command.param1 < 0 and not command.param3 < 0 and not command.param3 > 360
+    return MavResult.ACCEPTED if in_range else MavResult.DENIED

@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Commands that change the flight mode, or start something in it (ArduCopter/GCS_MAVLink_Copter.cpp)."""
+
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import int_of_float, u8
+from ap_core.fmath import f32, is_zero
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands.numbers import u32_of_float
+from mav_handlers.handlers.commands.results import MavResult, accepted_if
+from mav_handlers.wire.messages import COMMAND_INT
+
+MAV_FRAME_GLOBAL_RELATIVE_ALT: Final = 3
+MODE_FLAG_CUSTOM: Final = 1
+SAFETY_SWITCH: Final = 128
+AUTO: Final = 3
+LOITER: Final = 5
+RTL: Final = 6
+LAND: Final = 9
+
+_CENTI: Final = f32(100)
+
+
+def set_mode(ctx: Context, base_mode: int, custom_mode: int) -> MavResult:
+    """Enter the mode with a number, or move the safety switch (GCS_MAVLINK::_set_mode_common).
+
+    Args:
+        ctx: the surroundings of the message.
+        base_mode: its bit 0 says that the number counts; exactly 128 means the safety switch.
+        custom_mode: number of the mode, of which eight bits count; of the switch 0 is off, 1 on.
+    """
+    if base_mode & MODE_FLAG_CUSTOM:
+        return accepted_if(ctx.vehicle.copter.set_mode(u8(custom_mode)))
+    if base_mode != SAFETY_SWITCH or custom_mode > 1:
+        return MavResult.DENIED
+    ctx.vehicle.copter.set_safety(custom_mode == 1)
+    return MavResult.ACCEPTED
+
+
+def do_set_mode(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Do what SET_MODE does."""
+    return set_mode(ctx, u8(int_of_float(command.param1)), u32_of_float(command.param2))
+
+
+def nav_loiter_unlim(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Enter LOITER."""
+    return accepted_if(ctx.vehicle.copter.set_mode(LOITER))
+
+
+def nav_return_to_launch(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Enter RTL."""
+    return accepted_if(ctx.vehicle.copter.set_mode(RTL))
+
+
+def nav_land(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Enter LAND."""
+    return accepted_if(ctx.vehicle.copter.set_mode(LAND))
+
+
+def mission_start(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Enter AUTO; a part of the mission cannot be chosen."""
+    if not is_zero(f32(command.param1)) or not is_zero(f32(command.param2)):
+        return MavResult.DENIED
+    return accepted_if(ctx.vehicle.copter.set_mode(AUTO))
+
+
+def nav_takeoff(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Take off to a height in m above home; a param3 leaves the horizontal part to the pilot.
+
+    Source: GCS_MAVLINK_Copter::handle_MAV_CMD_NAV_TAKEOFF.
+    """
+    if command.frame != MAV_FRAME_GLOBAL_RELATIVE_ALT:
+        return MavResult.DENIED
+    with np.errstate(over="ignore"):
+        altitude_cm = float(f32(command.z) * _CENTI)
+    return accepted_if(ctx.vehicle.copter.take_off(altitude_cm, must_navigate=is_zero(f32(command.param3))))

@@ -1,0 +1,53 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers of commands and of their results."""
+
+from enum import IntEnum
+
+
+class MavResult(IntEnum):
+    """MAV_RESULT values that the firmware uses here."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+
+
+class MavCmd(IntEnum):
+    """MAV_CMD values that have a handler, or that carry a location."""
+
+    NAV_LOITER_UNLIM = 17
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    NAV_VTOL_TAKEOFF = 84
+    NAV_VTOL_LAND = 85
+    DO_SET_MODE = 176
+    DO_SET_HOME = 179
+    DO_REPOSITION = 192
+    DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI = 201
+    DO_AUX_FUNCTION = 218
+    PREFLIGHT_CALIBRATION = 241
+    PREFLIGHT_STORAGE = 245
+    PREFLIGHT_REBOOT_SHUTDOWN = 246
+    MISSION_START = 300
+    COMPONENT_ARM_DISARM = 400
+    RUN_PREARM_CHECKS = 401
+    GET_HOME_POSITION = 410
+    GET_MESSAGE_INTERVAL = 510
+    SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+    REQUEST_AUTOPILOT_CAPABILITIES = 520
+    DO_SET_GLOBAL_ORIGIN = 611
+    SET_EKF_SOURCE_SET = 42007
+    DO_SEND_BANNER = 42428
+    EXTERNAL_POSITION_ESTIMATE = 43003
+    EXTERNAL_WIND_ESTIMATE = 43004
+
+
+def accepted_if(ok: bool) -> MavResult:
+    """Return ACCEPTED, or FAILED when it did not work."""
+    return MavResult.ACCEPTED if ok else MavResult.FAILED

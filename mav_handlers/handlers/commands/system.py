@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Commands about the autopilot itself."""
+
+from typing import Final
+
+from ap_core.fmath import f32
+from ap_core.param_info import is_equal
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands.results import MavResult
+from mav_handlers.wire.messages import COMMAND_INT
+
+REBOOT: Final = f32(1.0)
+REBOOT_TO_BOOTLOADER: Final = f32(3.0)
+FORCE_REBOOT: Final = 20190226
+RESET_PARAMETERS: Final = f32(2.0)
+FORCE_SAVE_CALIBRATION: Final = 76
+
+_ONE: Final = f32(1)
+# param1 to 3 of the requests to break something.
+_DELIBERATE_FAULT: Final = (f32(42.0), f32(24.0), f32(71.0))
+_MAV_SEVERITY_WARNING: Final = 4
+_MAV_SEVERITY_NOTICE: Final = 5
+_MAV_SEVERITY_INFO: Final = 6
+
+
+def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Queue AUTOPILOT_VERSION."""
+    if not is_equal(f32(command.param1), _ONE):
+        return MavResult.FAILED
+    ctx.endpoint.request_message(ctx.channel, "AUTOPILOT_VERSION")
+    return MavResult.ACCEPTED
+
+
+def do_send_banner(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Introduce the vehicle in texts."""
+    ctx.endpoint.send_banner()
+    return MavResult.ACCEPTED
+
+
+def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Restart, armed only when forced (GCS_MAVLINK::handle_preflight_reboot)."""
+    param1 = f32(command.param1)
+    asked = zip((param1, f32(command.param2), f32(command.param3)), _DELIBERATE_FAULT, strict=True)
+    if all(is_equal(param, wanted) for param, wanted in asked):
+        # FIRMWARE PARITY: the firmware breaks itself in the way that param4 tells.
+        return MavResult.UNSUPPORTED
+    if ctx.vehicle.is_armed() and command.y != FORCE_REBOOT:
+        return MavResult.FAILED
+    if not is_equal(param1, REBOOT) and not is_equal(param1, REBOOT_TO_BOOTLOADER):
+        return MavResult.UNSUPPORTED
+    ctx.vehicle.request_reboot()
+    return MavResult.ACCEPTED
+
+
+def preflight_storage(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Forget all stored parameters, which shows after a restart; saving them is not asked for, as they are."""
+    if not is_equal(f32(command.param1), RESET_PARAMETERS):
+        return MavResult.DENIED
+    ctx.vehicle.params.forget_stored()
+    text = "All parameters reset, reboot board"
+    ctx.vehicle.texts.send_text_to(ctx.channel.index, _MAV_SEVERITY_WARNING, text)
+    return MavResult.ACCEPTED
+
+
+def preflight_calibration(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Calibrate gyros or barometer, which is done at once, or accept old values for accelerometers and compasses.
+
+    FIRMWARE PARITY: levelling, the guided calibration of accelerometers and that of the compass against motor currents
+    are not there.
+
+    Source: GCS_MAVLINK::_handle_command_preflight_calibration.
+    """
+    texts = ctx.vehicle.texts
+    if ctx.vehicle.is_armed():
+        texts.send_text(_MAV_SEVERITY_NOTICE, "Disarm to allow calibration")
+        return MavResult.FAILED
+    if is_equal(f32(command.param1), _ONE):
+        return MavResult.ACCEPTED
+    if is_equal(f32(command.param3), _ONE):
+        texts.send_text(_MAV_SEVERITY_INFO, "Updating barometer calibration")
+        texts.send_text(_MAV_SEVERITY_INFO, "Barometer calibration complete")
+        return MavResult.ACCEPTED
+    keeps_old = command.x == FORCE_SAVE_CALIBRATION or is_equal(f32(command.param2), f32(FORCE_SAVE_CALIBRATION))
+    return MavResult.ACCEPTED if keeps_old else MavResult.UNSUPPORTED

@@ -1,0 +1,188 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handlers of missions, fences and rally points (GCS_Common.cpp, MissionItemProtocol.cpp).
+
+FIRMWARE PARITY: there is room for none of them. Home is the only item; uploads are refused as too large.
+"""
+
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from ap_core.fmath import f32
+from ap_core.location import Location
+from ap_core.verdict import Verdict
+from mav_handlers.context import Context
+from mav_handlers.verdicts import HANDLED, MISSION_TYPE
+from mav_handlers.wire.messages import (
+    MISSION_ACK,
+    MISSION_CLEAR_ALL,
+    MISSION_COUNT,
+    MISSION_ITEM,
+    MISSION_ITEM_INT,
+    MISSION_REQUEST,
+    MISSION_REQUEST_INT,
+    MISSION_REQUEST_LIST,
+    MISSION_WRITE_PARTIAL_LIST,
+)
+
+MAV_CMD_NAV_WAYPOINT: Final = 16
+MAV_FRAME_GLOBAL: Final = 0
+MAX_ITEMS: Final = 0
+
+_CENTI: Final = f32(0.01)
+_DEGREES_PER_UNIT: Final = f32(1.0e-7)
+_MAV_SEVERITY_WARNING: Final = 4
+_MAV_SEVERITY_INFO: Final = 6
+
+
+class MissionType(IntEnum):
+    """MAV_MISSION_TYPE values that the firmware supports."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+
+class MissionResult(IntEnum):
+    """MAV_MISSION_RESULT values that are used here."""
+
+    ACCEPTED = 0
+    ERROR = 1
+    UNSUPPORTED = 3
+    NO_SPACE = 4
+    INVALID_SEQUENCE = 13
+
+
+_SUPPORTED: Final = frozenset(MissionType)
+
+
+def _warn(ctx: Context, text: str) -> None:
+    ctx.vehicle.texts.send_text(_MAV_SEVERITY_WARNING, text)
+
+
+def _acknowledge(ctx: Context, result: MissionResult, mission_type: int) -> Verdict:
+    ctx.channel.send(MISSION_ACK(ctx.header.system_id, ctx.header.component_id, result, mission_type))
+    return HANDLED
+
+
+def _item_count(ctx: Context, mission_type: int) -> int:
+    return ctx.vehicle.copter.mission.item_count if mission_type == MissionType.MISSION else 0
+
+
+def _send_count(ctx: Context, mission_type: int) -> Verdict:
+    count = _item_count(ctx, mission_type)
+    ctx.channel.send(MISSION_COUNT(ctx.header.system_id, ctx.header.component_id, count, mission_type))
+    return HANDLED
+
+
+def _refusal(ctx: Context, mission_type: int) -> Verdict | None:
+    """Answer what this type and link cannot do at all (get_prot_for_mission_type, mavlink2_requirement_met)."""
+    if mission_type not in _SUPPORTED:
+        return _acknowledge(ctx, MissionResult.UNSUPPORTED, mission_type)
+    return _needs_mavlink2(ctx, mission_type)
+
+
+def _needs_mavlink2(ctx: Context, mission_type: int) -> Verdict | None:
+    if mission_type == MissionType.MISSION or ctx.channel.codec.version == 2:
+        return None
+    _warn(ctx, "Need mavlink2 for item transfer")
+    return _acknowledge(ctx, MissionResult.UNSUPPORTED, mission_type)
+
+
+def handle_mission_request_list(ctx: Context, message: MISSION_REQUEST_LIST) -> Verdict:
+    """Tell how many items there are."""
+    return _refusal(ctx, message.mission_type) or _send_count(ctx, message.mission_type)
+
+
+def handle_mission_count(ctx: Context, message: MISSION_COUNT) -> Verdict:
+    """Take an empty list; there is no room for any other."""
+    refusal = _refusal(ctx, message.mission_type)
+    if refusal is not None:
+        return refusal
+    if message.count > MAX_ITEMS:
+        _acknowledge(ctx, MissionResult.NO_SPACE, message.mission_type)
+        _warn(ctx, f"Only {MAX_ITEMS} items are supported")
+        return HANDLED
+    if message.mission_type == MissionType.MISSION:
+        ctx.vehicle.copter.mission.clear()
+        ctx.vehicle.texts.send_text_to(ctx.channel.index, _MAV_SEVERITY_INFO, "Flight plan received")
+    return _acknowledge(ctx, MissionResult.ACCEPTED, message.mission_type)
+
+
+def handle_mission_clear_all(ctx: Context, message: MISSION_CLEAR_ALL) -> Verdict:
+    """Forget all items."""
+    if message.mission_type not in _SUPPORTED:
+        return _acknowledge(ctx, MissionResult.UNSUPPORTED, message.mission_type)
+    if message.mission_type == MissionType.MISSION:
+        ctx.vehicle.copter.mission.clear()
+    return _acknowledge(ctx, MissionResult.ACCEPTED, message.mission_type)
+
+
+def handle_mission_write_partial_list(ctx: Context, message: MISSION_WRITE_PARTIAL_LIST) -> Verdict:
+    """Refuse to replace items."""
+    refusal = _refusal(ctx, message.mission_type)
+    if refusal is not None:
+        return refusal
+    _warn(ctx, "Flight plan update rejected")
+    return _acknowledge(ctx, MissionResult.ERROR, message.mission_type)
+
+
+def handle_mission_item(ctx: Context, message: MISSION_ITEM | MISSION_ITEM_INT) -> Verdict:
+    """Refuse an item, as none was asked for."""
+    if message.mission_type not in _SUPPORTED:
+        return _acknowledge(ctx, MissionResult.UNSUPPORTED, message.mission_type)
+    mission = ctx.vehicle.copter.mission
+    if isinstance(message, MISSION_ITEM) and not mission.warned_of_item:
+        mission.warned_of_item = True
+        _warn(ctx, "got MISSION_ITEM; GCS should send MISSION_ITEM_INT")
+    return _acknowledge(ctx, MissionResult.ERROR, message.mission_type)
+
+
+def _has_item(message: MISSION_REQUEST | MISSION_REQUEST_INT) -> bool:
+    # Home can be read at any time, if only as zeros.
+    return message.mission_type == MissionType.MISSION and message.seq == 0
+
+
+def _home(ctx: Context) -> tuple[Location, np.float32]:
+    home = ctx.vehicle.home() or Location(0, 0, 0)
+    return home, f32(f32(home.alt_cm) * _CENTI)
+
+
+def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Verdict:
+    """Send home, or tell how many items there are."""
+    if message.mission_type not in _SUPPORTED:
+        return MISSION_TYPE
+    refusal = _needs_mavlink2(ctx, message.mission_type)
+    if refusal is not None:
+        return refusal
+    if not _has_item(message):
+        _send_count(ctx, message.mission_type)
+        return _acknowledge(ctx, MissionResult.INVALID_SEQUENCE, message.mission_type)
+    home, alt_m = _home(ctx)
+    sender = ctx.header.system_id, ctx.header.component_id
+    command = MAV_FRAME_GLOBAL, MAV_CMD_NAV_WAYPOINT
+    ctx.channel.send(MISSION_ITEM_INT(*sender, 0, *command, 0, 1, 0.0, 0.0, 0.0, 0.0, home.lat, home.lng, float(alt_m)))
+    return HANDLED
+
+
+def handle_mission_request(ctx: Context, message: MISSION_REQUEST) -> Verdict:
+    """Send home in float32, where degrees lose metres, and recommend the other way once."""
+    if message.mission_type not in _SUPPORTED:
+        return MISSION_TYPE
+    refusal = _needs_mavlink2(ctx, message.mission_type)
+    if refusal is not None:
+        return refusal
+    if not _has_item(message):
+        return _acknowledge(ctx, MissionResult.INVALID_SEQUENCE, message.mission_type)
+    mission = ctx.vehicle.copter.mission
+    if not mission.warned_of_request:
+        mission.warned_of_request = True
+        _warn(ctx, "got MISSION_REQUEST; use MISSION_REQUEST_INT!")
+    home, alt_m = _home(ctx)
+    sender = ctx.header.system_id, ctx.header.component_id
+    command = MAV_FRAME_GLOBAL, MAV_CMD_NAV_WAYPOINT
+    lat_deg, lng_deg = float(f32(home.lat) * _DEGREES_PER_UNIT), float(f32(home.lng) * _DEGREES_PER_UNIT)
+    ctx.channel.send(MISSION_ITEM(*sender, 0, *command, 0, 1, 0.0, 0.0, 0.0, 0.0, lat_deg, lng_deg, float(alt_m)))
+    return HANDLED

@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Answers to PARAM_REQUEST_READ: two short queues that all links share.
+
+Source: GCS_MAVLink/GCS_Param.cpp (handle_param_request_read, param_io_timer, send_parameter_async_replies).
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.cint import u16
+from ap_core.param import Param, ParamTable
+from mav_handlers.channel import Channel
+from mav_handlers.wire.messages import PARAM_REQUEST_READ, PARAM_VALUE
+
+NO_INDEX: Final = 65535
+READ_QUEUE_LENGTH: Final = 20
+REPLY_QUEUE_LENGTH: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    channel: Channel
+    request: PARAM_REQUEST_READ
+
+
+def find_requested(params: ParamTable, request: PARAM_REQUEST_READ) -> Param | None:
+    """Return the parameter that is asked for: by name with index -1, else by index."""
+    if request.param_index == -1:
+        return params.find(request.param_id)
+    return params.by_index(u16(request.param_index))
+
+
+def param_value(param: Param, name: str, count: int, index: int) -> PARAM_VALUE:
+    """Return the PARAM_VALUE of a parameter under the given name."""
+    return PARAM_VALUE(name, float(param.value), param.type.wire_type, count, index)
+
+
+class ParamReads:
+    """Requests that wait to be looked up, one every millisecond, and replies that wait for a link's parameter turn."""
+
+    def __init__(self) -> None:
+        self._reads: deque[_Read] = deque()
+        self._replies: deque[tuple[Channel, PARAM_VALUE]] = deque()
+        self._looked_up_ms = 0
+
+    @property
+    def waiting(self) -> int:
+        """The number of requests not yet looked up."""
+        return len(self._reads)
+
+    def request(self, channel: Channel, request: PARAM_REQUEST_READ, now_us: int) -> bool:
+        """Queue a request; False when 20 wait already. A link without room starts to keep some for parameters."""
+        if len(self._reads) >= READ_QUEUE_LENGTH:
+            return False
+        if not channel.has_space_for(PARAM_VALUE):
+            channel.reserve.start(now_us)
+        self._reads.append(_Read(channel, request))
+        return True
+
+    def look_up(self, params: ParamTable, now_us: int) -> None:
+        """Turn requests into replies, one for each millisecond since the last call, while there are less than 5."""
+        turns = now_us // 1000 - self._looked_up_ms
+        self._looked_up_ms += turns
+        while turns > 0 and self._reads and len(self._replies) < REPLY_QUEUE_LENGTH:
+            self._look_up_one(params, self._reads.popleft())
+            turns -= 1
+
+    def _look_up_one(self, params: ParamTable, read: _Read) -> None:
+        found = find_requested(params, read.request)
+        if found is not None:
+            value = param_value(found, found.name, params.count, u16(read.request.param_index))
+            self._replies.append((read.channel, value))
+
+    def send(self, now_us: int) -> bool:
+        """Send all replies, five at most, each to whoever asked, and tell whether there were any.
+
+        A full link holds up those behind it, whomever they are for.
+        """
+        waiting = len(self._replies)
+        while self._replies:
+            channel, reply = self._replies[0]
+            if channel.open:
+                if not channel.has_space_for(PARAM_VALUE):
+                    channel.reserve.start(now_us)
+                    break
+                channel.send(reply)
+            self._replies.popleft()
+        return len(self._replies) < waiting

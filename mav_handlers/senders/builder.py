@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every builder of a message is, and the one that has nothing to say."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ap_core.cint import i16, int_of_float, u32
+from ap_core.vector3 import Vector3f
+from mav_handlers.channel import Channel
+from mav_handlers.ports import VehiclePort
+from mav_handlers.wire.messages import Message
+
+Builder = Callable[[VehiclePort, Channel, int], Message | None]
+"""Makes a message for a link at a time in us since boot; None when there is nothing to report."""
+
+
+# Estimates may be absurd, as what they are made from comes from outside; then a field is, and nothing else.
+quiet_overflow = np.errstate(over="ignore", invalid="ignore")
+
+
+def boot_ms(now_us: int) -> int:
+    """Return ms since boot, in 32 bits (AP_HAL::millis)."""
+    return u32(now_us // 1000)
+
+
+def floats(vector: Vector3f) -> tuple[float, float, float]:
+    """Return the components of a vector as a message takes them."""
+    return float(vector.x), float(vector.y), float(vector.z)
+
+
+def i16_of(value: np.float32) -> int:
+    """Convert to a signed 16-bit integer by truncation, as on x86-64."""
+    return i16(int_of_float(float(value)))
+
+
+def nothing_to_report(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> None:
+    """Known to the firmware, and never sent: there is nothing behind it."""

@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the GPS says, which is nothing most of the time.
+
+Source: AP_GPS/AP_GPS.cpp, AP_GPS/AP_GPS_MAV.cpp.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import i32, int_of_float, u16, u32, u64
+from ap_core.fmath import atan2f, degrees, f32, norm3, wrap_360
+from ekf_stub.gps_sample import GpsSample
+from mav_handlers.channel import Channel
+from mav_handlers.ports import VehiclePort
+from mav_handlers.senders.builder import quiet_overflow
+from mav_handlers.wire.messages import GPS_RAW_INT
+
+UNKNOWN_DOP: Final = 65535
+YAW_NORTH_CDEG: Final = 36000
+_HUNDRED: Final = f32(100)
+_THOUSAND: Final = f32(1000)
+
+
+def ground_speed_ms(sample: GpsSample | None) -> np.float32:
+    """Return the speed over ground, 0 without a GPS."""
+    return f32(0) if sample is None else norm3(f32(0), sample.vel_ned.x, sample.vel_ned.y)
+
+
+def _course_deg(sample: GpsSample) -> np.float32:
+    return wrap_360(degrees(atan2f(sample.vel_ned.y, sample.vel_ned.x)))
+
+
+def _mm(metres: float | None) -> int:
+    return 0 if metres is None else u32(int_of_float(float(f32(metres) * _THOUSAND)))
+
+
+def _yaw_cdeg(sample: GpsSample) -> int:
+    """Return the yaw, 0 when there is none; north is 36000 (AP_GPS::gps_yaw_cdeg)."""
+    if sample.yaw_deg is None:
+        return 0
+    return int_of_float(float(f32(sample.yaw_deg) * _HUNDRED)) % YAW_NORTH_CDEG or YAW_NORTH_CDEG
+
+
+@quiet_overflow
+def gps_raw_int(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> GPS_RAW_INT:
+    """The GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0 (AP_GPS::send_mavlink_gps_raw)."""
+    sample = vehicle.gps()
+    if sample is None:
+        return GPS_RAW_INT(0, 0, 0, 0, 0, UNKNOWN_DOP, UNKNOWN_DOP, 0, 0, 0)
+    return GPS_RAW_INT(
+        u64(sample.last_fix_ms * 1000),
+        sample.fix_type,
+        sample.location.lat,
+        sample.location.lng,
+        i32(sample.location.alt_cm * 10),
+        sample.hdop,
+        sample.vdop,
+        u16(int_of_float(float(ground_speed_ms(sample) * _HUNDRED))),
+        u16(int_of_float(float(_course_deg(sample) * _HUNDRED))),
+        sample.num_sats,
+        h_acc=_mm(sample.horizontal_accuracy),
+        v_acc=_mm(sample.vertical_accuracy),
+        vel_acc=_mm(sample.speed_accuracy),
+        yaw=_yaw_cdeg(sample),
+    )

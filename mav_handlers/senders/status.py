@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the vehicle is and how it is: presence, version, time, landed or not.
+
+Source: GCS_MAVLink/GCS_Common.cpp, ArduCopter/GCS_MAVLink_Copter.cpp.
+"""
+
+from typing import Final
+
+from ap_core.cint import u64
+from mav_handlers.channel import Channel
+from mav_handlers.ports import VehiclePort
+from mav_handlers.senders.builder import boot_ms
+from mav_handlers.wire.messages import AUTOPILOT_VERSION, EXTENDED_SYS_STATE, HEARTBEAT, SYSTEM_TIME
+
+MAV_TYPE_QUADROTOR: Final = 2
+MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
+MODE_FLAGS: Final = 1 | 16 | 64  # custom mode enabled, stabilised, manual input
+MODE_FLAG_GUIDED: Final = 8
+MODE_FLAG_ARMED: Final = 128
+MODE_LAND: Final = 9
+MAV_STATE_BOOT: Final = 1
+MAV_STATE_STANDBY: Final = 3
+MAV_STATE_ACTIVE: Final = 4
+MAV_STATE_CRITICAL: Final = 5
+MAV_VTOL_STATE_MC: Final = 3
+MAV_LANDED_STATE_ON_GROUND: Final = 1
+MAV_LANDED_STATE_IN_AIR: Final = 2
+MAV_LANDED_STATE_LANDING: Final = 4
+MAVLINK_VERSION: Final = 3
+
+# MISSION_FLOAT, PARAM_FLOAT, MISSION_INT, COMMAND_INT, FTP, attitude and position targets, TERRAIN, TERMINATION,
+# COMPASS_CALIBRATION, MAVLINK2, FENCE, RALLY: what the reference build says of itself.
+CAPABILITIES: Final = 64495
+CAPABILITY_MAVLINK2: Final = 8192
+UID2_BYTES: Final = 18
+
+
+def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEAT:
+    """Presence and state: STANDBY on the ground even when armed, CRITICAL after any internal error.
+
+    Source: GCS_MAVLINK_Copter::base_mode, GCS_MAVLINK::system_status.
+    """
+    return HEARTBEAT(
+        MAV_TYPE_QUADROTOR,
+        MAV_AUTOPILOT_ARDUPILOTMEGA,
+        _base_mode(vehicle),
+        vehicle.custom_mode(),
+        _system_status(vehicle),
+        MAVLINK_VERSION,
+    )
+
+
+def _base_mode(vehicle: VehiclePort) -> int:
+    armed = MODE_FLAG_ARMED if vehicle.is_armed() else 0
+    return MODE_FLAGS | armed | (MODE_FLAG_GUIDED if vehicle.copter.is_holding_position() else 0)
+
+
+def _system_status(vehicle: VehiclePort) -> int:
+    if not vehicle.is_initialised():
+        return MAV_STATE_BOOT
+    if vehicle.internal_errors.mask:
+        return MAV_STATE_CRITICAL
+    return MAV_STATE_STANDBY if vehicle.copter.is_landed() else MAV_STATE_ACTIVE
+
+
+def extended_sys_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> EXTENDED_SYS_STATE:
+    """A multicopter: on the ground, in the air, or landing (GCS_MAVLINK_Copter::landed_state)."""
+    if vehicle.copter.is_landed():
+        landed_state = MAV_LANDED_STATE_ON_GROUND
+    elif vehicle.custom_mode() == MODE_LAND:
+        landed_state = MAV_LANDED_STATE_LANDING
+    else:
+        landed_state = MAV_LANDED_STATE_IN_AIR
+    return EXTENDED_SYS_STATE(MAV_VTOL_STATE_MC, landed_state)
+
+
+def system_time(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SYSTEM_TIME:
+    """Time of day, 0 while unknown, and time since boot."""
+    return SYSTEM_TIME(u64(vehicle.utc_us()), boot_ms(now_us))
+
+
+def autopilot_version(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AUTOPILOT_VERSION:
+    """Capabilities and version; middleware and operating system are zero, as in simulation; uid2 tells vehicles apart.
+
+    Source: GCS_MAVLINK::send_autopilot_version.
+    """
+    capabilities = CAPABILITIES if channel.codec.version == 2 else CAPABILITIES & ~CAPABILITY_MAVLINK2
+    version, _, source_hash = vehicle.firmware_version()
+    custom = tuple(source_hash.encode("ascii")[:8].ljust(8, b"\0"))
+    zeros = (0,) * 8
+    return AUTOPILOT_VERSION(capabilities, version, 0, 0, 0, custom, zeros, zeros, 0, 0, 0, _uid2(vehicle))
+
+
+def _uid2(vehicle: VehiclePort) -> tuple[int, ...]:
+    # FIRMWARE PARITY: the simulator's uid2 names the machine that it runs on.
+    name = f"viso-{vehicle.params.get_int('MAV_SYSID'):012d}"
+    return tuple(name.encode("ascii").ljust(UID2_BYTES, b"\0"))

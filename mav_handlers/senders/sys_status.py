@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""SYS_STATUS: which sensors there are, and how they and the vehicle fare.
+
+Source: GCS_MAVLink/GCS.cpp and ArduCopter/GCS_Copter.cpp, update_sensor_status_flags and its vehicle part.
+"""
+
+from typing import Final
+
+from ap_core.cint import u16
+from ekf_stub.gps_sample import FIX_3D
+from mav_handlers.channel import Channel
+from mav_handlers.ports import VehiclePort
+from mav_handlers.senders.parked import BATTERY_MV, BATTERY_REMAINING_PCT
+from mav_handlers.wire.messages import SYS_STATUS
+
+SENSOR_3D_GYRO: Final = 0x1
+SENSOR_3D_ACCEL: Final = 0x2
+SENSOR_3D_MAG: Final = 0x4
+SENSOR_ABSOLUTE_PRESSURE: Final = 0x8
+SENSOR_GPS: Final = 0x20
+SENSOR_OPTICAL_FLOW: Final = 0x40
+SENSOR_VISION_POSITION: Final = 0x80
+SENSOR_ANGULAR_RATE_CONTROL: Final = 0x400
+SENSOR_ATTITUDE_STABILIZATION: Final = 0x800
+SENSOR_YAW_POSITION: Final = 0x1000
+SENSOR_Z_ALTITUDE_CONTROL: Final = 0x2000
+SENSOR_XY_POSITION_CONTROL: Final = 0x4000
+SENSOR_MOTOR_OUTPUTS: Final = 0x8000
+SENSOR_RC_RECEIVER: Final = 0x10000
+SENSOR_GEOFENCE: Final = 0x100000
+SENSOR_AHRS: Final = 0x200000
+SENSOR_TERRAIN: Final = 0x400000
+SENSOR_LOGGING: Final = 0x1000000
+SENSOR_BATTERY: Final = 0x2000000
+SENSOR_PROXIMITY: Final = 0x4000000
+SENSOR_PREARM_CHECK: Final = 0x10000000
+SENSOR_PROPULSION: Final = 0x40000000
+
+_ALWAYS_HEALTHY: Final = (
+    SENSOR_3D_GYRO
+    | SENSOR_3D_ACCEL
+    | SENSOR_ABSOLUTE_PRESSURE
+    | SENSOR_ANGULAR_RATE_CONTROL
+    | SENSOR_ATTITUDE_STABILIZATION
+    | SENSOR_YAW_POSITION
+    | SENSOR_MOTOR_OUTPUTS
+    | SENSOR_RC_RECEIVER
+    | SENSOR_TERRAIN
+    | SENSOR_BATTERY
+    | SENSOR_PROPULSION
+)
+# A fence that was not crossed, and proximity sensors of which none has failed, as there is none.
+_HEALTHY_ANYWAY: Final = SENSOR_GEOFENCE | SENSOR_PROXIMITY
+
+Bits = tuple[bool, bool, bool]
+"""Whether a sensor is present, enabled, healthy."""
+
+_NO_CURRENT: Final = 0
+_BENCH_LOAD: Final = 0
+
+
+def _controller_bits(vehicle: VehiclePort) -> Bits:
+    runs = vehicle.copter.is_holding_position()
+    return True, runs, runs
+
+
+def _ahrs_bits(vehicle: VehiclePort) -> Bits:
+    settled = vehicle.ahrs.initialised()
+    return True, settled, settled
+
+
+def _compass_bits(vehicle: VehiclePort) -> Bits:
+    there = vehicle.params.get_int("COMPASS_ENABLE") != 0
+    return there, there, there
+
+
+def _gps_bits(vehicle: VehiclePort) -> Bits:
+    sample = vehicle.gps()
+    there = sample is not None and sample.fix_type > 0
+    return there, there, sample is not None and sample.fix_type >= FIX_3D and sample.is_healthy
+
+
+def _flow_bits(vehicle: VehiclePort) -> Bits:
+    enabled, healthy = vehicle.flow_sensor()
+    return enabled, enabled, healthy
+
+
+def _logging_bits(vehicle: VehiclePort) -> Bits:
+    enabled = vehicle.is_armed() or vehicle.params.get_int("LOG_DISARMED") != 0
+    return True, enabled, not vehicle.log.failed()
+
+
+def _visual_odom_bits(vehicle: VehiclePort) -> Bits:
+    camera = vehicle.visual_odom
+    return camera.enabled(), camera.enabled(), camera.enabled() and camera.healthy()
+
+
+def _prearm_bits(vehicle: VehiclePort) -> Bits:
+    enabled = vehicle.checks_enabled()
+    return True, enabled, enabled and (vehicle.is_armed() or vehicle.prearm_passed())
+
+
+_CHANGING: Final = {
+    SENSOR_Z_ALTITUDE_CONTROL | SENSOR_XY_POSITION_CONTROL: _controller_bits,
+    SENSOR_AHRS: _ahrs_bits,
+    SENSOR_3D_MAG: _compass_bits,
+    SENSOR_GPS: _gps_bits,
+    SENSOR_OPTICAL_FLOW: _flow_bits,
+    SENSOR_LOGGING: _logging_bits,
+    SENSOR_VISION_POSITION: _visual_odom_bits,
+    SENSOR_PREARM_CHECK: _prearm_bits,
+}
+
+
+def sensor_bits(vehicle: VehiclePort) -> tuple[int, int, int]:
+    """Return the masks of sensors present, enabled and healthy (GCS::update_sensor_status_flags)."""
+    present, enabled, healthy = _ALWAYS_HEALTHY | SENSOR_GEOFENCE, _ALWAYS_HEALTHY, _ALWAYS_HEALTHY | _HEALTHY_ANYWAY
+    for sensor, bits_of in _CHANGING.items():
+        is_present, is_enabled, is_healthy = bits_of(vehicle)
+        present |= sensor * is_present
+        enabled |= sensor * is_enabled
+        healthy |= sensor * is_healthy
+    return present, enabled, healthy
+
+
+def sys_status(vehicle: VehiclePort, channel: Channel, _now_us: int) -> SYS_STATUS | None:
+    """Sensor masks and error counts, once the vehicle is initialised; load and battery are placeholders.
+
+    Source: GCS_MAVLINK::send_sys_status.
+    """
+    if not vehicle.is_initialised():
+        return None
+    errors = vehicle.internal_errors
+    return SYS_STATUS(
+        *sensor_bits(vehicle),
+        load=_BENCH_LOAD,
+        voltage_battery=BATTERY_MV,
+        current_battery=_NO_CURRENT,
+        battery_remaining=BATTERY_REMAINING_PCT,
+        drop_rate_comm=0,
+        errors_comm=u16(channel.packets_dropped),
+        errors_count1=errors.mask & 0xFFFF,
+        errors_count2=errors.mask >> 16 & 0xFFFF,
+        errors_count3=u16(vehicle.log.dropped()),
+        errors_count4=u16(errors.count),
+    )

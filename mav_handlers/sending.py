@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a link sends in one pass, in the firmware's order: timers, requested messages, the burst of a bucket.
+
+Source: GCS_MAVLink/GCS_Common.cpp (update_send, do_try_send_message).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from mav_handlers.channel import Channel
+from mav_handlers.deferred import NEXT_PARAM
+from mav_handlers.param_pump import pump_params
+from mav_handlers.param_reads import ParamReads
+from mav_handlers.ports import VehiclePort
+from mav_handlers.radio import RadioLink
+from mav_handlers.senders import SENDERS
+from mav_handlers.wire.messages import Message
+
+SENT_WHILE_BOOTING: Final = frozenset({"HEARTBEAT", NEXT_PARAM, "HIGH_LATENCY2", "AUTOPILOT_VERSION"})
+
+_RANK: Final = {name: number for number, name in enumerate(SENDERS)}
+_TYPES: Final = {cls.__name__: cls for cls in Message.__subclasses__()}
+
+
+@dataclass(frozen=True, slots=True)
+class Sending:
+    """What all links share when they send; ``run`` is one pass of one link."""
+
+    vehicle: VehiclePort
+    reads: ParamReads
+    radio: RadioLink
+
+    def run(self, channel: Channel, now_us: int) -> None:
+        """Send everything that is due, as far as it fits; what does not fit comes first next time.
+
+        FIRMWARE PARITY: the firmware also ends when it is out of time.
+        """
+        now_ms = now_us // 1000
+        while True:
+            if (name := channel.deferred.due(now_ms)) is not None:
+                if not self._try(channel, name, now_us):
+                    return
+                channel.deferred.note_sent(name, now_ms)
+            elif channel.requested:
+                name = min(channel.requested, key=_RANK.__getitem__)
+                if not self._try(channel, name, now_us):
+                    return
+                channel.requested.discard(name)
+            elif due := channel.buckets.due(now_ms):
+                name = min(due, key=_RANK.__getitem__)
+                if not self._try(channel, name, now_us):
+                    return
+                channel.buckets.note_sent(name, now_ms)
+            else:
+                return
+
+    def _try(self, channel: Channel, name: str, now_us: int) -> bool:
+        """Send a message if there is anything to send; False when it has to wait."""
+        # FIRMWARE PARITY: the firmware does so in the blocking delays of initialisation.
+        if not self.vehicle.is_initialised() and name not in SENT_WHILE_BOOTING:
+            return True
+        if self._is_delayed(now_us):
+            return False
+        # A message without a dataclass is one that never has anything to report.
+        if name in _TYPES and not channel.has_space_for(_TYPES[name], now_us):
+            return False
+        if name == NEXT_PARAM:
+            pump_params(self.vehicle.params, channel, self.reads, self.radio, now_us)
+        else:
+            self._send(channel, name, now_us)
+        return True
+
+    def _send(self, channel: Channel, name: str, now_us: int) -> None:
+        message = SENDERS[name](self.vehicle, channel, now_us)
+        if message is not None:
+            channel.send(message)
+        if name == "HEARTBEAT":
+            channel.heartbeat_sent_us = now_us
+
+    def _is_delayed(self, now_us: int) -> bool:
+        # MAV_TELEM_DELAY counts "seconds" of 1024 ms.
+        return (now_us // 1000) >> 10 < self.vehicle.params.get_int("MAV_TELEM_DELAY")

@@ -1,0 +1,172 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The flow sensor: averages between updates, rates, log records and health."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ap_core.clock import VirtualClock
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+from ap_core.param import ParamTable
+from ap_core.vector3 import Vector3f
+from ap_visualodom.ap_visualodom import make_params
+from emulator.log_structure import OF
+from emulator.mavlink_flow import MavlinkFlow
+from emulator.parameters import make_groups
+from mav_handlers.wire.messages import OPTICAL_FLOW
+
+UPDATE_US = 5000
+
+
+def flow(x: int, y: int = 0, quality: int = 100) -> OPTICAL_FLOW:
+    return OPTICAL_FLOW(0, 0, x, y, 9.0, 9.0, quality, 9.0, 9.0, 9.0)
+
+
+class Rig:
+    """A flow sensor that is updated every 5 ms, on a vehicle with given body rates."""
+
+    def __init__(self, flow_type: int = 5, **params: int) -> None:
+        self.clock = VirtualClock()
+        self.params = ParamTable(make_groups(1, make_params()))
+        for name, value in {"FLOW_TYPE": flow_type, **params}.items():
+            self.params.set(name, value)
+        self.gyro = Vector3f()
+        self.records: list[dict[str, Any]] = []
+        self.flow = MavlinkFlow(self.clock, self.params, lambda: self.gyro, self)
+        self.clock.set_us(3_000_000)
+
+    def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        assert structure is OF
+        structure.pack(values)
+        self.records.append(dict(zip(structure.fields, values, strict=True)))
+
+    def run_us(self, duration_us: int) -> None:
+        for _ in range(duration_us // UPDATE_US):
+            self.clock.set_us(self.clock.micros64() + UPDATE_US)
+            self.flow.update()
+
+    def see(self, *packets: OPTICAL_FLOW) -> dict[str, Any]:
+        """Hear messages at one moment and return the record of the next update."""
+        for packet in packets:
+            assert self.flow.take(packet)
+        self.run_us(UPDATE_US)
+        return self.records[-1]
+
+
+@pytest.mark.parametrize("flow_type", [0, 1, 10])
+def test_other_types_take_no_messages(flow_type: int) -> None:
+    rig = Rig(flow_type)
+    assert not rig.flow.take(flow(1))
+    rig.run_us(50_000)
+    assert rig.records == []
+    assert not rig.flow.healthy()
+
+
+def test_sensor_needs_its_type_at_boot() -> None:
+    rig = Rig(flow_type=0)
+    rig.params.set("FLOW_TYPE", 5)
+    assert rig.flow.enabled()
+    assert not rig.flow.take(flow(1))
+
+
+def test_type_0_switches_it_off_while_it_lasts() -> None:
+    rig = Rig()
+    rig.params.set("FLOW_TYPE", 0)
+    assert not rig.flow.take(flow(1))
+    rig.params.set("FLOW_TYPE", 5)
+    assert rig.flow.take(flow(1))
+
+
+def test_nothing_is_logged_without_messages() -> None:
+    rig = Rig()
+    rig.run_us(1_000_000)
+    assert rig.records == []
+
+
+def test_first_flow_has_no_rates() -> None:
+    rig = Rig()
+    rig.gyro = Vector3f(1, 2, 3)
+    record = rig.see(flow(100, -50))
+    assert record == {"TimeUS": 3_005_000, "Qual": 100, "flowX": 0, "flowY": 0, "bodyX": 0, "bodyY": 0}
+
+
+def test_rates_are_the_flow_times_the_interval() -> None:
+    rig = Rig()
+    rig.see(flow(0))
+    rig.run_us(95_000)
+    record = rig.see(flow(100, -50))
+    assert (record["flowX"], record["flowY"]) == (pytest.approx(10.0), pytest.approx(-5.0))
+    assert isinstance(record["flowX"], np.float32)
+
+
+def test_body_rates_are_averaged_since_the_last_flow() -> None:
+    rig = Rig()
+    rig.see(flow(0))
+    rig.gyro = Vector3f(1, -2, 9)
+    rig.run_us(5000)
+    rig.gyro = Vector3f(3, -4, 9)
+    record = rig.see(flow(1))
+    assert (record["bodyX"], record["bodyY"]) == (2, -3)
+
+
+def test_body_rates_are_averaged_over_1000_updates_at_most() -> None:
+    rig = Rig()
+    rig.gyro = Vector3f(1, 1, 0)
+    rig.run_us(1000 * UPDATE_US)
+    rig.gyro = Vector3f(3, 3, 0)
+    rig.run_us(1000 * UPDATE_US)
+    # As long a silence has no rates itself; the next flow begins anew.
+    assert rig.see(flow(1))["bodyX"] == 0
+    assert rig.see(flow(1))["bodyX"] == 3
+
+
+@pytest.mark.parametrize(("pause_us", "has_rates"), [(490_000, True), (495_000, False)])
+def test_flow_after_half_a_second_of_silence_has_no_rates(pause_us: int, has_rates: bool) -> None:
+    rig = Rig()
+    rig.see(flow(0))
+    rig.run_us(pause_us)
+    assert bool(rig.see(flow(100))["flowX"]) is has_rates
+
+
+@given(
+    packets=st.lists(
+        st.builds(flow, st.integers(-32768, 32767), st.integers(-32768, 32767), st.integers(0, 255)),
+        min_size=1,
+        max_size=200,
+    )
+)
+def test_flow_and_quality_are_averaged_between_updates(packets: list[OPTICAL_FLOW]) -> None:
+    rig = Rig()
+    rig.see(flow(0))
+    rig.run_us(95_000)
+    record = rig.see(*packets)
+    count = len(packets)
+    assert record["Qual"] == sum(packet.quality for packet in packets) // count
+    assert float(record["flowX"]) == pytest.approx(sum(packet.flow_x for packet in packets) / count * 0.1, rel=1e-5)
+    assert float(record["flowY"]) == pytest.approx(sum(packet.flow_y for packet in packets) / count * 0.1, rel=1e-5)
+
+
+def test_sum_of_quality_wraps_at_16_bits() -> None:
+    assert Rig().see(*[flow(0, 0, 255)] * 258)["Qual"] == (255 * 258 - 65536) // 258
+
+
+def test_nothing_is_logged_without_the_bit_for_flow() -> None:
+    rig = Rig(LOG_BITMASK=180222 & ~(1 << 11))
+    assert rig.flow.take(flow(1))
+    rig.run_us(5000)
+    assert rig.records == []
+
+
+def test_it_is_healthy_for_half_a_second() -> None:
+    rig = Rig()
+    rig.see(flow(1))
+    rig.run_us(495_000)
+    assert rig.flow.healthy()
+    rig.run_us(5000)
+    assert not rig.flow.healthy()

@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A settled vehicle whose AHRS, GPS, home and origin are what a test says."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+import pytest
+
+from ap_core.fmath import f32
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.filter_status import FilterStatus
+from ekf_stub.gps_sample import GpsSample
+from mav_handlers.channel import Channel
+from mav_handlers.ports import Location, VehiclePort
+from mav_handlers.wire.messages import Message
+
+if TYPE_CHECKING:
+    from tests.unit.mav_handlers.conftest import Bench
+
+M = TypeVar("M", bound=Message)
+
+NOW_US = 42_500_999
+
+
+@dataclass(slots=True)
+class KnownAhrs:
+    """Every answer is an attribute."""
+
+    quat: Quaternion | None = field(default_factory=Quaternion)
+    gyro: Vector3f = field(default_factory=Vector3f)
+    drift: Vector3f = field(default_factory=Vector3f)
+    pos: Vector3f | None = None
+    vel: Vector3f | None = None
+    location: Location | None = None
+    status: FilterStatus | None = None
+    is_initialised: bool = True
+
+    def face(self, roll: float, pitch: float, yaw: float) -> None:
+        """Turn to an attitude in rad."""
+        self.quat = Quaternion.from_euler(f32(roll), f32(pitch), f32(yaw))
+
+    def initialised(self) -> bool:
+        return self.is_initialised
+
+    def get_quaternion(self) -> Quaternion | None:
+        return self.quat
+
+    def get_yaw_rad(self) -> np.float32:
+        return f32(0) if self.quat is None else self.quat.get_euler_yaw()
+
+    def get_gyro(self) -> Vector3f:
+        return self.gyro
+
+    def get_gyro_drift(self) -> Vector3f:
+        return self.drift
+
+    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
+        return self.pos
+
+    def get_velocity_NED(self) -> Vector3f | None:
+        return self.vel
+
+    def get_location(self) -> Location | None:
+        return self.location
+
+    def get_filter_status(self) -> FilterStatus | None:
+        return self.status
+
+
+class Desk:
+    """Asks builders what they have to say of the vehicle."""
+
+    def __init__(self, bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> None:
+        self.bench = bench
+        self.vehicle = bench.vehicle
+        self.channel = bench.client.channel
+        self.ahrs = KnownAhrs()
+        self.gps: GpsSample | None = None
+        self.home: Location | None = None
+        self.origin: Location | None = None
+        monkeypatch.setattr(self.vehicle, "ahrs", self.ahrs)
+        monkeypatch.setattr(self.vehicle, "gps", lambda: self.gps)
+        monkeypatch.setattr(self.vehicle, "home", lambda: self.home)
+        monkeypatch.setattr(self.vehicle, "origin", lambda: self.origin)
+
+    def ask(self, builder: Callable[[VehiclePort, Channel, int], M | None], now_us: int = NOW_US) -> M:
+        """Return the message, which must come."""
+        message = builder(self.vehicle, self.channel, now_us)
+        assert message is not None
+        return message
+
+    def has_nothing(self, builder: Callable[[VehiclePort, Channel, int], Message | None]) -> bool:
+        """Tell whether there is nothing to report."""
+        return builder(self.vehicle, self.channel, NOW_US) is None
+
+
+@pytest.fixture
+def desk(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> Desk:
+    """Return a desk in front of a settled vehicle on a MAVLink 2 link."""
+    return Desk(bench, monkeypatch)
