@@ -63,6 +63,10 @@ def _docs(run: Run) -> list[Command]:
     return [[sys.executable, str(script), "--check"]] if script.exists() else []
 
 
+def _clients(run: Run) -> list[Command]:
+    return [_module("tools.interop_environment", "--set-up")] if run.everything else []
+
+
 def _pytest(run: Run, name: str, *options: str) -> Command:
     return _module("pytest", "-n", "2", f"--junit-xml={run.counts / name}.xml", *options)
 
@@ -70,7 +74,8 @@ def _pytest(run: Run, name: str, *options: str) -> Command:
 def _tests(run: Run) -> list[Command]:
     usual = _pytest(run, "usual", "-m", "not slow and not interop", "--cov", "--cov-branch", "--cov-report=")
     # Measuring coverage makes long tests longer still, and they reach nothing that the others do not.
-    return [usual, _pytest(run, "long", "-m", "slow or interop")] if run.everything else [usual]
+    # The tests of a file stay together: a session with a real client takes place once, and all of them look at it.
+    return [usual, _pytest(run, "long", "--dist", "loadfile", "-m", "slow or interop")] if run.everything else [usual]
 
 
 def _coverage(package: str, percent: int) -> Command:
@@ -86,6 +91,7 @@ STEPS = (
     Step("bans", "clocks, sockets, files, numpy trigonometry", _fixed(_module("tools.check_bans"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
     Step("docs", "the generated tables are current", _docs),
+    Step("clients", "the environment of the interop tests", _clients),
     Step("tests", "pytest with branch coverage", _tests),
     Step(
         "coverage",

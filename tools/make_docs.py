@@ -16,12 +16,13 @@ from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
 from emulator.cli import COMMANDS as CLI_COMMANDS
 from emulator.parameters import make_groups
+from emulator.presets import PRESETS, preset_title
 from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
 from mav_handlers.handlers.commands import MavCmd
 from mav_handlers.links import LINKS
-from mav_handlers.senders import SENDERS, STREAM_GROUPS
+from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_to_report
 from mav_handlers.wire.codec import full_length, message_id
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
@@ -57,8 +58,15 @@ def _ignored() -> Iterator[tuple[str, ...]]:
 def _sent() -> Iterator[tuple[str, ...]]:
     groups = {name: f"`MAVn{suffix}`" for suffix, names in STREAM_GROUPS.values() for name in names}
     for name, builder in SENDERS.items():
-        when = "1 Hz" if name == "HEARTBEAT" else groups.get(name, "on request")
-        yield f"`{name}`", when, first_line(builder)
+        if builder is not nothing_to_report:
+            when = "1 Hz" if name == "HEARTBEAT" else groups.get(name, "on request")
+            yield f"`{name}`", when, "placeholder" if name in PLACEHOLDERS else "", first_line(builder)
+
+
+def _silent() -> Iterator[tuple[str, ...]]:
+    for name, builder in SENDERS.items():
+        if builder is nothing_to_report:
+            yield f"`{name}`", str(message_id(name))
 
 
 def _commands() -> Iterator[tuple[str, ...]]:
@@ -110,15 +118,22 @@ def _parameters() -> Iterator[tuple[str, ...]]:
         yield from _group_rows(group)
 
 
+def _presets() -> Iterator[tuple[str, ...]]:
+    for name, path in PRESETS.items():
+        yield f"`{name}`", preset_title(path)
+
+
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "messages": (("message", "id", "bytes", "", "content"), _messages),
     "ignored": (("message", "content"), _ignored),
-    "sent": (("message", "rate", "content"), _sent),
+    "sent": (("message", "rate", "", "content"), _sent),
+    "silent": (("message", "id"), _silent),
     "commands": (("command", "number", "what it does"), _commands),
     "verdicts": (("code", "outcome", "why", "where the firmware decides"), _verdicts),
     "backends": (("VISO_TYPE", "name", "class", "what it does"), _backends),
     "links": (("connection string", "what it is"), _links),
     "cli": (("command", "what it does"), _cli),
+    "presets": (("preset", "what it is for"), _presets),
     "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
 }
 

@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make the environment of the interop tests' clients on first use; `tools/interop` then runs those tests.
+
+The clients are heavy and no part of the program, so they live apart in `.venv-interop`: those in Python from
+requirements/interop.lock, the one in JavaScript from tools/interop_node/package-lock.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from tools import bootstrap, interop_lock
+from tools.bootstrap import ROOT, SetupError, Stamp
+
+NAME = ".venv-interop"
+LOCK = Path("requirements", "interop.lock")
+NODE = Path("tools", "interop_node")
+NODE_FILES = ("package.json", "package-lock.json")
+PROFILE = "interop"
+
+
+def ensure(root: Path = ROOT) -> Path:
+    """Return the environment's directory after making or remaking it where needed.
+
+    Raises:
+        SetupError: with the last lines of the step that failed.
+    """
+    folder = root / NAME
+    if _is_current(root, folder):
+        return folder
+    with bootstrap._only_one(root):
+        if not _is_current(root, folder):  # another process may have done it meanwhile
+            _set_up(root, folder)
+    return folder
+
+
+def digest(root: Path) -> str:
+    """Hash all that decides what gets installed: both locks and the place."""
+    parts = [(root / LOCK).read_bytes(), *((root / NODE / name).read_bytes() for name in NODE_FILES)]
+    return hashlib.sha256(b"\0".join([str(root).encode(), *parts])).hexdigest()
+
+
+def _is_current(root: Path, folder: Path) -> bool:
+    return bootstrap.read_stamp(folder) == Stamp(PROFILE, digest(root), True)
+
+
+def _set_up(root: Path, folder: Path) -> None:
+    sys.stderr.write(f"viso: setting up {NAME}, once, takes about a minute ... ")
+    sys.stderr.flush()
+    started = time.monotonic()
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+        _install_python(root, folder)
+        _install_node(root, folder / "node")
+        bootstrap.write_stamp(folder, Stamp(PROFILE, digest(root), True))
+    except (SetupError, OSError):
+        sys.stderr.write("failed\n")
+        raise
+    sys.stderr.write(f"done in {time.monotonic() - started:.0f} s\n")
+
+
+def _install_python(root: Path, folder: Path) -> None:
+    bootstrap._run([sys.executable, "-I", "-m", "venv", str(folder)], f"making {NAME}")
+    pip = [str(folder / "bin" / "python"), "-I", "-m", "pip", "install", "--quiet", "--no-input"]
+    # The lock leaves out on purpose what headless use does not need.
+    locked = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(root / LOCK)]
+    bootstrap._run([*pip, "--disable-pip-version-check", *locked], f"installing {LOCK}")
+
+
+def _install_node(root: Path, folder: Path) -> None:
+    npm = shutil.which("npm")
+    if npm is None:
+        raise SetupError("the interop tests need node and npm, PATH has no npm")
+    folder.mkdir()
+    for name in NODE_FILES:
+        shutil.copy(root / NODE / name, folder)
+    options = ["--ignore-scripts", "--legacy-peer-deps", "--no-audit", "--no-fund", "--loglevel=error"]
+    bootstrap._run([npm, "ci", "--prefix", str(folder), *options], f"installing {NODE / NODE_FILES[1]}")
+
+
+def main(args: Sequence[str]) -> int:
+    """Set up, then run the tests; return pytest's exit code, or 2 when set-up failed."""
+    parser = argparse.ArgumentParser(prog="tools/interop", description="Run the tests with real clients.")
+    parser.add_argument("--set-up", action="store_true", help="only make the environment")
+    parser.add_argument("--lock", action="store_true", help="only remake the locks, with the newest versions")
+    options = parser.parse_args(args)
+    if options.lock:
+        return interop_lock.remake()
+    try:
+        ensure()
+    except (SetupError, OSError) as error:
+        sys.stderr.write(f"viso: {error}\n")
+        return 2
+    if options.set_up:
+        return 0
+    tests = [sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-m", "interop", "tests/interop"]
+    return subprocess.run(tests, cwd=ROOT, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
