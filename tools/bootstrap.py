@@ -17,7 +17,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -89,7 +89,7 @@ def ensure_environment(root: Path, profile: str) -> Path:
     venv = root / ".venv"
     if _is_current(root, venv, profile):
         return venv
-    with _only_one(root):
+    with only_one(root):
         if not _is_current(root, venv, profile):  # another process may have done it meanwhile
             _set_up(root, venv, profile)
     return venv
@@ -161,7 +161,7 @@ def _prepare(root: Path, venv: Path, stamp: Stamp | None) -> bool:
     if stamp is not None:
         shutil.rmtree(venv)
     write_stamp(venv, Stamp("", "", True))
-    _run([sys.executable, "-I", "-m", "venv", str(venv)], f"making {venv.name}")
+    run([sys.executable, "-I", "-m", "venv", str(venv)], f"making {venv.name}")
     return True
 
 
@@ -171,12 +171,12 @@ def _install(root: Path, venv: Path, profile: str) -> None:
     pip += ["--quiet", "--no-input", "--disable-pip-version-check"]
     lock = LOCKS[profile]
     locked = ["--require-hashes", "--only-binary", ":all:", "-r", str(root / lock)]
-    _run(pip + locked, f"installing {lock}")
+    run(pip + locked, f"installing {lock}")
     project = ["--no-index", "--no-deps", "--no-build-isolation", "--editable", str(root)]
-    _run(pip + project, "installing the project")
+    run(pip + project, "installing the project")
 
 
-def _run(command: Sequence[str], what: str) -> None:
+def run(command: Sequence[str], what: str, *, environment: Mapping[str, str] | None = None) -> None:
     """Run a step silently; raise SetupError with its last lines when it fails."""
     result = subprocess.run(
         command,
@@ -186,6 +186,7 @@ def _run(command: Sequence[str], what: str) -> None:
         text=True,
         errors="replace",
         check=False,
+        env=environment,
     )
     if result.returncode != 0:
         lines = [line for line in result.stdout.splitlines() if line.strip()][-SHOWN_LINES:]
@@ -193,7 +194,7 @@ def _run(command: Sequence[str], what: str) -> None:
 
 
 @contextlib.contextmanager
-def _only_one(root: Path) -> Iterator[None]:
+def only_one(root: Path) -> Iterator[None]:
     """Hold a lock on the project's directory, so that two set-ups never work at once."""
     handle = os.open(root, os.O_RDONLY)
     try:

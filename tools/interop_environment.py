@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import os
 import shutil
+import ssl
 import subprocess
 import sys
 import time
@@ -25,6 +27,7 @@ LOCK = Path("requirements", "interop.lock")
 NODE = Path("tools", "interop_node")
 NODE_FILES = ("package.json", "package-lock.json")
 PROFILE = "interop"
+SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # where Debian has them, whatever Python was built for
 
 
 def ensure(root: Path = ROOT) -> Path:
@@ -36,7 +39,7 @@ def ensure(root: Path = ROOT) -> Path:
     folder = root / NAME
     if _is_current(root, folder):
         return folder
-    with bootstrap._only_one(root):
+    with bootstrap.only_one(root):
         if not _is_current(root, folder):  # another process may have done it meanwhile
             _set_up(root, folder)
     return folder
@@ -68,11 +71,11 @@ def _set_up(root: Path, folder: Path) -> None:
 
 
 def _install_python(root: Path, folder: Path) -> None:
-    bootstrap._run([sys.executable, "-I", "-m", "venv", str(folder)], f"making {NAME}")
+    bootstrap.run([sys.executable, "-I", "-m", "venv", str(folder)], f"making {NAME}")
     pip = [str(folder / "bin" / "python"), "-I", "-m", "pip", "install", "--quiet", "--no-input"]
     # The lock leaves out on purpose what headless use does not need.
     locked = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(root / LOCK)]
-    bootstrap._run([*pip, "--disable-pip-version-check", *locked], f"installing {LOCK}")
+    bootstrap.run([*pip, "--disable-pip-version-check", *locked], f"installing {LOCK}")
 
 
 def _install_node(root: Path, folder: Path) -> None:
@@ -83,7 +86,15 @@ def _install_node(root: Path, folder: Path) -> None:
     for name in NODE_FILES:
         shutil.copy(root / NODE / name, folder)
     options = ["--ignore-scripts", "--legacy-peer-deps", "--no-audit", "--no-fund", "--loglevel=error"]
-    bootstrap._run([npm, "ci", "--prefix", str(folder), *options], f"installing {NODE / NODE_FILES[1]}")
+    what = f"installing {NODE / NODE_FILES[1]}"
+    bootstrap.run([npm, "ci", "--prefix", str(folder), *options], what, environment=_node_environment())
+
+
+def _node_environment() -> dict[str, str]:
+    """Return the environment for npm, which does not know the system's certificates by itself."""
+    certificates = ssl.get_default_verify_paths().cafile or SYSTEM_CERTIFICATES
+    known = {"NODE_EXTRA_CA_CERTS": certificates} if Path(certificates).exists() else {}
+    return {**known, **os.environ}
 
 
 def main(args: Sequence[str]) -> int:

@@ -37,7 +37,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         if what.startswith("making"):
             _make_python(Path(command[-1]))
 
-    monkeypatch.setattr(bootstrap, "_run", note)
+    monkeypatch.setattr(bootstrap, "run", note)
     return done
 
 
@@ -98,7 +98,7 @@ def test_failed_step_leaves_an_environment_that_is_not_trusted(
 
     (root / "requirements/run.lock").write_text("numpy==9\n", encoding="utf-8")
     with monkeypatch.context() as broken:
-        broken.setattr(bootstrap, "_run", fail)
+        broken.setattr(bootstrap, "run", fail)
         with pytest.raises(SetupError):
             bootstrap.ensure_environment(root, "run")
     steps.clear()
@@ -147,7 +147,7 @@ def test_moved_project_is_set_up_again(root: Path, steps: list[str]) -> None:
 def test_failing_step_is_told_with_its_last_lines() -> None:
     script = "print('early'); print('\\n'.join('abcdef')); raise SystemExit(3)"
     with pytest.raises(SetupError) as caught:
-        bootstrap._run([sys.executable, "-c", script], "trying")
+        bootstrap.run([sys.executable, "-c", script], "trying")
     assert str(caught.value).splitlines() == ["trying failed (exit code 3):", *(f"    {c}" for c in "abcdef")]
 
 
@@ -163,7 +163,7 @@ def test_launch_returns_130_when_interrupted(root: Path, monkeypatch: pytest.Mon
     def interrupt(command: Sequence[str], what: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(bootstrap, "_run", interrupt)
+    monkeypatch.setattr(bootstrap, "run", interrupt)
     assert bootstrap.launch("run", ["viso"], root) == 130
 
 
@@ -198,9 +198,9 @@ def test_old_python_without_a_newer_one_is_an_error(monkeypatch: pytest.MonkeyPa
 
 def test_second_set_up_waits_for_the_first(root: Path) -> None:
     script = "import sys; sys.path.insert(0, sys.argv[1]); import bootstrap; from pathlib import Path\n"
-    script += "with bootstrap._only_one(Path(sys.argv[2])): print('in')"
+    script += "with bootstrap.only_one(Path(sys.argv[2])): print('in')"
     command = [sys.executable, "-c", script, str(Path(bootstrap.__file__).parent), str(root)]
-    with bootstrap._only_one(root):
+    with bootstrap.only_one(root):
         other = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert other.stderr is not None
         assert "waiting" in other.stderr.readline()

@@ -31,12 +31,12 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Replace every external step by one that only notes what it was for; npm is there."""
     done: list[str] = []
 
-    def note(command: Sequence[str], what: str) -> None:
+    def note(command: Sequence[str], what: str, **_options: object) -> None:
         done.append(what)
         if what.startswith("making"):
             Path(command[-1]).mkdir()
 
-    monkeypatch.setattr(bootstrap, "_run", note)
+    monkeypatch.setattr(bootstrap, "run", note)
     monkeypatch.setattr(shutil, "which", lambda name: name)
     return done
 
@@ -128,3 +128,16 @@ def test_checks_set_the_clients_up_before_tests_that_need_them() -> None:
     step = checks.STEPS[names.index("clients")]
     assert step.commands(Run(False, Path("no-such-folder"))) == []
     assert [command[-1] for command in step.commands(Run(True, Path("no-such-folder")))] == ["--set-up"]
+
+
+@pytest.mark.parametrize(("given", "wanted"), [(None, True), ("/mine.pem", False)])
+def test_npm_knows_the_certificates_of_the_system(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, given: str | None, wanted: bool
+) -> None:
+    bundle = tmp_path / "bundle.crt"
+    bundle.touch()
+    monkeypatch.setenv("SSL_CERT_FILE", str(bundle))
+    monkeypatch.delenv("NODE_EXTRA_CA_CERTS", raising=False)
+    if given is not None:
+        monkeypatch.setenv("NODE_EXTRA_CA_CERTS", given)
+    assert interop_environment._node_environment()["NODE_EXTRA_CA_CERTS"] == (str(bundle) if wanted else given)
