@@ -51,11 +51,13 @@ class Aiding:
         mode: how the estimator navigates.
         pos_timeout: position is lost; cleared only as a mode is entered.
         vel_timeout: velocity is lost.
+        vel_aiding: something keeps velocity from drifting.
         times: when measurements last passed.
     """
 
     def __init__(self) -> None:
         self.mode = AidingMode.NONE
+        self.vel_aiding = False
         self.pos_timeout = False
         self.vel_timeout = True
         self.times = FusionTimes()
@@ -98,7 +100,7 @@ class Aiding:
         pos_ms, vel_ms = u32(now_ms - self.times.pos), u32(now_ms - self.times.vel)
         odometry_used = u32(now_ms - self.times.odometry) <= IN_USE_MS
         vel_used, pos_used = vel_ms <= IN_USE_MS, pos_ms <= IN_USE_MS
-        aided = pos_used or vel_used or odometry_used
+        aided = self.vel_aiding = pos_used or vel_used or odometry_used
         if not aided and pos_ms > ALL_LOST_MS and vel_ms > ALL_LOST_MS:
             self.mode = AidingMode.NONE
         elif not pos_used and pos_ms > (POSITION_LOST_WITH_VELOCITY_MS if aided else POSITION_LOST_MS):

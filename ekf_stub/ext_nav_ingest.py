@@ -82,6 +82,7 @@ class ExtNavIngest:
         horizon_ms: the time of the oldest inertial data, to which later measurements are compared.
         have_velocity: whether a velocity has ever been taken (useExtNavVel).
         pose_stamp_ms: the stamp of the last pose taken, before any correction (extNavMeasTime_ms).
+        velocity_stamp_ms: the same of the last velocity taken.
         odometry_ms: the time of the last odometry taken.
         odometry_err: its error in m/s.
     """
@@ -111,7 +112,7 @@ class ExtNavIngest:
         self.horizon_ms = 0
         self.have_velocity = False
         self.pose_stamp_ms = 0
-        self._velocity_stamp_ms = 0
+        self.velocity_stamp_ms = 0
         self.odometry_ms = 0
         self.odometry_err = f32(0)
         self._reset_time_ms = 0
@@ -158,7 +159,7 @@ class ExtNavIngest:
         refusal = self._refuse_velocity(vel, err, stamp_ms)
         if refusal is not None:
             return self._count("velocity", refusal)
-        self._velocity_stamp_ms = stamp_ms
+        self.velocity_stamp_ms = stamp_ms
         self.have_velocity = True
         sample = VelocitySample(self._observed_ms(stamp_ms, delay_ms), vel, err)
         return self._push("velocity", self._velocities, sample)
@@ -168,7 +169,7 @@ class ExtNavIngest:
             return rules.NOT_STARTED
         if vel.is_nan() or math.isnan(err):
             return rules.NOT_A_NUMBER
-        too_soon = u32(stamp_ms - self._velocity_stamp_ms) < EXT_NAV_INTERVAL_MIN_MS
+        too_soon = u32(stamp_ms - self.velocity_stamp_ms) < EXT_NAV_INTERVAL_MIN_MS
         return rules.TOO_SOON if too_soon else None
 
     def write_odometry(

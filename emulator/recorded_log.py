@@ -5,10 +5,10 @@
 import lzma
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from pymavlink.DFReader import DFReader_binary
@@ -16,6 +16,8 @@ from pymavlink.DFReader import DFReader_binary
 from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
 from ekf_stub.ahrs_recorded import RecordedStates
 from emulator.errors import InputError
+
+T = TypeVar("T")
 
 _FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
 _CORE: Final = 0
@@ -58,23 +60,19 @@ def _begins_like_a_log(path: Path) -> bool:
         return file.read(len(_FIRST_BYTES)) == _FIRST_BYTES
 
 
-def _read(path: Path) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-    # DFReader prints what it thinks of a damaged log, which must not get into our output.
-    with redirect_stdout(sys.stderr), DFReader_binary(str(path)) as log:
-        return _collect(log)
-
-
-def read_recorded_states(path: Path) -> RecordedStates:
-    """Return attitude and position of a log (.BIN or .BIN.xz).
+def read_log(path: Path, collect: Callable[[DFReader_binary], T]) -> T:
+    """Return what ``collect`` makes of a log (.BIN or .BIN.xz).
 
     Raises:
-        InputError: if it cannot be read, or holds no ATT records.
+        InputError: if it cannot be read.
     """
     try:
         with _plain_file(path) as plain:
             if not _begins_like_a_log(plain):
                 raise InputError(f"{path}: not a DataFlash log")
-            attitudes, positions = _read(plain)
+            # DFReader prints what it thinks of a damaged log, which must not get into our output.
+            with redirect_stdout(sys.stderr), DFReader_binary(str(plain)) as log:
+                return collect(log)
     except lzma.LZMAError as error:
         raise InputError(f"{path}: damaged xz file: {error}") from error
     except OSError as error:
@@ -83,6 +81,15 @@ def read_recorded_states(path: Path) -> RecordedStates:
         raise
     except Exception as error:  # DFReader raises whatever a damaged log provokes
         raise InputError(f"{path}: not a DataFlash log: {error}") from error
+
+
+def read_recorded_states(path: Path) -> RecordedStates:
+    """Return attitude and position of a log (.BIN or .BIN.xz).
+
+    Raises:
+        InputError: if it cannot be read, or holds no ATT records.
+    """
+    attitudes, positions = read_log(path, _collect)
     if not attitudes:
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
     att = np.array(attitudes, dtype=np.float64)
