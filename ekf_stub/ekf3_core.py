@@ -101,6 +101,8 @@ class Ekf3Core:
         self._accel: Array | None = None
         self._steps: deque[InertialStep] = deque(maxlen=sizes.imu)
         self._baro_ms = self._mag_us = 0
+        self._origin_alt_cm: int | None = None
+        self._public_alt_cm = 0
         self.initialised = False
 
     def _initialise(self, now_ms: int) -> None:
@@ -137,6 +139,7 @@ class Ekf3Core:
         now_ms = frame.time_us // 1000
         if not self.initialised:
             self._bootstrap(frame, now_ms)
+        if not self.initialised:
             return
         ready = len(self._steps) == self._sizes.imu
         if ready:
@@ -159,14 +162,44 @@ class Ekf3Core:
             self._first_ms = now_ms
         elif now_ms - self._first_ms >= BOOTSTRAP_MS:
             self._initialise(now_ms)
-            self._texts.flush()
+
+    # Origin and height
+
+    def set_origin(self, alt_cm: int) -> bool:
+        """Set the origin, cm above mean sea level, once; tell whether it was set (setOrigin)."""
+        if self._origin_alt_cm is not None:
+            return False
+        self._origin_alt_cm = self._public_alt_cm = alt_cm
+        self._texts.add("origin set")
+        self._texts.flush()
+        return True
+
+    def reset_height_datum(self) -> bool:
+        """Count heights from the present one, on the ground; the barometer does so too (resetHeightDatum).
+
+        The origin takes up the difference, so that the height above the sea stays what it was.
+        """
+        if not self.initialised or not self._vehicle.on_ground:
+            return False
+        if self._origin_alt_cm is not None:
+            self._origin_alt_cm += math.trunc(-100.0 * float(self.state.pos[2]))
+        self.state.pos = np.array([*self.state.pos[:2], 0.0])
+        return True
+
+    def position(self) -> Array:
+        """Return the present position, metres NED from the origin as it was set (getPosNE, getPosD)."""
+        if self._origin_alt_cm is None and self.aiding.mode is AidingMode.NONE:
+            return np.array([0.0, 0.0, self.output.now.pos[2]])
+        origin_alt_cm = self._public_alt_cm if self._origin_alt_cm is None else self._origin_alt_cm
+        north, east, down = self.output.now.pos
+        return np.array([north, east, down + 0.01 * (self._public_alt_cm - origin_alt_cm)])
 
     # Every frame
 
     def _control(self, frame: Frame, now_ms: int) -> None:
         """Find out what the vehicle is about, and choose how to navigate (controlFilterModes)."""
         self._detect_flight(frame)
-        if not self.tilt_aligned and self.state.tilt_variance() < TILT_ALIGNED_VAR:
+        if not self.tilt_aligned and self.state.predicted_tilt_variance < TILT_ALIGNED_VAR:
             self.tilt_aligned = True
             self.state.learn_biases(self._get_float("ACC_BIAS_LIM"), self._sampler.dt_ekf_avg)
             self._texts.add("tilt alignment complete")

@@ -84,6 +84,7 @@ class ErrorState:
         cov: shape (15, 15), of the errors of attitude (rad, body), velocity, position and the biases.
         learns_biases: whether the biases are estimated.
         rotation: body to earth, shape (3, 3), as of the last prediction.
+        predicted_tilt_variance: of the direction of down, rad^2, as of the last prediction.
         accel_filtered: earth-frame acceleration without gravity, m/s/s, slowly filtered.
     """
 
@@ -98,6 +99,7 @@ class ErrorState:
         self.learns_biases = False
         self.rotation: Array = quaternion.as_rotation_matrix(quat)
         self.accel_filtered: Array = np.zeros(3)
+        self.predicted_tilt_variance = self.tilt_variance()
         self._frozen_accel_vars: list[float | None] = [None, None, None]
 
     def learn_biases(self, accel_bias_limit: float, dt_ekf_avg: float) -> None:
@@ -118,6 +120,7 @@ class ErrorState:
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         self._predict_covariance(turn, rotation_before, velocity, noise, dt)
         self._limit(dt_ekf_avg, on_ground=on_ground)
+        self.predicted_tilt_variance = self.tilt_variance()
         return angle, velocity
 
     def _predict_state(

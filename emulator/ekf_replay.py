@@ -40,6 +40,7 @@ _CORE: Final = 0
 _IMU: Final = 0
 _EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes
 _ARMED, _TAKEOFF_EXPECTED, _TOUCHDOWN_EXPECTED = 1, 64, 128  # of RFRN.Flags
+_RESET_HEIGHT_DATUM: Final = 1  # of REV3
 _TEXT_PREFIX: Final = "EKF3 IMU0 "
 
 
@@ -167,6 +168,14 @@ class _Player:
             vel = Vector3f(record.VX, record.VY, record.VZ)
             self._core.ingest.write_velocity(vel, np.float32(record.Er), record.TS, record.D)
 
+    def _take_rso3(self, record: Any) -> None:
+        if self._core is not None:
+            self._core.set_origin(record.Alt)
+
+    def _take_rev3(self, record: Any) -> None:
+        if self._core is not None and record.Event == _RESET_HEIGHT_DATUM:
+            self._core.reset_height_datum()
+
     def _take_xkf4(self, record: Any) -> None:
         core = self._core
         if record.C != _CORE or core is None or not core.initialised:
@@ -190,7 +199,7 @@ def _ours(core: Ekf3Core, now_ms: int) -> dict[str, float]:
     roll, pitch, yaw = (math.degrees(angle) for angle in euler_of(output.quat))
     ratios = (innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio)
     values = (
-        *(roll, pitch, yaw % 360, *output.vel, *output.pos, *innovations.vel, *innovations.pos),
+        *(roll, pitch, yaw % 360, *output.vel, *core.position(), *innovations.vel, *innovations.pos),
         *(math.sqrt(ratio) for ratio in ratios),
         *core.resets.moved_ne,
         *(core.timeouts(now_ms), core.flags),

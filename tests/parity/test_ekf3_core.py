@@ -22,8 +22,6 @@ UNTIL_S = {"flight_voxl_reset": 71.0}
 NAMES = sorted(path.name.removesuffix(".BIN.xz") for path in LOGS.glob("*.BIN.xz"))
 SETTLED_S = 0.5
 AIDING = "is using external nav data"
-# Not of the filter here: the vehicle tells of the origin.
-NOT_OURS = ("origin set",)
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +60,15 @@ def test_horizontal_position_is_the_firmwares(run: EkfReplay, label: str) -> Non
     assert abs(differences(run, label)).max() < 0.12
 
 
+def test_height_is_the_firmwares(run: EkfReplay) -> None:
+    assert rms(differences(run, "PD")) < 0.03
+
+
+@pytest.mark.parametrize("label", ["IVN", "IVE", "IVD"])
+def test_velocity_innovations_are_the_firmwares(run: EkfReplay, label: str) -> None:
+    assert rms(differences(run, label)) < 0.03
+
+
 @pytest.mark.parametrize("label", ["VN", "VE", "VD"])
 def test_velocity_is_the_firmwares(run: EkfReplay, label: str) -> None:
     assert rms(differences(run, label)) < 0.03
@@ -82,13 +89,11 @@ def test_timeouts_and_flags_are_the_firmwares(run: EkfReplay) -> None:
     assert same.mean() > 0.98
 
 
-def test_texts_are_the_firmwares(run: EkfReplay) -> None:
-    theirs = [entry for entry in run.recorded_texts if entry[1] not in NOT_OURS]
-    assert len(run.our_texts) == len(theirs)
-    unmatched = [text.split(" = ")[0] for _, text in theirs]
-    for time_s, text in run.our_texts:
-        unmatched.remove(text.split(" = ")[0])
-        assert min(abs(time_s - at_s) for at_s, other in theirs if other.split(" = ")[0] == text.split(" = ")[0]) < 0.25
+def test_texts_are_the_firmwares_in_the_same_frames(run: EkfReplay) -> None:
+    def without_numbers(texts: list[tuple[float, str]]) -> list[tuple[float, str]]:
+        return [(time_s, text.split(" = ")[0]) for time_s, text in texts]
+
+    assert without_numbers(run.our_texts) == without_numbers(run.recorded_texts)
 
 
 def test_same_log_gives_the_same_estimates(replay: Callable[[str], EkfReplay]) -> None:
