@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from ap_core.fmath import f32, norm3
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom
@@ -28,6 +29,7 @@ CHECK_SWITCH: Final = 1 << 11
 CHECK_MISSION: Final = 1 << 14
 CHECK_VISION: Final = 1 << 18
 GPS_FIX_3D: Final = 3
+AHRS_GPS_ERROR_MAX_M: Final = 10
 LEAN_LIMIT_DEG: Final = 30.0
 """ANGLE_MAX's default."""
 
@@ -110,15 +112,30 @@ class ArmingChecks:
         return None if self._things.estimates.attitude_ok() else "EKF attitude is bad"
 
     def gps(self) -> str | None:
-        """What a mode with a position needs of GPS and home, and then what is mandatory (gps_checks)."""
-        things = self._things
-        if things.mode().requires_position and self._is_enabled(CHECK_GPS):
-            solution = things.gps()
-            if solution is not None and solution.fix_type < GPS_FIX_3D:
-                return "GPS 1: Bad fix"
-            if not things.has_home():
-                return "AHRS: waiting for home"
-        return self.position()
+        """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
+        if not (self._things.mode().requires_position and self._is_enabled(CHECK_GPS)):
+            return self.position()
+        solution = self._things.gps()
+        return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
+
+    def _gps_failure(self, solution: GpsSample | None) -> str | None:
+        # AP_Arming::gps_checks
+        if solution is not None and solution.fix_type < GPS_FIX_3D:
+            return "GPS 1: Bad fix"
+        if solution is not None and not solution.is_healthy:
+            return "GPS 1: not healthy"
+        if not self._things.has_home():
+            return "AHRS: waiting for home"
+        place = self._things.ahrs.get_location()
+        if solution is None or place is None:
+            return None
+        way = solution.location.distance_ned(place)
+        distance_m = norm3(way.x, way.y, f32(0))
+        return f"GPS and AHRS differ by {distance_m:4.1f}m" if distance_m > AHRS_GPS_ERROR_MAX_M else None
+
+    def _dilution_failure(self, solution: GpsSample | None) -> str | None:
+        limit = self._things.params.get_int("GPS_HDOP_GOOD")
+        return "High GPS HDOP" if solution is not None and solution.hdop > limit else None
 
     def position(self) -> str | None:
         """The AHRS is ready and, in a mode that needs it, has a position (mandatory_gps_checks)."""

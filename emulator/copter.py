@@ -16,6 +16,7 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.gps_sample import GpsSample
 from emulator.arming import Arming, ArmMethod
 from emulator.arming_checks import ArmingChecks, CheckedThings
+from emulator.ekf_check import EkfCheck
 from emulator.estimates import Estimates
 from emulator.home import Home
 from emulator.landing import Landing
@@ -67,7 +68,8 @@ class Copter:
 
     def __init__(self, parts: CopterParts) -> None:
         self._parts = parts
-        self._estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position)
+        self._estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position, self.is_in_failsafe)
+        self._ekf_check = self._make_ekf_check()
         self._safety_on = False
         self.mission = Mission()
         self.home = Home(
@@ -78,6 +80,18 @@ class Copter:
         checks = ArmingChecks(self._checked_things()).lists()
         self.arming = Arming(checks, parts.params.group("ARMING_"), parts.texts, parts.log, parts.clock)
         self.disarmed_us: int | None = None
+
+    def _make_ekf_check(self) -> EkfCheck:
+        parts = self._parts
+        return EkfCheck(
+            parts.ahrs,
+            parts.params,
+            parts.texts,
+            parts.log,
+            parts.clock,
+            has_position=self._estimates.has_position,
+            is_armed=self.is_armed,
+        )
 
     def _checked_things(self) -> CheckedThings:
         parts = self._parts
@@ -135,6 +149,10 @@ class Copter:
             if self.landing.has_landed_by_itself():
                 self._disarm(ArmMethod.LANDED)
 
+    def check_estimator(self) -> None:
+        """See whether the estimator is to be trusted; ten times a second."""
+        self._ekf_check.update()
+
     def disarm_when_idle(self) -> None:
         """Disarm after DISARM_DELAY on the ground; ten times a second."""
         if self.landing.wants_disarming(self.is_armed()):
@@ -157,6 +175,10 @@ class Copter:
     def is_landed(self) -> bool:
         """Tell whether the vehicle stands on the ground."""
         return self.landing.landed
+
+    def is_in_failsafe(self) -> bool:
+        """Tell whether a failsafe is active; the estimator's is the only one here (Copter::any_failsafe_triggered)."""
+        return self._ekf_check.in_failsafe
 
     def set_safety(self, on: bool) -> None:
         """Move the safety switch; on, it keeps the motors off."""

@@ -97,6 +97,7 @@ _NUMBER_OF_MODES: Final = 6
 
 MODES: Final = (
     ParamInfo("FS_GCS_ENABLE", INT8, 0, "What to do when the ground station is lost", values=_GCS_ACTION),
+    ParamInfo("GPS_HDOP_GOOD", INT16, 140, "Dilution x 100 at which arming still trusts a GPS", "", (100.0, 900.0)),
     ParamInfo("FS_THR_ENABLE", INT8, 1, "What to do when the radio is lost", values=_RADIO_ACTION),
     ParamInfo("FS_THR_VALUE", INT16, 975, "Throttle below which the radio counts as lost", "PWM", (910.0, 1100.0)),
     *(

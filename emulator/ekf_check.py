@@ -44,11 +44,12 @@ class EkfCheck:
         texts: where it is told.
         log: where it is logged.
         clock: time since boot.
-        has_position: tells whether the position is good enough to fly by.
+        has_position: tells whether the estimator has a position, failsafe or not.
         is_armed: tells whether the vehicle is armed.
 
     Attributes:
         failed: whether the estimator is not to be trusted.
+        in_failsafe: whether the vehicle is in the failsafe that follows.
     """
 
     def __init__(
@@ -72,9 +73,9 @@ class EkfCheck:
         self._failures = 0
         self._has_ever_passed = False
         self._last_warning_ms = 0
-        self._failsafe = False
         self._failsafe_was_told = False
         self.failed = False
+        self.in_failsafe = False
 
     def update(self) -> None:
         """Look at the estimator, once there is an origin (Copter::ekf_check)."""
@@ -111,7 +112,7 @@ class EkfCheck:
         if u32(now_ms - self._last_warning_ms) > WARNING_PERIOD_MS:
             self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF variance")
             self._last_warning_ms = now_ms
-        self._failsafe = True
+        self.in_failsafe = True
         self._log.error(ERR_SUBSYSTEM_FAILSAFE_EKFINAV, ERR_FAILSAFE_OCCURRED)
         if self._is_armed():
             # FIRMWARE PARITY: the firmware leaves a mode that needs a position, as FS_EKF_ACTION has it.
@@ -119,9 +120,9 @@ class EkfCheck:
             self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF Failsafe")
 
     def _end_failsafe(self) -> None:
-        if not self._failsafe:
+        if not self.in_failsafe:
             return
-        self._failsafe = False
+        self.in_failsafe = False
         if self._failsafe_was_told:
             self._failsafe_was_told = False
             self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF Failsafe Cleared")

@@ -15,7 +15,6 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from pymavlink.DFReader import DFReader_binary
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
@@ -215,7 +214,7 @@ def replay_ekf(path: Path, *, until_s: float = math.inf) -> EkfReplay:
     """
     player = _Player()
 
-    def play(log: DFReader_binary) -> None:
+    def play(log: Any) -> None:
         while (record := log.recv_msg()) is not None:
             if record.get_type() == "RFRH" and record.TimeUS > until_s * 1e6:
                 break

@@ -17,14 +17,20 @@ class Estimates:
         ahrs: whose estimator it is.
         is_armed: tells whether the vehicle is armed, which asks for more than a prediction.
         aids_relative_position: tells whether visual odometry or optical flow is enabled.
+        is_in_failsafe: tells whether the estimator has failed so that no position counts.
     """
 
     def __init__(
-        self, ahrs: VehicleAhrs, is_armed: Callable[[], bool], aids_relative_position: Callable[[], bool]
+        self,
+        ahrs: VehicleAhrs,
+        is_armed: Callable[[], bool],
+        aids_relative_position: Callable[[], bool],
+        is_in_failsafe: Callable[[], bool],
     ) -> None:
         self._ahrs = ahrs
         self._is_armed = is_armed
         self._aids_relative_position = aids_relative_position
+        self._is_in_failsafe = is_in_failsafe
 
     def _stand_in_knows_position(self) -> bool:
         return self._ahrs.get_relative_position_NED_origin_float() is not None
@@ -42,7 +48,14 @@ class Estimates:
         return FilterFlag.VERT_POS | FilterFlag.VERT_VEL in status.flags
 
     def position_ok(self) -> bool:
-        """Tell whether the horizontal position is known, or while disarmed will be (Copter::position_ok)."""
+        """Tell whether there is a position and no failsafe of the estimator (Copter::position_ok)."""
+        return not self._is_in_failsafe() and self.has_position()
+
+    def has_position(self) -> bool:
+        """Tell whether the horizontal position is known, or while disarmed will be.
+
+        Source: Copter::ekf_has_absolute_position, Copter::ekf_has_relative_position.
+        """
         status = self._ahrs.get_filter_status()
         if status is None:
             return self._stand_in_knows_position()

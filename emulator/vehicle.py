@@ -16,7 +16,6 @@ from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.gps_sample import GpsSample
 from ekf_stub.sources import EkfSources
 from emulator.copter import Copter, CopterParts
-from emulator.ekf_check import EkfCheck
 from emulator.ftp_files import VehicleFiles
 from emulator.log_library import NoLogs, StoredLogs
 from emulator.logger import Logger
@@ -106,15 +105,6 @@ class Vehicle:
         self._flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
         self._initialised = False
         self._copter = self._make_copter()
-        self._ekf_check = EkfCheck(
-            self.ahrs,
-            self.params,
-            self.texts,
-            self.log,
-            self.clock,
-            has_position=self._copter.position_ok,
-            is_armed=self.is_armed,
-        )
         self._last_location: Location | None = None
         self._internal_errors_told = 0
         self._origin_told = False
@@ -227,7 +217,7 @@ class Vehicle:
         if now_us >= self._next_tenth_us:
             self._next_tenth_us = now_us + _TENTH_US
             self._copter.disarm_when_idle()
-            self._ekf_check.update()
+            self._copter.check_estimator()
             self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US

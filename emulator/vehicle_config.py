@@ -99,7 +99,7 @@ def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
             parts.clock,
             parts.sources,
             parts.log,
-            heading_rad=math.radians(heading_deg),
+            heading_rad=math.remainder(math.radians(heading_deg), 2 * math.pi),
             has_compass=parts.has_compass,
             around=Surroundings(
                 parts.texts,

@@ -124,6 +124,9 @@ class CopterPort(Protocol):
     def is_landed(self) -> bool:
         """Tell whether the vehicle stands on the ground."""
 
+    def is_in_failsafe(self) -> bool:
+        """Tell whether a failsafe is active."""
+
     def set_safety(self, on: bool) -> None:
         """Move the safety switch; on, it keeps the motors off."""
 

@@ -140,6 +140,11 @@ def handle_mission_item(ctx: Context, message: MISSION_ITEM | MISSION_ITEM_INT) 
     return _acknowledge(ctx, MissionResult.ERROR, message.mission_type)
 
 
+def _request_refusal(ctx: Context, mission_type: int) -> Verdict | None:
+    # Of a type that is not supported no item is refused: there is no answer at all.
+    return _needs_mavlink2(ctx, mission_type) if mission_type in _SUPPORTED else MISSION_TYPE
+
+
 def _has_item(message: MISSION_REQUEST | MISSION_REQUEST_INT) -> bool:
     # Home can be read at any time, if only as zeros.
     return message.mission_type == MissionType.MISSION and message.seq == 0
@@ -152,9 +157,7 @@ def _home(ctx: Context) -> tuple[Location, np.float32]:
 
 def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Verdict:
     """Send home, or tell how many items there are."""
-    if message.mission_type not in _SUPPORTED:
-        return MISSION_TYPE
-    refusal = _needs_mavlink2(ctx, message.mission_type)
+    refusal = _request_refusal(ctx, message.mission_type)
     if refusal is not None:
         return refusal
     if not _has_item(message):
@@ -169,9 +172,7 @@ def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Ve
 
 def handle_mission_request(ctx: Context, message: MISSION_REQUEST) -> Verdict:
     """Send home in float32, where degrees lose metres, and recommend the other way once."""
-    if message.mission_type not in _SUPPORTED:
-        return MISSION_TYPE
-    refusal = _needs_mavlink2(ctx, message.mission_type)
+    refusal = _request_refusal(ctx, message.mission_type)
     if refusal is not None:
         return refusal
     if not _has_item(message):

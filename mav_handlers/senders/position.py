@@ -8,7 +8,7 @@ Source: GCS_MAVLink/GCS_Common.cpp.
 import math
 from typing import Final
 
-from ap_core.cint import i32, int_of_float
+from ap_core.cint import i32, int_of_float, u16
 from ap_core.fmath import degrees, f32, norm3, wrap_360
 from ap_core.vector3 import Vector3f
 from mav_handlers.channel import Channel
@@ -81,7 +81,7 @@ def _relative_alt_mm(vehicle: VehiclePort) -> int:
 
 def _heading_cdeg(vehicle: VehiclePort) -> int:
     heading = int_of_float(float(degrees(euler_rad(vehicle).z) * _HUNDRED))
-    return heading + _FULL_TURN_CDEG if heading < 0 else heading
+    return u16(heading + _FULL_TURN_CDEG if heading < 0 else heading)
 
 
 @quiet_overflow

@@ -37,9 +37,9 @@ UID2_BYTES: Final = 18
 
 
 def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEAT:
-    """Presence and state: STANDBY on the ground even when armed, CRITICAL after any internal error.
+    """Presence and state: STANDBY on the ground even when armed, CRITICAL in a failsafe and after any internal error.
 
-    Source: GCS_MAVLINK_Copter::base_mode, GCS_MAVLINK::system_status.
+    Source: GCS_MAVLINK_Copter::base_mode, GCS_MAVLINK_Copter::vehicle_system_status, GCS_MAVLINK::system_status.
     """
     return HEARTBEAT(
         MAV_TYPE_QUADROTOR,
@@ -59,7 +59,7 @@ def _base_mode(vehicle: VehiclePort) -> int:
 def _system_status(vehicle: VehiclePort) -> int:
     if not vehicle.is_initialised():
         return MAV_STATE_BOOT
-    if vehicle.internal_errors.mask:
+    if vehicle.copter.is_in_failsafe() or vehicle.internal_errors.mask:
         return MAV_STATE_CRITICAL
     return MAV_STATE_STANDBY if vehicle.copter.is_landed() else MAV_STATE_ACTIVE
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import int_of_float
+from ap_core.cint import i32, int_of_float
 from ap_core.fmath import f32, is_zero
 from ap_core.param_info import is_equal
 from mav_handlers.context import Context
@@ -88,7 +88,7 @@ def _absolute(ctx: Context, command: COMMAND_INT) -> Location | None:
         return place
     if command.frame in TERRAIN_FRAMES or home is None:
         return None
-    return Location(place.lat, place.lng, place.alt_cm + home.alt_cm)
+    return Location(place.lat, place.lng, i32(place.alt_cm + home.alt_cm))
 
 
 def external_position_estimate(ctx: Context, command: COMMAND_INT) -> MavResult:

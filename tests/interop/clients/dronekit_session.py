@@ -48,6 +48,7 @@ def send_poses(vehicle: Any) -> None:
 
 def fly(vehicle: Any) -> dict[str, Any]:
     """Do what a script does, and return what it met."""
+    until(lambda: vehicle.version.major is not None)  # asked for with each heartbeat, and no part of being ready
     met = attributes(vehicle)
     vehicle.parameters["VISO_DELAY_MS"] = 35
     met["delay_ms"] = vehicle.parameters["VISO_DELAY_MS"]

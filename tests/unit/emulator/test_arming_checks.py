@@ -43,8 +43,8 @@ def lean(rig: "CopterRig", roll_deg: float, pitch_deg: float) -> None:
     rig.ahrs.quat = Quaternion.from_euler(f32(roll_deg * to_rad), f32(pitch_deg * to_rad), f32(0))
 
 
-def fix(fix_type: int) -> GpsSample:
-    return GpsSample(0, fix_type, PLACE, Vector3f(), 10)
+def fix(fix_type: int = 3, *, place: Location = PLACE, hdop: int = 140, is_healthy: bool = True) -> GpsSample:
+    return GpsSample(0, fix_type, place, Vector3f(), 10, hdop=hdop, is_healthy=is_healthy)
 
 
 def test_vehicle_with_nothing_wrong_arms(rig: "CopterRig") -> None:
@@ -140,6 +140,39 @@ def test_mode_with_a_position_asks_a_gps_for_its_fix(rig: "CopterRig", fix_type:
     assert failures(rig) == []
     rig.copter.set_mode(ModeNumber.LOITER)
     assert failures(rig) == fails
+
+
+@pytest.mark.parametrize(("solution", "fails"), [
+    (fix(), []),
+    (fix(is_healthy=False), ["GPS 1: not healthy"]),
+    (fix(2, is_healthy=False), ["GPS 1: Bad fix"]),
+    (fix(place=Location(PLACE.lat + 890, PLACE.lng, 0)), []),
+    (fix(place=Location(PLACE.lat + 1000, PLACE.lng, PLACE.alt_cm), hdop=999), ["GPS and AHRS differ by 11.1m"]),
+    (fix(hdop=141), ["High GPS HDOP"]),
+    (fix(hdop=65535), ["High GPS HDOP"]),
+])  # fmt: skip
+def test_mode_with_a_position_asks_how_good_a_gps_is(rig: "CopterRig", solution: GpsSample, fails: list[str]) -> None:
+    rig.ahrs.ekf_origin = PLACE
+    rig.ahrs.stand_at(PLACE)
+    rig.copter.set_home(PLACE)
+    rig.gps = solution
+    assert failures(rig) == []
+    rig.copter.set_mode(ModeNumber.LOITER)
+    assert failures(rig) == fails
+    rig.params.set("ARMING_CHECK", VISION)
+    assert failures(rig) == []
+
+
+def test_dilution_is_looked_at_after_what_is_mandatory(rig: "CopterRig") -> None:
+    rig.ahrs.ekf_origin = PLACE
+    rig.copter.set_home(PLACE)
+    rig.copter.set_mode(ModeNumber.LOITER)
+    rig.gps = fix(hdop=300)
+    rig.ahrs.failure = "Check EK3_SRC1_POSXY"
+    assert failures(rig) == ["AHRS: Check EK3_SRC1_POSXY"]
+    rig.ahrs.failure = None
+    rig.params.set("GPS_HDOP_GOOD", 300)
+    assert failures(rig) == []
 
 
 def test_mode_with_a_position_needs_one(rig: "CopterRig") -> None:

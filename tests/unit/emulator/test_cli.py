@@ -499,6 +499,8 @@ def test_udp_port_in_use_is_one_line(viso: Viso) -> None:
     (["--duration", "nan"], "--duration nan: not a time in seconds"),
     (["--master", "udpin:0"] * 9, "--master: the autopilot has parameters for 8 links, not 9"),
     (["--log-dir", "/dev/null/logs"], "--log-dir /dev/null/logs: Not a directory"),
+    (["--heading", "nan"], "--heading nan: not an angle in degrees"),
+    (["--heading", "inf"], "--heading inf: not an angle in degrees"),
 ])  # fmt: skip
 def test_option_of_serve_that_cannot_be_used_is_one_line(viso: Viso, args: list[str], line: str) -> None:
     assert failed_with(viso("serve", *args), line)

@@ -10,7 +10,7 @@ import pytest
 from ekf_stub.filter_status import FilterFlag, FilterStatus
 from emulator.ekf_check import is_over_threshold
 from mav_handlers.ports import Location
-from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
 
 if TYPE_CHECKING:
     from tests.unit.emulator.conftest import Bench
@@ -81,6 +81,35 @@ def test_samples_that_come_back_resolve_it_after_a_second(make_bench: MakeBench)
     bench.see(0.7)
     assert errors(bench) == LOST + RESOLVED
     assert said(bench) == [(2, "EKF variance")]
+
+
+def system_status(bench: "Bench") -> int:
+    bench.received()
+    bench.run_for(1)
+    [beat] = [message for message in bench.received() if isinstance(message, HEARTBEAT)]
+    return beat.system_status
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_heartbeat_is_critical_until_it_is_resolved(make_bench: MakeBench, armed: bool) -> None:
+    bench = navigating(make_bench)
+    if armed:
+        bench.command(400, 1, 2989)
+    bench.run_for(12)
+    assert system_status(bench) == 5
+    bench.see(2)
+    assert system_status(bench) == 3
+
+
+def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(make_bench: MakeBench) -> None:
+    bench = navigating(make_bench)
+    bench.command(400, 1, 2989)
+    bench.run_for(12)
+    bench.see(0.5)
+    assert bench.command(176, 1, 5) == 4
+    assert (4, "Mode change to LOITER failed: requires position") in [(level, text) for _, level, text in bench.texts]
+    bench.see(2)
+    assert bench.command(176, 1, 5) == 0
 
 
 def test_armed_vehicle_tells_of_its_failsafe(make_bench: MakeBench) -> None:

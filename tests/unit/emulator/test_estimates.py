@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 F = FilterFlag
 
 
-def estimates(rig: "CopterRig", *, armed: bool = False, aided: bool = True) -> Estimates:
-    return Estimates(rig.ahrs, lambda: armed, lambda: aided)  # type: ignore[arg-type]  # no more than is asked for
+def estimates(rig: "CopterRig", *, armed: bool = False, aided: bool = True, failed: bool = False) -> Estimates:
+    # The AHRS is no more than is asked for.
+    return Estimates(rig.ahrs, lambda: armed, lambda: aided, lambda: failed)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("flags", "ok"), [
@@ -47,6 +48,11 @@ def test_prediction_of_the_position_is_enough_while_disarmed(
 ) -> None:
     rig.ahrs.navigate(flags)
     assert estimates(rig, armed=armed, aided=aided).position_ok() is ok
+
+
+def test_no_position_is_good_enough_in_a_failsafe(rig: "CopterRig") -> None:
+    seen = estimates(rig, failed=True)
+    assert (seen.has_position(), seen.position_ok()) == (True, False)
 
 
 def test_stand_in_for_the_estimator_is_believed_while_it_has_a_position(rig: "CopterRig") -> None:

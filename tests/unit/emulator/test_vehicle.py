@@ -21,7 +21,7 @@ from emulator.rtc import OLDEST_VALID_UTC_US
 from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
 from emulator.vehicle import bench as bench_ahrs
 from mav_handlers.ports import Location, OriginResult
-from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN, SYSTEM_TIME, TIMESYNC
+from mav_handlers.wire.messages import ATTITUDE, COMMAND_LONG, HEARTBEAT, SET_GPS_GLOBAL_ORIGIN, SYSTEM_TIME, TIMESYNC
 
 if TYPE_CHECKING:
     from tests.unit.emulator.conftest import Bench
@@ -331,10 +331,19 @@ def test_no_attitude_is_logged_before_the_start(make_bench: MakeBench) -> None:
     assert bench.written("ATT") == []
 
 
-@pytest.mark.parametrize(("heading_deg", "logged"), [(0, 0), (90, 90), (-100, 260), (200, 200)])
+@pytest.mark.parametrize(("heading_deg", "logged"), [(0, 0), (90, 90), (-100, 260), (200, 200), (1e4, 280)])
 def test_logged_yaw_is_0_to_360(make_bench: MakeBench, heading_deg: float, logged: float) -> None:
     bench = make_bench(heading_deg=heading_deg)
     assert float(bench.written("ATT")[-1]["Yaw"]) == pytest.approx(logged, abs=1e-4)
+
+
+@pytest.mark.parametrize(("heading_deg", "yaw_deg"), [(-100, -100), (200, -160), (1e4, -80)])
+def test_yaw_is_told_within_half_a_turn(make_bench: MakeBench, heading_deg: float, yaw_deg: float) -> None:
+    bench = make_bench(heading_deg=heading_deg)
+    bench.send(COMMAND_LONG(1, 1, 512, 0, 30, 0, 0, 0, 0, 0, 0))
+    bench.run_for(0.01)
+    [told] = [message.yaw for message in bench.received() if isinstance(message, ATTITUDE)]
+    assert math.degrees(told) == pytest.approx(yaw_deg, abs=1e-3)
 
 
 def test_attitude_is_logged_at_10_hz(make_bench: MakeBench) -> None:

@@ -119,6 +119,11 @@ def test_heading_is_0_to_360(desk: "Desk", yaw_deg: float, centidegrees: int, wh
     assert desk.ask(vfr_hud).heading == whole
 
 
+def test_heading_of_no_attitude_is_a_heading_all_the_same(desk: "Desk") -> None:
+    desk.ahrs.face(0, 0, math.nan)
+    assert desk.ask(global_position_int).hdg == 36_000
+
+
 class TestVfrHud:
     """VFR_HUD."""
 

@@ -68,6 +68,12 @@ class TestSetHome:
         assert bench.client.command_int(SET_HOME, LAT, LNG, 10.0, frame=frame) == ACCEPTED
         assert home(bench) == Location(LAT, LNG, 61_000)
 
+    def test_height_above_homes_above_each_other_wraps_in_32_bits(self, bench: "Bench") -> None:
+        bench.client.command_int(SET_HOME, LAT, LNG, 0.0)
+        for _ in range(259):  # 21 497 km
+            assert bench.client.command_int(SET_HOME, LAT, LNG, 83_000.0, frame=3) == ACCEPTED
+        assert home(bench) == Location(LAT, LNG, 259 * 8_300_000 - (1 << 32))
+
     @pytest.mark.parametrize("frame", [10, 11])
     def test_height_above_terrain_is_unknown(self, bench: "Bench", frame: int) -> None:
         assert bench.client.command_int(SET_HOME, LAT, LNG, 10.0, frame=frame) == FAILED
