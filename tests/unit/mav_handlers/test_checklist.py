@@ -506,6 +506,7 @@ def test_source_sets_are_chosen_by_218_and_42007(bench: "Bench", client: "Client
     assert client.command(SOURCE_SET, 4) == DENIED
     assert client.command(AUX_FUNCTION, 90, 0) == ACCEPTED
     bench.run_ms(50)
+    assert client.read_texts() == ["Using EKF Source Set 2", "Using EKF Source Set 1"]
     assert [event["Id"] for event in bench.logged("EV") if 85 <= int(event["Id"]) <= 87] == [86, 87, 85]
 
 
