@@ -101,6 +101,7 @@ class VelPosFusion:
         self._down_variance = 1.0
         self._pos_source = sources.pos_xy()
         self._pos_source_changed = False
+        self._velocity_was_reset = False
 
     def step(self, now_ms: int, vehicle: Vehicle) -> None:
         """Fuse what came due in a step."""
@@ -259,8 +260,6 @@ class VelPosFusion:
             self._resets.velocity(now_ms)
             self.innovations.vel_ratio = 0.0
         return None
-
-    _velocity_was_reset = False
 
     def _test_velocity(self, now_ms: int) -> bool:
         velocity = self._delayed.velocity
