@@ -15,6 +15,7 @@ from ap_core.clock import Clock
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.ext_nav_ingest import ExtNavIngest
 from ekf_stub.ext_nav_log import ExtNavLog
 from ekf_stub.filter_status import FilterStatus
 from ekf_stub.sources import EkfSources, SourceYaw
@@ -44,6 +45,7 @@ class AhrsBase:
         self._log = log
         self._start_us = start_us
         self._origin: Location | None = None
+        self._ingest: ExtNavIngest | None = None
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
     def started(self) -> bool:
@@ -135,12 +137,16 @@ class AhrsBase:
         delay_ms: int,
         resetTime_ms: int,
     ) -> None:
-        """Log a position and attitude sample."""
+        """Log a position and attitude sample, then hand it to the estimator, if there is one."""
         self._log.pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
+        if self._ingest is not None:
+            self._ingest.write_pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
 
     def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
-        """Log a velocity sample."""
+        """Log a velocity sample, then hand it to the estimator, if there is one."""
         self._log.velocity(vel, err, timeStamp_ms, delay_ms)
+        if self._ingest is not None:
+            self._ingest.write_velocity(vel, err, timeStamp_ms, delay_ms)
 
     def writeBodyFrameOdom(
         self,
@@ -152,5 +158,7 @@ class AhrsBase:
         delay_ms: int,
         posOffset: Vector3f,
     ) -> None:
-        """Log a body odometry sample."""
+        """Log a body odometry sample, then hand it to the estimator, if there is one."""
         self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms)
+        if self._ingest is not None:
+            self._ingest.write_odometry(quality, (delPos, delAng, delTime), timeStamp_ms, delay_ms, posOffset)

@@ -53,6 +53,7 @@ class BenchAhrs(AhrsBase):
         self._yaw = BenchYaw(clock, sources, f32(heading_rad), has_compass)
         self._has_compass = has_compass
         self._filter = BenchFilter(clock, sources, self._around, self.ext_nav_counts, self._yaw, self.origin)
+        self._ingest = self._filter.ingest
 
     def update(self) -> None:
         """Run one frame of the filter; GPS that is good enough sets the origin."""
@@ -135,37 +136,3 @@ class BenchAhrs(AhrsBase):
         if self.healthy():
             return None
         return self._filter.failure_reason() or "EKF3 core 0 unhealthy"
-
-    def writeExtNavData(
-        self,
-        pos: Vector3f,
-        quat: Quaternion,
-        posErr: np.float32,
-        angErr: np.float32,
-        timeStamp_ms: int,
-        delay_ms: int,
-        resetTime_ms: int,
-    ) -> None:
-        """Log a position and attitude sample, then hand it to the filter."""
-        super().writeExtNavData(pos, quat, posErr, angErr, timeStamp_ms, delay_ms, resetTime_ms)
-        self._filter.ingest.write_pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
-
-    def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
-        """Log a velocity sample, then hand it to the filter."""
-        super().writeExtNavVelData(vel, err, timeStamp_ms, delay_ms)
-        self._filter.ingest.write_velocity(vel, err, timeStamp_ms, delay_ms)
-
-    def writeBodyFrameOdom(
-        self,
-        quality: np.float32,
-        delPos: Vector3f,
-        delAng: Vector3f,
-        delTime: np.float32,
-        timeStamp_ms: int,
-        delay_ms: int,
-        posOffset: Vector3f,
-    ) -> None:
-        """Log a body odometry sample, then hand it to the filter."""
-        super().writeBodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, posOffset)
-        deltas = delPos, delAng, delTime
-        self._filter.ingest.write_odometry(quality, deltas, timeStamp_ms, delay_ms, posOffset)

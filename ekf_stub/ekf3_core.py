@@ -71,7 +71,6 @@ class Ekf3Core:
         sizes: lengths of the buffers.
         texts: what the ground station is told.
         counts: what became of samples of external navigation.
-        verr_float: returns EK3_VIS_VERR_MIN and _MAX by their full names.
         has_compass: tells whether a compass is in use.
 
     Attributes:
@@ -86,7 +85,6 @@ class Ekf3Core:
         sizes: RingSizes,
         texts: CoreTexts,
         counts: Counter[tuple[str, str]],
-        verr_float: Callable[[str], np.float32],
         has_compass: Callable[[], bool],
     ) -> None:
         self._sources = sources
@@ -94,7 +92,7 @@ class Ekf3Core:
         self._sizes = sizes
         self._texts = texts
         self._has_compass = has_compass
-        self.ingest = ExtNavIngest(counts, verr_float)
+        self.ingest = ExtNavIngest(counts, lambda name: np.float32(get_float(name.removeprefix("EK3_"))))
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self._sampler = DownSampler()
         self._first_ms: int | None = None

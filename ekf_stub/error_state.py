@@ -110,8 +110,8 @@ class ErrorState:
 
     def predict(
         self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool
-    ) -> tuple[Array, Array]:
-        """Move state and covariance on by a step; return the corrected angle (rad) and velocity (m/s) of the body."""
+    ) -> None:
+        """Move state and covariance on by a step."""
         angle = step.del_ang - self.gyro_bias * (step.del_ang_dt / dt_ekf_avg)
         velocity = step.del_vel - self.accel_bias * (step.del_vel_dt / dt_ekf_avg)
         rotation_before = self.rotation
@@ -121,7 +121,6 @@ class ErrorState:
         self._predict_covariance(turn, rotation_before, velocity, noise, dt)
         self._limit(dt_ekf_avg, on_ground=on_ground)
         self.predicted_tilt_variance = self.tilt_variance()
-        return angle, velocity
 
     def _predict_state(
         self, step: InertialStep, turn: quaternion.quaternion, del_vel_ned: Array, *, aided: bool

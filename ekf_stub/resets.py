@@ -20,7 +20,7 @@ LOST_VELOCITY_VAR: Final = 25.0**2
 NORTH_EAST: Final = slice(0, 2)
 _VEL_NE: Final = slice(VEL.start, VEL.start + 2)
 _VEL_D: Final = slice(VEL.start + 2, VEL.stop)
-_POS_NE: Final = slice(POS.start, POS.start + 2)
+POS_NE: Final = slice(POS.start, POS.start + 2)
 _POS_D: Final = slice(POS.start + 2, POS.stop)
 
 
@@ -70,7 +70,7 @@ class Resets:
         else:
             target, variance = self.last_known_ne, self._get_float("POSNE_M_NSE") ** 2
         self._state.pos = np.array([*target, self._state.pos[2]])
-        self._state.clear(_POS_NE, variance)
+        self._state.clear(POS_NE, variance)
         self._output.overwrite(pos={0: float(target[0]), 1: float(target[1])})
         self.moved_ne = self._state.pos[NORTH_EAST] - before
         self._aiding.pos_timeout = False

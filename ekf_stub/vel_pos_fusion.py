@@ -15,7 +15,7 @@ from ekf_stub.ext_nav_ingest import ExtNavIngest
 from ekf_stub.inertial import Array, limited
 from ekf_stub.measurements import BaroSample, Delayed
 from ekf_stub.obs_ring import ObsRing
-from ekf_stub.resets import NORTH_EAST, Resets
+from ekf_stub.resets import NORTH_EAST, POS_NE, Resets
 from ekf_stub.sources import EkfSources, SourceXY, SourceZ
 
 EXT_NAV_FRESH_MS: Final = 500
@@ -202,9 +202,9 @@ class VelPosFusion:
             pos_variance, target_ne = limited(pose.err, 0.01, 100.0) ** 2, pose.pos[NORTH_EAST]
         if aided and velocity is not None:
             vel_variance = limited(velocity.err, 0.05, 50.0) ** 2
+        self._velocity_was_reset = False
         pos_ok = fuse_pos and self._test_position(now_ms, target_ne, pos_variance)
-        if pos_ok is None:
-            pos_ok, fuse_vel = False, fuse_vel and not self._velocity_was_reset
+        fuse_vel = fuse_vel and not self._velocity_was_reset
         vel_ok = fuse_vel and velocity is not None and self._test_velocity(now_ms)
         height_ok = fuse_height and self._test_height(now_ms, vehicle)
         innovations = self.innovations
@@ -234,8 +234,8 @@ class VelPosFusion:
     def _limits_glitches(self) -> bool:
         return self._get_float("GLITCH_RAD") > 0
 
-    def _test_position(self, now_ms: int, target_ne: Array, variance: float) -> bool | None:
-        """Tell whether to fuse a position; None when the filter was reset to it instead."""
+    def _test_position(self, now_ms: int, target_ne: Array, variance: float) -> bool:
+        """Tell whether to fuse a position; False as well when the filter was reset to it instead."""
         innovation = self._state.pos[NORTH_EAST] - target_ne
         self.innovations.pos[NORTH_EAST] = innovation
         spread = self._variances(POS.start, 2)
@@ -253,13 +253,12 @@ class VelPosFusion:
             return True
         self._velocity_was_reset = aiding.vel_timeout
         self._resets.position(now_ms)
-        for index in (POS.start, POS.start + 1):
-            self._state.clear(slice(index, index + 1), (0.5 * radius) ** 2)
+        self._state.clear(POS_NE, (0.5 * radius) ** 2)
         self.innovations.pos_ratio = 0.0
         if self._velocity_was_reset:
             self._resets.velocity(now_ms)
             self.innovations.vel_ratio = 0.0
-        return None
+        return False
 
     def _test_velocity(self, now_ms: int) -> bool:
         velocity = self._delayed.velocity

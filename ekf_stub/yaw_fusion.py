@@ -25,7 +25,6 @@ from ekf_stub.sources import EkfSources, SourceYaw
 from ekf_stub.vel_pos_fusion import Vehicle
 
 SYNTHETIC_PERIOD_MS: Final = 140
-YAW_IN_USE_MS: Final = 5000
 MIN_YAW_NOISE: Final = 0.05
 MIN_ALIGNED_NOISE: Final = 0.01
 MAX_INNOVATION: Final = 0.5
@@ -55,7 +54,6 @@ class YawFusion:
     Attributes:
         aligned: whether yaw has been set from a measurement.
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
-        was_reset: yaw has been set in this step.
         mag: magnetic fields that wait for the horizon.
         declination: of the magnetic field, rad.
     """
@@ -78,11 +76,11 @@ class YawFusion:
         self._texts = texts
         self._get_float = get_float
         self._has_compass = has_compass
-        self.aligned = self.was_reset = False
+        self.aligned = False
         self.innovation = self.ratio = 0.0
         self.mag: ObsRing[MagSample] = ObsRing(mag_ring_size)
         self.declination = 0.0
-        self._ext_nav_ms = self._synthetic_ms = 0
+        self._synthetic_ms = 0
         self._source = self.source()
         self._source_changed = False
         self._final_alignment_done = False
@@ -104,11 +102,6 @@ class YawFusion:
         """Tell whether yaw comes from the compass."""
         return self._source == SourceYaw.COMPASS
 
-    def uses_ext_nav(self, now_ms: int) -> bool:
-        """Tell whether yaw comes from external navigation, or from what stands in for it (using_extnav_for_yaw)."""
-        recent = (u32(now_ms - self._ext_nav_ms) < YAW_IN_USE_MS, u32(now_ms - self._synthetic_ms) < YAW_IN_USE_MS)
-        return self._source == SourceYaw.EXTNAV and any(recent)
-
     def step(self, now_ms: int, vehicle: Vehicle, *, tilt_aligned: bool, moves: bool, climbed_m: float) -> None:
         """Fuse what came due in a step.
 
@@ -119,7 +112,6 @@ class YawFusion:
             moves: whether the vehicle is known not to stand still on the ground.
             climbed_m: height above the place of take-off.
         """
-        self.was_reset = False
         if moves:
             self._yaw_at_rest = self._yaw()
         if vehicle.on_ground:
@@ -132,7 +124,6 @@ class YawFusion:
         elif self._source == SourceYaw.EXTNAV:
             if ext_nav is not None:
                 self._use_ext_nav(float(ext_nav.yaw), float(ext_nav.yaw_err), vehicle, tilt_aligned=tilt_aligned)
-                self._ext_nav_ms = now_ms
             elif tilt_aligned and not self.aligned:
                 self._fuse_synthetic(now_ms, vehicle, moves=moves)
         elif self._source == SourceYaw.COMPASS and mag is not None:
@@ -165,7 +156,7 @@ class YawFusion:
     def _align(self, yaw: float, variance: float) -> None:
         self._source_changed = False
         self._output.rotate(self._state.set_yaw(yaw, variance))
-        self.aligned = self.was_reset = True
+        self.aligned = True
 
     def _use_compass(self, mag: MagSample, vehicle: Vehicle, *, tilt_aligned: bool, climbed_m: float) -> None:
         roll, pitch, yaw = euler_of(self._state.quat)

@@ -152,7 +152,6 @@ class _Player:
             ring_sizes(int(max(delays_ms))),
             CoreTexts(self.texts, (_CORE,)),
             Counter(),
-            lambda name: np.float32(self._param(name)),
             lambda: self._mag is not None,
         )
 

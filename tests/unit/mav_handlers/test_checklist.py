@@ -6,6 +6,7 @@ import itertools
 import math
 import struct
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import pytest
@@ -71,31 +72,7 @@ REAL32 = 9
 ESTIMATOR_RUNS_MS = 8000
 
 # Messages of one rate, in the order in which the firmware was seen to send them.
-BURST_ORDER = [
-    "AHRS",
-    "AHRS2",
-    "ATTITUDE",
-    "GLOBAL_POSITION_INT",
-    "VFR_HUD",
-    "SYS_STATUS",
-    "POWER_STATUS",
-    "MEMINFO",
-    "NAV_CONTROLLER_OUTPUT",
-    "MISSION_CURRENT",
-    "SERVO_OUTPUT_RAW",
-    "RC_CHANNELS",
-    "RAW_IMU",
-    "SCALED_IMU2",
-    "SCALED_IMU3",
-    "SCALED_PRESSURE",
-    "SCALED_PRESSURE2",
-    "GPS_RAW_INT",
-    "SYSTEM_TIME",
-    "EKF_STATUS_REPORT",
-    "LOCAL_POSITION_NED",
-    "VIBRATION",
-    "BATTERY_STATUS",
-]
+BURST_ORDER = (Path(__file__).parents[2] / "data" / "burst_order.txt").read_text(encoding="ascii").split()
 
 
 def name(message: Message) -> str:

@@ -29,12 +29,12 @@ def test_machine_path_is_found_with_its_line(top: str) -> None:
     [
         "/dev/ttyUSB0",
         "/etc/ssl",
-        "docs/work/flow.md",
+        "docs/Users/flow.md",
         "./home/page.md",
         "https://example.org/home/page",
-        "~/work/x",
-        "$HOME/work/x",
-        "{root}/work/x",
+        "~/Users/x",
+        "$HOME/Users/x",
+        "{root}/Users/x",
         "piper.org, cratesXio",
     ],
 )
