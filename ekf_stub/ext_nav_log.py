@@ -43,32 +43,50 @@ class ExtNavLog:
     def __init__(self, logger: RecordSink, enabled: Callable[[], bool]) -> None:
         self._logger = logger
         self._enabled = enabled
-        self._last: dict[str, bytes] = {}
+        self._last: dict[tuple[str, int], bytes] = {}
         self._in_frames = False
+        self._awaits_camera = False
+        self._is_first = False
+        self._camera: VisualOdomFrame | None = None
         self._has_camera: bool | None = None
 
     def new_log(self) -> None:
         """Begin anew with the next frame, as another log begins."""
         self._in_frames = False
 
-    def _write(self, structure: LogStructure, values: Sequence[LogValue], *, force: bool = False) -> None:
-        payload = structure.pack(values)
-        changed = self._last.get(structure.name) != payload
-        self._last[structure.name] = payload
-        if self._in_frames and self._enabled() and (changed or force):
+    def _write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        if self._in_frames and self._enabled():
             self._logger.write(structure, values)
 
+    def _write_changed(
+        self, structure: LogStructure, values: Sequence[LogValue], *, instance: int = 0, force: bool = False
+    ) -> None:
+        payload = structure.pack(values)
+        key = structure.name, instance
+        if force or self._last.get(key) != payload:
+            self._last[key] = payload
+            self._write(structure, values)
+
+    def _begin_frame(self, *, is_first: bool) -> None:
+        self._is_first, self._in_frames = is_first, True
+
+    def _end_frame(self) -> None:
+        """Log what ends a frame, here nothing; a call that hands in samples comes after it."""
+
     def frame(self, frame: VisualOdomFrame) -> None:
-        """Begin a frame of the estimator and log the camera's state.
+        """Log the camera's state in a frame of the estimator, which begins now unless it has already.
 
         A camera that is not enabled in the first frame is never logged (AP_DAL::init_sensors).
         """
-        first, self._in_frames = not self._in_frames, True
+        if not self._awaits_camera:
+            self._begin_frame(is_first=not self._in_frames)
+        self._awaits_camera = False
         if self._has_camera is None:
             self._has_camera = frame.enabled
-        if self._has_camera:
+        if self._has_camera and (self._is_first or frame != self._camera):
+            self._camera = frame
             state = (u32(frame.delay_ms), int(frame.healthy), int(frame.enabled))
-            self._write(RVOH, (*frame.pos_offset.to_tuple(), *state), force=first)
+            self._write_changed(RVOH, (*frame.pos_offset.to_tuple(), *state), force=self._is_first)
 
     def pose(
         self,
@@ -80,16 +98,19 @@ class ExtNavLog:
         resetTime_ms: int,
     ) -> None:
         """Log a call of writeExtNavData: m NED, attitude, (m, rad), ms since boot."""
+        self._end_frame()
         times = timeStamp_ms, resetTime_ms, u16(delay_ms)
-        self._write(REPH, (*pos.to_tuple(), *quat.to_wxyz(), *errors, *times))
+        self._write_changed(REPH, (*pos.to_tuple(), *quat.to_wxyz(), *errors, *times))
 
     def velocity(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
         """Log a call of writeExtNavVelData: m/s NED, ms since boot."""
-        self._write(REVH, (*vel.to_tuple(), err, timeStamp_ms, u16(delay_ms)))
+        self._end_frame()
+        self._write_changed(REVH, (*vel.to_tuple(), err, timeStamp_ms, u16(delay_ms)))
 
     def body_odometry(
         self, quality: np.float32, delPos: Vector3f, delAng: Vector3f, delTime: np.float32, timeStamp_ms: int
     ) -> None:
         """Log a call of writeBodyFrameOdom; the firmware leaves offset and delay of this record unfilled."""
+        self._end_frame()
         deltas = (*delPos.to_tuple(), *delAng.to_tuple(), delTime)
-        self._write(RBOH, (quality, *deltas, timeStamp_ms, *_UNFILLED, 0))
+        self._write_changed(RBOH, (quality, *deltas, timeStamp_ms, *_UNFILLED, 0))

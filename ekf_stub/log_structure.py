@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Replay records of the external navigation calls (AP_DAL/LogStructure.h)."""
+"""The estimator's log records: what it was given (AP_DAL/LogStructure.h), and what it made of it."""
 
 from typing import Final
 
 from ap_core.log_structure import LogStructure
+from ekf_stub.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3
+from ekf_stub.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
 
 RVOH: Final = LogStructure(152, "RVOH", "fffIBB", "OX,OY,OZ,Del,H,Ena", "------", "------")
 REPH: Final = LogStructure(
@@ -15,4 +17,4 @@ RBOH: Final = LogStructure(
     160, "RBOH", "ffffffffIfffH", "Q,DPX,DPY,DPZ,DAX,DAY,DAZ,DT,TS,OX,OY,OZ,D", "-------------", "-------------"
 )
 
-LOG_STRUCTURE_FROM_EKF_STUB: Final = (RVOH, REPH, REVH, RBOH)
+LOG_STRUCTURE_FROM_EKF_STUB: Final = (*LOG_STRUCTURE_OF_FRAMES, RVOH, REPH, REVH, RBOH, *LOG_STRUCTURE_FROM_EKF3)

@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Logs all that the estimator is given, so that its run can be repeated from the log.
+
+As recorded logs of the reference have it:
+
+- A frame begins with RFRH; RFRF ends it, late: before the next RFRH, or before the first call from outside in the same
+  pass (REPH, REVH, RBOH, REV2, REV3). What the pass logs until then, estimates included, stands within the frame.
+  RSO2 and RSO3 do not end it.
+- The inputs come in this order, each only when it has changed: RFRN, RISH, RISI, RBRH, RBRI, RGPH, then RGPI and RGPJ
+  of each receiver, RMGH, RMGI, RVOH. The first frame of a log has all. Most frames have RISI alone, armed or not; RBRI
+  and RMGI come together, ten times a second. Arming changes RFRN and nothing else.
+- RFRF.FTypes is 5 up to and including the frame in which EKF3 gets a state, 13 in the next, and 9 from then on: EKF2
+  (1), which is built in but not enabled, is tried every time. Writing estimates adds 32; where a call has ended the
+  frame before, that gets an RFRF of its own. RFRF.Slow is always 0.
+- EKF2 is told of an origin again in the frame after that in which it was set.
+- Of sensors that the vehicle lacks only GPS has records, once in a log; airspeed, range finder and beacons have none.
+
+Source: AP_DAL/AP_DAL.cpp, AP_DAL_InertialSensor.cpp, AP_DAL_Baro.cpp, AP_DAL_Compass.cpp.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from ap_core.cint import u32
+from ap_core.location import Location
+from ap_core.sinks import RecordSink
+from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.gps_log import UNUSED, gps_values
+from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inertial import Array, InertialDelta
+from ekf_stub.replay_log_structure import (
+    RBRH,
+    RBRI,
+    REV2,
+    REV3,
+    RFRF,
+    RFRH,
+    RFRN,
+    RGPH,
+    RGPI,
+    RGPJ,
+    RISH,
+    RISI,
+    RMGH,
+    RMGI,
+    RSO2,
+    RSO3,
+)
+from ekf_stub.replay_vehicle import Place, SensorSet, VehicleFrame, place_values, vehicle_values
+from ekf_stub.sensors import Sensors
+
+# Of REV3.Event.
+RESET_GYRO_BIAS: Final = 0
+RESET_HEIGHT_DATUM: Final = 1
+TERRAIN_STABLE: Final = 9
+TERRAIN_UNSTABLE: Final = 10
+REQUEST_YAW_RESET: Final = 11
+CHECK_LANE_SWITCH: Final = 12
+SOURCE_SET_1: Final = 13
+
+MAX_IMUS: Final = 3
+
+_EKF2_INITIALISES, _EKF3_INITIALISES, _EKF3_UPDATES, _EKF3_LOGS = 1, 4, 8, 32  # of RFRF.FTypes
+_FOR_BOTH: Final = frozenset((RESET_GYRO_BIAS, RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE))
+_ALL_GOOD: Final = 15  # RISI.Flags: accelerometer and gyro are used, and both gave data
+_NOTHING: Final = (0.0,) * 8
+
+
+class ReplayLog(ExtNavLog):
+    """Writes the frames of the estimator, and the calls between them.
+
+    A pass of the main loop that has new inertial data calls ``start_frame``, ``vehicle``, ``sensors``, ``frame`` (of
+    the camera) and, once the filter has run, ``note_run``.
+
+    FIRMWARE PARITY: the first frame after LOG_REPLAY is turned on has all inputs, as that of a new log; in the firmware
+    what does not change from then on is missing, and the run cannot be repeated.
+
+    Args:
+        logger: where the records go.
+        enabled: tells whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
+        fitted: how many sensors there are; two IMUs, two barometers and three compasses unless told otherwise.
+    """
+
+    def __init__(self, logger: RecordSink, enabled: Callable[[], bool], fitted: SensorSet | None = None) -> None:
+        super().__init__(logger, enabled)
+        self._fitted = fitted or SensorSet()
+        self._is_wanted = False
+        self._updates = False
+        self._done = 0  # what RFRF is to say
+        self._baro: tuple[int, float] | None = None
+        self._mag: tuple[int, Array] | None = None
+        self._declination = 0.0
+        self._gps: GpsSample | None = None
+        self._origin: Place | None = None
+        self._origin_again: Place | None = None
+
+    def new_log(self) -> None:
+        """Begin anew with the next frame, as another log begins."""
+        super().new_log()
+        self._is_wanted = False
+
+    # A frame
+
+    def start_frame(self, now_us: int, flying_ms: int) -> bool:
+        """Begin a frame at ``now_us`` since boot; tell whether its inputs are wanted.
+
+        Args:
+            now_us: time since boot.
+            flying_ms: for how long the vehicle has been flying, 0 on the ground.
+        """
+        was_wanted, self._is_wanted = self._is_wanted, self._enabled()
+        if not self._is_wanted:
+            self._done = 0
+            return False
+        self._begin_frame(is_first=not was_wanted)
+        self._awaits_camera = True
+        self._end_frame()
+        self._origin, self._origin_again = None, self._origin
+        self._logger.write(RFRH, (now_us, flying_ms))
+        return True
+
+    def vehicle(self, vehicle: VehicleFrame) -> None:
+        """Log the vehicle's state in this frame."""
+        if self._is_wanted:
+            self._write_changed(RFRN, vehicle_values(vehicle), force=self._is_first)
+
+    def sensors(self, sensors: Sensors, gps: GpsSample | None = None) -> None:
+        """Log what the sensors say in this frame."""
+        if not self._is_wanted:
+            return
+        self._write_inertial(sensors.delta)
+        if self._is_first or sensors.baro != self._baro:
+            self._write_baro(sensors.baro)
+        if self._is_first or gps != self._gps:
+            self._write_gps(gps)
+        if self._is_first or sensors.mag is not self._mag or sensors.declination != self._declination:
+            self._write_compass(sensors.mag, sensors.declination)
+
+    def _write_inertial(self, delta: InertialDelta) -> None:
+        fitted, is_first = self._fitted, self._is_first
+        if is_first:
+            rate_hz = fitted.loop_rate_hz
+            self._write_changed(RISH, (rate_hz, 0, 0, 1 / rate_hz, fitted.imus, fitted.imus), force=True)
+        values = (*delta.del_vel.tolist(), *delta.del_ang.tolist(), delta.del_vel_dt, delta.del_ang_dt, _ALL_GOOD)
+        for imu in range(fitted.imus):
+            self._write_changed(RISI, (*values, imu), instance=imu, force=is_first)
+        if is_first:
+            for imu in range(fitted.imus, MAX_IMUS):
+                self._write_changed(RISI, (*_NOTHING, 0, imu), instance=imu, force=True)
+
+    def _write_baro(self, baro: tuple[int, float] | None) -> None:
+        self._baro = baro
+        count = 0 if baro is None else self._fitted.baros
+        self._write_changed(RBRH, (0, count), force=self._is_first)
+        if baro is not None:
+            for instance in range(count):
+                self._write_changed(RBRI, (u32(baro[0]), baro[1], 1, instance), instance=instance, force=self._is_first)
+
+    def _write_gps(self, gps: GpsSample | None) -> None:
+        self._gps = gps
+        header, receiver = gps_values(gps)
+        self._write_changed(RGPH, header, force=self._is_first)
+        for instance, (slow, fast) in enumerate((receiver, *UNUSED)):
+            self._write_changed(RGPI, slow, instance=instance, force=self._is_first)
+            self._write_changed(RGPJ, fast, instance=instance, force=self._is_first)
+
+    def _write_compass(self, mag: tuple[int, Array] | None, declination: float) -> None:
+        self._mag, self._declination = mag, declination
+        count = 0 if mag is None else self._fitted.compasses
+        self._write_changed(RMGH, (declination, int(count > 0), count, 1, count, 0, 1, 0), force=self._is_first)
+        if mag is not None:
+            values = (u32(mag[0]), *self._fitted.compass_offsets, *mag[1].tolist(), 1, 1, 1)
+            for instance in range(count):
+                self._write_changed(RMGI, (*values, instance), instance=instance, force=self._is_first)
+
+    def note_run(self, *, was_initialised: bool) -> None:
+        """Note that the filter was run in this frame, and whether it had a state before."""
+        if not self._updates:
+            self._done |= _EKF3_INITIALISES
+        self._updates |= was_initialised
+        self._done |= _EKF2_INITIALISES | self._updates * _EKF3_UPDATES
+        if self._origin_again is not None:
+            self._write(RSO2, self._origin_again)
+            self._origin_again = None
+
+    def note_logged(self) -> None:
+        """Note that the filter's estimates are written to the log in this pass."""
+        self._done |= _EKF3_LOGS
+
+    def _end_frame(self) -> None:
+        """Log what was done in the frame before, unless that is in the log."""
+        done, self._done = self._done, 0
+        if done:
+            self._write(RFRF, (done, 0))
+
+    # Between frames
+
+    def event(self, number: int) -> None:
+        """Log a request to the estimator (AP_DAL::Event); those that EKF2 knows go to it first."""
+        self._end_frame()
+        if number in _FOR_BOTH:
+            self._write(REV2, (number,))
+        self._write(REV3, (number,))
+
+    def origin(self, place: Location) -> None:
+        """Log that somebody sets the estimator's origin, whether or not it takes it."""
+        self._origin = place_values(place)
+        self._write(RSO2, self._origin)
+        self._write(RSO3, self._origin)

@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the estimator is given by sensors, and who gives it."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.inertial import Array, InertialDelta
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What the sensors say in a pass of the main loop; None where there is no such sensor.
+
+    Attributes:
+        delta: inertial data since the last pass; exact in single precision, as the firmware's and a log's are.
+        baro: time of the last reading in ms since boot, and height in m; exact in single precision.
+        mag: time of the last reading in us since boot, and the field in mGauss, body (FRD).
+        declination: of the magnetic field, rad.
+    """
+
+    delta: InertialDelta
+    baro: tuple[int, float] | None = None
+    mag: tuple[int, Array] | None = None
+    declination: float = 0.0
+
+
+class SensorSource(Protocol):
+    """Where inertial data, height and magnetic field come from."""
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return what is there at a time since boot, or None while there are no new inertial data.
+
+        Called once a pass of the main loop, with times that grow. Without data the filter skips the frame.
+        """
+
+    def set_armed(self, armed: bool) -> None:
+        """Hear, before each pass, whether the vehicle is armed."""
+
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
+        """Hear of a pose that external navigation gave: m, attitude, and when it was observed, in ms since boot."""
+
+    def yaw_rad(self) -> float:
+        """Return the true heading as far as the source knows it, rad; what a simple estimate (DCM) starts from."""

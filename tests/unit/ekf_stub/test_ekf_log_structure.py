@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The layouts of the estimator's records are those that the firmware's logs describe."""
+
+import json
+import lzma
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.DFReader import DFReader_binary
+
+from ap_core.log_structure import LogStructure
+from ekf_stub.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM
+from ekf_stub.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
+
+DATA = Path(__file__).parents[2] / "data"
+FIRMWARE: dict[str, dict[str, Any]] = json.loads((DATA / "firmware_fmt.json").read_text())["types"]
+# The recorded logs have been reduced, and this one is not among what was kept.
+NOT_RECORDED = {XKFM.name}
+
+
+def described(structure: LogStructure) -> dict[str, object]:
+    return {
+        "id": structure.msg_type,
+        "length": structure.length,
+        "format": structure.format,
+        "labels": structure.labels,
+        "units": structure.units,
+        "mults": structure.multipliers,
+    }
+
+
+@pytest.mark.parametrize("structure", LOG_STRUCTURE_FROM_EKF_STUB, ids=lambda structure: structure.name)
+def test_layout_is_the_firmwares(structure: LogStructure) -> None:
+    if structure.name in NOT_RECORDED:
+        assert structure.name not in FIRMWARE
+    else:
+        assert described(structure) == FIRMWARE[structure.name]
+
+
+def test_layout_that_no_log_shows_fits_between_its_neighbours() -> None:
+    # From the firmware's specification, as no recording has it.
+    assert (XKFM.msg_type, XKFM.format) == (50, "QBBffff")
+    assert XKFM.labels == "TimeUS,C,OGNM,GLR,ALR,GDR,ADR"
+
+
+def test_order_is_that_of_the_firmwares_table() -> None:
+    ours = [structure.name for structure in LOG_STRUCTURE_FROM_EKF_STUB if structure.name in FIRMWARE]
+    assert ours == [name for name in FIRMWARE if name in ours]
+    ids = [structure.msg_type for structure in LOG_STRUCTURE_FROM_EKF3]
+    assert ids == sorted(ids)
+
+
+def test_recorded_log_describes_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "voxl.BIN"
+    path.write_bytes(lzma.decompress((DATA / "logs" / "voxl.BIN.xz").read_bytes()))
+    units: dict[int, tuple[str, str]] = {}
+    with DFReader_binary(str(path)) as log:
+        while (record := log.recv_match(type="FMTU")) is not None:
+            units[record.FmtType] = (record.UnitIds, record.MultIds)
+        found = {fmt.name: (fmt.type, fmt.len, fmt.format, ",".join(fmt.columns)) for fmt in log.formats.values()}
+    for structure in LOG_STRUCTURE_FROM_EKF3:
+        if structure.name not in NOT_RECORDED:
+            number = structure.msg_type
+            assert found[structure.name] == (number, structure.length, structure.format, structure.labels)
+            assert units[number] == (structure.units, structure.multipliers)
