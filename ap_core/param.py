@@ -46,7 +46,11 @@ _FORMAT_VERSION: Final = "FORMAT_VERSION"
 
 
 class ParamTable:
-    """All parameters of a vehicle in list order."""
+    """All parameters of a vehicle in list order.
+
+    Attributes:
+        generation: counts the values stored so far, so that what follows from parameters can be kept until it grows.
+    """
 
     def __init__(self, groups: Sequence[ParamGroup]) -> None:
         """Build the list over ``groups``, whose values stay live.
@@ -55,6 +59,9 @@ class ParamTable:
             ValueError: two parameters have the same name.
         """
         self.groups = tuple(groups)
+        self.generation = 0
+        for group in self.groups:
+            group.on_change.append(self._note_change)
         self._by_name: dict[str, ParamSlot] = {}
         for slot in (slot for group in self.groups for slot in group.slots):
             if slot.name in self._by_name:
@@ -64,6 +71,9 @@ class ParamTable:
         self._file_defaults: dict[str, tuple[np.float32, bool]] = {}
         self._listed: tuple[ParamSlot, ...] = ()
         self._listed_when: tuple[bool, ...] | None = None
+
+    def _note_change(self) -> None:
+        self.generation += 1
 
     def _listing(self) -> tuple[ParamSlot, ...]:
         enabled = tuple(group.enabled for group in self.groups)
@@ -136,6 +146,10 @@ class ParamTable:
         slot = self._named(name)
         return slot.group.get_float(slot.key)
 
+    def get_number(self, name: str) -> float:
+        """Return any parameter by its canonical full name; ValueError when there is none."""
+        return float(self._named(name).value)
+
     def set(self, name: str, value: float | np.float32) -> None:
         """Set a parameter in memory by its canonical full name, as ParamGroup.set does."""
         slot = self._named(name)
@@ -165,7 +179,7 @@ class ParamTable:
             echo = ParamEcho(name, previous, slot.type.wire_type)
             return ParamSet(ParamOutcome.READ_ONLY, previous, previous, (echo,))
         if not whole_vector:  # the firmware has no way to set all three, yet it saves them
-            slot.group.values[slot.key] = from_wire(requested, slot.type)
+            slot.group.store(slot.key, from_wire(requested, slot.type))
         echoes = self._save(slot, force=not is_equal(requested, previous))
         return ParamSet(ParamOutcome.SET, previous, NAN if whole_vector else slot.value, echoes)
 
@@ -215,7 +229,8 @@ class ParamTable:
         for name in values.keys() - set(unknown):
             slot = self._by_name[name]
             raw = assigned(values[name], slot.type)
-            slot.group.values[slot.key] = self._stored[name] = raw
+            self._stored[name] = raw
+            slot.group.store(slot.key, raw)
         return unknown
 
     def apply_defaults(
@@ -252,4 +267,4 @@ class ParamTable:
             raise ValueError(f"{slot.name}: default is not finite")
         self._file_defaults.setdefault(slot.name, (value, read_only))
         if not whole_vector and slot.name not in self._stored:
-            slot.group.values[slot.key] = from_wire(value, slot.type)
+            slot.group.store(slot.key, from_wire(value, slot.type))

@@ -5,7 +5,7 @@
 Source: AP_Param/AP_Param.cpp (find_group, next_group, setup_object_defaults).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
@@ -95,7 +95,9 @@ class ParamGroup:
         self.values: dict[str, ParamValue] = {
             key: assigned(value, self._slots[key].type) for key, value in self._defaults.items()
         }
-        """Stored values by key; written by ``set`` and by ParamTable only."""
+        """Stored values by key; written by ``store`` only."""
+        self.on_change: list[Callable[[], None]] = []
+        """Each is called after a value was stored, changed or not."""
 
     def _make_slots(self, row: ParamInfo) -> list[ParamSlot]:
         suffixes = _AXES if row.type is ParamType.VECTOR3F else ("",)
@@ -129,9 +131,9 @@ class ParamGroup:
             ValueError: there is no integer parameter of that name.
         """
         value = self.values.get(name)
-        if not isinstance(value, int):
-            raise ValueError(f"{self.prefix}{name}: no such integer parameter")
-        return value
+        if isinstance(value, int):
+            return value
+        raise ValueError(f"{self.prefix}{name}: no such integer parameter")
 
     def get_float(self, name: str) -> np.float32:
         """Return the value of a float parameter or an element of a vector (``_POS_X``), by row name.
@@ -162,9 +164,15 @@ class ParamGroup:
         """
         if isinstance(value, Vector3f):
             for slot, element in zip(self._vector_slots(name), value.to_tuple(), strict=True):
-                self.values[slot.key] = element
+                self.store(slot.key, element)
         else:
-            self.values[name] = assigned(value, self._slot(name).type)
+            self.store(name, assigned(value, self._slot(name).type))
+
+    def store(self, key: str, value: ParamValue) -> None:
+        """Put a value, already of the parameter's type, where it lives, and tell those who listen."""
+        self.values[key] = value
+        for tell in self.on_change:
+            tell()
 
     def _vector_slots(self, name: str) -> tuple[ParamSlot, ...]:
         row = self._rows.get(name)

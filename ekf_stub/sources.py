@@ -45,6 +45,7 @@ class SourceYaw(IntEnum):
 
 
 ROWS: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
+_NAMES: Final = tuple({what: f"SRC{number}_{what}" for what in ROWS} for number in range(1, SETS + 1))
 EXTNAV: Final = 6  # in every row
 
 
@@ -53,15 +54,35 @@ class EkfSources:
 
     Args:
         get_param: returns an integer parameter by its name after ``EK3_``, such as ``SRC1_POSXY``.
+        generation: returns another number whenever a parameter may have changed, until when each is asked for once;
+            None when nobody knows.
     """
 
-    def __init__(self, get_param: Callable[[str], int]) -> None:
+    def __init__(self, get_param: Callable[[str], int], generation: Callable[[], int] | None = None) -> None:
         self._get_param = get_param
+        self._generation = generation
+        self._seen: int | None = None
+        self._known: dict[str, int] = {}
+        self._alignments: dict[int, tuple[bool, bool]] = {}
         self.active_set = 0
+
+    def _forget_changed(self) -> None:
+        generation = None if self._generation is None else self._generation()
+        if generation is None or generation != self._seen:
+            self._seen = generation
+            self._known.clear()
+            self._alignments.clear()
+
+    def _param(self, name: str) -> int:
+        self._forget_changed()
+        value = self._known.get(name)
+        if value is None:
+            value = self._known[name] = self._get_param(name)
+        return value
 
     def value(self, index: int, what: str) -> int:
         """Return a row of a set, such as ``POSXY`` of set 0..2."""
-        return self._get_param(f"SRC{index + 1}_{what}")
+        return self._param(_NAMES[index][what])
 
     def pos_xy(self) -> int:
         """Return the active source of horizontal position."""
@@ -84,7 +105,7 @@ class EkfSources:
         return self._uses_velocity("VELZ", source)
 
     def _uses_velocity(self, what: str, source: int) -> bool:
-        fuse_all = self._get_param("SRC_OPTIONS") & OPTION_FUSE_ALL_VELOCITIES != 0
+        fuse_all = self._param("SRC_OPTIONS") & OPTION_FUSE_ALL_VELOCITIES != 0
         return self.value(self.active_set, what) == source or (fuse_all and self._any_set_has(what, source))
 
     def ext_nav_enabled(self) -> bool:
@@ -102,13 +123,20 @@ class EkfSources:
     def position_alignment(self) -> tuple[bool, bool]:
         """Return whether external navigation is to be aligned in x and y, and in z, as it is not in use.
 
-        Asked in every frame. All cores use the active set.
+        All cores use the active set.
         Source: NavEKF3::align_inactive_sources.
         """
+        self._forget_changed()
+        alignment = self._alignments.get(self.active_set)
+        if alignment is None:  # it is asked for in every frame, and seldom changes
+            alignment = self._alignments[self.active_set] = self._work_out_alignment()
+        return alignment
+
+    def _work_out_alignment(self) -> tuple[bool, bool]:
         xy, z = self.value(self.active_set, "POSXY"), self.value(self.active_set, "POSZ")
         by_flow = (
             self.value(self.active_set, "VELXY") == SourceXY.OPTFLOW
-            and self._get_param("SRC_OPTIONS") & OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
+            and self._param("SRC_OPTIONS") & OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
         )
         xy_allowed = xy in (SourceXY.GPS, SourceXY.BEACON) or (by_flow and xy != SourceXY.EXTNAV)
         z_allowed = z in (SourceZ.BARO, SourceZ.RANGEFINDER, SourceZ.GPS, SourceZ.BEACON)

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What follows from parameters, kept until one of them changes: for code that asks in every pass of the main loop."""
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from ap_core.param import ParamTable
+
+T = TypeVar("T")
+
+
+class FromParams(Generic[T]):
+    """A value that depends on nothing but parameters; call it to get the value.
+
+    Args:
+        params: all parameters.
+        work_out: makes the value; called at first use, and again at the first use after any parameter was stored.
+    """
+
+    def __init__(self, params: ParamTable, work_out: Callable[[], T]) -> None:
+        self._params = params
+        self._work_out = work_out
+        self._generation: int | None = None
+        self._value: T
+
+    def __call__(self) -> T:
+        """Return the value as the parameters have it now."""
+        if self._generation != self._params.generation:
+            self._value = self._work_out()
+            self._generation = self._params.generation
+        return self._value
+
+
+class Numbers:
+    """Numbers by parameter name, each looked up once until a parameter changes; call it to get one.
+
+    Args:
+        params: all parameters.
+    """
+
+    def __init__(self, params: ParamTable) -> None:
+        self._params = params
+        self._generation: int | None = None
+        self._values: dict[str, float] = {}
+
+    def __call__(self, name: str) -> float:
+        """Return a parameter by its full name; ValueError when there is none."""
+        if self._generation != self._params.generation:
+            self._values.clear()
+            self._generation = self._params.generation
+        value = self._values.get(name)
+        if value is None:
+            value = self._values[name] = self._params.get_number(name)
+        return value
