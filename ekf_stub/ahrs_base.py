@@ -10,14 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.filter_status import FilterStatus
+from ekf_stub.sensors import SensorSource
 from ekf_stub.sources import EkfSources, SourceYaw
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
@@ -36,6 +36,7 @@ class AhrsBase:
         start_us: when the AHRS starts; the estimator starts 1 s later and counts as initialised 20 s later.
 
     Attributes:
+        source: where the sensors' data come from; None where there are none.
         ext_nav_counts: what the estimator did with how many samples, by kind and code of the rule (``ingest_rules``).
     """
 
@@ -46,7 +47,12 @@ class AhrsBase:
         self._start_us = start_us
         self._origin: Location | None = None
         self._ingest: ExtNavIngest | None = None
+        self.source: SensorSource | None = None
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
+
+    def _now_ms(self) -> int:
+        # Without the wrap of the firmware's clock, see ekf_stub.aiding.FusionTimes.
+        return self._clock.micros64() // 1000
 
     def started(self) -> bool:
         """Tell whether the AHRS runs, if only on its first, simple estimate (DCM)."""
@@ -58,8 +64,7 @@ class AhrsBase:
 
     def initialised(self) -> bool:
         """Tell whether the AHRS has run for more than 20 s (AP_AHRS::initialised)."""
-        running_ms = u32(self._clock.millis() - self._start_us // 1000)
-        return self.estimator_started() and running_ms > AP_AHRS_NAVEKF_SETTLE_TIME_MS
+        return self.estimator_started() and self._now_ms() - self._start_us // 1000 > AP_AHRS_NAVEKF_SETTLE_TIME_MS
 
     def using_extnav_for_yaw(self) -> bool:
         """Tell whether yaw comes from external navigation.
@@ -80,8 +85,13 @@ class AhrsBase:
         self._origin = origin
         return True
 
-    def update(self) -> None:
-        """Run one frame of the estimator, once a pass of the main loop."""
+    def update(self, camera: VisualOdomFrame) -> None:
+        """Run one frame of the estimator, once a pass of the main loop; it is told of the camera."""
+        if self.estimator_started():
+            self._log.frame(camera)
+
+    def log_estimates(self) -> None:
+        """Log what the estimator says at the moment."""
 
     def get_gyro(self) -> Vector3f:
         """Return the body rates in rad/s, without bias."""

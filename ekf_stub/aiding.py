@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether the estimator navigates, and by what (AP_NavEKF3/AP_NavEKF3_Control.cpp, setAidingMode)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
-
-from ap_core.cint import u32
 
 IN_USE_MS: Final = 7000
 POSITION_LOST_MS: Final = 7000
@@ -35,6 +34,9 @@ class Ready(NamedTuple):
 class FusionTimes:
     """When measurements last passed their gates, in ms since boot; 0 counts as just after boot.
 
+    FIRMWARE PARITY: the filter's own times do not wrap. The firmware's do, so that every 49.7 days what never was, or
+    was long ago, counts as having just been.
+
     Position and velocity are those of whichever source is in use, and of none in particular.
     """
 
@@ -62,21 +64,21 @@ class Aiding:
         self.vel_timeout = True
         self.times = FusionTimes()
 
-    def update(self, now_ms: int, ready: Ready, *, no_yaw_on_ground: bool) -> bool:
+    def update(self, now_ms: int, ready: Callable[[], Ready], *, no_yaw_on_ground: bool) -> bool:
         """Choose the mode, once a frame; tell whether it changed.
 
         Args:
             now_ms: time of the last inertial data.
-            ready: what could start aiding.
+            ready: returns what could start aiding; asked only while something could.
             no_yaw_on_ground: the vehicle is disarmed and has no yaw source, with which it does not navigate.
         """
         before = self.mode
         if no_yaw_on_ground:
             self.mode = AidingMode.NONE
         if self.mode is AidingMode.NONE:
-            self._start(ready)
+            self._start(ready())
         elif self.mode is AidingMode.RELATIVE:
-            self._check_relative(now_ms, ready)
+            self._check_relative(now_ms, ready())
         else:
             self._check_absolute(now_ms)
         if self.mode is before:
@@ -93,12 +95,12 @@ class Aiding:
     def _check_relative(self, now_ms: int, ready: Ready) -> None:
         if ready.gps or ready.ext_nav:
             self.mode = AidingMode.ABSOLUTE
-        elif u32(now_ms - self.times.odometry) > ODOMETRY_LOST_MS:
+        elif now_ms - self.times.odometry > ODOMETRY_LOST_MS:
             self.mode = AidingMode.NONE
 
     def _check_absolute(self, now_ms: int) -> None:
-        pos_ms, vel_ms = u32(now_ms - self.times.pos), u32(now_ms - self.times.vel)
-        odometry_used = u32(now_ms - self.times.odometry) <= IN_USE_MS
+        pos_ms, vel_ms = now_ms - self.times.pos, now_ms - self.times.vel
+        odometry_used = now_ms - self.times.odometry <= IN_USE_MS
         vel_used, pos_used = vel_ms <= IN_USE_MS, pos_ms <= IN_USE_MS
         aided = self.vel_aiding = pos_used or vel_used or odometry_used
         if not aided and pos_ms > ALL_LOST_MS and vel_ms > ALL_LOST_MS:

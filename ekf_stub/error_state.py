@@ -1,76 +1,60 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The filter: attitude, velocity, position and two biases, and the covariance of their 15 errors.
+"""The filter: states, and the covariance of their errors (AP_NavEKF3/AP_NavEKF3_core.cpp).
 
-The firmware's filter has 24 states with a quaternion among them (AP_NavEKF3/AP_NavEKF3_core.cpp). Here the errors of
-the attitude are three angles in the body frame, and magnetic field and wind are left out. Process noise, limits and
-order are the firmware's.
+The errors of the attitude are those of the quaternion's four components, and are added to it. Magnetic fields are
+estimated in flight with a compass only; else their errors are zero. Process noise, limits and order are the firmware's.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 import quaternion
 
-from ekf_stub.inertial import Array, InertialStep, limited, quat_of_rotation
+from ekf_stub import covariance
+from ekf_stub.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
+from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
+from ekf_stub.nominal_state import EARTH_RATE, NominalState
+from ekf_stub.process_model import ProcessModel, ProcessNoise
+from ekf_stub.states import ACCEL, ATT, BODY, EARTH, GYRO, MAX_ATT_VAR, MIN_ACCEL_VAR, POS, STATES, VEL
 
-ATT: Final = slice(0, 3)
-VEL: Final = slice(3, 6)
-POS: Final = slice(6, 9)
-GYRO: Final = slice(9, 12)
-ACCEL: Final = slice(12, 15)
-STATES: Final = 15
+__all__ = [
+    "ACCEL",
+    "ATT",
+    "BODY",
+    "EARTH",
+    "EARTH_RATE",
+    "GRAVITY_MSS",
+    "GYRO",
+    "POS",
+    "STATES",
+    "VEL",
+    "ErrorState",
+    "ProcessNoise",
+    "euler_of",
+    "quat_of_euler",
+]
 
-GRAVITY_MSS: Final = 9.80665
 INITIAL_ATT_VAR: Final = 0.1**2
 INITIAL_GYRO_BIAS_DEG_S: Final = 2.5
 ACCEL_BIAS_LIM_SCALER: Final = 0.2
-MIN_VEL_POS_VAR: Final = 1e-4
-MAX_VEL_VAR: Final = 1e3
-MAX_POS_VAR: Final = 1e6
-MAX_GYRO_BIAS: Final = 0.175
-MIN_SAFE_ACCEL_VAR: Final = 5e-9
-MAX_ACCEL_WITHOUT_AIDING: Final = 5.0
 OBSERVABLE_COSINE: Final = 0.8
+POORLY_OBSERVABLE_COSINE: Final = math.sqrt(0.5)
+MAX_TILT_VAR: Final = math.radians(30.0) ** 2
+MAX_INNOVATION: Final = 1e7
+MIN_NOISE_VAR: Final = 1e-8
 
-_EYE3: Final = np.eye(3)
-
-
-@dataclass(frozen=True, slots=True)
-class ProcessNoise:
-    """Noise densities as the parameters EK3_GYRO_P_NSE, ACC_P_NSE, GBIAS_P_NSE and ABIAS_P_NSE give them."""
-
-    gyro: float
-    accel: float
-    gyro_bias: float
-    accel_bias: float
+_FIELDS: Final = slice(EARTH.start, BODY.stop)
 
 
-def skew(v: Array) -> Array:
-    """Return the matrix whose product with a vector is the cross product."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+def _noise(variance: float) -> float:
+    """Return the variance of a measurement, not below the least; not a number if it is none."""
+    return max(variance, MIN_NOISE_VAR) if variance >= 0.0 else math.nan
 
 
-def euler_of(quat: quaternion.quaternion) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw (3-2-1) in rad."""
-    w, x, y, z = quat.w, quat.x, quat.y, quat.z
-    return (
-        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-        math.asin(limited(2 * (w * y - z * x), -1.0, 1.0)),
-        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-    )
-
-
-def quat_of_euler(roll: float, pitch: float, yaw: float) -> quaternion.quaternion:
-    """Return the quaternion, body (FRD) to earth (NED), of roll, pitch and yaw in rad."""
-    axes = ((0.0, 0.0, 0.5 * yaw), (0.0, 0.5 * pitch, 0.0), (0.5 * roll, 0.0, 0.0))
-    about_z, about_y, about_x = (np.exp(quaternion.quaternion(0.0, *axis)) for axis in axes)
-    return about_z * about_y * about_x
-
-
-class ErrorState:
+class ErrorState(NominalState):
     """Nominal state and error covariance at the fusion horizon.
 
     Args:
@@ -78,170 +62,174 @@ class ErrorState:
         variances: initial variances of velocity and position, shape (6,), (m/s)^2 and m^2.
 
     Attributes:
-        quat: the attitude.
-        vel, pos: m/s and m, NED.
-        gyro_bias, accel_bias: rad and m/s a step of the filter of average length.
-        cov: shape (15, 15), of the errors of attitude (rad, body), velocity, position and the biases.
+        cov: shape (22, 22), of the errors of the quaternion's components, velocity, position, biases and fields.
         learns_biases: whether the biases are estimated.
-        rotation: body to earth, shape (3, 3), as of the last prediction.
+        learns_field: whether the magnetic fields are.
         predicted_tilt_variance: of the direction of down, rad^2, as of the last prediction.
-        accel_filtered: earth-frame acceleration without gravity, m/s/s, slowly filtered.
     """
 
     def __init__(self, quat: quaternion.quaternion, variances: Array) -> None:
-        self.quat = quat
-        self.vel: Array = np.zeros(3)
-        self.pos: Array = np.zeros(3)
-        self.gyro_bias: Array = np.zeros(3)
-        self.accel_bias: Array = np.zeros(3)
+        super().__init__(quat)
         self.cov: Array = np.zeros((STATES, STATES))
-        self.cov[np.diag_indices(9)] = np.concatenate([np.full(3, INITIAL_ATT_VAR), variances])
-        self.learns_biases = False
-        self.rotation: Array = quaternion.as_rotation_matrix(quat)
-        self.accel_filtered: Array = np.zeros(3)
+        self._set_attitude_covariance(np.full(3, INITIAL_ATT_VAR))
+        for state, variance in enumerate(variances.tolist(), VEL.start):
+            self.clear(slice(state, state + 1), variance)
+        self.learns_biases = self.learns_field = False
         self.predicted_tilt_variance = self.tilt_variance()
         self._frozen_accel_vars: list[float | None] = [None, None, None]
+        self._aided = False
+        self._model = ProcessModel()
+
+    def _set_attitude_covariance(self, body_variances: Array) -> None:
+        by_sigma = by_rotation(self.quat) * np.sqrt(body_variances)
+        cov = by_sigma.dot(by_sigma.T)
+        self.cov[ATT, ATT] = 0.5 * (cov + cov.T)
 
     def learn_biases(self, accel_bias_limit: float, dt_ekf_avg: float) -> None:
         """Begin to estimate the biases, as tilt has been aligned (setWindMagStateLearningMode)."""
         self.learns_biases = True
-        self.clear(GYRO, (math.radians(INITIAL_GYRO_BIAS_DEG_S) * dt_ekf_avg) ** 2)
-        self.clear(ACCEL, (ACCEL_BIAS_LIM_SCALER * accel_bias_limit * dt_ekf_avg) ** 2)
+        self.limits.set_accel_bias(accel_bias_limit, dt_ekf_avg)
+        gyro_sigma = math.radians(INITIAL_GYRO_BIAS_DEG_S) * dt_ekf_avg
+        accel_sigma = ACCEL_BIAS_LIM_SCALER * accel_bias_limit * dt_ekf_avg
+        self.clear(GYRO, gyro_sigma * gyro_sigma)
+        self.clear(ACCEL, accel_sigma * accel_sigma)
+
+    # Prediction
 
     def predict(
         self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool
     ) -> None:
-        """Move state and covariance on by a step."""
-        angle = step.del_ang - self.gyro_bias * (step.del_ang_dt / dt_ekf_avg)
-        velocity = step.del_vel - self.accel_bias * (step.del_vel_dt / dt_ekf_avg)
-        rotation_before = self.rotation
-        turn = quat_of_rotation(angle)
-        self._predict_state(step, turn, rotation_before @ velocity, aided=aided)
+        """Move state and covariance on by a step; refuse unsound inertial data."""
+        if not is_sound(step):
+            self.refused += 1
+            return
+        self._aided = aided
+        self.limits.set_step(dt_ekf_avg)
+        del_ang, del_vel = step.del_ang - self.gyro_bias, step.del_vel - self.accel_bias
+        self.move(step, dt_ekf_avg, aided=aided)
+        if self.learns_biases:
+            self._freeze_unobservable(on_ground=on_ground)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
-        self._predict_covariance(turn, rotation_before, velocity, noise, dt)
-        self._limit(dt_ekf_avg, on_ground=on_ground)
+        added = noise.variances(dt, biases=self.learns_biases, fields=self.learns_field)
+        self._model.predict(self.cov, self, del_ang, del_vel, dt, noise.attitude_variance(dt), added)
+        self._isolate()
+        covariance.lower(self.cov, self.limits)
+        covariance.lift(self.cov, self.limits)
         self.predicted_tilt_variance = self.tilt_variance()
 
-    def _predict_state(
-        self, step: InertialStep, turn: quaternion.quaternion, del_vel_ned: Array, *, aided: bool
-    ) -> None:
-        self.quat = (self.quat * turn).normalized()
-        self.rotation = quaternion.as_rotation_matrix(self.quat)
-        del_vel_ned[2] += GRAVITY_MSS * step.del_vel_dt
-        self.accel_filtered = 0.95 * self.accel_filtered + 0.05 / step.del_vel_dt * del_vel_ned
-        horizontal = math.hypot(self.accel_filtered[0], self.accel_filtered[1])
-        if not aided and horizontal > MAX_ACCEL_WITHOUT_AIDING:
-            del_vel_ned[:2] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
-        before = self.vel
-        self.vel = before + del_vel_ned
-        self.pos = self.pos + (0.5 * step.del_vel_dt) * (self.vel + before)
+    def _freeze_unobservable(self, *, on_ground: bool) -> None:
+        # On the ground only the bias of an axis that points along gravity can be told from tilt.
+        for axis, cosine in enumerate(self.rotation[2].tolist()):
+            state = ACCEL.start + axis
+            observable = abs(cosine) > OBSERVABLE_COSINE or not on_ground
+            frozen = self._frozen_accel_vars[axis]
+            if not observable and frozen is None:
+                self._frozen_accel_vars[axis] = self.cov.item(state, state)
+            elif observable and frozen is not None:
+                self.clear(slice(state, state + 1), frozen)
+                self._frozen_accel_vars[axis] = None
 
-    def _predict_covariance(
-        self, turn: quaternion.quaternion, rotation: Array, velocity: Array, noise: ProcessNoise, dt: float
-    ) -> None:
-        transition = np.eye(STATES)
-        transition[ATT, ATT] = quaternion.as_rotation_matrix(turn).T
-        transition[ATT, GYRO] = -_EYE3
-        transition[VEL, ATT] = -rotation @ skew(velocity)
-        transition[VEL, ACCEL] = -rotation
-        transition[POS, VEL] = dt * _EYE3
-        cov = transition @ self.cov @ transition.T
-        diagonal = np.einsum("ii->i", cov)
-        diagonal[ATT] += (dt * noise.gyro) ** 2
-        diagonal[VEL] += (dt * noise.accel) ** 2
-        if self.learns_biases:
-            diagonal[GYRO] += (dt * dt * noise.gyro_bias) ** 2
-            diagonal[ACCEL] += (dt * dt * noise.accel_bias) ** 2
-        self.cov = 0.5 * (cov + cov.T)
-
-    def _limit(self, dt_ekf_avg: float, *, on_ground: bool) -> None:
-        """Keep variances within the firmware's limits (ConstrainVariances)."""
-        self._limit_kinematic()
+    def _isolate(self) -> None:
+        # What is not estimated still adds its variance to velocity at each prediction, as noise.
         if not self.learns_biases:
             self.clear(GYRO, 0.0)
-            self.clear(ACCEL, 10 * MIN_SAFE_ACCEL_VAR)
-            return
-        diagonal = np.einsum("ii->i", self.cov)
-        np.clip(diagonal[GYRO], 0.0, (MAX_GYRO_BIAS * dt_ekf_avg) ** 2, out=diagonal[GYRO])
-        lowest = max(0.01 * float(diagonal[ACCEL].max()), MIN_SAFE_ACCEL_VAR)
-        np.clip(diagonal[ACCEL], lowest, (10.0 * dt_ekf_avg) ** 2, out=diagonal[ACCEL])
-        for axis in range(3):
-            self._freeze_unobservable(axis, on_ground=on_ground)
+            self.clear(ACCEL, 10 * MIN_ACCEL_VAR)
+        if not self.learns_field:
+            self.clear(_FIELDS, 0.0)
+        for state, frozen in enumerate(self._frozen_accel_vars, ACCEL.start):
+            if frozen is not None:
+                self.clear(slice(state, state + 1), frozen)
 
-    def _freeze_unobservable(self, axis: int, *, on_ground: bool) -> None:
-        # On the ground only the bias of an axis that points along gravity can be told from tilt.
-        state = ACCEL.start + axis
-        observable = abs(self.rotation[2, axis]) > OBSERVABLE_COSINE or not on_ground
-        frozen = self._frozen_accel_vars[axis]
-        if not observable:
-            if frozen is None:
-                self._frozen_accel_vars[axis] = float(self.cov[state, state])
-            self.clear(slice(state, state + 1), 0.0)
-        elif frozen is not None:
-            self.cov[state, state] = frozen
-            self._frozen_accel_vars[axis] = None
-
-    def _limit_kinematic(self) -> None:
-        diagonal = np.einsum("ii->i", self.cov)
-        np.clip(diagonal[ATT], 0.0, 1.0, out=diagonal[ATT])
-        np.clip(diagonal[VEL], MIN_VEL_POS_VAR, MAX_VEL_VAR, out=diagonal[VEL])
-        np.clip(diagonal[POS], MIN_VEL_POS_VAR, MAX_POS_VAR, out=diagonal[POS])
+    # Fusion
 
     def update(self, row: Array, innovation: float, variance: float) -> bool:
-        """Fuse a scalar; tell whether it was, as it is not when a variance would become negative.
+        """Fuse a scalar; tell whether it was, as it is not when a variance would become negative, or all is unsound.
 
         Args:
-            row: shape (15,), how the prediction depends on the errors.
+            row: shape (22,), how the prediction depends on the errors.
             innovation: prediction less measurement.
             variance: of the measurement.
         """
-        spread = self.cov @ row
-        gain = spread / (float(row @ spread) + variance)
-        cov = self.cov - np.outer(gain, spread)
-        cov = 0.5 * (cov + cov.T)
-        if cov.diagonal().min() < 0:
+        spread = self.cov.dot(row)
+        return self._fuse(spread, innovation, float(row.dot(spread)) + _noise(variance))
+
+    def fuse(self, row: Array, innovation: float, innovation_variance: float) -> bool:
+        """Fuse a scalar like `update`, but with a variance of the innovation that was worked out before."""
+        spread = self.cov.dot(row)
+        least = float(row.dot(spread)) + MIN_NOISE_VAR
+        return self._fuse(spread, innovation, least if 0.0 < innovation_variance < least else innovation_variance)
+
+    def update_state(self, index: int, innovation: float, variance: float) -> bool:
+        """Fuse a measurement of one state of velocity or position (FuseVelPosNED).
+
+        Without aiding what is measured is assumed, and the biases that it says little of are left alone.
+        """
+        left_alone = () if self._aided else self._poorly_observable(index)
+        spread = self.cov[index]
+        return self._fuse(spread, innovation, spread.item(index) + _noise(variance), left_alone)
+
+    def _poorly_observable(self, index: int) -> list[int]:
+        cosines = enumerate(self.rotation[2].tolist(), GYRO.start)
+        states = [state for state, cosine in cosines if abs(cosine) > POORLY_OBSERVABLE_COSINE]
+        if index not in (VEL.stop - 1, POS.stop - 1):
+            states += range(ACCEL.start, ACCEL.stop)
+        return states
+
+    def _fuse(
+        self, spread: Array, innovation: float, innovation_variance: float, left_alone: Sequence[int] = ()
+    ) -> bool:
+        if not (abs(innovation) <= MAX_INNOVATION and 0.0 < innovation_variance < math.inf):
+            self.refused += 1
             return False
+        sigma = math.sqrt(innovation_variance)
+        gain = spread / sigma
+        cov = covariance.fused(self.cov, gain, left_alone)
+        if cov is None:
+            return False
+        covariance.lift(cov, self.limits)
         self.cov = cov
-        self._limit_kinematic()
-        self._inject(-innovation * gain)
+        if left_alone:
+            gain[left_alone] = 0.0
+        self.correct(gain * (-innovation / sigma))
         return True
 
-    def _inject(self, error: Array) -> None:
-        self.quat = (self.quat * quat_of_rotation(error[ATT])).normalized()
-        self.vel = self.vel + error[VEL]
-        self.pos = self.pos + error[POS]
-        self.gyro_bias = self.gyro_bias + error[GYRO]
-        self.accel_bias = self.accel_bias + error[ACCEL]
+    # Resets
 
     def clear(self, states: slice, variance: float) -> None:
-        """Forget what some errors have to do with others, and give them a variance."""
-        self.cov[states, :] = 0.0
-        self.cov[:, states] = 0.0
-        for state in range(states.start, states.stop):
-            self.cov[state, state] = variance
+        """Forget what some errors have to do with others, and give them a variance, within limits."""
+        covariance.clear(self.cov, states, variance, self.limits)
 
-    def yaw_row(self) -> Array:
-        """Return how yaw depends on the errors, shape (15,)."""
-        roll, pitch, _ = euler_of(self.quat)
-        row = np.zeros(STATES)
-        row[1:3] = math.sin(roll) / math.cos(pitch), math.cos(roll) / math.cos(pitch)
-        return row
-
-    def set_yaw(self, yaw: float, variance: float) -> quaternion.quaternion:
+    def set_yaw(self, yaw: float, variance: float, *, by_321: bool = True) -> quaternion.quaternion:
         """Set yaw, keep roll, pitch and how well they are known; return the rotation, earth to earth."""
-        roll, pitch, _ = euler_of(self.quat)
-        turned = quat_of_euler(roll, pitch, yaw)
-        turn = turned * self.quat.conjugate()
-        tilt_variance = 0.5 * self.tilt_variance()
-        self.quat = turned
-        self.rotation = quaternion.as_rotation_matrix(turned)
+        if not math.isfinite(yaw):
+            self.refused += 1
+            return quaternion.one
+        half = 0.5 * (yaw - self.yaw(by_321=by_321))
+        turn = quaternion.quaternion(math.cos(half), 0.0, 0.0, math.sin(half))
+        tilt_variance = 0.5 * self.predicted_tilt_variance
+        yaw_variance = max(variance, 0.0) if variance <= MAX_ATT_VAR else MAX_ATT_VAR
+        self.quat = (turn * self.quat).normalized()
+        self.rotation = self.rotation_now()
         self.clear(ATT, 0.0)
-        earth = np.diag([tilt_variance, tilt_variance, variance])
-        self.cov[ATT, ATT] = self.rotation.T @ earth @ self.rotation
+        earth_variances = np.array([tilt_variance, tilt_variance, yaw_variance])
+        self._set_attitude_covariance(earth_variances.dot(self.rotation * self.rotation))
+        self.predicted_tilt_variance = self.tilt_variance()
         return turn
 
+    # What follows from it
+
+    def yaw_row(self, *, by_321: bool) -> Array:
+        """Return how yaw, of one of the two sequences of rotation, depends on the errors, shape (22,)."""
+        row = np.zeros(STATES)
+        row[ATT] = yaw_by_components(self.quat, by_321=by_321)
+        return row
+
     def tilt_variance(self) -> float:
-        """Return the variance of the direction of down, rad^2 (calcTiltErrorVariance)."""
-        rotation = quaternion.as_rotation_matrix(self.quat)
-        earth = rotation @ self.cov[ATT, ATT] @ rotation.T
-        return float(earth[0, 0] + earth[1, 1])
+        """Return the variance of the direction of down, rad^2 (calcTiltErrorVariance).
+
+        Each component of the quaternion counts for itself, as if they had nothing to do with each other.
+        """
+        w, x, y, z = self.quat.w, self.quat.x, self.quat.y, self.quat.z
+        w_var, x_var, y_var, z_var = covariance.diagonal(self.cov)[ATT].tolist()
+        variance: float = 4 * ((x * x + y * y) * (w_var + z_var) + (w * w + z * z) * (x_var + y_var))
+        return min(variance, MAX_TILT_VAR)

@@ -7,20 +7,20 @@ since boot, unsigned 32 bit: a stamp that steps backwards is a long way off, and
 """
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
 
-from ap_core.cint import u32
+from ap_core.cint import i32, later_ms, u32
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Rule
 from ekf_stub import ingest_rules as rules
-from ekf_stub.obs_ring import ObsRing, RingSizes, Timed
+from ekf_stub.obs_ring import RECALL_WINDOW_MS, ObsRing, RingSizes, Timed
 
 EXT_NAV_INTERVAL_MIN_MS: Final = 20
 SENSOR_INTERVAL_MIN_MS: Final = 50
@@ -69,6 +69,23 @@ class OdometrySample:
     pos_offset: Vector3f
 
 
+@dataclass(frozen=True, slots=True)
+class FilterOutcome:
+    """What the estimator did with a sample: took or refused it at the door and, by the model, what came of it later.
+
+    Attributes:
+        kind: ``pose`` (its north and east), ``height`` (its down), ``yaw``, ``velocity`` or ``odometry``.
+        rule: what decided it, one of ``ingest_rules.RULES``.
+        time_ms: when it was observed, in ms since boot.
+        ratio: of its innovation to the gate, where it was tested.
+    """
+
+    kind: str
+    rule: Rule
+    time_ms: int
+    ratio: float | None
+
+
 class ExtNavIngest:
     """Takes samples or refuses them, counts both, and keeps what waits for the horizon.
 
@@ -80,16 +97,19 @@ class ExtNavIngest:
     Attributes:
         initialised: whether the estimator has a state.
         horizon_ms: the time of the oldest inertial data, to which later measurements are compared.
-        have_velocity: whether a velocity has ever been taken (useExtNavVel).
+        have_pose, have_odometry: whether one has ever been taken.
+        have_velocity: the same of a velocity (useExtNavVel).
         pose_stamp_ms: the stamp of the last pose taken, before any correction (extNavMeasTime_ms).
         velocity_stamp_ms: the same of the last velocity taken.
         odometry_ms: the time of the last odometry taken.
         odometry_err: its error in m/s.
+        on_outcome: hears what becomes of each sample: at the door and, if it was taken, when it leaves the buffer.
     """
 
     def __init__(self, counts: Counter[tuple[str, str]], get_float: Callable[[str], np.float32]) -> None:
         self._counts = counts
         self._get_float = get_float
+        self.on_outcome: Callable[[FilterOutcome], None] | None = None
         self._is_set_up = False
         self._make_rings(0, 0)
         self.reset()
@@ -105,12 +125,13 @@ class ExtNavIngest:
         self._yaws: ObsRing[YawSample] = ObsRing(ext_nav)
         self._velocities: ObsRing[VelocitySample] = ObsRing(ext_nav)
         self._odometry: ObsRing[OdometrySample] = ObsRing(slow)
+        self._waiting_ms: dict[str, deque[int]] = {kind: deque() for kind in ("pose", "yaw", "velocity", "odometry")}
 
     def reset(self) -> None:
         """Forget everything, as the estimator begins anew (NavEKF3_core::InitialiseVariables)."""
         self.initialised = False
         self.horizon_ms = 0
-        self.have_velocity = False
+        self.have_pose = self.have_velocity = self.have_odometry = False
         self.pose_stamp_ms = 0
         self.velocity_stamp_ms = 0
         self.odometry_ms = 0
@@ -118,6 +139,8 @@ class ExtNavIngest:
         self._reset_time_ms = 0
         for ring in (self._poses, self._yaws, self._velocities, self._odometry):
             ring.clear()
+        for waiting_ms in self._waiting_ms.values():
+            waiting_ms.clear()
 
     def write_pose(
         self,
@@ -129,16 +152,17 @@ class ExtNavIngest:
         reset_ms: int,
     ) -> Rule:
         """Take a position and a yaw, or refuse them; errors in m and rad (writeExtNavData)."""
+        time_ms = self._observed_ms(stamp_ms, delay_ms)
         refusal = self._refuse_pose(pos, errors[0], stamp_ms)
         if refusal is not None:
-            return self._count("pose", refusal)
+            return self.tell("pose", refusal, time_ms)
         self.pose_stamp_ms = stamp_ms
+        self.have_pose = True
         pos_reset = reset_ms != self._reset_time_ms
         self._reset_time_ms = reset_ms
-        time_ms = self._observed_ms(stamp_ms, delay_ms)
         taken = self._push("pose", self._poses, PoseSample(time_ms, pos, errors[0], pos_reset))
         if any(math.isnan(part) for part in (*quat.to_wxyz(), errors[1])):
-            self._count("yaw", rules.YAW_NOT_A_NUMBER)
+            self.tell("yaw", rules.YAW_NOT_A_NUMBER, time_ms)
         else:
             with np.errstate(over="ignore", invalid="ignore"):
                 yaw = quat.get_euler_yaw()
@@ -156,13 +180,13 @@ class ExtNavIngest:
 
     def write_velocity(self, vel: Vector3f, err: np.float32, stamp_ms: int, delay_ms: int) -> Rule:
         """Take a velocity, even before there is a state, or refuse it (writeExtNavVelData)."""
+        time_ms = self._observed_ms(stamp_ms, delay_ms)
         refusal = self._refuse_velocity(vel, err, stamp_ms)
         if refusal is not None:
-            return self._count("velocity", refusal)
+            return self.tell("velocity", refusal, time_ms)
         self.velocity_stamp_ms = stamp_ms
         self.have_velocity = True
-        sample = VelocitySample(self._observed_ms(stamp_ms, delay_ms), vel, err)
-        return self._push("velocity", self._velocities, sample)
+        return self._push("velocity", self._velocities, VelocitySample(time_ms, vel, err))
 
     def _refuse_velocity(self, vel: Vector3f, err: np.float32, stamp_ms: int) -> Rule | None:
         if not self._is_set_up:
@@ -185,17 +209,17 @@ class ExtNavIngest:
         The interval is measured from the last sample's time with the delay taken off, so it may be shorter than 50 ms
         by the delay.
         """
+        time_ms = u32(stamp_ms - delay_ms)
         refusal = self._refuse_odometry(quality, deltas, stamp_ms, pos_offset)
         if refusal is not None:
-            return self._count("odometry", refusal)
-        self.odometry_ms = u32(stamp_ms - delay_ms)
+            return self.tell("odometry", refusal, time_ms)
+        self.odometry_ms = time_ms
+        self.have_odometry = True
         best, worst = self._get_float("EK3_VIS_VERR_MIN"), self._get_float("EK3_VIS_VERR_MAX")
         with np.errstate(over="ignore", invalid="ignore"):
             vel = deltas[0] * (f32(1) / deltas[2])
             self.odometry_err = best + (worst - best) * (f32(1) - f32(0.01) * quality)
-        return self._push(
-            "odometry", self._odometry, OdometrySample(self.odometry_ms, vel, self.odometry_err, pos_offset)
-        )
+        return self._push("odometry", self._odometry, OdometrySample(time_ms, vel, self.odometry_err, pos_offset))
 
     def _refuse_odometry(
         self, quality: np.float32, deltas: tuple[Vector3f, Vector3f, np.float32], stamp_ms: int, pos_offset: Vector3f
@@ -213,25 +237,36 @@ class ExtNavIngest:
 
     def _observed_ms(self, stamp_ms: int, delay_ms: int) -> int:
         """Return the time of the observation, never before the horizon: what comes late is fused as if in time."""
-        return max(u32(stamp_ms - delay_ms - HALF_FILTER_STEP_MS), self.horizon_ms)
+        return later_ms(u32(stamp_ms - delay_ms - HALF_FILTER_STEP_MS), self.horizon_ms)
 
     def _push(self, kind: str, ring: ObsRing[T], sample: T) -> Rule:
         if not ring.exists:
-            return self._count(kind, rules.NO_BUFFER)
+            return self.tell(kind, rules.NO_BUFFER, sample.time_ms)
+        waiting_ms = self._waiting_ms[kind]
         if ring.push(sample):
-            self._count(kind, rules.OVERWRITTEN)
-        return self._count(kind, rules.TAKEN)
-
-    def _count(self, kind: str, rule: Rule) -> Rule:
-        self._counts[kind, rule.code] += 1
-        return rule
+            self.tell(kind, rules.OVERWRITTEN, waiting_ms.popleft())
+        waiting_ms.append(sample.time_ms)
+        return self.tell(kind, rules.TAKEN, sample.time_ms)
 
     def _recall(self, kind: str, ring: ObsRing[T]) -> T | None:
         sample, superseded, too_old = ring.recall(self.horizon_ms)
-        for rule, lost in ((rules.SUPERSEDED, superseded), (rules.TOO_OLD, too_old)):
-            if lost:
-                self._counts[kind, rule.code] += lost
+        if sample is not None or too_old:
+            waiting_ms = self._waiting_ms[kind]
+            left_ms = [waiting_ms.popleft() for _ in range(superseded + too_old + (sample is not None))]
+            if superseded or too_old:
+                self._tell_lost(kind, left_ms)
         return sample
+
+    def _tell_lost(self, kind: str, left_ms: list[int]) -> None:
+        """Tell of all that left the buffer in a step but the one that is recalled, the last that is not too old."""
+        fresh_ms = []
+        for time_ms in left_ms:
+            if i32(self.horizon_ms - time_ms) < RECALL_WINDOW_MS:
+                fresh_ms.append(time_ms)
+            else:
+                self.tell(kind, rules.TOO_OLD, time_ms)
+        for time_ms in fresh_ms[:-1]:
+            self.tell(kind, rules.SUPERSEDED, time_ms)
 
     def recall_pose(self) -> PoseSample | None:
         """Take out the pose that has come due."""
@@ -249,6 +284,16 @@ class ExtNavIngest:
         """Take out the odometry that has come due."""
         return self._recall("odometry", self._odometry)
 
-    def count(self, kind: str, rule: Rule) -> None:
-        """Count what became of a sample that was taken out."""
-        self._count(kind, rule)
+    def tell(self, kind: str, rule: Rule, time_ms: int, ratio: float | None = None) -> Rule:
+        """Count and tell what became of a sample; return the rule.
+
+        Args:
+            kind: ``pose``, ``height``, ``yaw``, ``velocity`` or ``odometry``.
+            rule: what decided it.
+            time_ms: when it was observed.
+            ratio: of its innovation to the gate, where it was tested.
+        """
+        self._counts[kind, rule.code] += 1
+        if self.on_outcome is not None:
+            self.on_outcome(FilterOutcome(kind, rule, time_ms, ratio))
+        return rule

@@ -45,19 +45,16 @@ def filter_flags(state: FilterState) -> FilterFlag:
     # (dropout, bench_pose_velocity), and does not where it was not (bench_pose_baro).
     horiz_vel = not (state.vel_timeout and state.pos_timeout) or relative or (absolute and state.keeps_velocity)
     vert_vel = (state.has_vertical_velocity and not state.vel_timeout) or not state.height_timeout
-    conditions = {
-        FilterFlag.ATTITUDE: True,
-        FilterFlag.HORIZ_VEL: horiz_vel,
-        FilterFlag.VERT_VEL: vert_vel,
-        FilterFlag.HORIZ_POS_REL: pos_rel,
-        FilterFlag.HORIZ_POS_ABS: pos_abs,
-        FilterFlag.VERT_POS: not state.height_timeout and not state.height_needs_origin,
-        FilterFlag.CONST_POS_MODE: state.mode is AidingMode.NONE,
-        FilterFlag.PRED_HORIZ_POS_REL: pos_rel,
-        FilterFlag.PRED_HORIZ_POS_ABS: pos_abs,
-    }
-    flags = FilterFlag(0)
-    for flag, condition in conditions.items():
-        if condition:
-            flags |= flag
-    return flags
+    bits = (
+        True,
+        horiz_vel,
+        vert_vel,
+        pos_rel,
+        pos_abs,
+        not state.height_timeout and not state.height_needs_origin,
+        False,  # of the terrain
+        state.mode is AidingMode.NONE,
+        pos_rel,  # as predicted for flight
+        pos_abs,
+    )
+    return FilterFlag(sum(1 << bit for bit, is_set in enumerate(bits) if is_set))

@@ -62,9 +62,9 @@ class GpsChecks:
             self._failed_ms = now_ms
         else:
             self._passed_ms = now_ms
-        if not self.good and u32(now_ms - self._failed_ms) > PASS_TIME_MS:
+        if not self.good and now_ms - self._failed_ms > PASS_TIME_MS:
             self.good = True
-        elif self.good and u32(now_ms - self._passed_ms) > FAIL_TIME_MS:
+        elif self.good and now_ms - self._passed_ms > FAIL_TIME_MS:
             self.good = False
 
     def _failure_of(self, sample: GpsSample) -> str | None:

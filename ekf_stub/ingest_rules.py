@@ -38,6 +38,23 @@ UNUSED: Final = Rule(
 )
 FUSED: Final = Rule("model_fused", "used by the estimator", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED")
 
+_FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
+RESET_TO: Final = Rule(
+    "model_reset", "the estimator was reset to it", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::ResetPosition"
+)
+GATE_POSITION: Final = Rule("model_gate_position", "rejected: horizontal position gate", _FUSE)
+GATE_VELOCITY: Final = Rule("model_gate_velocity", "rejected: velocity gate", _FUSE)
+GATE_HEIGHT: Final = Rule("model_gate_height", "rejected: height gate", _FUSE)
+GATE_YAW: Final = Rule(
+    "model_gate_yaw", "rejected: yaw gate, in flight", "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
+)
+GATE_ODOMETRY: Final = Rule(
+    "model_gate_odometry",
+    "rejected on an axis: body odometry gate",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectBodyOdomFusion",
+)
+ALIGNED_TO: Final = Rule("model_aligned", "yaw was set to it", "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::alignYawAngle")
+
 RULES: Final = (
     TAKEN,
     NOT_STARTED,
@@ -53,4 +70,11 @@ RULES: Final = (
     NOT_FINITE,
     UNUSED,
     FUSED,
+    RESET_TO,
+    ALIGNED_TO,
+    GATE_POSITION,
+    GATE_VELOCITY,
+    GATE_HEIGHT,
+    GATE_YAW,
+    GATE_ODOMETRY,
 )

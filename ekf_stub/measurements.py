@@ -5,10 +5,13 @@
 Source: AP_NavEKF3/AP_NavEKF3_PosVelFusion.cpp (CorrectExtNavForSensorOffset, CorrectExtNavVelForSensorOffset).
 """
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from ekf_stub import ingest_rules as rules
 from ekf_stub.error_state import ErrorState
 from ekf_stub.ext_nav_ingest import ExtNavIngest
 from ekf_stub.inertial import Array
@@ -18,6 +21,7 @@ from ekf_stub.inertial import Array
 class Pose:
     """A position (m, NED) of the IMU, its error in m, and whether the camera's frame has jumped."""
 
+    time_ms: int
     pos: Array
     err: float
     is_reset: bool
@@ -27,6 +31,7 @@ class Pose:
 class Velocity:
     """A velocity (m/s, NED) of the IMU, and its error."""
 
+    time_ms: int
     vel: Array
     err: float
 
@@ -64,26 +69,43 @@ class Delayed:
         self.velocity: Velocity | None = None
         self.has_pose = self.has_velocity = False
 
-    def velocity_stamp_ms(self) -> int:
-        """Return the stamp of the newest velocity taken."""
-        return self._ingest.velocity_stamp_ms
-
-    def recall(self, state: ErrorState, body_rates: Array, lever_arm: Array) -> None:
+    def recall(self, state: ErrorState, body_rates: Array, lever_arm: tuple[float, float, float]) -> None:
         """Take out what has come due, and move it from the camera to the IMU.
 
         Args:
             state: the filter after its prediction.
             body_rates: rad/s.
-            lever_arm: the camera's place on the vehicle, m, body (FRD).
+            lever_arm: the camera's place from the IMU, m, body (FRD).
         """
-        pose, velocity = self._ingest.recall_pose(), self._ingest.recall_velocity()
-        self.has_pose, self.has_velocity = pose is not None, velocity is not None
-        if pose is not None:
-            offset = state.rotation @ lever_arm
-            self.pose = Pose(_array(pose.pos.to_tuple()) - offset, float(pose.pos_err), pose.pos_reset)
-        if velocity is not None:
-            offset = state.rotation @ np.cross(body_rates, lever_arm)
-            self.velocity = Velocity(_array(velocity.vel.to_tuple()) - offset, float(velocity.err))
+        self._recall_pose(state, lever_arm)
+        self._recall_velocity(state, body_rates, lever_arm)
+
+    def _recall_pose(self, state: ErrorState, lever_arm: tuple[float, float, float]) -> None:
+        pose = self._ingest.recall_pose()
+        self.has_pose = pose is not None and self._is_finite("pose", pose.time_ms, (*pose.pos.to_tuple(), pose.pos_err))
+        if pose is not None and self.has_pose:
+            pos = _array(pose.pos.to_tuple())
+            if any(lever_arm):
+                pos -= state.rotation @ np.array(lever_arm)
+            self.pose = Pose(pose.time_ms, pos, float(pose.pos_err), pose.pos_reset)
+
+    def _recall_velocity(self, state: ErrorState, body_rates: Array, lever_arm: tuple[float, float, float]) -> None:
+        sample = self._ingest.recall_velocity()
+        self.has_velocity = sample is not None and self._is_finite(
+            "velocity", sample.time_ms, (*sample.vel.to_tuple(), sample.err)
+        )
+        if sample is not None and self.has_velocity:
+            vel = _array(sample.vel.to_tuple())
+            if any(lever_arm):
+                vel -= state.rotation @ np.cross(body_rates, np.array(lever_arm))
+            self.velocity = Velocity(sample.time_ms, vel, float(sample.err))
+
+    def _is_finite(self, kind: str, time_ms: int, values: Iterable[np.float32]) -> bool:
+        # FIRMWARE PARITY: there an infinite position fails its gate, but is fused once position has timed out.
+        if all(math.isfinite(value) for value in values):
+            return True
+        self._ingest.tell(kind, rules.NOT_FINITE, time_ms)
+        return False
 
 
 def _array(values: tuple[np.float32, np.float32, np.float32]) -> Array:

@@ -3,9 +3,10 @@
 """Carries the filter's state from the fusion horizon to the present (AP_NavEKF3_core.cpp, calcOutputStates).
 
 It integrates the newest inertial data, and follows the filter by comparing what it said at the horizon with what the
-filter says now.
+filter says now. Vectors are pure quaternions, for speed; see `ekf_stub.inertial`.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,8 +15,9 @@ from typing import Final
 import numpy as np
 import quaternion
 
-from ekf_stub.error_state import GRAVITY_MSS, ErrorState
-from ekf_stub.inertial import Array, InertialDelta, limited, quat_of_rotation
+from ekf_stub.error_state import ErrorState
+from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
+from ekf_stub.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, within
 
 _ATTITUDE_GAIN: Final = 0.5
 _INTEGRAL_GAIN: Final = 0.1
@@ -23,11 +25,23 @@ _INTEGRAL_GAIN: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Attitude (body to earth), velocity (m/s, NED) and position (m, NED)."""
+    """Attitude (body to earth), and velocity and position (NED) as pure quaternions."""
 
     quat: quaternion.quaternion
-    vel: Array
-    pos: Array
+    pure_vel: quaternion.quaternion
+    pure_pos: quaternion.quaternion
+
+    @property
+    def vel(self) -> Array:
+        """Velocity, m/s, NED."""
+        vel: Array = self.pure_vel.vec
+        return vel
+
+    @property
+    def pos(self) -> Array:
+        """Position, m, NED."""
+        pos: Array = self.pure_pos.vec
+        return pos
 
 
 class OutputPredictor:
@@ -39,24 +53,39 @@ class OutputPredictor:
 
     Attributes:
         now: the present state.
+        height_rate: d(down)/dt, m/s, of height and vertical acceleration through a complementary filter.
+        angle_error, vel_error, pos_error: how far it was from the filter at the last step: rad, m/s, m.
     """
 
     def __init__(self, state: ErrorState, length: int) -> None:
-        self.now = Output(state.quat, state.vel, state.pos)
-        self._history: deque[Output] = deque(maxlen=length)
-        self._angle_correction: Array = np.zeros(3)
-        self._pos_integral: Array = np.zeros(3)
-        self._vel_integral: Array = np.zeros(3)
+        self.now = Output(state.quat, pure_quat(state.vel), pure_quat(state.pos))
+        self._history: deque[Output] = deque([self.now] * length, maxlen=length)
+        self._angle_correction = self._pos_integral = self._vel_integral = quaternion.zero
+        self.angle_error = self.vel_error = self.pos_error = 0.0
+        self.height_rate: float = self.now.pure_vel.z
+        self._filtered_down: float = self.now.pure_pos.z
+        self._filtered_accel = 0.0
 
-    def integrate(self, delta: InertialDelta, state: ErrorState, dt_ekf_avg: float) -> None:
-        """Move on by a pass of the main loop."""
-        angle = delta.del_ang - state.gyro_bias * (delta.del_ang_dt / dt_ekf_avg) + self._angle_correction
-        velocity = delta.del_vel - state.accel_bias * (delta.del_vel_dt / dt_ekf_avg)
-        quat = (self.now.quat * quat_of_rotation(angle)).normalized()
-        del_vel_ned = quaternion.as_rotation_matrix(quat) @ velocity
-        del_vel_ned[2] += GRAVITY_MSS * delta.del_vel_dt
-        vel = self.now.vel + del_vel_ned
-        self.now = Output(quat, vel, self.now.pos + (0.5 * delta.del_vel_dt) * (vel + self.now.vel))
+    def integrate(
+        self, delta: InertialDelta, state: ErrorState, dt_ekf_avg: float, *, height_filter_hz: float = 2.0
+    ) -> None:
+        """Move on by a pass of the main loop, whose inertial data must be sound."""
+        before = self.now
+        dt = delta.del_vel_dt
+        angle = pure_quat(delta.del_ang) - pure_quat(state.gyro_bias) * (delta.del_ang_dt / dt_ekf_avg)
+        velocity = pure_quat(delta.del_vel) - pure_quat(state.accel_bias) * (dt / dt_ekf_avg)
+        quat = (before.quat * ((angle + self._angle_correction) * 0.5).exp()).normalized()
+        by_gravity = quaternion.quaternion(0.0, 0.0, 0.0, GRAVITY_MSS * dt)
+        del_vel = quat * velocity * quat.conjugate() + by_gravity
+        self._filter_height(del_vel.z, dt, 2 * math.pi * limited(height_filter_hz, 0.1, 30.0))
+        vel = before.pure_vel + del_vel
+        self.now = Output(quat, vel, before.pure_pos + (vel + before.pure_vel) * (0.5 * dt))
+
+    def _filter_height(self, del_vel_down: float, dt: float, omega: float) -> None:
+        error = limited(self.now.pure_pos.z - self._filtered_down, -1e5, 1e5)
+        self._filtered_accel += error * omega**3 * dt
+        self.height_rate += del_vel_down + (self._filtered_accel + error * omega**2 * 3) * dt
+        self._filtered_down += (self.height_rate + error * omega * 3) * dt
 
     def follow(self, state: ErrorState, *, delay_s: float, tau_s: float, dt_imu_avg: float, dt_ekf_avg: float) -> None:
         """Steer towards the filter, once a step; velocity and position all along the history.
@@ -71,37 +100,43 @@ class OutputPredictor:
         self._history.append(self.now)
         delayed = self._history[0]
         error = (delayed.quat.conjugate() * state.quat).normalized()
-        twice = 2.0 if error.w >= 0 else -2.0
-        self._angle_correction = np.array([error.x, error.y, error.z]) * (
-            twice * _ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
-        )
+        attitude_gain = _ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
+        self._angle_correction = (error - error.conjugate()) * (attitude_gain if error.w >= 0 else -attitude_gain)
         gain = dt_ekf_avg / limited(tau_s, dt_ekf_avg, 10.0)
-        pos_error, vel_error = state.pos - delayed.pos, state.vel - delayed.vel
-        self._pos_integral = self._pos_integral + pos_error
-        self._vel_integral = self._vel_integral + vel_error
+        pos_error = pure_quat(state.pos) - delayed.pure_pos
+        vel_error = pure_quat(state.vel) - delayed.pure_vel
+        self.angle_error = 2.0 * math.hypot(error.x, error.y, error.z)
+        self.vel_error, self.pos_error = vel_error.abs(), pos_error.abs()
+        self._pos_integral += pos_error
+        self._vel_integral += vel_error
         by_integral = _INTEGRAL_GAIN * gain * gain
-        self.shift(
-            pos=pos_error * gain + self._pos_integral * by_integral,
-            vel=vel_error * gain + self._vel_integral * by_integral,
-        )
+        pos = pos_error * gain + self._pos_integral * by_integral
+        vel = vel_error * gain + self._vel_integral * by_integral
+        self._change(lambda output: Output(output.quat, output.pure_vel + vel, output.pure_pos + pos))
 
     def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
-        """Add to position and velocity, now and in the history."""
+        """Add to position and velocity, now and in the history; not what is not finite."""
         self._change(
-            lambda output: replace(
+            lambda output: _moved(
                 output,
-                pos=output.pos if pos is None else output.pos + pos,
-                vel=output.vel if vel is None else output.vel + vel,
+                output.pos if pos is None else output.pos + pos,
+                output.vel if vel is None else output.vel + vel,
             )
         )
 
     def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
-        """Set components of position and velocity by their index, now and in the history."""
-        self._change(lambda output: replace(output, pos=_with(output.pos, pos or {}), vel=_with(output.vel, vel or {})))
+        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
+        self._change(lambda output: _moved(output, _with(output.pos, pos or {}), _with(output.vel, vel or {})))
 
     def rotate(self, turn: quaternion.quaternion) -> None:
         """Turn the attitude, earth to earth, now and in the history."""
         self._change(lambda output: replace(output, quat=(turn * output.quat).normalized()))
+
+    def restart_height_filter(self, *, vel: float | None = None) -> None:
+        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
+        self._filtered_down = self.now.pure_pos.z
+        if vel is not None:
+            self.height_rate = vel
 
     def _change(self, change: Callable[[Output], Output]) -> None:
         is_newest = bool(self._history) and self._history[-1] is self.now
@@ -114,3 +149,9 @@ def _with(vector: Array, components: dict[int, float]) -> Array:
     for index, value in components.items():
         changed[index] = value
     return changed
+
+
+def _moved(output: Output, pos: Array, vel: Array) -> Output:
+    pos = within(pos, LOWEST_POS, HIGHEST_POS) if np.isfinite(pos).all() else output.pos
+    vel = within(vel, LOWEST_VEL, HIGHEST_VEL) if np.isfinite(vel).all() else output.vel
+    return Output(output.quat, pure_quat(vel), pure_quat(pos))

@@ -7,9 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import u32
+from ap_core.cint import i32, u32
 from ekf_stub.aiding import Aiding, AidingMode
 from ekf_stub.error_state import POS, VEL, ErrorState
+from ekf_stub.ext_nav_ingest import ExtNavIngest
+from ekf_stub.gps_reading import GpsReading
 from ekf_stub.inertial import Array
 from ekf_stub.measurements import Delayed
 from ekf_stub.output_predictor import OutputPredictor
@@ -32,7 +34,9 @@ class Resets:
         output: what follows it.
         aiding: the mode and the timeouts.
         sources: the source sets.
-        delayed: the measurements at the horizon.
+        delayed: external navigation at the horizon.
+        ingest: where it waits.
+        gps: what the GPS says.
         get_float: returns a parameter by its name after ``EK3_``.
 
     Attributes:
@@ -47,6 +51,8 @@ class Resets:
         aiding: Aiding,
         sources: EkfSources,
         delayed: Delayed,
+        ingest: ExtNavIngest,
+        gps: GpsReading,
         get_float: Callable[[str], float],
     ) -> None:
         self._state = state
@@ -54,21 +60,19 @@ class Resets:
         self._aiding = aiding
         self._sources = sources
         self._delayed = delayed
+        self._ingest = ingest
+        self._gps = gps
         self._get_float = get_float
         self.moved_ne: Array = np.zeros(2)
         self.last_known_ne: Array = np.zeros(2)
 
-    def position(self, now_ms: int) -> None:
-        """Put the horizontal position where the last pose, or without aiding the last known place, is (ResetPosition).
+    def position(self, now_ms: int, *, by_gps: bool = False) -> None:
+        """Put the horizontal position where it was measured last, or without aiding known last (ResetPosition).
 
-        However old the pose is. Any reset ends the timeout.
+        However old a pose is. Any reset ends the timeout.
         """
-        pose = self._delayed.pose
         before = self._state.pos[NORTH_EAST].copy()
-        if self._aiding.mode is AidingMode.ABSOLUTE and pose is not None:
-            target, variance = pose.pos[NORTH_EAST], pose.err**2
-        else:
-            target, variance = self.last_known_ne, self._get_float("POSNE_M_NSE") ** 2
+        target, variance = self._position_target(by_gps=by_gps or self._sources.pos_xy() == SourceXY.GPS)
         self._state.pos = np.array([*target, self._state.pos[2]])
         self._state.clear(POS_NE, variance)
         self._output.overwrite(pos={0: float(target[0]), 1: float(target[1])})
@@ -76,21 +80,31 @@ class Resets:
         self._aiding.pos_timeout = False
         self._aiding.times.pos = now_ms
 
-    def shift_to_pose(self, *, with_height: bool) -> None:
-        """Follow a jump of the camera's frame: state and outputs by as much, and nothing else."""
-        pose = self._delayed.pose
-        if pose is None:
-            return
-        shift = pose.pos - self._state.pos
+    def _position_target(self, *, by_gps: bool) -> tuple[Array, float]:
+        pose, fix, noise = self._delayed.pose, self._gps.newest, self._get_float("POSNE_M_NSE")
+        if self._aiding.mode is not AidingMode.ABSOLUTE:
+            return self.last_known_ne, noise**2
+        if by_gps and fix is not None:
+            ahead_s = 1e-3 * i32(self._ingest.horizon_ms - fix.time_ms)
+            return (fix.pos + ahead_s * fix.vel)[NORTH_EAST], max(self._gps.pos_accuracy, noise) ** 2
+        if pose is not None:
+            return pose.pos[NORTH_EAST], pose.err**2
+        return self._state.pos[NORTH_EAST], 0.0
+
+    def shift_to(self, pos: Array, *, with_height: bool) -> None:
+        """Follow a jump of the frame of a source: state and outputs by as much, and nothing else."""
+        shift = pos - self._state.pos
         if not with_height:
             shift[2] = 0.0
         self._state.pos = self._state.pos + shift
         self._output.shift(pos=shift)
+        if shift[2]:
+            self._output.restart_height_filter()
         self.moved_ne = shift[NORTH_EAST].copy()
 
-    def velocity(self, now_ms: int, *, by_ext_nav: bool = False) -> None:
-        """Put the horizontal velocity where the last measured one is, or to rest (ResetVelocity)."""
-        target, variance = self._velocity_target(now_ms, by_ext_nav=by_ext_nav)
+    def velocity(self, now_ms: int, *, by_ext_nav: bool = False, by_gps: bool = False) -> None:
+        """Put the horizontal velocity where it was measured last, or to rest (ResetVelocity)."""
+        target, variance = self._velocity_target(now_ms, by_ext_nav=by_ext_nav, by_gps=by_gps)
         self._state.vel = np.array([*target, self._state.vel[2]])
         self._state.clear(_VEL_NE, variance)
         self._output.overwrite(vel={0: float(target[0]), 1: float(target[1])})
@@ -98,15 +112,21 @@ class Resets:
             self._aiding.vel_timeout = False
             self._aiding.times.vel = now_ms
 
-    def _velocity_target(self, now_ms: int, *, by_ext_nav: bool) -> tuple[Array, float]:
-        measured = self._delayed.velocity
-        rest: Array = np.zeros(2)
+    def _velocity_target(self, now_ms: int, *, by_ext_nav: bool, by_gps: bool) -> tuple[Array, float]:
+        measured, fix, sources = self._delayed.velocity, self._gps.newest, self._sources
+        rest, noise = np.zeros(2), self._get_float("VELNE_M_NSE")
         if self._aiding.mode is not AidingMode.ABSOLUTE:
-            return rest, self._get_float("VELNE_M_NSE") ** 2
-        if by_ext_nav or self._sources.uses_vel_xy(SourceXY.EXTNAV):
+            return rest, noise**2
+        source = sources.value(sources.active_set, "VELXY")
+        is_open = not by_ext_nav and not by_gps and source not in (SourceXY.GPS, SourceXY.EXTNAV)
+        gps_is_fresh = u32(now_ms - self._gps.received_ms) < FRESH_VELOCITY_MS
+        ext_nav_is_fresh = (
+            self._ingest.have_velocity and u32(now_ms - self._ingest.velocity_stamp_ms) < FRESH_VELOCITY_MS
+        )
+        if fix is not None and (by_gps or (not by_ext_nav and source == SourceXY.GPS) or (is_open and gps_is_fresh)):
+            return fix.vel[NORTH_EAST], max(noise, self._gps.speed_accuracy) ** 2
+        if by_ext_nav or source == SourceXY.EXTNAV or (is_open and ext_nav_is_fresh):
             return (rest, 0.0) if measured is None else (measured.vel[NORTH_EAST], measured.err**2)
-        if measured is not None and u32(now_ms - self._delayed.velocity_stamp_ms()) < FRESH_VELOCITY_MS:
-            return measured.vel[NORTH_EAST], measured.err**2
         return rest, LOST_VELOCITY_VAR
 
     def height(self, now_ms: int, down: float, variance: float, *, vertical_velocity: float | None) -> None:
@@ -120,9 +140,12 @@ class Resets:
         measured = self._delayed.velocity
         self._state.clear(_VEL_D, self._get_float("VELD_M_NSE") ** 2 if measured is None else measured.err**2)
         self._output.overwrite(vel={2: float(self._state.vel[2])})
+        self._output.restart_height_filter(vel=float(self._state.vel[2]))
 
     def shift_height(self, down: float) -> None:
         """Follow a change of the source of height: state and outputs by as much."""
         shift = np.array([0.0, 0.0, down - self._state.pos[2]])
         self._state.pos = self._state.pos + shift
         self._output.shift(pos=shift)
+        if shift[2]:
+            self._output.restart_height_filter()

@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
-
-from ap_core.fmath import f32
+from ap_core.location import Location
 from ap_core.sinks import TextSink
+from ap_core.vector3 import Vector3f
 from ekf_stub.core_texts import NoTexts
 from ekf_stub.gps_sample import GpsSample
 from ekf_stub.obs_ring import RingSizes, ring_sizes
@@ -24,7 +23,36 @@ _INTS: Final[Mapping[str, int]] = {
     "EK3_BCN_DELAY": 50,
     "VISO_DELAY_MS": 10,
 }
-_FLOATS: Final = {"EK3_VIS_VERR_MIN": f32(0.1), "EK3_VIS_VERR_MAX": f32(0.9)}
+_NUMBERS: Final[Mapping[str, float]] = {
+    "EK3_VELNE_M_NSE": 0.3,
+    "EK3_VELD_M_NSE": 0.5,
+    "EK3_VEL_I_GATE": 500,
+    "EK3_POSNE_M_NSE": 0.5,
+    "EK3_POS_I_GATE": 500,
+    "EK3_GLITCH_RAD": 25,
+    "EK3_ALT_M_NSE": 2.0,
+    "EK3_HGT_I_GATE": 500,
+    "EK3_HGT_DELAY": 60,
+    "EK3_MAG_M_NSE": 0.05,
+    "EK3_MAG_CAL": 3,
+    "EK3_MAG_I_GATE": 300,
+    "EK3_GYRO_P_NSE": 0.015,
+    "EK3_ACC_P_NSE": 0.35,
+    "EK3_GBIAS_P_NSE": 0.001,
+    "EK3_ABIAS_P_NSE": 0.02,
+    "EK3_NOAID_M_NSE": 10.0,
+    "EK3_YAW_M_NSE": 0.5,
+    "EK3_YAW_I_GATE": 300,
+    "EK3_TAU_OUTPUT": 25,
+    "EK3_MAGE_P_NSE": 0.001,
+    "EK3_MAGB_P_NSE": 0.0001,
+    "EK3_ACC_BIAS_LIM": 1.0,
+    "EK3_VIS_VERR_MIN": 0.1,
+    "EK3_VIS_VERR_MAX": 0.9,
+    "EK3_HRT_FILT": 2.0,
+    "EK3_MAG_EF_LIM": 50,
+    "EK3_OGNM_TEST_SF": 2.0,
+}
 _MAG_DELAY_MS: Final = 60
 _GPS_LAG_MS: Final = 200  # of a receiver whose own is not known
 _MAX_DELAY_MS: Final = 250
@@ -41,20 +69,30 @@ class Surroundings:
     Attributes:
         texts: where texts for the ground station go.
         get_int: returns an integer parameter by its full name.
-        get_float: returns a float parameter by its full name.
+        get_number: returns any parameter by its full name.
         gps: returns the newest solution of the GPS.
         is_armed: tells whether the vehicle is armed.
         is_fitted: tells whether there is a sensor, by its name in ``source_check.SENSORS``.
         on_yaw_reset: is called as yaw has been aligned.
+        flying_ms: for how long the vehicle has been flying, 0 on the ground.
+        home: returns home, None while it is unset.
+        imu_pos: returns the place of the first IMU on the vehicle, m, body (FRD).
     """
 
     texts: TextSink = field(default_factory=NoTexts)
     get_int: Callable[[str], int] = _INTS.__getitem__
-    get_float: Callable[[str], np.float32] = _FLOATS.__getitem__
+    get_number: Callable[[str], float] = _NUMBERS.__getitem__
     gps: Callable[[], GpsSample | None] = lambda: None
     is_armed: Callable[[], bool] = lambda: False
     is_fitted: Callable[[str], bool] = lambda _sensor: True
     on_yaw_reset: Callable[[], None] = _nothing
+    flying_ms: Callable[[], int] = lambda: 0
+    home: Callable[[], Location | None] = lambda: None
+    imu_pos: Callable[[], Vector3f] = Vector3f
+
+    def ekf3_number(self, name: str) -> float:
+        """Return a parameter by its name after ``EK3_``."""
+        return self.get_number(f"EK3_{name}")
 
     def imu_mask(self) -> int:
         """Return which IMUs get a core; none when EK3_ENABLE is off."""

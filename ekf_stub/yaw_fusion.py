@@ -1,36 +1,32 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Alignment and fusion of yaw (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, SelectMagFusion).
-
-FIRMWARE PARITY: in flight the firmware estimates the earth's and the vehicle's magnetic field from all three axes of
-the compass. Here its heading goes on being fused, with the noise that the field's horizontal part leaves it.
-"""
+"""Alignment and fusion of yaw (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, SelectMagFusion)."""
 
 import math
 from collections.abc import Callable
 from typing import Final
 
-import numpy as np
-import quaternion
-
-from ap_core.cint import u32
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.error_state import ErrorState, euler_of, quat_of_euler
-from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.inertial import limited
+from ekf_stub import ingest_rules as rules
+from ekf_stub.compass_yaw import ALWAYS, CompassAlignment
+from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
+from ekf_stub.error_state import MIN_NOISE_VAR, ErrorState
+from ekf_stub.ext_nav_ingest import ExtNavIngest, YawSample
+from ekf_stub.gps_reading import MIN_YAW_ERR, GpsReading
+from ekf_stub.height_source import Vehicle
+from ekf_stub.inertial import InertialStep, limited
+from ekf_stub.mag_fusion import MagFusion
 from ekf_stub.measurements import MagSample
 from ekf_stub.obs_ring import ObsRing
 from ekf_stub.output_predictor import OutputPredictor
 from ekf_stub.sources import EkfSources, SourceYaw
-from ekf_stub.vel_pos_fusion import Vehicle
 
 SYNTHETIC_PERIOD_MS: Final = 140
+IN_USE_MS: Final = 5000
 MIN_YAW_NOISE: Final = 0.05
 MIN_ALIGNED_NOISE: Final = 0.01
 MAX_INNOVATION: Final = 0.5
-FINAL_ALIGNMENT_HEIGHT_M: Final = 2.5
-MAX_TURN_TO_ALIGN: Final = 0.1745
-MAG_NOISE_IN_FLIGHT: Final = 0.25  # rad, of the heading that three axes with EK3_MAG_M_NSE 0.05 Gauss give
+_BY_GPS: Final = (SourceYaw.GPS, SourceYaw.GPS_COMPASS_FALLBACK)
+_BY_COMPASS: Final = (SourceYaw.COMPASS, SourceYaw.GPS_COMPASS_FALLBACK)
 
 
 def wrap_pi(angle: float) -> float:
@@ -46,6 +42,7 @@ class YawFusion:
         output: what follows it.
         sources: the source sets.
         ingest: where external navigation waits.
+        gps: what the GPS says.
         texts: what the ground station is told.
         get_float: returns a parameter by its name after ``EK3_``.
         has_compass: tells whether a compass is in use.
@@ -53,9 +50,12 @@ class YawFusion:
 
     Attributes:
         aligned: whether yaw has been set from a measurement.
+        resets: how often that was.
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
         mag: magnetic fields that wait for the horizon.
-        declination: of the magnetic field, rad.
+        field: the fields of the earth and of the vehicle.
+        mag_fusion: 0 while the compass is not in use, 1 while its heading is fused, 2 while its three axes are.
+        field_was_fused: whether they took up this step, so that other measurements wait for the next.
     """
 
     def __init__(
@@ -64,6 +64,7 @@ class YawFusion:
         output: OutputPredictor,
         sources: EkfSources,
         ingest: ExtNavIngest,
+        gps: GpsReading,
         texts: CoreTexts,
         get_float: Callable[[str], float],
         has_compass: Callable[[], bool],
@@ -73,120 +74,195 @@ class YawFusion:
         self._output = output
         self._sources = sources
         self._ingest = ingest
+        self._gps = gps
         self._texts = texts
         self._get_float = get_float
         self._has_compass = has_compass
         self.aligned = False
+        self.resets = 0
         self.innovation = self.ratio = 0.0
         self.mag: ObsRing[MagSample] = ObsRing(mag_ring_size)
-        self.declination = 0.0
-        self._synthetic_ms = 0
+        self.field = MagFusion(state, get_float)
+        self.field_was_fused = False
+        self.mag_fusion = 0
+        self._alignment = CompassAlignment(state)
+        self._ext_nav_ms = self._synthetic_ms = self._gps_ms = 0
+        self._look_at_sources()
         self._source = self.source()
         self._source_changed = False
-        self._final_alignment_done = False
-        self._quat_at_last_mag = state.quat
-        self._yaw_at_rest = 0.0
+        self._yaw_at_rest, self._by_321_at_rest = 0.0, True
 
     def source(self) -> int:
-        """Return the yaw source; a compass that is not there is none."""
-        source = self._sources.yaw()
-        return SourceYaw.NONE if source == SourceYaw.COMPASS and not self._has_compass() else source
-
-    def check_source(self) -> None:
-        """Note a change of the source, every frame."""
-        source = self.source()
-        self._source_changed |= source != self._source
-        self._source = source
+        """Return the yaw source of this frame; a compass that is not there is none."""
+        return self._frame_source
 
     def uses_compass(self) -> bool:
-        """Tell whether yaw comes from the compass."""
-        return self._source == SourceYaw.COMPASS
+        """Tell whether yaw comes from the compass in this frame."""
+        return self._frame_uses_compass
 
-    def step(self, now_ms: int, vehicle: Vehicle, *, tilt_aligned: bool, moves: bool, climbed_m: float) -> None:
+    def _look_at_sources(self) -> None:
+        source, has_compass = self._sources.yaw(), self._has_compass()
+        self._frame_source = SourceYaw.NONE if source == SourceYaw.COMPASS and not has_compass else source
+        self._frame_uses_compass = source in _BY_COMPASS and has_compass
+
+    def uses_ext_nav(self, now_ms: int) -> bool:
+        """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
+        in_use = now_ms - max(self._ext_nav_ms, self._synthetic_ms) < IN_USE_MS
+        return self._sources.yaw() == SourceYaw.EXTNAV and in_use
+
+    def control(self, vehicle: Vehicle) -> None:
+        """Look at the sources, every frame, and decide whether the magnetic fields are to be estimated."""
+        self._look_at_sources()
+        self._alignment.update(vehicle, self.innovation)
+        magcal = int(self._get_float("MAG_CAL"))
+        if vehicle.on_ground and magcal != ALWAYS and not self._state.learns_field:
+            return
+        if self.field.learn(wanted=self.uses_compass() and self._alignment.wants_field(magcal, vehicle)):
+            self._alignment.request_for_field(vehicle)
+
+    def step(self, now_ms: int, vehicle: Vehicle, step: InertialStep, *, is_still: bool, climbed_m: float) -> None:
         """Fuse what came due in a step.
 
         Args:
             now_ms: time of the step.
             vehicle: what is known of it.
-            tilt_aligned: whether roll and pitch are known.
-            moves: whether the vehicle is known not to stand still on the ground.
+            step: the inertial data.
+            is_still: whether it stands still on the ground.
             climbed_m: height above the place of take-off.
         """
-        if moves:
-            self._yaw_at_rest = self._yaw()
-        if vehicle.on_ground:
-            self._final_alignment_done = False
-        ext_nav, mag = self._ingest.recall_yaw(), self.mag.recall(self._ingest.horizon_ms).sample
-        if self._source == SourceYaw.NONE:
+        source = self.source()
+        self._source_changed |= source != self._source
+        self._source = source
+        if not is_still:
+            self._by_321_at_rest = self._state.prefers_321()
+            self._yaw_at_rest = self._state.yaw(by_321=self._by_321_at_rest)
+        self.field_was_fused = False
+        if source == SourceYaw.GSF or (not self.uses_compass() and source not in (*_BY_GPS, SourceYaw.EXTNAV)):
             self._source_changed = False
-            if self._fuse_synthetic(now_ms, vehicle, moves=moves):
+            if self._fuse_synthetic(now_ms, vehicle, is_still=is_still):
                 self.ratio = 0.0
-        elif self._source == SourceYaw.EXTNAV:
-            if ext_nav is not None:
-                self._use_ext_nav(float(ext_nav.yaw), float(ext_nav.yaw_err), vehicle, tilt_aligned=tilt_aligned)
-            elif tilt_aligned and not self.aligned:
-                self._fuse_synthetic(now_ms, vehicle, moves=moves)
-        elif self._source == SourceYaw.COMPASS and mag is not None:
-            self._use_compass(mag, vehicle, tilt_aligned=tilt_aligned, climbed_m=climbed_m)
-
-    def _yaw(self) -> float:
-        return euler_of(self._state.quat)[2]
+            return
+        if source in _BY_GPS:
+            self._use_gps(now_ms, vehicle, is_still=is_still)
+            if source == SourceYaw.GPS or self._gps_ms:
+                return
+        ext_nav = self._ingest.recall_yaw()
+        if ext_nav is not None and not (math.isfinite(ext_nav.yaw) and math.isfinite(ext_nav.yaw_err)):
+            self._ingest.tell("yaw", rules.NOT_FINITE, ext_nav.time_ms)
+        elif ext_nav is not None:
+            self._use_ext_nav(ext_nav, now_ms, vehicle)
+        elif source == SourceYaw.EXTNAV and vehicle.tilt_aligned and not self.aligned:
+            self._fuse_synthetic(now_ms, vehicle, is_still=is_still)
+        mag = self.mag.recall(self._ingest.horizon_ms).sample
+        if mag is not None and self.uses_compass():
+            self._align_by_compass(mag, vehicle, climbed_m=climbed_m)
+            if self.aligned:
+                self._fuse_compass(mag, vehicle, step)
 
     def _noise(self) -> float:
         return self._get_float("YAW_M_NSE")
 
-    def _fuse_synthetic(self, now_ms: int, vehicle: Vehicle, *, moves: bool) -> bool:
+    def _fuse_synthetic(self, now_ms: int, vehicle: Vehicle, *, is_still: bool) -> bool:
         """Keep yaw from growing uncertain while nothing measures it; tell whether it was time for that."""
-        if u32(now_ms - self._synthetic_ms) <= SYNTHETIC_PERIOD_MS:
+        if now_ms - self._synthetic_ms <= SYNTHETIC_PERIOD_MS:
             return False
         self._synthetic_ms = now_ms
-        innovation = 0.0 if moves else wrap_pi(self._yaw() - self._yaw_at_rest)
-        self._fuse(innovation, (self._noise() if moves else max(self._noise(), MIN_YAW_NOISE)) ** 2, vehicle)
+        if is_still:
+            by_321 = self._by_321_at_rest
+            innovation = wrap_pi(self._state.yaw(by_321=by_321) - self._yaw_at_rest)
+            self._fuse(innovation, max(self._noise(), MIN_YAW_NOISE) ** 2, vehicle, by_321=by_321)
+        else:
+            self._fuse(0.0, self._noise() ** 2, vehicle, by_321=self._state.prefers_321())
         return True
 
-    def _use_ext_nav(self, yaw: float, err: float, vehicle: Vehicle, *, tilt_aligned: bool) -> None:
-        if not tilt_aligned:
+    def _use_ext_nav(self, sample: YawSample, now_ms: int, vehicle: Vehicle) -> None:
+        if self._source != SourceYaw.EXTNAV:
+            self._ingest.tell("yaw", rules.UNUSED, sample.time_ms)
             return
-        if self.aligned and not self._source_changed:
-            self._fuse(wrap_pi(self._yaw() - yaw), max(err, MIN_YAW_NOISE) ** 2, vehicle)
-            return
-        self._align(yaw, max(err, MIN_ALIGNED_NOISE) ** 2)
-        self._texts.add("yaw aligned")
+        self._ext_nav_ms = now_ms
+        yaw, err = float(sample.yaw), float(sample.yaw_err)
+        if not vehicle.tilt_aligned:
+            self._ingest.tell("yaw", rules.UNUSED, sample.time_ms)
+        elif self.aligned and not self._source_changed:
+            innovation = wrap_pi(self._state.yaw(by_321=True) - yaw)
+            was_fused = self._fuse(innovation, max(err, MIN_YAW_NOISE) ** 2, vehicle, by_321=True)
+            rule = rules.FUSED if was_fused else rules.GATE_YAW
+            self._ingest.tell("yaw", rule, sample.time_ms, math.sqrt(self.ratio))
+        else:
+            self._align(yaw, max(err, MIN_ALIGNED_NOISE) ** 2, vehicle, by_321=True)
+            self._texts.add("yaw aligned")
+            self._ingest.tell("yaw", rules.ALIGNED_TO, sample.time_ms)
 
-    def _align(self, yaw: float, variance: float) -> None:
+    def _use_gps(self, now_ms: int, vehicle: Vehicle, *, is_still: bool) -> None:
+        fix = self._gps.delayed
+        if self._gps.is_due and fix is not None and fix.yaw is not None:
+            self._gps_ms = now_ms
+            if not vehicle.tilt_aligned:
+                return
+            if self.aligned and not self._source_changed:
+                innovation = wrap_pi(self._state.yaw(by_321=True) - fix.yaw)
+                self._fuse(innovation, MIN_YAW_ERR**2, vehicle, by_321=True)
+                return
+            self._align(wrap_pi(fix.yaw), MIN_YAW_ERR**2, vehicle, by_321=True)
+            self._texts.add("yaw aligned")
+        elif vehicle.tilt_aligned and not self.aligned:
+            self._fuse_synthetic(now_ms, vehicle, is_still=is_still)
+
+    def _align(self, yaw: float, variance: float, vehicle: Vehicle, *, by_321: bool) -> None:
         self._source_changed = False
-        self._output.rotate(self._state.set_yaw(yaw, variance))
+        self._output.rotate(self._state.set_yaw(yaw, variance, by_321=by_321))
         self.aligned = True
+        self.resets += 1
+        self._alignment.note_yaw(vehicle)
 
-    def _use_compass(self, mag: MagSample, vehicle: Vehicle, *, tilt_aligned: bool, climbed_m: float) -> None:
-        roll, pitch, yaw = euler_of(self._state.quat)
-        level = quaternion.as_rotation_matrix(quat_of_euler(roll, pitch, 0.0)) @ mag.field
-        measured = wrap_pi(self.declination - math.atan2(level[1], level[0]))
-        turned = (self._state.quat * self._quat_at_last_mag.conjugate()).normalized()
-        self._quat_at_last_mag = self._state.quat
-        turns_slowly = 2 * math.acos(limited(abs(turned.w), 0.0, 1.0)) < MAX_TURN_TO_ALIGN
-        is_final = not vehicle.on_ground and not self._final_alignment_done and climbed_m > FINAL_ALIGNMENT_HEIGHT_M
-        variance = max(self._noise(), MIN_ALIGNED_NOISE) ** 2
-        if tilt_aligned and turns_slowly and not self.aligned:
+    def _compass_yaw(self, mag: MagSample, *, by_321: bool) -> float:
+        north, east, _ = (self._state.rotation_now() @ mag.field).tolist()
+        # The field with yaw taken out of it points as far off north as the vehicle does, the other way round.
+        level = math.atan2(east, north) - self._state.yaw(by_321=by_321)
+        return wrap_pi(self.field.declination - level)
+
+    def _align_by_compass(self, mag: MagSample, vehicle: Vehicle, *, climbed_m: float) -> None:
+        alignment = self._alignment
+        if self._source_changed:
+            alignment.is_requested = True
+            self._source_changed = False
+        due = alignment.due(vehicle, self.innovation, climbed_m, aligned=self.aligned)
+        if due is None:
+            return
+        if not self.aligned:
             self._texts.add("MAG0 initial yaw alignment complete")
-            self._align(measured, variance)
-        elif turns_slowly and is_final:
+        by_321 = abs(float(self._state.rotation[0, 2])) < abs(float(self._state.rotation[1, 2]))
+        measured = self._compass_yaw(mag, by_321=by_321)
+        self._align(measured, max(self._noise(), MIN_ALIGNED_NOISE) ** 2, vehicle, by_321=by_321)
+        if due == "final":
             self._texts.add("MAG0 in-flight yaw alignment complete")
-            self._align(measured, variance)
-            self._final_alignment_done = True
-        elif self.aligned and self._source_changed:
-            self._align(measured, variance)
-        elif self.aligned:
-            noise = MAG_NOISE_IN_FLIGHT if self._final_alignment_done else self._noise()
-            self._fuse(wrap_pi(yaw - measured), noise**2, vehicle)
+        elif due == "interim":
+            self._texts.add("MAG0 ground mag anomaly, yaw re-aligned", MAV_SEVERITY_WARNING)
+            alignment.note_anomaly()
+        if not self.field.is_learned:
+            self.field.reset(mag)
+            alignment.note_field(vehicle, self.innovation)
 
-    def _fuse(self, innovation: float, variance: float, vehicle: Vehicle) -> None:
+    def _fuse_compass(self, mag: MagSample, vehicle: Vehicle, step: InertialStep) -> None:
+        if self._state.learns_field and self._alignment.field_set:
+            self.mag_fusion = 2
+            self.field_was_fused = self.field.fuse(mag, step)
+            self.ratio = 0.0
+            return
+        self.mag_fusion = 1
+        self.field.ratios[:] = 0.0
+        by_321 = self._state.prefers_321()
+        innovation = wrap_pi(self._state.yaw(by_321=by_321) - self._compass_yaw(mag, by_321=by_321))
+        self._fuse(innovation, self._noise() ** 2, vehicle, by_321=by_321)
+
+    def _fuse(self, innovation: float, variance: float, vehicle: Vehicle, *, by_321: bool) -> bool:
         """Fuse a yaw; on the ground even beyond the gate, but then no more than half a radian of it (fuseEulerYaw)."""
-        row = self._state.yaw_row()
-        spread = float(row @ self._state.cov @ row) + variance
+        row = self._state.yaw_row(by_321=by_321)
+        spread = float(row @ self._state.cov @ row) + max(variance, MIN_NOISE_VAR)
         gate = max(0.01 * self._get_float("YAW_I_GATE"), 1.0) ** 2
         self.innovation = innovation
         self.ratio = innovation**2 / (gate * spread)
         if self.ratio > 1 and vehicle.in_flight:
-            return
-        self._state.update(row, float(np.clip(innovation, -MAX_INNOVATION, MAX_INNOVATION)), variance)
+            return False
+        self._state.update(row, limited(innovation, -MAX_INNOVATION, MAX_INNOVATION), variance)
+        return True

@@ -1,0 +1,382 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The AHRS of a vehicle that estimates its state by EKF3 (AP_AHRS/AP_AHRS.cpp).
+
+FIRMWARE PARITY: there is one filter for all cores. Before it runs, the attitude is level with the sensors' true
+heading, where the firmware has its simple estimate (DCM).
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from ap_core.cint import u32
+from ap_core.clock import Clock
+from ap_core.fmath import f32
+from ap_core.location import Location
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.aiding import AidingMode
+from ekf_stub.core_report import CoreReport
+from ekf_stub.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
+from ekf_stub.ekf3_core import Ekf3Core, Frame
+from ekf_stub.ekf_log import UNINITIALISED, EkfLog
+from ekf_stub.error_state import euler_of
+from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.ext_nav_log import VisualOdomFrame
+from ekf_stub.filter_status import FilterFlag, FilterStatus
+from ekf_stub.gps_sample import FIX_3D
+from ekf_stub.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, ReplayLog
+from ekf_stub.replay_vehicle import VehicleFrame
+from ekf_stub.reporting import three
+from ekf_stub.sensors import Sensors, SensorSource
+from ekf_stub.source_check import VISUAL_ODOM, source_failure
+from ekf_stub.sources import EkfSources, SourceYaw
+from ekf_stub.surroundings import Surroundings
+
+_OLD_EXTERNAL_YAW: Final = (5, 6)  # of EK3_MAG_CAL
+_HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL
+_REPORTED: Final = (1 << 10) - 1  # flags that EKF_STATUS_REPORT has as they are
+_GLITCHING, _INITIALISED = 1 << 14, 1 << 16  # of nav_filter_status
+
+
+def _vector(values: tuple[float, float, float]) -> Vector3f:
+    return Vector3f(*values)
+
+
+class Ekf3Ahrs(AhrsBase):
+    """The AHRS with the filter in it.
+
+    Args:
+        clock: time since boot.
+        sources: the EKF's source sets.
+        log: where inputs are logged.
+        source: where inertial data and other measurements come from.
+        has_compass: tells whether a compass is in use; without one DCM's yaw is never initialised.
+        around: the vehicle around it.
+        estimates: where estimates are logged, if anywhere.
+
+    Attributes:
+        core: the filter, once it has been set up; None also when no core is wanted.
+        on_filter_outcome: hears what becomes of each sample of external navigation (``ExtNavIngest.on_outcome``).
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        sources: EkfSources,
+        log: ReplayLog,
+        source: SensorSource,
+        *,
+        has_compass: Callable[[], bool] = lambda: True,
+        around: Surroundings | None = None,
+        estimates: EkfLog | None = None,
+        start_us: int = AHRS_START_US,
+    ) -> None:
+        super().__init__(clock, sources, log, start_us=start_us)
+        self._replay_log = log
+        self.source = self._source = source
+        self._has_compass = has_compass
+        self._around = around or Surroundings()
+        self._estimates = estimates
+        self._camera: VisualOdomFrame | None = None
+        self._places: tuple[Vector3f, Vector3f] | None = None
+        self._lever = (0.0, 0.0, 0.0)
+        self._sensors: Sensors | None = None
+        self._baro_zero_m = 0.0
+        self._is_set_up = self._active = self._has_camera = False
+        self._yaw_resets = 0
+        self._source_set = sources.active_set
+        self._quat: Quaternion | None = None
+        self._reset_ms = 0
+        self.core: Ekf3Core | None = None
+        self.on_filter_outcome: Callable[[FilterOutcome], None] | None = None
+        self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))  # refuses all until the filter is set up
+
+    # Frames
+
+    def update(self, camera: VisualOdomFrame) -> None:
+        """Run one frame."""
+        self._camera = camera
+        now_us = self._clock.micros64()
+        self._source.set_armed(self._around.is_armed())
+        sensors = self._source.sense(now_us)
+        if sensors is not None:
+            self._sensors = sensors
+            if self.estimator_started():
+                self._run_frame(sensors, now_us)
+        self._quat = None
+
+    def _run_frame(self, sensors: Sensors, now_us: int) -> None:
+        if not self._is_set_up:
+            self._set_up()
+        self._log_frame(sensors, now_us)
+        core = self.core
+        if core is None:
+            return
+        was_initialised = core.initialised
+        if was_initialised and not self._active:
+            self._active = True
+            self._around.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
+        core.run(self._frame(sensors, now_us))
+        self._replay_log.note_run(was_initialised=was_initialised)
+        self._log_tests(core, now_us)
+        if core.yaw_resets != self._yaw_resets:
+            self._yaw_resets = core.yaw_resets
+            self._around.on_yaw_reset()
+        if self._origin is None and core.origin is not None:
+            self._origin = core.origin
+
+    def _log_tests(self, core: Ekf3Core, now_us: int) -> None:
+        still = core.is_still() if core.initialised else None
+        if self._estimates is not None and self._estimates.is_due(now_us, still, is_step=core.stepped):
+            self._estimates.update(core.report(now_us // 1000), now_us, is_step=core.stepped)
+
+    def _set_up(self) -> None:
+        # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
+        self._is_set_up = True
+        self._has_camera = self._around.is_fitted(VISUAL_ODOM)
+        cores = cores_of_mask(self._around.imu_mask())
+        if not cores:
+            return
+        self.core = Ekf3Core(
+            self._sources,
+            self._around.ekf3_number,
+            self._around.buffer_sizes(self._sources, has_camera=self._has_camera),
+            CoreTexts(self._around.texts, cores),
+            self.ext_nav_counts,
+            self._has_compass,
+        )
+        self._hand_to(self.core.ingest)
+        if self._origin is not None:
+            self.core.set_origin(self._origin)
+
+    def _hand_to(self, ingest: ExtNavIngest) -> None:
+        self._ingest = ingest
+        ingest.on_outcome = self._tell_outcome
+
+    def _tell_outcome(self, outcome: FilterOutcome) -> None:
+        if self.on_filter_outcome is not None:
+            self.on_filter_outcome(outcome)
+
+    def _log_frame(self, sensors: Sensors, now_us: int) -> None:
+        around, log = self._around, self._replay_log
+        if self._sources.active_set != self._source_set:
+            self._source_set = self._sources.active_set
+            log.event(SOURCE_SET_1 + self._source_set)
+        if log.start_frame(now_us, around.flying_ms()):
+            log.vehicle(VehicleFrame(around.is_armed(), home=around.home()))
+            log.sensors(self._with_zeroed_baro(sensors), around.gps())
+        if self._camera is not None:
+            log.frame(self._camera)
+
+    def _with_zeroed_baro(self, sensors: Sensors) -> Sensors:
+        if not self._baro_zero_m or sensors.baro is None:
+            return sensors
+        height = float(np.float32(sensors.baro[1] - self._baro_zero_m))
+        return Sensors(sensors.delta, (sensors.baro[0], height), sensors.mag, sensors.declination)
+
+    def _frame(self, sensors: Sensors, now_us: int) -> Frame:
+        around = self._around
+        home = around.home()
+        return Frame(
+            now_us,
+            sensors.delta,
+            armed=around.is_armed(),
+            flying_ms=around.flying_ms(),
+            baro=self._with_zeroed_baro(sensors).baro,
+            mag=sensors.mag,
+            gps=around.gps(),
+            declination=sensors.declination,
+            lever_arm=self._lever_arm(),
+            home_lat=0 if home is None else home.lat,
+        )
+
+    def _lever_arm(self) -> tuple[float, float, float]:
+        """Return the camera's place from the IMU, m, body (FRD)."""
+        camera = self._camera
+        if not self._has_camera or camera is None:
+            return (0.0, 0.0, 0.0)
+        places = camera.pos_offset, self._around.imu_pos()
+        if self._places is None or self._places[0] is not places[0] or self._places[1] is not places[1]:
+            self._places = places
+            x, y, z = (float(value) for value in (places[0] - places[1]).to_tuple())
+            self._lever = x, y, z
+        return self._lever
+
+    # What the filter says
+
+    def log_estimates(self) -> None:
+        """Log what the filter says at the moment."""
+        if self._estimates is not None and self.core is not None:
+            self._estimates.write_streaming(self.report() or UNINITIALISED, self._clock.micros64())
+            self._replay_log.note_logged()
+
+    def report(self) -> CoreReport | None:
+        """Return what the filter says of itself; None before it has a state."""
+        core = self.core
+        return core.report(self._now_ms()) if core is not None and core.initialised else None
+
+    def _attitude(self) -> Quaternion:
+        if self._active and self.core is not None:
+            quat = self.core.output.now.quat
+            return Quaternion(quat.w, quat.x, quat.y, quat.z)
+        return Quaternion.from_euler(f32(0), f32(0), f32(self._source.yaw_rad()))
+
+    def _flags(self) -> FilterFlag:
+        if self.core is None or not self.core.initialised:
+            return FilterFlag.UNINITIALISED
+        flags = self.core.control.flags
+        reported = FilterFlag(flags & _REPORTED)
+        if flags & _GLITCHING:
+            reported |= FilterFlag.GPS_GLITCHING
+        return reported if flags & _INITIALISED else reported | FilterFlag.UNINITIALISED
+
+    def dcm_yaw_initialised(self) -> bool:
+        """Tell whether there has been a compass heading."""
+        return self.started() and self._has_compass()
+
+    def using_extnav_for_yaw(self) -> bool:
+        """Tell whether yaw comes from external navigation (NavEKF3_core::using_extnav_for_yaw)."""
+        return self.core is not None and self.core.uses_ext_nav_for_yaw(self._now_ms())
+
+    def get_yaw_rad(self) -> np.float32:
+        """Return the yaw, -pi..pi."""
+        if self._active and self.core is not None:
+            return f32(euler_of(self.core.output.now.quat)[2])
+        return f32(self._source.yaw_rad())
+
+    def get_quaternion(self) -> Quaternion | None:
+        """Return the attitude as of the last frame; None before the AHRS runs."""
+        if self._quat is None and self.started():
+            self._quat = self._attitude()
+        return self._quat
+
+    def get_gyro(self) -> Vector3f:
+        """Return the body rates in rad/s, without bias."""
+        if self._sensors is None:
+            return Vector3f()
+        used = None if self.core is None else self.core.inertial
+        delta = self._sensors.delta if used is None else used
+        return _vector(three(delta.del_ang / delta.del_ang_dt)) + self.get_gyro_drift()
+
+    def get_gyro_drift(self) -> Vector3f:
+        """Return what is added to the gyros' rates against their bias, rad/s."""
+        if not self._active or self.core is None:
+            return Vector3f()
+        return _vector(three(-self.core.state.gyro_bias / self.core.dt_ekf_avg))
+
+    def get_relative_position_NED_origin_float(self) -> Vector3f | None:
+        """Return the position while the filter navigates; it needs no origin for that."""
+        core = self.core
+        navigates = self._active and core is not None and core.aiding.mode is not AidingMode.NONE
+        if not navigates or core is None or not self._flags() & FilterFlag.VERT_POS:
+            return None
+        return _vector(three(core.position()))
+
+    def get_velocity_NED(self) -> Vector3f | None:
+        """Return the velocity, as soon as the filter runs."""
+        return _vector(three(self.core.output.now.vel)) if self._active and self.core is not None else None
+
+    def get_location(self) -> Location | None:
+        """Return the filter's place while it has one, else that of the GPS (NavEKF3_core::getLLH)."""
+        origin = self.origin()
+        position = None if origin is None else self.get_relative_position_NED_origin_float()
+        if origin is not None and position is not None and self._flags() & _HORIZ_POS:
+            return origin.offset(position)
+        fix = self._around.gps()
+        has_fix = self._active and fix is not None and fix.fix_type >= FIX_3D
+        return fix.location if has_fix and fix is not None else None
+
+    def get_filter_status(self) -> FilterStatus | None:
+        """Return flags and test ratios, once there are cores."""
+        core = self.core
+        if core is None:
+            return None
+        if not core.initialised:
+            return FilterStatus(FilterFlag.UNINITIALISED)
+        innovations = core.fusion.innovations
+        ratios = innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio
+        compass = max(core.yaw.ratio, float(core.yaw.field.ratios.max()))
+        return FilterStatus(self._flags(), *map(math.sqrt, (*ratios, compass)))
+
+    def healthy(self) -> bool:
+        """Tell whether the filter runs well."""
+        return self._active and self.core is not None and self.core.control.healthy(self._now_ms())
+
+    # What the vehicle asks for
+
+    def set_origin(self, origin: Location) -> bool:
+        """Set the origin, once, and not before the estimator runs; tell whether it was set."""
+        if self._origin is not None or self.core is None:
+            return False
+        self._replay_log.origin(origin)
+        self._origin = origin
+        self.core.set_origin(origin)
+        return True
+
+    def reset_height_datum(self) -> bool:
+        """Let heights count from the present one, on the ground (NavEKF3::resetHeightDatum)."""
+        if self.core is None:
+            return False
+        self._replay_log.event(RESET_HEIGHT_DATUM)
+        was_reset = self.core.reset_height_datum()
+        if was_reset and self._sensors is not None and self._sensors.baro is not None:
+            self._baro_zero_m = self._sensors.baro[1]
+        return was_reset
+
+    def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
+        """Put the vehicle somewhere while it navigates without a position; tell whether it was."""
+        core = self.core
+        return core is not None and core.initialised and core.set_place(location, float(accuracy_m), time_ms)
+
+    def pre_arm_failure(self, requires_position: bool) -> str | None:
+        """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
+        if not self._active or self.core is None:
+            return "not using configured AHRS type" if self._has_compass() else "EKF3 not started"
+        failure = source_failure(self._sources, self._around.is_fitted, requires_position=requires_position)
+        if failure is not None:
+            return failure
+        if self._around.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:
+            return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
+        if self.healthy():
+            return None
+        checks = self.core.gps.checks
+        return "EKF3 core 0 unhealthy" if checks.good else checks.reason or "EKF3 still initialising"
+
+    # Calls of the driver
+
+    def writeExtNavData(
+        self,
+        pos: Vector3f,
+        quat: Quaternion,
+        posErr: np.float32,
+        angErr: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        resetTime_ms: int,
+    ) -> None:
+        """Log a position and attitude, hand them to the filter, and to the sensors' source that may follow them."""
+        super().writeExtNavData(pos, quat, posErr, angErr, timeStamp_ms, delay_ms, resetTime_ms)
+        is_reset = resetTime_ms != self._reset_ms
+        self._reset_ms = resetTime_ms
+        lever = self._lever_arm()
+        place = pos - quat.rotate_vector(Vector3f(*lever)) if any(lever) else pos
+        self._source.take_pose(place, quat, u32(timeStamp_ms - delay_ms), is_reset=is_reset)
+
+    def writeBodyFrameOdom(
+        self,
+        quality: np.float32,
+        delPos: Vector3f,
+        delAng: Vector3f,
+        delTime: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        posOffset: Vector3f,
+    ) -> None:
+        """Log a body odometry sample and hand it to the filter, its place counted from the IMU."""
+        place = posOffset - self._around.imu_pos()
+        super().writeBodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, place)

@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fusion of velocity in the body frame (AP_NavEKF3_PosVelFusion.cpp, SelectBodyOdomFusion, FuseBodyVel)."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from ekf_stub import ingest_rules as rules
+from ekf_stub.aiding import Aiding
+from ekf_stub.core_report import OdometryReport
+from ekf_stub.core_texts import CoreTexts
+from ekf_stub.error_state import ATT, STATES, VEL, ErrorState
+from ekf_stub.ext_nav_ingest import ExtNavIngest, OdometrySample
+from ekf_stub.inertial import Array, InertialStep
+from ekf_stub.sources import EkfSources, SourceXY
+
+GATE_SIGMAS: Final = 5.0
+_MIN_DT: Final = 1e-3
+
+
+class BodyOdometry:
+    """Tests and fuses body odometry, axis after axis.
+
+    Args:
+        state: the filter.
+        aiding: the mode and the times.
+        sources: the source sets.
+        ingest: where samples wait.
+        texts: what the ground station is told.
+
+    Attributes:
+        is_fused: whether an axis was fused since aiding ended last.
+    """
+
+    def __init__(
+        self, state: ErrorState, aiding: Aiding, sources: EkfSources, ingest: ExtNavIngest, texts: CoreTexts
+    ) -> None:
+        self._state = state
+        self._aiding = aiding
+        self._sources = sources
+        self._ingest = ingest
+        self._texts = texts
+        self._recalled = 0
+        self._innovation: Array = np.zeros(3)
+        self._variance: Array = np.zeros(3)
+        self.is_fused = False
+
+    def report(self) -> OdometryReport | None:
+        """Return what was tested last, None while there was nothing."""
+        if not self._recalled:
+            return None
+        x, y, z = self._innovation.tolist()
+        vx, vy, vz = self._variance.tolist()
+        return OdometryReport(self._recalled, (x, y, z), (vx, vy, vz))
+
+    def step(self, now_ms: int, step: InertialStep) -> None:
+        """Fuse what came due in a step."""
+        sample = self._ingest.recall_odometry()
+        if sample is None:
+            return
+        self._recalled += 1
+        values = *sample.vel.to_tuple(), sample.vel_err, *sample.pos_offset.to_tuple()
+        if not all(map(math.isfinite, values)):
+            self._ingest.tell("odometry", rules.NOT_FINITE, sample.time_ms)
+        elif not self._sources.uses_vel_xy(SourceXY.EXTNAV):
+            self._ingest.tell("odometry", rules.UNUSED, sample.time_ms)
+        else:
+            self._fuse(sample, now_ms, step)
+
+    def _fuse(self, sample: OdometrySample, now_ms: int, step: InertialStep) -> None:
+        worst = 0.0
+        for axis in range(3):
+            ratio = self._fuse_axis(axis, sample, now_ms, step)
+            if ratio is None:
+                break
+            worst = max(worst, ratio)
+        rule = rules.FUSED if worst < 1 else rules.GATE_ODOMETRY
+        self._ingest.tell("odometry", rule, sample.time_ms, math.sqrt(worst))
+
+    def _fuse_axis(self, axis: int, sample: OdometrySample, now_ms: int, step: InertialStep) -> float | None:
+        """Return the square of innovation to gate; None where the calculation is badly conditioned."""
+        state = self._state
+        measured, noise = float(sample.vel.to_tuple()[axis]), float(sample.vel_err) ** 2
+        predicted = float(state.rotation[:, axis] @ state.vel)
+        if step.del_ang_dt > _MIN_DT:
+            offset = np.array([float(part) for part in sample.pos_offset.to_tuple()])
+            predicted += float(np.cross(step.del_ang / step.del_ang_dt, offset)[axis])
+        row = self._row(axis)
+        variance = float(row @ state.cov @ row) + noise
+        if variance <= noise:
+            return None
+        self._innovation[axis], self._variance[axis] = predicted - measured, variance
+        ratio = (predicted - measured) ** 2 / (GATE_SIGMAS**2 * variance)
+        if ratio < 1:
+            self._aiding.times.odometry = now_ms
+            if not self.is_fused:
+                self.is_fused = True
+                self._texts.add("fusing odometry")
+            state.update(row, predicted - measured, noise)
+        return ratio
+
+    def _row(self, axis: int) -> Array:
+        """Return how the velocity along an axis of the body depends on the errors, shape (16,)."""
+        quat, (north, east, down) = self._state.quat, 2.0 * self._state.vel
+        w, x, y, z = quat.w, quat.x, quat.y, quat.z
+        along = w * north + z * east - y * down
+        across = x * north + y * east + z * down
+        over = w * down - x * east + y * north
+        aside = w * east + x * down - z * north
+        rows = ((along, across, -over, aside), (aside, over, across, -along), (over, -aside, along, across))
+        row = np.zeros(STATES)
+        row[ATT] = rows[axis]
+        row[VEL] = self._rotation_column(axis)
+        return row
+
+    def _rotation_column(self, axis: int) -> Array:
+        w, x, y, z = self._state.quat.w, self._state.quat.x, self._state.quat.y, self._state.quat.z
+        columns = (
+            (w * w + x * x - y * y - z * z, 2 * (w * z + x * y), 2 * (x * z - w * y)),
+            (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (w * x + y * z)),
+            (2 * (w * y + x * z), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
+        )
+        return np.array(columns[axis])

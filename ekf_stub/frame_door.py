@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The filter's door for sensors: what cannot be reckoned with stays outside.
+
+FIRMWARE PARITY: the firmware trusts its drivers, and a number that is not finite spoils its filter for good.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from operator import is_
+from typing import TYPE_CHECKING, Any, Final
+
+from ekf_stub.inertial import MIN_DT, InertialDelta, InertialGuard
+
+if TYPE_CHECKING:
+    from ekf_stub.ekf3_core import Frame
+
+MAX_BARO_M: Final = 1e5
+MAX_FIELD_MGAUSS: Final = 1e5
+MAX_DECLINATION_RAD: Final = 2 * math.pi
+MAX_LEVER_ARM_M: Final = 1e4
+MAX_GPS_SPEED_M_S: Final = 1e4
+MAX_GPS_ERROR: Final = 1e9
+MAX_GPS_YAW_DEG: Final = 1e4
+
+
+def _within(limit: float, *values: float) -> bool:
+    """Tell whether the sum of absolute values is within a limit, as it is not when one is not a number."""
+    return sum(map(abs, values)) <= limit
+
+
+def _is_mag_sound(frame: "Frame") -> bool:
+    return frame.mag is None or _within(MAX_FIELD_MGAUSS, *frame.mag[1].tolist())
+
+
+def _is_gps_sound(frame: "Frame") -> bool:
+    gps = frame.gps
+    if gps is None:
+        return True
+    errors = gps.speed_accuracy, gps.horizontal_accuracy, gps.vertical_accuracy
+    return (
+        _within(MAX_GPS_SPEED_M_S, *map(float, gps.vel_ned.to_tuple()))
+        and _within(MAX_GPS_ERROR, *(error for error in errors if error is not None))
+        and (gps.yaw_deg is None or _within(MAX_GPS_YAW_DEG, gps.yaw_deg))
+    )
+
+
+def _is_place_declination_sound(frame: "Frame") -> bool:
+    return frame.place_declination is None or _within(MAX_DECLINATION_RAD, frame.place_declination)
+
+
+_SLOW: Final[dict[str, tuple[Callable[["Frame"], bool], Any]]] = {
+    "baro": (lambda frame: frame.baro is None or _within(MAX_BARO_M, frame.baro[1]), None),
+    "mag": (_is_mag_sound, None),
+    "gps": (_is_gps_sound, None),
+    "declination": (lambda frame: _within(MAX_DECLINATION_RAD, frame.declination), 0.0),
+    "place_declination": (_is_place_declination_sound, None),
+    "lever_arm": (lambda frame: _within(MAX_LEVER_ARM_M, *frame.lever_arm), (0.0, 0.0, 0.0)),
+}
+"""How to tell what may come in, by field of a frame, and what stands in for the rest."""
+
+
+class FrameDoor:
+    """Looks at what comes with each frame.
+
+    For inertial data that are unsound stand the last that were not; for what another sensor says nothing does.
+
+    Attributes:
+        delta: the inertial data of the last frame, as they came in.
+        refused: in how many frames something else came in, by field of the frame.
+    """
+
+    def __init__(self) -> None:
+        self._inertial = InertialGuard()
+        self.delta: InertialDelta | None = None
+        self.refused: Counter[str] = Counter()
+        self._seen: tuple[object, ...] = ()
+        self._stand_ins: dict[str, Any] = {}
+
+    def admit(self, frame: "Frame") -> "Frame":
+        """Return the frame with something else in place of what is refused."""
+        slow = frame.baro, frame.mag, frame.gps, frame.declination, frame.place_declination, frame.lever_arm
+        if not (self._seen and all(map(is_, slow, self._seen))):  # most frames bring what the one before has brought
+            self._seen = slow
+            self._stand_ins = {name: instead for name, (sound, instead) in _SLOW.items() if not sound(frame)}
+        delta = self.delta = self._sound(frame.delta)
+        if delta is frame.delta and not self._stand_ins:
+            return frame
+        stand_ins = self._stand_ins if delta is frame.delta else {"delta": delta, **self._stand_ins}
+        self.refused.update(stand_ins.keys())
+        return replace(frame, **stand_ins)
+
+    def _sound(self, delta: InertialDelta) -> InertialDelta:
+        delta = self._inertial.sound(delta)
+        if delta.del_vel_dt >= MIN_DT and delta.del_ang_dt >= MIN_DT:
+            return delta
+        # As NavEKF3_core::readDeltaVelocity and readDeltaAngle do.
+        return replace(delta, del_vel_dt=max(delta.del_vel_dt, MIN_DT), del_ang_dt=max(delta.del_ang_dt, MIN_DT))

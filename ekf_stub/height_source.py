@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which sensor gives the height, and what it says (AP_NavEKF3_PosVelFusion.cpp, selectHeightForFusion)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.cint import u32
+from ekf_stub.aiding import Aiding
+from ekf_stub.error_state import ErrorState
+from ekf_stub.ext_nav_ingest import ExtNavIngest
+from ekf_stub.gps_reading import HEIGHT_TO_HORIZONTAL, GpsReading
+from ekf_stub.inertial import limited
+from ekf_stub.measurements import BaroSample, Delayed
+from ekf_stub.obs_ring import ObsRing
+from ekf_stub.sources import EkfSources, SourceZ
+
+FRESH_MS: Final = 500
+GPS_LOST_MS: Final = 2000
+HEIGHT_RETRY_MS: Final = 5000
+HEIGHT_RETRY_WITH_VELOCITY_MS: Final = 10_000
+NO_HEIGHT_PERIOD_MS: Final = 70
+NO_HEIGHT_NOISE: Final = 2.0
+GROUND_EFFECT_SCALER: Final = 4.0
+_OFFSET_GAIN: Final = 0.1
+_OFFSET_STEP_LIMIT: Final = 5.0
+
+BARO: Final = "baro"
+EXT_NAV: Final = "ext_nav"
+GPS: Final = "gps"
+NO_SOURCE: Final = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """What the filter knows of the vehicle in a step.
+
+    Attributes:
+        armed: as it says.
+        on_ground, in_flight: each surely so; both may be False.
+        near_ground: take-off or touch-down is expected, and with it a wrong air pressure.
+        tilt_aligned: roll and pitch are known.
+    """
+
+    armed: bool
+    on_ground: bool
+    in_flight: bool
+    near_ground: bool = False
+    tilt_aligned: bool = True
+
+
+class HeightSource:
+    """Chooses the source of height, and measures by it.
+
+    Args:
+        state: the filter.
+        aiding: the mode and the timeouts.
+        sources: the source sets.
+        delayed: external navigation at the horizon.
+        ingest: where it waits.
+        gps: what the GPS says.
+        get_float: returns a parameter by its name after ``EK3_``.
+        ring_size: how many barometric heights wait.
+
+    Attributes:
+        active: the source.
+        is_new: whether it gave another height in this step.
+        down, variance: what was measured last, m and m^2.
+        is_lost: nothing has passed the gate for too long.
+        baro: heights that wait for the horizon.
+        baro_height: the last that came due.
+    """
+
+    def __init__(
+        self,
+        state: ErrorState,
+        aiding: Aiding,
+        sources: EkfSources,
+        delayed: Delayed,
+        ingest: ExtNavIngest,
+        gps: GpsReading,
+        get_float: Callable[[str], float],
+        ring_size: int,
+    ) -> None:
+        self._state = state
+        self._aiding = aiding
+        self._sources = sources
+        self._delayed = delayed
+        self._ingest = ingest
+        self._gps = gps
+        self._get_float = get_float
+        self.baro: ObsRing[BaroSample] = ObsRing(ring_size)
+        self.baro_height = 0.0
+        self.active = BARO
+        self._fused = BARO
+        self._baro_offset = 0.0
+        self.is_new = False
+        self.is_lost = False
+        self.down = 0.0
+        self.variance = 1.0
+
+    def select(self, now_ms: int, vehicle: Vehicle) -> bool:
+        """Choose and measure, once a step; tell whether the source has changed and the height must follow."""
+        baro = self.baro.recall(self._ingest.horizon_ms).sample
+        if baro is not None:
+            self.baro_height = baro.height
+        self._choose(now_ms)
+        if baro is not None and self.active != BARO:
+            error = baro.height + float(self._state.pos[2]) - self._baro_offset
+            self._baro_offset += _OFFSET_GAIN * limited(error, -_OFFSET_STEP_LIMIT, _OFFSET_STEP_LIMIT)
+        self.is_new = self._measure(now_ms, baro, vehicle)
+        has_changed = self.is_new and self.active != self._fused
+        if has_changed:
+            self._fused = self.active
+        return has_changed
+
+    def check_timeout(self, now_ms: int) -> None:
+        """Find out whether height is lost."""
+        with_velocity = self._ingest.have_velocity and not self._aiding.vel_timeout
+        retry_ms = HEIGHT_RETRY_WITH_VELOCITY_MS if with_velocity else HEIGHT_RETRY_MS
+        self.is_lost = now_ms - self._aiding.times.height > retry_ms
+
+    def use_pose(self) -> None:
+        """Measure by the last pose, whatever the source is."""
+        pose = self._delayed.pose
+        if pose is not None:
+            self.down, self.variance = float(pose.pos[2]), limited(pose.err, 0.1, 10.0) ** 2
+
+    def _choose(self, now_ms: int) -> None:
+        source = self._sources.pos_z()
+        gps_age_ms = u32(now_ms - self._gps.received_ms)
+        ext_nav_is_fresh = self._ingest.have_pose and u32(now_ms - self._ingest.pose_stamp_ms) < FRESH_MS
+        if source == SourceZ.NONE:
+            self.active = NO_SOURCE
+        elif source == SourceZ.BARO:
+            self.active = BARO
+        elif source == SourceZ.GPS and gps_age_ms < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
+            self.active = GPS
+        elif source == SourceZ.EXTNAV and ext_nav_is_fresh:
+            self.active = EXT_NAV
+        gps_is_lost = self.active == GPS and gps_age_ms > GPS_LOST_MS
+        if gps_is_lost or (self.active == EXT_NAV and not ext_nav_is_fresh):
+            self.active = BARO
+
+    def _measure(self, now_ms: int, baro: BaroSample | None, vehicle: Vehicle) -> bool:
+        if self.active == EXT_NAV and self._delayed.has_pose:
+            self.use_pose()
+        elif self.active == GPS and self._gps.is_due and self._gps.delayed is not None:
+            noise = HEIGHT_TO_HORIZONTAL * self._get_float("POSNE_M_NSE")
+            accuracy = self._gps.height_accuracy
+            self.down = float(self._gps.delayed.pos[2])
+            self.variance = (limited(accuracy, noise, 100.0) if accuracy > 0 else limited(noise, 0.1, 10.0)) ** 2
+        elif self.active == BARO and baro is not None:
+            self.down = self._baro_offset - baro.height
+            self.variance = limited(self._get_float("ALT_M_NSE"), 0.1, 100.0) ** 2
+            if vehicle.near_ground:
+                self.variance *= GROUND_EFFECT_SCALER
+        elif self.active == NO_SOURCE and now_ms - self._aiding.times.height > NO_HEIGHT_PERIOD_MS:
+            self.down = 0.0
+            in_air = limited(self._get_float("ALT_M_NSE"), NO_HEIGHT_NOISE, 100.0)
+            self.variance = (NO_HEIGHT_NOISE if vehicle.on_ground else in_air) ** 2
+        else:
+            return False
+        return True

@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fusion of all three axes of the compass (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, FuseMagnetometer, FuseDeclination).
+
+FIRMWARE PARITY: the firmware takes the earth's field from a table of the world; here it is the one that was measured
+when yaw was aligned, turned to the declination. Of simulated fields both are the same.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.error_state import ATT, BODY, EARTH, STATES, ErrorState
+from ekf_stub.inertial import Array, InertialStep, limited
+from ekf_stub.measurements import MagSample
+
+RATE_SCALE: Final = 0.005  # of the noise, Gauss per rad/s
+NOISE_LIMITS: Final = (0.01, 0.5)
+START_DECLINATION_ERR: Final = math.radians(20.0)
+ALIGNED_DECLINATION_ERR: Final = 0.1
+DECLINATION_ERR: Final = 0.34
+MAX_DECLINATION_INNOVATION: Final = 0.5
+LEARNED_VAR: Final = 0.01**2
+MIN_NORTH_FIELD: Final = 1e-3
+MAX_BODY_FIELD: Final = 0.5
+_MIN_LEVEL_FIELD_SQUARED: Final = 1e-4
+
+
+class MagFusion:
+    """The magnetic fields of the earth and of the vehicle.
+
+    Args:
+        state: the filter.
+        get_float: returns a parameter by its name after ``EK3_``.
+
+    Attributes:
+        is_learned: the fields are known so well that they are kept over a landing.
+        innovation: of the three axes, Gauss; ``ratios`` are their squares to the gate.
+        declination: of the magnetic field, rad.
+    """
+
+    def __init__(self, state: ErrorState, get_float: Callable[[str], float]) -> None:
+        self._state = state
+        self._get_float = get_float
+        self.is_learned = False
+        self.innovation: Array = np.zeros(3)
+        self.ratios: Array = np.zeros(3)
+        self.declination = 0.0
+        self._table_field: Array = np.zeros(3)
+        self._learned_vars: Array = np.zeros(6)
+        self._begins = False
+
+    def learn(self, *, wanted: bool) -> bool:
+        """Estimate the fields from now on, or stop; tell whether that has begun (setWindMagStateLearningMode)."""
+        state = self._state
+        if wanted == state.learns_field:
+            return False
+        state.learns_field = self._begins = wanted
+        if not wanted:
+            return False
+        diagonal = np.einsum("ii->i", state.cov)
+        if self.is_learned:
+            diagonal[EARTH.start :] = self._learned_vars
+        else:
+            diagonal[EARTH.stop - 1 :] = self._variance()
+            self._align_declination()
+        return True
+
+    def begin_step(self) -> None:
+        """Give the fields their first variances, before the first prediction with them."""
+        if self._begins:
+            self._begins = False
+            self._state.clear(slice(EARTH.start, BODY.stop), self._variance())
+            self._fuse_declination(START_DECLINATION_ERR)
+
+    def _variance(self) -> float:
+        return self._get_float("MAG_M_NSE") ** 2
+
+    def reset(self, mag: MagSample) -> None:
+        """Take the earth's field from a measurement and the attitude (resetMagFieldStates)."""
+        state = self._state
+        state.earth_field = state.rotation @ mag.field
+        self._align_declination()
+        self._table_field = state.earth_field.copy()
+        state.clear(slice(EARTH.stop - 1, BODY.stop), self._variance())
+
+    def _align_declination(self) -> None:
+        state = self._state
+        if self.is_learned:
+            return
+        level = math.hypot(state.earth_field[0], state.earth_field[1])
+        north, east = level * math.cos(self.declination), level * math.sin(self.declination)
+        state.earth_field = np.array([north, east, state.earth_field[2]])
+        if state.learns_field:
+            for index in (EARTH.start, EARTH.start + 1):
+                state.clear(slice(index, index + 1), float(state.cov[index, index]))
+            self._fuse_declination(ALIGNED_DECLINATION_ERR)
+
+    def _fuse_declination(self, err: float) -> None:
+        north, east = self._state.earth_field[:2].tolist()
+        level_squared = north * north + east * east
+        if north < MIN_NORTH_FIELD or level_squared < _MIN_LEVEL_FIELD_SQUARED:
+            return
+        row = np.zeros(STATES)
+        row[EARTH.start : EARTH.start + 2] = -east / level_squared, north / level_squared
+        innovation = math.atan2(east, north) - self.declination
+        bound = MAX_DECLINATION_INNOVATION
+        self._state.update(row, limited(innovation, -bound, bound), err**2)
+
+    def fuse(self, mag: MagSample, step: InertialStep) -> bool:
+        """Fuse the three axes one after the other, with the attitude that they all found; tell whether all passed."""
+        self._fuse_declination(DECLINATION_ERR)
+        state = self._state
+        rotation = state.rotation_now()
+        noise = limited(self._get_float("MAG_M_NSE"), *NOISE_LIMITS) ** 2
+        noise += (RATE_SCALE * float(np.linalg.norm(step.del_ang)) / step.del_ang_dt) ** 2
+        self.innovation = state.earth_field @ rotation + state.body_field - mag.field
+        rows = self._rows(rotation)
+        variances = [float(row @ state.cov @ row) + noise for row in rows]
+        gate = max(0.01 * self._get_float("MAG_I_GATE"), 1.0) ** 2
+        self.ratios = self.innovation**2 / (gate * np.array(variances))
+        if (self.ratios >= 1).any():
+            return False
+        for row, innovation, variance in zip(rows, self.innovation.tolist(), variances, strict=True):
+            state.fuse(row, innovation, variance)
+            self._limit()
+        self._note_learned()
+        return True
+
+    def _rows(self, rotation: Array) -> list[Array]:
+        """Return how the field along each axis of the body depends on the errors."""
+        quat, (north, east, down) = self._state.quat, 2.0 * self._state.earth_field
+        w, x, y, z = quat.w, quat.x, quat.y, quat.z
+        along = w * north + z * east - y * down
+        across = x * north + y * east + z * down
+        over = w * down - x * east + y * north
+        aside = w * east + x * down - z * north
+        by_attitude = ((along, across, -over, aside), (aside, over, across, -along), (over, -aside, along, across))
+        rows = []
+        for axis in range(3):
+            row = np.zeros(STATES)
+            row[ATT] = by_attitude[axis]
+            row[EARTH] = rotation[:, axis]
+            row[BODY.start + axis] = 1.0
+            rows.append(row)
+        return rows
+
+    def _limit(self) -> None:
+        around = 0.001 * self._get_float("MAG_EF_LIM")
+        if around > 0:
+            self._state.earth_field = np.clip(
+                self._state.earth_field, self._table_field - around, self._table_field + around
+            )
+        self._state.body_field = np.clip(self._state.body_field, -MAX_BODY_FIELD, MAX_BODY_FIELD)
+
+    def _note_learned(self) -> None:
+        variances = self._state.cov.diagonal()[EARTH.start :]
+        self.is_learned = self.is_learned or bool((variances[:3] < LEARNED_VAR).all())
+        if self.is_learned:
+            self._learned_vars = variances.copy()

@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the filter is about: flight, alignment, the aiding mode and the status flags.
+
+Source: AP_NavEKF3/AP_NavEKF3_Control.cpp (controlFilterModes, setAidingMode, updateFilterStatus).
+"""
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from ap_core.cint import u32
+from ap_core.fmath import f32
+from ekf_stub.aiding import AidingMode, Ready
+from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
+from ekf_stub.error_state import GYRO
+from ekf_stub.filter_flags import FilterState, filter_flags
+from ekf_stub.filter_status import FilterFlag
+from ekf_stub.height_source import Vehicle
+from ekf_stub.sources import SourceXY, SourceYaw, SourceZ
+
+if TYPE_CHECKING:
+    from ekf_stub.ekf3_core import Ekf3Core, Frame
+
+HEALTHY_AFTER_MS: Final = 1000
+TILT_ALIGNED_VAR: Final = math.radians(5.0) ** 2
+IN_FLIGHT_CLIMB_M: Final = 1.5
+FLYING_MS: Final = 5000
+USING_POSITION_MS: Final = 4000
+MAX_STILL_INNOVATION_M: Final = 1.0
+GYRO_BIAS_LEARNED_DEG: Final = 0.15
+ODOMETRY_FRESH_MS: Final = 200
+ODOMETRY_IN_USE_MS: Final = 5000
+MAX_ODOMETRY_ERR: Final = f32(1)
+NO_DRAG_MS: Final = 5000
+_TAKEOFF, _TOUCHDOWN, _USING_POSITION, _GLITCHING, _QUALITY_GOOD, _INITIALISED = 11, 12, 13, 14, 15, 16
+
+
+class ModeControl:
+    """Decides, once a frame, how the core navigates; and, once a step, what it says of itself.
+
+    Args:
+        core: the core, whose parts it looks at and resets.
+
+    Attributes:
+        vehicle: what is known of the vehicle.
+        tilt_aligned: roll and pitch are known.
+        flags: bits of nav_filter_status.
+    """
+
+    def __init__(self, core: "Ekf3Core") -> None:
+        self._core = core
+        self._initialised_ms: int | None = None
+        self.vehicle = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)
+        self._down_on_ground = 0.0
+        self.tilt_aligned = False
+        self.flags = 0
+
+    # Every frame
+
+    def update(
+        self, frame: "Frame", now_ms: int, dt_ekf_avg: float, get_float: Callable[[str], float], texts: CoreTexts
+    ) -> None:
+        """Find out what the vehicle is about, and choose how to navigate."""
+        core = self._core
+        if self._initialised_ms is None:
+            self._initialised_ms = now_ms
+        if not self.tilt_aligned and core.state.predicted_tilt_variance < TILT_ALIGNED_VAR:
+            self.tilt_aligned = True
+            core.state.learn_biases(get_float("ACC_BIAS_LIM"), dt_ekf_avg)
+            texts.add("tilt alignment complete")
+        self._detect_flight(frame)
+        core.yaw.control(self.vehicle)
+        no_yaw = core.yaw.source() == SourceYaw.NONE and not frame.armed
+        if no_yaw and core.aiding.mode is not AidingMode.NONE:
+            core.yaw.aligned = False
+        if core.aiding.update(now_ms, lambda: self._ready(now_ms, dt_ekf_avg), no_yaw_on_ground=no_yaw):
+            self._enter_mode(now_ms, self._ready(now_ms, dt_ekf_avg), texts)
+
+    def _detect_flight(self, frame: "Frame") -> None:
+        if not frame.armed:
+            self._down_on_ground = float(self._core.state.pos[2])
+        in_flight = frame.armed and (
+            self.vehicle.in_flight or self.climbed_m() > IN_FLIGHT_CLIMB_M or frame.flying_ms > FLYING_MS
+        )
+        near_ground = frame.takeoff_expected or frame.touchdown_expected
+        known, before = (frame.armed, in_flight, near_ground, self.tilt_aligned), self.vehicle
+        if known != (before.armed, before.in_flight, before.near_ground, before.tilt_aligned):
+            self.vehicle = Vehicle(frame.armed, not frame.armed, in_flight, near_ground, self.tilt_aligned)
+
+    def climbed_m(self) -> float:
+        """Return the height above where the vehicle was disarmed."""
+        return self._down_on_ground - float(self._core.state.pos[2])
+
+    def _ready(self, now_ms: int, dt_ekf_avg: float) -> Ready:
+        core = self._core
+        source = core.sources.pos_xy()
+        if not self.tilt_aligned:
+            return Ready(gps=False, ext_nav=False, odometry=False)
+        gps = core.gps.checks.good and core.gps.is_due and core.origin is not None and core.yaw.aligned
+        return Ready(
+            gps=source == SourceXY.GPS and gps and self._knows_gyro_bias(dt_ekf_avg),
+            ext_nav=source == SourceXY.EXTNAV and core.delayed.has_pose,
+            odometry=self._odometry_is_good(now_ms) and self._knows_gyro_bias(dt_ekf_avg),
+        )
+
+    def _knows_gyro_bias(self, dt_ekf_avg: float) -> bool:
+        variances = self._core.state.cov.diagonal()[GYRO]
+        return bool(variances.max() <= math.radians(GYRO_BIAS_LEARNED_DEG * dt_ekf_avg) ** 2)
+
+    def _odometry_is_good(self, now_ms: int) -> bool:
+        ingest = self._core.ingest
+        fresh = ingest.have_odometry and u32(now_ms - ingest.odometry_ms) < ODOMETRY_FRESH_MS
+        exact = bool(ingest.odometry_err < MAX_ODOMETRY_ERR)
+        return fresh and exact and self._core.sources.uses_vel_xy(SourceXY.EXTNAV)
+
+    def _enter_mode(self, now_ms: int, ready: Ready, texts: CoreTexts) -> None:
+        core = self._core
+        mode = core.aiding.mode
+        by_velocity = by_gps = False
+        if mode is AidingMode.NONE:
+            texts.add("stopped aiding", MAV_SEVERITY_WARNING)
+            core.fusion.innovations.vel_ratio = core.fusion.innovations.pos_ratio = 0.0
+            core.resets.last_known_ne = core.state.pos[:2].copy()
+            core.state.pos = np.array([*core.state.pos[:2], -core.height.baro_height])
+            core.odometry.is_fused = False
+        elif mode is AidingMode.RELATIVE:
+            texts.add("started relative aiding")
+        elif ready.gps:
+            by_gps = True
+            texts.add("is using GPS")
+        else:
+            by_velocity = core.ingest.have_velocity
+            self._start_by_ext_nav(now_ms, texts)
+        vel_timeout = core.aiding.vel_timeout
+        core.resets.velocity(now_ms, by_ext_nav=by_velocity, by_gps=by_gps)
+        core.resets.position(now_ms, by_gps=by_gps)
+        core.aiding.vel_timeout = vel_timeout
+
+    def _start_by_ext_nav(self, now_ms: int, texts: CoreTexts) -> None:
+        core = self._core
+        pose, velocity = core.delayed.pose, core.delayed.velocity
+        if pose is None:
+            return
+        texts.add("is using external nav data")
+        texts.add("initial pos NED = {:3.1f},{:3.1f},{:3.1f} (m)".format(*pose.pos))
+        if core.ingest.have_velocity:
+            vel = np.zeros(3) if velocity is None else velocity.vel
+            texts.add("initial vel NED = {:3.1f},{:3.1f},{:3.1f} (m/s)".format(*vel))
+        core.height.use_pose()
+        core.fusion.reset_height(now_ms, self.vehicle)
+
+    # Every step
+
+    def healthy(self, now_ms: int) -> bool:
+        """Tell whether nothing is wrong (NavEKF3_core::healthy)."""
+        innovations = self._core.fusion.innovations
+        if self._initialised_ms is None or now_ms - self._initialised_ms < HEALTHY_AFTER_MS:
+            return False
+        if min(innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio) > 1:
+            return False
+        drifts = math.hypot(*innovations.pos[:2].tolist()) > MAX_STILL_INNOVATION_M
+        return not (drifts and self.vehicle.on_ground and self._core.aiding.mode is AidingMode.NONE)
+
+    def update_flags(self, frame: "Frame", now_ms: int) -> None:
+        """Work out the status flags, those of EKF_STATUS_REPORT and beyond."""
+        core = self._core
+        aiding = core.aiding
+        healthy = self.healthy(now_ms)
+        flags = filter_flags(
+            FilterState(
+                healthy=healthy,
+                tilt_aligned=self.tilt_aligned,
+                yaw_aligned=core.yaw.aligned,
+                uses_compass=core.yaw.uses_compass(),
+                mode=aiding.mode,
+                pos_timeout=aiding.pos_timeout,
+                vel_timeout=aiding.vel_timeout,
+                height_timeout=core.height.is_lost,
+                has_vertical_velocity=core.ingest.have_velocity,
+                odometry_in_use=core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
+                keeps_velocity=core.ingest.have_velocity,
+                height_needs_origin=core.sources.pos_z() == SourceZ.GPS and core.origin is None,
+            )
+        )
+        value = int(flags & ~FilterFlag.UNINITIALISED)
+        absolute = aiding.mode is AidingMode.ABSOLUTE
+        by_gps = absolute and core.sources.pos_xy() == SourceXY.GPS
+        value |= frame.takeoff_expected << _TAKEOFF | frame.touchdown_expected << _TOUCHDOWN
+        value |= (absolute and now_ms - aiding.times.pos < USING_POSITION_MS) << _USING_POSITION
+        value |= (by_gps and not core.gps.accuracy_good) << _GLITCHING
+        self.flags = value | core.gps.checks.good << _QUALITY_GOOD | healthy << _INITIALISED
+
+    def timeouts(self, now_ms: int) -> int:
+        """Return the bits of XKF4.TS; airspeed and drag are always lost, the latter 5 s after boot."""
+        aiding = self._core.aiding
+        drag = now_ms > NO_DRAG_MS
+        return aiding.pos_timeout | aiding.vel_timeout << 1 | self._core.height.is_lost << 2 | 1 << 4 | drag << 5

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the filter holds to be true: attitude, velocity, position, biases and magnetic fields, at the fusion horizon.
+
+They are the first 22 of the firmware's 24 states (AP_NavEKF3/AP_NavEKF3_core.cpp); wind is left out. Nothing that is
+not finite gets in.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+import quaternion
+
+from ekf_stub.attitude import matrix_of_quat, yaw_of
+from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep, quat_of_rotation
+from ekf_stub.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, StateLimits, but_attitude, within
+
+EARTH_RATE: Final = 7.292115e-5
+MAX_ACCEL_WITHOUT_AIDING: Final = 5.0
+
+_VELOCITY: Final = but_attitude(VEL)
+_POSITION: Final = but_attitude(POS)
+
+
+class _Part:
+    """Three of the states. They are kept within limits, and are not set to what is not finite."""
+
+    def __init__(self, states: slice) -> None:
+        self._part = but_attitude(states)
+
+    def __get__(self, state: "NominalState", _owner: type) -> Array:
+        return state.states[self._part]
+
+    def __set__(self, state: "NominalState", value: Array) -> None:
+        if np.isfinite(value).all():
+            states = state.states.copy()
+            states[self._part] = value
+            state.states = within(states, state.limits.lowest, state.limits.highest)
+        else:
+            state.refused += 1
+
+
+class NominalState:
+    """The states.
+
+    Args:
+        quat: attitude, body (FRD) to earth (NED).
+
+    Attributes:
+        quat: the attitude.
+        vel, pos: m/s and m, NED.
+        gyro_bias, accel_bias: rad and m/s a step of the filter of average length.
+        earth_field, body_field: magnetic fields of the earth (NED) and of the vehicle (body), Gauss.
+        states: shape (18,), these six; replaced, never changed, as others hold parts of it.
+        limits: of these, and of variances.
+        rotation: body to earth, shape (3, 3), as of the last prediction.
+        accel_filtered: earth-frame acceleration without gravity, m/s/s, slowly filtered.
+        earth_rate_ned: rad/s.
+        refused: how many steps, measurements and states were unsound.
+    """
+
+    vel = _Part(VEL)
+    pos = _Part(POS)
+    gyro_bias = _Part(GYRO)
+    accel_bias = _Part(ACCEL)
+    earth_field = _Part(EARTH)
+    body_field = _Part(BODY)
+
+    def __init__(self, quat: quaternion.quaternion) -> None:
+        self.quat = quat
+        self.states: Array = np.zeros(STATES - ATT.stop)
+        self.limits = StateLimits()
+        self.rotation: Array = matrix_of_quat(quat)
+        self.accel_filtered: Array = np.zeros(3)
+        self.earth_rate_ned: Array = np.array([EARTH_RATE, 0.0, 0.0])
+        self.refused = 0
+
+    def move(self, step: InertialStep, dt_ekf_avg: float, *, aided: bool) -> None:
+        """Move on by a step, with less than the measured acceleration if that is large and nothing aids."""
+        angle = step.del_ang - self.gyro_bias * (step.del_ang_dt / dt_ekf_avg)
+        angle -= self.earth_rate_ned.dot(self.rotation) * step.del_ang_dt
+        velocity = step.del_vel - self.accel_bias * (step.del_vel_dt / dt_ekf_avg)
+        dt, del_vel_ned = step.del_vel_dt, self.rotation.dot(velocity)
+        del_vel_ned[2] += GRAVITY_MSS * dt
+        self.quat = (self.quat * quat_of_rotation(angle)).normalized()
+        self.rotation = matrix_of_quat(self.quat)
+        self.accel_filtered = 0.95 * self.accel_filtered + 0.05 / max(dt, MIN_DT) * del_vel_ned
+        horizontal = math.hypot(self.accel_filtered[0], self.accel_filtered[1])
+        if not aided and horizontal > MAX_ACCEL_WITHOUT_AIDING:
+            del_vel_ned[:2] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
+        states = self.states.copy()
+        states[_VELOCITY] += del_vel_ned
+        states[_POSITION] += (0.5 * dt) * (states[_VELOCITY] + self.vel)
+        self.states = within(states, self.limits.lowest, self.limits.highest)
+
+    def correct(self, error: Array) -> None:
+        """Add to the states, of which the attitude's are components of the quaternion; shape (22,)."""
+        corrected = self.quat + quaternion.quaternion(*error[ATT].tolist())
+        if corrected.norm() > 0.0:
+            self.quat = corrected.normalized()
+        self.states = within(self.states + error[ATT.stop :], self.limits.lowest, self.limits.highest)
+
+    def rotation_now(self) -> Array:
+        """Return the rotation from body to earth, shape (3, 3), with what was fused since the last prediction."""
+        return matrix_of_quat(self.quat)
+
+    def prefers_321(self) -> bool:
+        """Tell whether yaw is best measured by the x axis (3-2-1), not by the y axis (3-1-2)."""
+        down_x, down_y, _ = self.rotation[2].tolist()
+        return bool(abs(down_x) < abs(down_y))
+
+    def yaw(self, *, by_321: bool) -> float:
+        """Return yaw in rad, of one of the two sequences of rotation."""
+        return yaw_of(self.quat, by_321=by_321)

@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How errors grow in a step of the filter (AP_NavEKF3/AP_NavEKF3_core.cpp, CovariancePrediction)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import quaternion
+
+from ekf_stub.attitude import by_rotation
+from ekf_stub.covariance import diagonal
+from ekf_stub.inertial import Array, limited
+from ekf_stub.nominal_state import NominalState
+from ekf_stub.states import ACCEL, ATT, GYRO, POS, STATES, VEL
+
+MAX_GROWING_POS_VAR: Final = 1e4
+
+_AXES: Final = np.eye(3)
+_DOWN_AXIS: Final = np.diag([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessNoise:
+    """Noise densities as EK3_GYRO_P_NSE, ACC_P_NSE, GBIAS_P_NSE, ABIAS_P_NSE, MAGE_P_NSE and MAGB_P_NSE give them."""
+
+    gyro: float
+    accel: float
+    gyro_bias: float
+    accel_bias: float
+    earth_field: float = 0.0
+    body_field: float = 0.0
+
+    def attitude_variance(self, dt: float) -> float:
+        """Return what a step of length ``dt`` adds to the variance of a rotation about any axis, rad^2."""
+        return (dt * limited(self.gyro, 0.0, 1.0)) ** 2
+
+    def variances(self, dt: float, *, biases: bool, fields: bool) -> tuple[float, ...]:
+        """Return what a step of length ``dt`` adds to the variances of velocity and what follows it.
+
+        Args:
+            dt: s.
+            biases: whether biases are estimated.
+            fields: whether magnetic fields are.
+        """
+        vel = (dt * limited(self.accel, 0.0, 10.0)) ** 2
+        gyro = accel = earth = body = 0.0
+        if biases:
+            gyro = (dt * dt * limited(self.gyro_bias, 0.0, 1.0)) ** 2
+            accel = (dt * dt * limited(self.accel_bias, 0.0, 1.0)) ** 2
+        if fields:
+            earth = (dt * limited(self.earth_field, 0.0, 1.0)) ** 2
+            body = (dt * limited(self.body_field, 0.0, 1.0)) ** 2
+        return 3 * (vel,) + 3 * (0.0,) + 3 * (gyro,) + 3 * (accel,) + 3 * (earth,) + 3 * (body,)
+
+
+class ProcessModel:
+    """Predicts covariances."""
+
+    def __init__(self) -> None:
+        self._transition: Array = np.eye(STATES)
+
+    def predict(
+        self,
+        cov: Array,
+        state: NominalState,
+        del_ang: Array,
+        del_vel: Array,
+        dt: float,
+        attitude_variance: float,
+        variances: tuple[float, ...],
+    ) -> None:
+        """Move a covariance on by a step.
+
+        Args:
+            cov: changed.
+            state: what is held to be true at the end of the step.
+            del_ang: rad, body.
+            del_vel: m/s, body.
+            dt: s.
+            attitude_variance: what is added to the variance of a rotation about any axis, rad^2.
+            variances: shape (18,), what is added to those of velocity and what follows it.
+        """
+        by_turn = by_rotation(state.quat)
+        transition = self._transition
+        self._set_attitude(state.quat, del_ang.tolist(), del_vel.tolist())
+        transition[ATT, GYRO] = -by_turn
+        transition[VEL, ACCEL] = -state.rotation
+        # FIRMWARE PARITY: where the firmware keeps a position from growing less certain it keeps its covariances too.
+        is_lost = cov.item(POS.start, POS.start) + cov.item(POS.start + 1, POS.start + 1) > MAX_GROWING_POS_VAR
+        transition[POS, VEL] = dt * (_DOWN_AXIS if is_lost else _AXES)
+        predicted = transition.dot(cov).dot(transition.T)
+        predicted[ATT, ATT] += attitude_variance * by_turn.dot(by_turn.T)
+        np.add(predicted, predicted.T, out=cov)
+        cov *= 0.5
+        diagonal(cov)[VEL.start :] += variances
+
+    def _set_attitude(self, quat: quaternion.quaternion, del_ang: list[float], del_vel: list[float]) -> None:
+        w, x, y, z = 2 * quat.w, 2 * quat.x, 2 * quat.y, 2 * quat.z
+        ax, ay, az = (0.5 * angle for angle in del_ang)
+        vx, vy, vz = del_vel
+        self._transition[ATT, ATT] = ((1, -ax, -ay, -az), (ax, 1, az, -ay), (ay, -az, 1, ax), (az, ay, -ax, 1))
+        self._transition[VEL, ATT] = (
+            (vz * y - vy * z, vy * y + vz * z, vz * w + vy * x - 2 * vx * y, vz * x - vy * w - 2 * vx * z),
+            (vx * z - vz * x, vx * y - 2 * vy * x - vz * w, vx * x + vz * z, vx * w - 2 * vy * z + vz * y),
+            (vy * x - vx * y, vx * z + vy * w - 2 * vz * x, vy * z - vx * w - 2 * vz * y, vx * x + vy * y),
+        )

@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tells whether the vehicle stands still on the ground (AP_NavEKF3_Measurements.cpp, updateMovementCheck).
+
+Only asked while yaw comes from elsewhere than the compass.
+"""
+
+import math
+from typing import Final
+
+from ekf_stub.core_report import StillnessReport, Three
+from ekf_stub.error_state import GRAVITY_MSS
+from ekf_stub.inertial import InertialDelta
+
+GYRO_LIMIT: Final = math.radians(3.0)
+GYRO_DIFF_LIMIT: Final = 0.2
+ACCEL_LIMIT: Final = 1.0
+ACCEL_DIFF_LIMIT: Final = 5.0
+HYSTERESIS: Final = 0.7
+CUTOFF_HZ: Final = 10.0
+_SLOW: Final = 0.01
+
+
+class Filtered:
+    """A vector through a filter of first order, as AP_DAL_InertialSensor has it."""
+
+    def __init__(self) -> None:
+        self.value: Three = (0.0, 0.0, 0.0)
+        self._alpha = 0.0
+
+    def add(self, delta: Three, dt: float, loop_dt: float) -> None:
+        """Add an increment over an interval in s."""
+        if not self._alpha:
+            self._alpha = loop_dt / (loop_dt + 1.0 / (2.0 * math.pi * CUTOFF_HZ))
+        if dt > 0:
+            a, (x, y, z) = self._alpha, self.value
+            self.value = x + a * (delta[0] / dt - x), y + a * (delta[1] / dt - y), z + a * (delta[2] / dt - z)
+
+
+class Stillness:
+    """The test, once a pass of the main loop.
+
+    Attributes:
+        is_still: the vehicle stands still on the ground, as far as is known.
+        gyro, accel: rad/s and m/s/s, body, filtered at 10 Hz.
+    """
+
+    def __init__(self) -> None:
+        self.gyro, self.accel = Filtered(), Filtered()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin the test anew; the filters go on."""
+        self.is_still = False
+        self.report: StillnessReport | None = None
+        self._gyro_before: Three | None = None
+        self._accel_before: Three = (0.0, 0.0, 0.0)
+        self._gyro_diff = self._accel_diff = 0.0
+
+    def sense(self, delta: InertialDelta, loop_dt: float) -> None:
+        """Filter the data of a pass."""
+        vx, vy, vz = delta.del_vel.tolist()
+        ax, ay, az = delta.del_ang.tolist()
+        self.gyro.add((ax, ay, az), delta.del_ang_dt, loop_dt)
+        self.accel.add((vx, vy, vz), delta.del_vel_dt, loop_dt)
+
+    def skip(self) -> None:
+        """Let the test rest, in flight or with a compass."""
+        self.is_still = False
+        self.report = None
+        self._gyro_before = None
+
+    def test(self, gyro_bias: Three, accel_bias: Three, dt_ekf_avg: float, scale: float) -> None:
+        """Test anew.
+
+        Args:
+            gyro_bias, accel_bias: rad/s and m/s/s.
+            dt_ekf_avg: average interval of the filter's steps, s.
+            scale: of all limits (EK3_OGNM_TEST_SF).
+        """
+        gyro, accel = _less(self.gyro.value, gyro_bias), _less(self.accel.value, accel_bias)
+        if self._gyro_before is None:
+            self._gyro_before, self._accel_before = gyro, accel
+            self._gyro_diff, self._accel_diff = GYRO_DIFF_LIMIT, ACCEL_DIFF_LIMIT
+            self.is_still = False
+            return
+        self._gyro_diff += _SLOW * (math.dist(gyro, self._gyro_before) / dt_ekf_avg - self._gyro_diff)
+        self._accel_diff += _SLOW * (math.dist(accel, self._accel_before) / dt_ekf_avg - self._accel_diff)
+        self._gyro_before, self._accel_before = gyro, accel
+        ratios = (
+            math.hypot(*gyro) / GYRO_LIMIT,
+            (math.hypot(*accel) - GRAVITY_MSS) / ACCEL_LIMIT,
+            self._gyro_diff / GYRO_DIFF_LIMIT,
+            self._accel_diff / ACCEL_DIFF_LIMIT,
+        )
+        worst = max(ratios[0], abs(ratios[1]), ratios[2], ratios[3])
+        self.is_still = worst <= scale if self.is_still else worst < scale * HYSTERESIS
+        self.report = StillnessReport(self.is_still, *ratios)
+
+
+def _less(first: Three, second: Three) -> Three:
+    return first[0] - second[0], first[1] - second[1], first[2] - second[2]
