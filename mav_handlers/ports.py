@@ -23,7 +23,7 @@ from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.mission import Mission
 from mav_handlers.signing import KeyStore
 from mav_handlers.statustext import StatusTextQueue
-from mav_handlers.wire.messages import GPS_INPUT, OPTICAL_FLOW
+from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
 __all__ = ["AhrsPort", "AvailableMode", "CopterPort", "Location", "LogPort", "OriginResult", "VehiclePort"]
 
@@ -231,6 +231,12 @@ class VehiclePort(Protocol):
 
     def take_optical_flow(self, message: OPTICAL_FLOW) -> bool:
         """Give flow to the flow sensor; tell whether there is one that takes it."""
+
+    def take_hil_sensor(self, message: HIL_SENSOR) -> bool:
+        """Take a simulator's sensors; tell whether they are what the vehicle's sensors come from."""
+
+    def take_hil_state(self, message: HIL_STATE_QUATERNION) -> bool:
+        """Take a simulator's truth; tell whether it is what the vehicle's sensors may come from."""
 
     def flow_sensor(self) -> tuple[bool, bool]:
         """Tell whether a flow sensor is enabled, and whether it is healthy."""

@@ -78,6 +78,9 @@ NO_RANGEFINDER: Final = _dropped(
 ADSB_OFF: Final = _dropped(
     "adsb_off", "aircraft are forwarded but not tracked, as ADSB_TYPE is 0", "AP_ADSB.cpp, AP_ADSB::handle_adsb_vehicle"
 )
+NO_HIL_INPUT: Final = _dropped(
+    "no_hil_input", "no HIL input; serve with --imu hil", "none: HIL is an input of the emulator's own"
+)
 
 MODE_REFUSED: Final = _dropped(
     "mode_refused",
@@ -112,6 +115,7 @@ VERDICTS: Final = (
     NO_PRECISION_LANDING,
     NO_RANGEFINDER,
     ADSB_OFF,
+    NO_HIL_INPUT,
     MODE_REFUSED,
     MISSION_TYPE,
 )

@@ -9,6 +9,7 @@ from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.handlers.clocks import handle_system_time, handle_timesync
 from mav_handlers.handlers.commands import handle_command_int, handle_command_long
+from mav_handlers.handlers.hil import handle_hil_sensor, handle_hil_state_quaternion
 from mav_handlers.handlers.missions import (
     handle_mission_clear_all,
     handle_mission_count,
@@ -96,6 +97,8 @@ HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict]]] = {
     m.DISTANCE_SENSOR: handle_distance_sensor,
     m.ADSB_VEHICLE: handle_adsb_vehicle,
     m.NAMED_VALUE_FLOAT: handle_named_value_float,
+    m.HIL_SENSOR: handle_hil_sensor,
+    m.HIL_STATE_QUATERNION: handle_hil_state_quaternion,
     m.FILE_TRANSFER_PROTOCOL: handle_file_transfer_protocol,
     m.LOG_REQUEST_LIST: handle_log_request_list,
     m.LOG_REQUEST_DATA: handle_log_request_data,

@@ -938,6 +938,50 @@ class GPS_INPUT(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class HIL_SENSOR(Message):
+    """A simulator's sensors with a mask of what is new: m/s/s (gravity felt), rad/s, gauss, hPa, m, degC."""
+
+    time_usec: int
+    xacc: float
+    yacc: float
+    zacc: float
+    xgyro: float
+    ygyro: float
+    zgyro: float
+    xmag: float
+    ymag: float
+    zmag: float
+    abs_pressure: float
+    diff_pressure: float
+    pressure_alt: float
+    temperature: float
+    fields_updated: int
+    id: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class HIL_STATE_QUATERNION(Message):
+    """A simulator's truth: w, x, y, z (body to NED), rad/s, degE7, mm, cm/s NED, airspeeds in cm/s, mG."""
+
+    time_usec: int
+    attitude_quaternion: tuple[float, ...]
+    rollspeed: float
+    pitchspeed: float
+    yawspeed: float
+    lat: int
+    lon: int
+    alt: int
+    vx: int
+    vy: int
+    vz: int
+    ind_airspeed: int
+    true_airspeed: int
+    xacc: int
+    yacc: int
+    zacc: int
+
+
+@dataclass(frozen=True, slots=True)
 class ADSB_VEHICLE(Message):
     """An aircraft: degE7, mm, heading in 0.01 deg, speeds in cm/s, seconds since it was last heard of."""
 

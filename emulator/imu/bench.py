@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A vehicle that stands still: only gravity is felt, and the height stays 0."""
+
+from typing import Final
+
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.error_state import GRAVITY_MSS
+from ekf_stub.sensors import Sensors
+from emulator.imu.attitude import quat_of_rpy, rotate_to_body
+from emulator.imu.errors import ErrorModel, exact_delta
+from emulator.imu.options import ImuOptions
+from emulator.imu.readings import PERIOD_US, ideal_field, last_reading_us
+
+NOMINAL_US: Final = 2500
+SHORTEST_US: Final = NOMINAL_US // 4
+LONGEST_US: Final = 4 * NOMINAL_US
+
+
+class BenchSource:
+    """Sensors at rest, with a heading; level unless told otherwise.
+
+    Args:
+        options: heading, compass and errors.
+        roll_rad, pitch_rad: how the vehicle stands.
+    """
+
+    def __init__(self, options: ImuOptions, *, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> None:
+        self._options = options
+        self._model = ErrorModel(options.errors, options.seed)
+        quat = quat_of_rpy(roll_rad, pitch_rad, options.heading_rad)
+        self._accel = rotate_to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
+        self._field = ideal_field(quat)
+        self._last_us: int | None = None
+        self._dt_us = 0
+        self._next_reading_us = 0
+        self._ideal = self._sense_anew(0, NOMINAL_US)
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return what the sensors say, or None for a time that has been."""
+        dt_us = NOMINAL_US if self._last_us is None else now_us - self._last_us
+        if dt_us <= 0:
+            return None
+        self._last_us = now_us
+        if dt_us != self._dt_us or now_us > self._next_reading_us:
+            self._ideal = self._sense_anew(now_us, dt_us)
+        return self._model.apply(self._ideal)
+
+    def _sense_anew(self, now_us: int, dt_us: int) -> Sensors:
+        self._dt_us = dt_us
+        dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))
+        delta = exact_delta(self._accel * dt, (0.0, 0.0, 0.0), dt)
+        reading_us = last_reading_us(now_us)
+        if reading_us is None:
+            return Sensors(delta)
+        self._next_reading_us = reading_us + PERIOD_US
+        mag = (reading_us, self._field) if self._options.has_compass() else None
+        return Sensors(delta, (reading_us // 1000, 0.0), mag)
+
+    def set_armed(self, armed: bool) -> None:
+        """Stand still, armed or not."""
+
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
+        """Stand still, whatever external navigation says."""
+
+    def yaw_rad(self) -> float:
+        """Return the heading in rad."""
+        return self._options.heading_rad

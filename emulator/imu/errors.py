@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is wrong with the sensors: bias, noise and scale, drawn from a seed."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+import numpy as np
+
+from ekf_stub.inertial import Array, InertialDelta
+from ekf_stub.sensors import Sensors
+from emulator.errors import InputError
+from emulator.imu.attitude import Three
+
+MAX_ERROR: Final = 1000.0
+
+_NONE: Final = (0.0, 0.0, 0.0)
+_OPTION: Final = "--imu-error"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorErrors:
+    """How each sensor errs; not at all unless told so.
+
+    Attributes:
+        gyro_bias_deg_s, accel_bias_m_s2: added to what is measured, by axis, body (FRD).
+        gyro_noise_deg_s_rthz, accel_noise_m_s2_rthz: density of white noise, a unit per root hertz: over an interval
+            of t seconds angle or velocity err by this times the root of t.
+        gyro_scale_percent, accel_scale_percent: by how much too large all axes read.
+        baro_bias_m, baro_noise_m: added to the height; the noise is of each reading.
+        compass_noise_mgauss: of each axis of each reading.
+    """
+
+    gyro_bias_deg_s: Three = _NONE
+    gyro_noise_deg_s_rthz: float = 0.0
+    gyro_scale_percent: float = 0.0
+    accel_bias_m_s2: Three = _NONE
+    accel_noise_m_s2_rthz: float = 0.0
+    accel_scale_percent: float = 0.0
+    baro_bias_m: float = 0.0
+    baro_noise_m: float = 0.0
+    compass_noise_mgauss: float = 0.0
+
+
+NO_ERRORS: Final = SensorErrors()
+
+
+def to_single(values: Array | Sequence[float]) -> Array:
+    """Return numbers rounded to single precision, as an array of doubles."""
+    return np.asarray(values, dtype=np.float32).astype(np.float64)
+
+
+def exact_delta(del_vel: Iterable[float], del_ang: Iterable[float], dt: float) -> InertialDelta:
+    """Return inertial data of ``dt`` seconds rounded to single precision, as ``Sensors`` wants them."""
+    six = to_single((*del_vel, *del_ang))
+    dt_single = float(np.float32(dt))
+    return InertialDelta(six[:3], six[3:], dt_single, dt_single)
+
+
+class ErrorModel:
+    """Adds errors to what ideal sensors say; the same seed gives the same errors.
+
+    Every sensor has a random sequence of its own, so that adding or removing one leaves the others as they were.
+    """
+
+    def __init__(self, errors: SensorErrors, seed: int = 0) -> None:
+        self._errors = errors
+        self.is_ideal = errors == NO_ERRORS
+        self._imu, self._baro, self._compass = (np.random.default_rng([seed, sensor]) for sensor in range(3))
+        self._gyro_bias = np.radians(errors.gyro_bias_deg_s)
+        self._gyro_noise = math.radians(errors.gyro_noise_deg_s_rthz)
+        self._accel_bias = np.array(errors.accel_bias_m_s2)
+        self._last_baro: tuple[int, float] = (-1, 0.0)
+        self._last_mag: tuple[int, Array] = (-1, np.zeros(3))
+
+    def apply(self, sensors: Sensors) -> Sensors:
+        """Return what the sensors say with their errors, exact in single precision.
+
+        A reading of barometer or compass is told by its time: it keeps its errors while it is repeated.
+        """
+        if self.is_ideal:
+            return sensors
+        return Sensors(
+            self._spoil_delta(sensors.delta),
+            None if sensors.baro is None else self._spoil_baro(*sensors.baro),
+            None if sensors.mag is None else self._spoil_mag(*sensors.mag),
+            sensors.declination,
+        )
+
+    def _spoil_delta(self, delta: InertialDelta) -> InertialDelta:
+        errors, vel_dt, ang_dt = self._errors, delta.del_vel_dt, delta.del_ang_dt
+        del_vel = delta.del_vel * (1.0 + 0.01 * errors.accel_scale_percent) + self._accel_bias * vel_dt
+        del_ang = delta.del_ang * (1.0 + 0.01 * errors.gyro_scale_percent) + self._gyro_bias * ang_dt
+        if errors.accel_noise_m_s2_rthz or errors.gyro_noise_deg_s_rthz:
+            noise = self._imu.standard_normal(6)
+            del_vel += errors.accel_noise_m_s2_rthz * math.sqrt(max(vel_dt, 0.0)) * noise[:3]
+            del_ang += self._gyro_noise * math.sqrt(max(ang_dt, 0.0)) * noise[3:]
+        return InertialDelta(to_single(del_vel), to_single(del_ang), vel_dt, ang_dt)
+
+    def _spoil_baro(self, time_ms: int, height: float) -> tuple[int, float]:
+        if time_ms != self._last_baro[0]:
+            noise = self._errors.baro_noise_m * self._baro.standard_normal()
+            self._last_baro = time_ms, float(np.float32(height + self._errors.baro_bias_m + noise))
+        return self._last_baro
+
+    def _spoil_mag(self, time_us: int, field: Array) -> tuple[int, Array]:
+        if time_us != self._last_mag[0]:
+            noise = self._errors.compass_noise_mgauss * self._compass.standard_normal(3)
+            self._last_mag = time_us, to_single(field + noise)
+        return self._last_mag
+
+
+def parse_errors(assignments: Sequence[str]) -> SensorErrors:
+    """Return the errors that ``NAME=VALUE`` texts give; a bias takes one value for all axes, or ``X,Y,Z``.
+
+    Raises:
+        InputError: for an unknown name or an unusable value.
+    """
+    values: dict[str, Any] = dict(map(_parse_error, assignments))
+    return SensorErrors(**values)
+
+
+def _parse_error(text: str) -> tuple[str, float | Three]:
+    name, _, value = (part.strip() for part in text.partition("="))
+    known = {field.name: field.default for field in fields(SensorErrors)}
+    if name not in known:
+        raise InputError(f"{_OPTION} {text!r}: no such error; there are {', '.join(known)}")
+    try:
+        numbers = [float(part) for part in value.split(",")]
+    except ValueError:
+        numbers = []
+    has_axes = known[name] == _NONE
+    if len(numbers) not in ((1, 3) if has_axes else (1,)):
+        raise InputError(f"{_OPTION} {text!r}: not NAME=NUMBER{' or NAME=X,Y,Z' if has_axes else ''}")
+    lowest = 0.0 if "_noise_" in name else -MAX_ERROR
+    if not all(lowest <= number <= MAX_ERROR for number in numbers):
+        raise InputError(f"{_OPTION} {text!r}: not from {lowest:g} to {MAX_ERROR:g}")
+    if not has_axes:
+        return name, numbers[0]
+    x, y, z = numbers if len(numbers) == 3 else 3 * numbers
+    return name, (x, y, z)

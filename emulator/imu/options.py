@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every source of inertial data is told."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from emulator.imu.errors import NO_ERRORS, SensorErrors
+
+
+def no_compass() -> bool:
+    """Say that there is no compass."""
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class ImuOptions:
+    """What a source of inertial data may use.
+
+    Attributes:
+        heading_rad: where the vehicle points at first, if the source itself does not know.
+        has_compass: tells whether there is a compass, and in use.
+        errors: what is wrong with the sensors.
+        seed: of the random part of the errors.
+    """
+
+    heading_rad: float = 0.0
+    has_compass: Callable[[], bool] = no_compass
+    errors: SensorErrors = NO_ERRORS
+    seed: int = 0

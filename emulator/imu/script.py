@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A vehicle that moves as a script says; ``script_file`` describes the scripts."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.error_state import GRAVITY_MSS
+from ekf_stub.inertial import Array, InertialDelta
+from ekf_stub.sensors import Sensors
+from emulator.errors import InputError
+from emulator.imu.attitude import Three, halfway, rotate_to_body, rotation_between
+from emulator.imu.errors import ErrorModel, exact_delta
+from emulator.imu.legs import TURN
+from emulator.imu.options import ImuOptions
+from emulator.imu.readings import ideal_field, last_reading_us
+from emulator.imu.script_file import EXAMPLES, Script, parse_script
+from emulator.imu.trajectory import State
+from emulator.text_files import read_text
+
+FIRST_INTERVAL_US: Final = 2500
+_RATE_SPAN_US: Final = 1000
+
+
+class Truth(NamedTuple):
+    """Where a scripted vehicle really is: m and m/s (NED), attitude (body to earth), turn rates in rad/s (body)."""
+
+    pos_ned: Three
+    vel_ned: Three
+    quat_wxyz: tuple[float, float, float, float]
+    rates_rad_s: Three
+
+
+class ScriptSource:
+    """The sensors of a vehicle that moves as a script says.
+
+    Inertial data are integrals over the time since the last pass, however long that was: the change of velocity without
+    gravity as it is felt in the body's mean attitude, and the rotation. Adding them up gives the trajectory.
+    """
+
+    def __init__(self, options: ImuOptions, script: Script) -> None:
+        self._options = options
+        self._trajectory = script.trajectory
+        self._start_us = None if script.start_s is None else round(1e6 * script.start_s)
+        self._delay_us = round(1e6 * script.delay_s)
+        self._model = ErrorModel(options.errors, options.seed)
+        self._armed = False
+        self._last_us: int | None = None
+        self._last = self._trajectory.at(0.0)
+        self._reading_us: int | None = None
+        self._baro: tuple[int, float] | None = None
+        self._mag: tuple[int, Array] | None = None
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return what the sensors say, or None for a time that has been."""
+        if self._start_us is None and self._armed:
+            self._start_us = now_us + self._delay_us
+        if self._last_us is None:
+            self._last_us = now_us - FIRST_INTERVAL_US
+            self._last = self._state(self._last_us)
+        if now_us <= self._last_us:
+            return None
+        before, now = self._last, self._state(now_us)
+        dt = 1e-6 * (now_us - self._last_us)
+        self._last_us, self._last = now_us, now
+        self._read_slow_sensors(now_us)
+        return self._model.apply(Sensors(_delta_between(before, now, dt), self._baro, self._mag))
+
+    def _state(self, time_us: int) -> State:
+        return self._trajectory.at(0.0 if self._start_us is None else 1e-6 * (time_us - self._start_us))
+
+    def _read_slow_sensors(self, now_us: int) -> None:
+        reading_us = last_reading_us(now_us)
+        if reading_us is None or reading_us == self._reading_us:
+            return
+        self._reading_us = reading_us
+        state = self._state(reading_us)
+        self._baro = reading_us // 1000, float(np.float32(0.0 - state.pos[2]))
+        self._mag = (reading_us, ideal_field(state.quat)) if self._options.has_compass() else None
+
+    def set_armed(self, armed: bool) -> None:
+        """Hear whether the vehicle is armed; a script may wait for it."""
+        self._armed = armed
+
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
+        """Keep to the script, whatever external navigation says."""
+
+    def yaw_rad(self) -> float:
+        """Return the heading at the last pass in rad, -pi..pi."""
+        return math.remainder(self._last.yaw_rad, TURN)
+
+    def truth(self, now_us: int) -> Truth:
+        """Return where the vehicle is at a time in us since boot; until the script starts it stands.
+
+        Turn rates are averages over 1 ms around that time.
+        """
+        state = self._state(now_us)
+        around = self._state(now_us - _RATE_SPAN_US // 2), self._state(now_us + _RATE_SPAN_US // 2)
+        x, y, z = (1e6 / _RATE_SPAN_US * angle for angle in rotation_between(around[0].quat, around[1].quat))
+        quat = state.quat
+        return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z), (x, y, z))
+
+
+def _delta_between(before: State, now: State, dt: float) -> InertialDelta:
+    change = (
+        now.vel[0] - before.vel[0],
+        now.vel[1] - before.vel[1],
+        now.vel[2] - before.vel[2] - GRAVITY_MSS * dt,
+    )
+    del_vel = rotate_to_body(halfway(before.quat, now.quat), change)
+    return exact_delta(del_vel, rotation_between(before.quat, now.quat), dt)
+
+
+def read_script_source(argument: str) -> Callable[[ImuOptions], ScriptSource]:
+    """Return what makes sources from a script's file, or the name of an example.
+
+    Raises:
+        InputError: the script cannot be used.
+    """
+    path = EXAMPLES.get(argument, Path(argument))
+    try:
+        text = read_text(path)
+    except InputError as error:
+        raise InputError(f"{error}; examples that need no file are {', '.join(EXAMPLES)}") from error
+    parse_script(text, str(path))
+    return lambda options: ScriptSource(options, parse_script(text, str(path), options.heading_rad))

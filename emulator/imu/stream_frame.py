@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How the frame of a stream of poses lies in that of the vehicle, which a jump changes."""
+
+import math
+from collections import Counter
+from typing import Final, NamedTuple
+
+import quaternion
+
+from ekf_stub.error_state import euler_of
+from emulator.imu.attitude import quat_of_rpy
+from emulator.imu.imagined_vehicle import Movement
+from emulator.imu.vectors import ZERO, Three, added
+
+JUMP_M: Final = 0.5
+JUMP_YAW_RAD: Final = math.radians(5.0)
+JUMP_ACCEL: Final = 20.0
+JUMP_YAW_ACCEL_RAD: Final = math.radians(1000.0)
+
+
+class Pose(NamedTuple):
+    """A place (m, NED) and an attitude (body to NED), and when it was observed, in s since boot."""
+
+    time_s: float
+    pos: Three
+    quat: quaternion.quaternion
+
+
+class StreamFrame:
+    """Turned about the vertical against the vehicle's frame, and shifted.
+
+    Args:
+        first: a pose of the stream.
+        where: where the vehicle is then; its heading is that of the pose.
+
+    Attributes:
+        jumps: how many jumps there were, by ``position``, ``yaw`` and ``reset``.
+    """
+
+    def __init__(self, first: Pose, where: Movement) -> None:
+        self._yaw_rad = euler_of(where.quat)[2] - euler_of(first.quat)[2]
+        self._offset: Three = ZERO
+        self._shift(added(where.pos, self.apply(first).pos, -1.0))
+        self.jumps: Counter[str] = Counter()
+
+    def apply(self, pose: Pose) -> Pose:
+        """Return a pose of the stream as one of the vehicle."""
+        north, east, down = pose.pos
+        cos, sin = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
+        pos = cos * north - sin * east, sin * north + cos * east, down
+        return Pose(pose.time_s, added(pos, self._offset), quat_of_rpy(0.0, 0.0, self._yaw_rad) * pose.quat)
+
+    def settle_jump(
+        self, pose: Pose, expected: Movement, interval_s: float, *, steady: Pose | None = None, is_reset: bool
+    ) -> bool:
+        """Let the frame jump, if a pose is too far from what was expected, so that it no longer is.
+
+        Args:
+            pose: a pose of the stream.
+            expected: where the vehicle should be then.
+            interval_s: for how long there was no pose.
+            steady: where the stream itself should be then; a pose near that has not jumped either.
+            is_reset: the frame has jumped in any case.
+
+        Returns:
+            Whether it has jumped.
+        """
+        has_turned = self._is_turned(pose, expected, interval_s, steady)
+        if has_turned or is_reset:
+            self._turn(-_yaw_between(expected.quat, self.apply(pose).quat), about=pose)
+        error = added(expected.pos, self.apply(pose).pos, -1.0)
+        explained = JUMP_M + 0.5 * JUMP_ACCEL * interval_s**2
+        has_moved = math.hypot(*error) > explained and (not steady or math.dist(steady.pos, pose.pos) > explained)
+        if has_moved or is_reset:
+            self._shift(error)
+        self._count(has_moved=has_moved, has_turned=has_turned, is_reset=is_reset)
+        return has_moved or has_turned or is_reset
+
+    def _is_turned(self, pose: Pose, expected: Movement, interval_s: float, steady: Pose | None) -> bool:
+        explained = JUMP_YAW_RAD + 0.5 * JUMP_YAW_ACCEL_RAD * interval_s**2
+        quats = [expected.quat] if steady is None else [expected.quat, self.apply(steady).quat]
+        shown = self.apply(pose).quat
+        return all(abs(_yaw_between(quat, shown)) > explained for quat in quats)
+
+    def _count(self, *, has_moved: bool, has_turned: bool, is_reset: bool) -> None:
+        if is_reset:
+            self.jumps["reset"] += 1
+            return
+        for kind, happened in (("position", has_moved), ("yaw", has_turned)):
+            if happened:
+                self.jumps[kind] += 1
+
+    def _turn(self, angle_rad: float, *, about: Pose) -> None:
+        before = self.apply(about).pos
+        self._yaw_rad = math.remainder(self._yaw_rad + angle_rad, 2.0 * math.pi)
+        self._shift(added(before, self.apply(about).pos, -1.0))
+
+    def _shift(self, way: Three) -> None:
+        self._offset = added(self._offset, way)
+
+
+def _yaw_between(first: quaternion.quaternion, second: quaternion.quaternion) -> float:
+    # About the vertical, which is defined for every tilt.
+    turn = second * first.conj()
+    return math.remainder(2.0 * math.atan2(turn.z, turn.w), 2.0 * math.pi)

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sources of inertial data, by the names that the command line knows; a new one is a file and a row."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from ekf_stub.sensors import SensorSource
+from emulator.errors import InputError
+from emulator.imu.bench import BenchSource
+from emulator.imu.follow import FollowSource
+from emulator.imu.hil import HilSource
+from emulator.imu.options import ImuOptions
+from emulator.imu.recorded import read_recorded_source
+from emulator.imu.script import read_script_source
+
+MakeSource = Callable[[ImuOptions], SensorSource]
+
+_OPTION: Final = "--imu"
+
+
+class ImuSource(NamedTuple):
+    """A source of inertial data.
+
+    Attributes:
+        argument: what follows its name and a colon; empty if nothing does.
+        help: what it is, in a few words.
+        read: returns what makes it, from its argument; raises InputError for one that cannot be used.
+    """
+
+    argument: str
+    help: str
+    read: Callable[[str], MakeSource]
+
+
+IMU_SOURCES: Final[Mapping[str, ImuSource]] = MappingProxyType(
+    {
+        "bench": ImuSource("", "stands still", lambda _: BenchSource),
+        "script": ImuSource("FILE", "moves as a TOML file says", read_script_source),
+        "follow": ImuSource("", "moves as external navigation says", lambda _: FollowSource),
+        "hil": ImuSource("", "HIL_SENSOR and HIL_STATE_QUATERNION over MAVLink", lambda _: HilSource),
+        "log": ImuSource("FILE", "the sensors of a log with replay records", read_recorded_source),
+    }
+)
+
+IMU_HELP: Final = "; ".join(
+    f"{name}{source.argument and ':'}{source.argument}: {source.help}" for name, source in IMU_SOURCES.items()
+)
+
+
+def read_source(text: str) -> MakeSource:
+    """Return what makes the source that ``NAME`` or ``NAME:ARGUMENT`` names; files are read now.
+
+    Raises:
+        InputError: there is no such source, or its argument cannot be used.
+    """
+    name, colon, argument = text.partition(":")
+    source = IMU_SOURCES.get(name)
+    if source is None:
+        raise InputError(f"{_OPTION} {text}: no such source; there are {', '.join(IMU_SOURCES)}")
+    if source.argument and not argument:
+        raise InputError(f"{_OPTION} {text}: not {name}:{source.argument}")
+    if colon and not source.argument:
+        raise InputError(f"{_OPTION} {text}: {name} takes nothing behind it")
+    return source.read(argument)
+
+
+def make_source(text: str, options: ImuOptions) -> Callable[[], SensorSource]:
+    """Return what makes, once a boot, the source that a text names, with options; files are read now.
+
+    Raises:
+        InputError: there is no such source, or its argument cannot be used.
+    """
+    return partial(read_source(text), options)

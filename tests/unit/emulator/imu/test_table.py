@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sources of inertial data go by the names that the command line knows."""
+
+from pathlib import Path
+
+import pytest
+
+from ekf_stub.sensors import SensorSource
+from emulator.errors import InputError
+from emulator.imu.bench import BenchSource
+from emulator.imu.follow import FollowSource
+from emulator.imu.hil import HilSource
+from emulator.imu.options import ImuOptions
+from emulator.imu.recorded import RecordedSource
+from emulator.imu.script import ScriptSource
+from emulator.imu.table import IMU_HELP, IMU_SOURCES, make_source, read_source
+
+FIRMWARE_LOG = Path(__file__).parents[3] / "data" / "logs" / "prearm.BIN.xz"
+ARGUMENTS = {"script": ":square", "log": f":{FIRMWARE_LOG}"}
+KINDS = {
+    "bench": BenchSource,
+    "script": ScriptSource,
+    "follow": FollowSource,
+    "hil": HilSource,
+    "log": RecordedSource,
+}
+
+
+@pytest.mark.parametrize("name", IMU_SOURCES)
+def test_source_is_made_anew_for_every_boot(name: str) -> None:
+    make = make_source(name + ARGUMENTS.get(name, ""), ImuOptions(heading_rad=0.25))
+    first: SensorSource = make()
+    assert type(first) is KINDS[name]
+    assert make() is not first
+    assert first.yaw_rad() == 0.25
+
+
+@pytest.mark.parametrize("name", IMU_SOURCES)
+def test_help_names_every_source(name: str) -> None:
+    argument = IMU_SOURCES[name].argument
+    assert f"{name}:{argument}: " in IMU_HELP if argument else f"{name}: " in IMU_HELP
+
+
+def test_argument_may_hold_a_colon(tmp_path: Path) -> None:
+    path = tmp_path / "C:square.toml"
+    path.write_text('[[leg]]\nshape = "hover"\nduration_s = 1\n')
+    assert type(read_source(f"script:{path}")(ImuOptions())) is ScriptSource
+
+
+@pytest.mark.parametrize(("text", "error"), [
+    ("", "no such source; there are bench, script, follow, hil, log"),
+    ("Bench", "no such source; there are bench, script, follow, hil, log"),
+    ("script", "not script:FILE"),
+    ("log:", "not log:FILE"),
+    ("bench:", "bench takes nothing behind it"),
+    ("hil:14550", "hil takes nothing behind it"),
+])  # fmt: skip
+def test_unusable_name_is_refused(text: str, error: str) -> None:
+    with pytest.raises(InputError) as raised:
+        read_source(text)
+    assert str(raised.value) == f"--imu {text}: {error}"
+
+
+def test_unusable_file_is_refused_before_the_vehicle_boots(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        make_source(f"log:{tmp_path / 'none.BIN'}", ImuOptions())
