@@ -12,7 +12,9 @@ from typing import Any, Final
 
 import typer
 
+from emulator.commands.bench import bench
 from emulator.commands.demo import demo
+from emulator.commands.ekf import ekf
 from emulator.commands.replay import replay
 from emulator.commands.serve import serve
 from emulator.commands.vectors import vectors
@@ -26,7 +28,9 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
     "demo": demo,
     "serve": serve,
     "replay": replay,
+    "ekf": ekf,
     "vectors": vectors,
+    "bench": bench,
 }
 
 

@@ -1,30 +1,24 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the filter over the replay records of a log, beside the estimates that the log holds.
-
-A log has them when it was written with LOG_REPLAY: each frame's inertial data and sensors, and every call by which
-external navigation came in. Source of the order: AP_DAL/AP_DAL.cpp.
-"""
+"""Runs the filter over the replay records of a log, beside the estimates that the log holds."""
 
 import math
-from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.error_state import euler_of
-from ekf_stub.inertial import Array, InertialDelta
-from ekf_stub.obs_ring import ring_sizes
-from ekf_stub.sources import EkfSources
+from ap_core.location import Location
+from ap_core.log_structure import QUIET_NAN
+from ekf_stub.core_report import CoreReport
+from ekf_stub.ekf_log import PERIOD_US
+from ekf_stub.inertial import Array
+from emulator.ekf_output import EV_SOURCE_SET_1, EV_YAW_RESET, EkfOutput
+from emulator.ekf_player import EkfPlayer
 from emulator.errors import InputError
+from emulator.record_fields import RecordError, finite, text, whole
 from emulator.recorded_log import read_log
 
 LABELS: Final = (
@@ -33,14 +27,8 @@ LABELS: Final = (
 )
 """What is compared, by the labels of XKF1, XKF3 and XKF4; angles in deg."""
 
-MAX_DELAY_MS: Final = 250
-MAG_DELAY_MS: Final = 60
 _CORE: Final = 0
-_IMU: Final = 0
-_EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes
-_ARMED, _TAKEOFF_EXPECTED, _TOUCHDOWN_EXPECTED = 1, 64, 128  # of RFRN.Flags
-_RESET_HEIGHT_DATUM: Final = 1  # of REV3
-_TEXT_PREFIX: Final = "EKF3 IMU0 "
+_COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
 
 @dataclass(frozen=True)
@@ -54,179 +42,224 @@ class EkfReplay:
     """
 
     time_s: Array
-    ours: dict[str, npt.NDArray[np.float64]]
-    recorded: dict[str, npt.NDArray[np.float64]]
+    ours: dict[str, Array]
+    recorded: dict[str, Array]
     our_texts: list[tuple[float, str]]
     recorded_texts: list[tuple[float, str]]
 
+    def until(self, end_s: float) -> "EkfReplay":
+        """Return what was said up to a time."""
+        kept = self.time_s <= end_s
+        return EkfReplay(
+            self.time_s[kept],
+            {label: values[kept] for label, values in self.ours.items()},
+            {label: values[kept] for label, values in self.recorded.items()},
+            [entry for entry in self.our_texts if entry[0] <= end_s],
+            [entry for entry in self.recorded_texts if entry[0] <= end_s],
+        )
 
-@dataclass
-class _Texts:
-    now_s: Callable[[], float]
-    sent: list[tuple[float, str]] = field(default_factory=list)
 
-    def send_text(self, _severity: int, text: str) -> None:
-        self.sent.append((self.now_s(), text.removeprefix(_TEXT_PREFIX)))
+class _Row(NamedTuple):
+    """The estimates of a moment, by label."""
+
+    time_s: float
+    ours: dict[str, float]
+    recorded: dict[str, float]
 
 
-class _Player:
-    """Takes records in the order of the log."""
+class EkfRun:
+    """One run of the filter over a log, up to where it is interrupted.
 
-    def __init__(self) -> None:
-        self._params: dict[str, float] = {}
-        self._core: Ekf3Core | None = None
-        self._now_us = self._flying_ms = self._flags = 0
-        self._declination = 0.0
-        self._delta: InertialDelta | None = None
-        self._baro: tuple[int, float] | None = None
-        self._mag: tuple[int, Array] | None = None
-        self.texts = _Texts(lambda: self._now_us / 1e6)
-        self.recorded_texts: list[tuple[float, str]] = []
-        self.rows: list[tuple[float, dict[str, float], dict[str, float]]] = []
+    Args:
+        path: the log (.BIN or .BIN.xz).
+        until_s: where to end, since boot.
 
-    def take(self, record: Any) -> None:
-        handler = getattr(self, f"_take_{record.get_type().lower()}", None)
-        if handler is not None:
-            handler(record)
+    Attributes:
+        output: the log that comes of it.
+    """
+
+    def __init__(self, path: Path, *, until_s: float = math.inf) -> None:
+        self._path = path
+        self._until_s = until_s
+        self._defaults: dict[str, float] = {}
+        self._player = EkfPlayer(self)
+        self.output = EkfOutput(lambda name: int(self._player.param(name)), lambda: self._cores)
+        self._rows: list[_Row] = []
+        self._our_texts: list[tuple[float, str]] = []
+        self._recorded_texts: list[tuple[float, str]] = []
+        self._yaw_resets = 0
+        self._next_us = 0
+        self._frames = 0
+
+    @property
+    def _cores(self) -> tuple[int, ...]:
+        return tuple(range(len(self._player.imus)))
+
+    @property
+    def time_s(self) -> float:
+        """How far it has come, since boot."""
+        return self._player.time_us / 1e6
+
+    def run(self, on_progress: Callable[[int, int], None] = lambda _frames, _all: None) -> None:
+        """Run to the end.
+
+        Args:
+            on_progress: told the frames that have been, and how many there are, a few times a second.
+
+        Raises:
+            InputError: the log cannot be read, or the filter cannot be run over it.
+        """
+
+        def play(log: Any) -> Exception | None:
+            has_estimates, frames = (log.counts[log.name_to_id.get(name, 0)] for name in ("XKF4", "RFRH"))
+            try:
+                self._player.place_declination = _declination(log)
+                for record in _records(log, self._until_s):
+                    self._take(record, has_estimates=has_estimates > 0)
+                    if record.get_type() == "RFRH" and self._frames % 100 == 0:
+                        on_progress(self._frames, frames)
+            except RecordError as error:
+                raise InputError(f"{self._path}: {error} (at {self.time_s:.3f} s)") from error
+            except Exception as error:  # ours, and not the log's fault, which the reader would take it for
+                return error
+            return None
+
+        failure = read_log(self._path, play)
+        if failure is not None:
+            raise failure
+        if self._player.core is None:
+            raise InputError(f"{self._path}: no replay records; LOG_REPLAY was off, or the EKF was")
+
+    def comparison(self) -> EkfReplay | None:
+        """Return what can be compared; None when the log has no estimates of its own."""
+        rows = [row for row in self._rows if len(row.recorded) == len(LABELS)]
+        if not rows:
+            return None
+        return EkfReplay(
+            np.array([row.time_s for row in rows]),
+            {label: np.array([row.ours[label] for row in rows]) for label in LABELS},
+            {label: np.array([row.recorded[label] for row in rows]) for label in LABELS},
+            self._our_texts,
+            self._recorded_texts,
+        )
+
+    # Records
+
+    def _take(self, record: Any, *, has_estimates: bool) -> None:
+        kind = record.get_type()
+        self._player.take(record)
+        self._note_yaw_reset()
+        if kind == "RFRH":
+            self._begin_frame()
+        elif kind == "RFRF":
+            self._end_frame(has_estimates=has_estimates)
+        elif kind == "PARM":
+            self._take_parm(record)
+        elif kind == "MSG":
+            self._take_text(record)
+        elif kind in _COMPARED and whole(record, "C") == [_CORE]:
+            self._take_estimates(record)
+
+    def _begin_frame(self) -> None:
+        self._frames += 1
+        if self.output.is_empty:
+            params = self._player.params
+            rows = ((name, value, self._defaults[name]) for name, value in params.items())
+            self.output.begin(rows, self._player.time_us)
+
+    def _end_frame(self, *, has_estimates: bool) -> None:
+        core, now_us = self._player.core, self._player.time_us
+        if core is not None and core.initialised:
+            self.output.frame(core, now_us, is_step=core.stepped)
+        if core is not None and not has_estimates and now_us >= self._next_us:
+            self._next_us = now_us + PERIOD_US
+            self.output.estimates(self._player.report(), now_us)
+
+    def _note_yaw_reset(self) -> None:
+        resets = 0 if self._player.core is None else self._player.core.yaw_resets
+        if resets > self._yaw_resets:
+            self.output.event(EV_YAW_RESET, self._player.time_us)
+        self._yaw_resets = resets  # fewer after the filter has begun anew
 
     def _take_parm(self, record: Any) -> None:
-        self._params[record.Name] = record.Value
+        name, default = text(record, "Name"), getattr(record, "Default", None)  # logs of older releases have none
+        self._defaults[name] = default if isinstance(default, float) else float(QUIET_NAN)
+        if not self.output.is_empty:
+            self.output.parameter(name, self._player.params[name], self._player.time_us)
 
-    def _take_msg(self, record: Any) -> None:
-        if record.Message.startswith(_TEXT_PREFIX):
-            self.recorded_texts.append((record.TimeUS / 1e6, record.Message.removeprefix(_TEXT_PREFIX)))
+    def _take_text(self, record: Any) -> None:
+        message = text(record, "Message")
+        if message.startswith(self._prefix):
+            (time_us,) = whole(record, "TimeUS")
+            self._recorded_texts.append((time_us / 1e6, message.removeprefix(self._prefix)))
 
-    def _take_rfrh(self, record: Any) -> None:
-        self._now_us, self._flying_ms = record.TimeUS, record.TF
+    @property
+    def _prefix(self) -> str:
+        return f"EKF3 IMU{self._player.imus[0]} "
 
-    def _take_rfrn(self, record: Any) -> None:
-        self._flags = record.Flags
+    def _take_estimates(self, record: Any) -> None:
+        (time_us,) = whole(record, "TimeUS")
+        if record.get_type() == "XKF4":
+            report = self._player.report()
+            self.output.estimates(report, self._player.time_us)
+            if self._player.core is not None and self._player.core.initialised:
+                self._rows.append(_Row(time_us / 1e6, _ours(report), {}))
+        if self._rows and self._rows[-1].time_s == time_us / 1e6:
+            labels = [label for label in LABELS if label in record.get_fieldnames()]
+            self._rows[-1].recorded.update(zip(labels, finite(record, *labels), strict=True))
 
-    def _take_rmgh(self, record: Any) -> None:
-        self._declination = record.Dec
+    # What the filter says
 
-    def _take_risi(self, record: Any) -> None:
-        if record.I == _IMU:
-            del_vel, del_ang = (record.DVX, record.DVY, record.DVZ), (record.DAX, record.DAY, record.DAZ)
-            self._delta = InertialDelta(np.array(del_vel), np.array(del_ang), record.DVDT, record.DADT)
+    def send_text(self, _severity: int, message: str) -> None:
+        """Note and log a text of a core."""
+        self.output.text(message, self._player.time_us)
+        if message.startswith(self._prefix):
+            self._our_texts.append((self.time_s, message.removeprefix(self._prefix)))
 
-    def _take_rbri(self, record: Any) -> None:
-        if record.I == _IMU:
-            self._baro = record.LastUpdate, record.Alt
+    def source_set(self, index: int) -> None:
+        """Log that a source set was chosen."""
+        self.output.event(EV_SOURCE_SET_1 + index, self._player.time_us)
 
-    def _take_rmgi(self, record: Any) -> None:
-        if record.I == _IMU:
-            self._mag = record.LU, np.array([record.FX, record.FY, record.FZ])
+    def origin(self, place: Location) -> None:
+        """Log the origin that was set."""
+        self.output.origin(place, self._player.time_us)
 
-    def _take_rfrf(self, record: Any) -> None:
-        if self._delta is None or not record.FTypes & _EKF3_RUNS:
+
+def _declination(log: Any) -> float | None:
+    """Return the first declination that the compasses were given; the firmware's table had it from the origin on."""
+    found = None
+    while found is None and (record := log.recv_match(type="RMGH")) is not None:
+        found = finite(record, "Dec")[0] or None
+    log.rewind()
+    return found
+
+
+def _records(log: Any, until_s: float) -> Iterator[Any]:
+    while (record := log.recv_msg()) is not None:
+        if record.get_type() == "RFRH" and whole(record, "TimeUS")[0] > until_s * 1e6:
             return
-        if self._core is None:
-            self._core = self._make_core()
-        self._core.run(
-            Frame(
-                self._now_us,
-                self._delta,
-                armed=bool(self._flags & _ARMED),
-                flying_ms=self._flying_ms,
-                takeoff_expected=bool(self._flags & _TAKEOFF_EXPECTED),
-                touchdown_expected=bool(self._flags & _TOUCHDOWN_EXPECTED),
-                baro=self._baro,
-                mag=self._mag,
-                declination=self._declination,
-                lever_arm=(self._param("VISO_POS_X"), self._param("VISO_POS_Y"), self._param("VISO_POS_Z")),
-            )
-        )
-
-    def _param(self, name: str) -> float:
-        try:
-            return self._params[name]
-        except KeyError:
-            raise InputError(f"no parameter {name}") from None
-
-    def _make_core(self) -> Ekf3Core:
-        delays_ms = (self._param("EK3_HGT_DELAY"), min(self._param("VISO_DELAY_MS"), MAX_DELAY_MS), MAG_DELAY_MS)
-        return Ekf3Core(
-            EkfSources(lambda name: int(self._param(f"EK3_{name}"))),
-            lambda name: self._param(f"EK3_{name}"),
-            ring_sizes(int(max(delays_ms))),
-            CoreTexts(self.texts, (_CORE,)),
-            Counter(),
-            lambda: self._mag is not None,
-        )
-
-    def _take_reph(self, record: Any) -> None:
-        if self._core is not None:
-            pos, quat = (record.PX, record.PY, record.PZ), (record.Q1, record.Q2, record.Q3, record.Q4)
-            errors = np.float32(record.PEr), np.float32(record.AEr)
-            self._core.ingest.write_pose(Vector3f(*pos), Quaternion(*quat), errors, record.TS, record.D, record.RT)
-
-    def _take_revh(self, record: Any) -> None:
-        if self._core is not None:
-            vel = Vector3f(record.VX, record.VY, record.VZ)
-            self._core.ingest.write_velocity(vel, np.float32(record.Er), record.TS, record.D)
-
-    def _take_rso3(self, record: Any) -> None:
-        if self._core is not None:
-            self._core.set_origin(record.Alt)
-
-    def _take_rev3(self, record: Any) -> None:
-        if self._core is not None and record.Event == _RESET_HEIGHT_DATUM:
-            self._core.reset_height_datum()
-
-    def _take_xkf4(self, record: Any) -> None:
-        core = self._core
-        if record.C != _CORE or core is None or not core.initialised:
-            return
-        self.rows.append((self._now_us / 1e6, _ours(core, self._now_us // 1000), {}))
-        self._note(record)
-
-    def _take_xkf1(self, record: Any) -> None:
-        self._note(record)
-
-    def _take_xkf3(self, record: Any) -> None:
-        self._note(record)
-
-    def _note(self, record: Any) -> None:
-        if record.C == _CORE and self.rows:
-            self.rows[-1][2].update({label: getattr(record, label) for label in LABELS if hasattr(record, label)})
+        yield record
 
 
-def _ours(core: Ekf3Core, now_ms: int) -> dict[str, float]:
-    output, innovations = core.output.now, core.fusion.innovations
-    roll, pitch, yaw = (math.degrees(angle) for angle in euler_of(output.quat))
-    ratios = (innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio)
+def _ours(report: CoreReport) -> dict[str, float]:
+    roll, pitch, yaw = map(math.degrees, report.rpy_rad)
     values = (
-        *(roll, pitch, yaw % 360, *output.vel, *core.position(), *innovations.vel, *innovations.pos),
-        *(math.sqrt(ratio) for ratio in ratios),
-        *core.resets.moved_ne,
-        *(core.timeouts(now_ms), core.flags),
+        *(roll, pitch, yaw % 360, *report.vel_ned, *report.pos_ned, *report.vel_innovation, *report.pos_innovation),
+        *map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio)),
+        *(*report.moved_ne, report.timeouts, report.flags),
     )
-    return dict(zip(LABELS, map(float, values), strict=True))
+    return dict(zip(LABELS, values, strict=True))
 
 
 def replay_ekf(path: Path, *, until_s: float = math.inf) -> EkfReplay:
     """Run the filter over a log, up to a time since boot.
 
     Raises:
-        InputError: the log cannot be read, or has no replay records.
+        InputError: the log cannot be read, or has no replay records, or no estimates.
     """
-    player = _Player()
-
-    def play(log: Any) -> None:
-        while (record := log.recv_msg()) is not None:
-            if record.get_type() == "RFRH" and record.TimeUS > until_s * 1e6:
-                break
-            player.take(record)
-
-    read_log(path, play)
-    rows = [row for row in player.rows if len(row[2]) == len(LABELS)]
-    if not rows:
-        raise InputError(f"{path}: no replay records; LOG_REPLAY was off, or the EKF was")
-    return EkfReplay(
-        np.array([time_s for time_s, _, _ in rows]),
-        {label: np.array([ours[label] for _, ours, _ in rows]) for label in LABELS},
-        {label: np.array([recorded[label] for _, _, recorded in rows]) for label in LABELS},
-        player.texts.sent,
-        [entry for entry in player.recorded_texts if entry[0] <= until_s],
-    )
+    run = EkfRun(path, until_s=until_s)
+    run.run()
+    replay = run.comparison()
+    if replay is None:
+        raise InputError(f"{path}: no XKF records to compare with")
+    return replay

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What happened when, ours beside a log's: texts, changes of a value, resets."""
+
+import difflib
+import re
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+from ekf_stub.inertial import Array
+from emulator.ekf_targets import MOVED_STEP_M, PRINTED_STEP, WITHIN_S
+
+T = TypeVar("T")
+
+_NUMBER: Final = re.compile(r"-?\d+\.\d+")
+_ROUNDING: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened.
+
+    Attributes:
+        time_s: when, since boot.
+        key: what has to be the same for another event to be the same.
+        text: what to call it.
+        numbers: what has to be nearly the same.
+    """
+
+    time_s: float
+    key: Hashable
+    text: str
+    numbers: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """What differs between two sequences of events.
+
+    Attributes:
+        lines: a line for each thing that is missing, too many, changed, or at another time.
+        matched: how many events both have.
+        worst_s: how far apart the worst of these is.
+    """
+
+    lines: tuple[str, ...]
+    matched: int
+    worst_s: float
+
+
+def changes(time_s: Array, values: Sequence[T], *, with_first: bool = False) -> list[tuple[float, T]]:
+    """Return when a value changes, and to what.
+
+    Args:
+        time_s: the time of each value.
+        values: the values.
+        with_first: whether the first counts as a change.
+    """
+    times = time_s.tolist()
+    first = [(times[0], values[0])] if with_first and times else []
+    return first + [(times[i], values[i]) for i in range(1, len(times)) if values[i] != values[i - 1]]
+
+
+def compare_texts(ours: Sequence[tuple[float, str]], recorded: Sequence[tuple[float, str]]) -> Differences:
+    """Compare texts: the same words in the same order, the same numbers but for rounding, at the same times."""
+    return _compare(list(map(_text_event, ours)), list(map(_text_event, recorded)), PRINTED_STEP)
+
+
+def compare_values(
+    label: str, ours: Sequence[tuple[float, float]], recorded: Sequence[tuple[float, float]]
+) -> Differences:
+    """Compare changes of an integer: the same values in the same order, at the same times."""
+    ours_and_recorded = (
+        [Event(time_s, value, f"{label} {int(value):#x}") for time_s, value in events] for events in (ours, recorded)
+    )
+    return _compare(*ours_and_recorded, step=0.0)
+
+
+def compare_moves(
+    ours: Sequence[tuple[float, tuple[float, float]]], recorded: Sequence[tuple[float, tuple[float, float]]]
+) -> Differences:
+    """Compare resets of position: as many, by as much (m north and east), at the same times."""
+    ours_and_recorded = (
+        [Event(time_s, None, "moved by {:.2f}, {:.2f} m".format(*moved), moved) for time_s, moved in events]
+        for events in (ours, recorded)
+    )
+    return _compare(*ours_and_recorded, step=MOVED_STEP_M)
+
+
+def _text_event(timed: tuple[float, str]) -> Event:
+    time_s, text = timed
+    return Event(time_s, _NUMBER.sub("#", text), repr(text), tuple(map(float, _NUMBER.findall(text))))
+
+
+def _compare(ours: Sequence[Event], recorded: Sequence[Event], step: float) -> Differences:
+    """Match events by their keys, then compare their times, and their numbers to within a step."""
+    matcher = difflib.SequenceMatcher(None, *([event.key for event in events] for events in (ours, recorded)), False)
+    lines: list[str] = []
+    pairs: list[tuple[Event, Event]] = []
+    for kind, our_start, our_end, start, end in matcher.get_opcodes():
+        if kind == "equal":
+            pairs += zip(ours[our_start:our_end], recorded[start:end], strict=True)
+        else:
+            lines += [f"{event.time_s:.3f} s: only ours: {event.text}" for event in ours[our_start:our_end]]
+            lines += [f"{event.time_s:.3f} s: only the log's: {event.text}" for event in recorded[start:end]]
+    lines += [
+        f"{theirs.time_s:.3f} s: {theirs.text}; ours at {our.time_s:.3f} s: {our.text}"
+        for our, theirs in pairs
+        if not _agree(our, theirs, step)
+    ]
+    worst_s = max((abs(our.time_s - theirs.time_s) for our, theirs in pairs), default=0.0)
+    return Differences(tuple(lines), len(pairs), worst_s)
+
+
+def _agree(our: Event, theirs: Event, step: float) -> bool:
+    numbers = zip(our.numbers, theirs.numbers, strict=True)
+    is_near = all(abs(mine - other) <= step + _ROUNDING for mine, other in numbers)
+    return is_near and abs(our.time_s - theirs.time_s) <= WITHIN_S

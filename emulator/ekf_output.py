@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The log that the filter writes when it is run over another one."""
+
+import errno
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Final
+
+from ap_core.dataflash import DataFlashWriter, ParameterRecord
+from ap_core.location import Location
+from ap_core.log_field import LogValue
+from ap_core.log_structure import EV, MSG, ORGN, LogStructure
+from ekf_stub.core_report import CoreReport
+from ekf_stub.ekf3_core import Ekf3Core
+from ekf_stub.ekf_log import EkfLog
+from emulator.atomic_file import replace_file
+from emulator.errors import InputError
+from emulator.logger import STRUCTURES
+
+EV_YAW_RESET: Final = 62
+EV_SOURCE_SET_1: Final = 85
+_ORGN_EKF: Final = 0
+# However little the firmware was told to log (EK3_LOG_LEVEL): the estimates are what this log is for.
+_ALWAYS: Final = {"EK3_LOG_LEVEL": 0}
+
+
+class EkfOutput:
+    """A DataFlash log in memory: parameters, texts, events and estimates, and nothing before :meth:`begin`.
+
+    Args:
+        get_int: returns an integer parameter by its full name.
+        cores: returns the numbers of the cores.
+    """
+
+    def __init__(self, get_int: Callable[[str], int], cores: Callable[[], tuple[int, ...]]) -> None:
+        self._writer = DataFlashWriter(STRUCTURES)
+        self._data = bytearray()
+        self._estimates = EkfLog(self, lambda name: _ALWAYS[name] if name in _ALWAYS else get_int(name), cores)
+
+    @property
+    def is_empty(self) -> bool:
+        """Tell whether it has not begun."""
+        return not self._data
+
+    def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        """Append a record."""
+        self._data += self._writer.record(structure, values)
+
+    def begin(self, parameters: Iterable[ParameterRecord], time_us: int) -> None:
+        """Append what every log begins with: the description of its records, and the parameters."""
+        self._data += b"".join(self._writer.start_up(parameters, time_us=time_us))
+
+    def parameter(self, name: str, value: float, time_us: int) -> None:
+        """Append a parameter that has changed."""
+        self._data += self._writer.parameter(name, value, time_us=time_us)
+
+    def text(self, text: str, time_us: int) -> None:
+        """Append a text."""
+        self.write(MSG, (time_us, text))
+
+    def event(self, event: int, time_us: int) -> None:
+        """Append an event."""
+        self.write(EV, (time_us, event))
+
+    def origin(self, place: Location, time_us: int) -> None:
+        """Append the origin that was set."""
+        self.write(ORGN, (time_us, _ORGN_EKF, place.lat, place.lng, place.alt_cm))
+
+    def frame(self, core: Ekf3Core, time_us: int, *, is_step: bool) -> None:
+        """Append what a filter with a state writes by itself, after a frame."""
+        if self._estimates.is_due(time_us, core.is_still(), is_step=is_step):
+            self._estimates.update(core.report(time_us // 1000), time_us, is_step=is_step)
+
+    def estimates(self, report: CoreReport, time_us: int) -> None:
+        """Append what the filter says at a moment."""
+        self._estimates.write_streaming(report, time_us)
+
+    def save(self, path: Path) -> None:
+        """Put the log in place as a whole.
+
+        Raises:
+            InputError: if that cannot be done; what was there before is untouched.
+        """
+        try:
+            if path.exists() and not path.is_file():
+                path.write_bytes(self._data)  # a device or a pipe, which must not be replaced by a file
+            else:
+                replace_file(path, bytes(self._data))
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+def check_place(path: Path, source: Path) -> None:
+    """Find out ahead of a long run whether a log can be put in a place; its folder is made.
+
+    Raises:
+        InputError: if it cannot, or would replace the log that it is made from.
+    """
+    try:
+        if path.exists() and source.exists() and path.samefile(source):
+            raise InputError(f"{path}: is the log to be read")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        refusal = errno.EISDIR if path.is_dir() else None if os.access(path.parent, os.W_OK) else errno.EACCES
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    if refusal is not None:
+        raise InputError(f"{path}: {os.strerror(refusal)}")

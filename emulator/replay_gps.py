@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the replay records of a log say of the GPS (AP_DAL/AP_DAL_GPS.cpp)."""
+
+from typing import Any, Final
+
+from ap_core.location import Location
+from ap_core.vector3 import Vector3f
+from ekf_stub.gps_sample import FIX_3D, GpsSample
+from emulator.record_fields import finite, instance, numbers, whole
+
+_VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
+_SLOW_FIELDS: Final = ("Flags", "Stat", "NSats")
+
+
+class GpsRecords:
+    """The primary GPS as RGPH, RGPI and RGPJ leave it."""
+
+    def __init__(self) -> None:
+        self._count = self._primary = 0
+        self._slow: dict[int, list[int]] = {}
+        self._fast: dict[int, Any] = {}
+        self._last_fix_ms = 0
+
+    def take_rgph(self, record: Any) -> None:
+        """Take how many there are, and which is the primary one."""
+        self._count, self._primary = whole(record, "NumInst", "Primary")
+
+    def take_rgpi(self, record: Any) -> None:
+        """Take what changes seldom."""
+        self._slow[instance(record)] = whole(record, *_SLOW_FIELDS)
+
+    def take_rgpj(self, record: Any) -> None:
+        """Take a solution."""
+        self._fast[instance(record)] = record
+
+    def newest(self) -> GpsSample | None:
+        """Return the newest solution of the primary GPS, or None without one."""
+        slow, fast = self._slow.get(self._primary), self._fast.get(self._primary)
+        if not self._count or slow is None or fast is None:
+            return None
+        flags, fix_type, num_sats = slow
+        time_ms, lat, lng, alt_cm, hdop = whole(fast, "TS", "Lat", "Lon", "Alt", "HD")
+        speed, horizontal, vertical, yaw = numbers(fast, "SA", "HA", "VA", "Y")
+        if fix_type >= FIX_3D:
+            self._last_fix_ms = time_ms
+        return GpsSample(
+            time_ms,
+            fix_type,
+            Location(lat, lng, alt_cm),
+            Vector3f(*finite(fast, "VX", "VY", "VZ")),
+            num_sats,
+            hdop,
+            has_vertical_velocity=bool(flags & _VERTICAL_VELOCITY),
+            speed_accuracy=speed if flags & _SPEED else None,
+            horizontal_accuracy=horizontal if flags & _HORIZONTAL else None,
+            vertical_accuracy=vertical if flags & _VERTICAL else None,
+            yaw_deg=yaw if flags & _YAW else None,
+            last_fix_ms=self._last_fix_ms,
+        )

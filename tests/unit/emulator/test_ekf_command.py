@@ -1,0 +1,242 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``viso ekf``: what it prints, what it writes, its exit codes, and its one-line errors."""
+
+import json
+import lzma
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from pymavlink.DFReader import DFReader_binary
+
+from emulator import cli, ekf_targets
+from emulator.commands import ekf as ekf_command
+from emulator.ekf_replay import EkfRun
+from emulator.ekf_targets import Limit
+
+LOG = Path(__file__).parents[2] / "data" / "logs" / "voxl.BIN.xz"
+UNTIL_S = 6.6  # after aiding, yaw and origin
+
+
+class Outcome(NamedTuple):
+    """How a command ended: exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+Viso = Callable[..., Outcome]
+
+
+@pytest.fixture
+def viso(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
+    """Return a function that runs ``viso ekf`` in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*args: str | Path, until: float = UNTIL_S) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["viso", "ekf", *map(str, args), "--until", str(until)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return Outcome(int(ended.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log that comes of the beginning of a recorded one."""
+    run, path = EkfRun(LOG, until_s=UNTIL_S), tmp_path_factory.mktemp("written") / "out.BIN"
+    run.run()
+    run.output.save(path)
+    return path
+
+
+def records_of(path: Path, *kinds: str) -> list[Any]:
+    with DFReader_binary(str(path)) as log:
+        found = []
+        while (record := log.recv_match(type=list(kinds))) is not None:
+            found.append(record)
+        return found
+
+
+def failed_with(outcome: Outcome, line: str) -> bool:
+    assert outcome == Outcome(2, "", f"viso: {line}\n")
+    return True
+
+
+# What it prints
+
+
+def test_table_tells_figures_targets_and_marks(viso: Viso) -> None:
+    outcome = viso(LOG)
+    assert (outcome.code, outcome.err) == (0, "")
+    rows = {cells[1].strip(): cells for line in outcome.out.splitlines() if len(cells := line.split("│")) > 4}
+    assert [cell.strip() for cell in rows["PN"][3:5]] == ["0.02 m rms, 0.12 m at worst", "ok"]
+    assert rows["PN"][2].split()[1:3] == ["m", "rms,"]
+    assert [cell.strip() for cell in rows["texts"][2:5]] == ["7 equal, within 0.000 s", "equal, within 0.25 s", "ok"]
+    assert "aiding starts at 5.090 s, the log's at 5.090 s" in outcome.out
+
+
+def test_bench_is_judged_by_its_events(viso: Viso, tmp_path: Path) -> None:
+    (tmp_path / "bench_voxl.BIN.xz").symlink_to(LOG)
+    outcome = viso("bench_voxl.BIN.xz")
+    assert all(what in outcome.out for what in ("TS changes", "SS changes", "resets (OFN, OFE)", "SP side of 1"))
+
+
+def test_comparison_for_machines(viso: Viso) -> None:
+    outcome = json.loads(viso(LOG, "--json").out)
+    assert (outcome["log"], outcome["passed"]) == (str(LOG), True)
+    assert outcome["aiding_s"] == [5.08963, 5.08963]
+    assert outcome["equal"] == {"TS": 1.0, "SS": 1.0, "both": 1.0}
+    assert outcome["errors"]["PN"]["rms"] <= outcome["errors"]["PN"]["worst"]
+    assert outcome["texts"] == {"lines": [], "matched": 7, "worst_s": 0.0}
+    assert {"what", "figure", "target", "passed"} == set(outcome["checks"][0])
+
+
+def test_nothing_is_printed_without_a_comparison(viso: Viso) -> None:
+    assert viso(LOG, "-o", "out.BIN", "--no-compare", until=4) == Outcome(0, "", "")
+    assert Path("out.BIN").stat().st_size
+
+
+def miss(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(ekf_targets.FLIGHT_LIMITS, "Yaw", Limit(0.0))
+
+
+def test_missed_target_is_a_finding_only_when_asked(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert viso(LOG, "--check").code == 0
+    miss(monkeypatch)
+    outcome = viso(LOG)
+    assert outcome.code == 0
+    assert "missed" in outcome.out
+    assert viso(LOG, "--check").code == 1
+
+
+def test_check_counts_without_a_comparison_too(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    miss(monkeypatch)
+    assert viso(LOG, "--check", "--no-compare").code == 1
+
+
+def test_what_comes_after_the_end_of_a_log_is_not_compared(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(ekf_targets.END_S, "voxl", 5.1)
+    outcome = json.loads(viso(LOG, "--json").out)
+    assert (outcome["records"], outcome["texts"]["matched"]) == (0, 5)
+
+
+def test_texts_that_differ_are_printed(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    send_text = EkfRun.send_text
+    monkeypatch.setattr(
+        EkfRun, "send_text", lambda run, severity, text: send_text(run, severity, text.replace("tilt", "roll"))
+    )
+    out = viso(LOG).out
+    assert "text at 5.065 s: only ours: 'roll alignment complete'" in out
+    assert "text at 5.065 s: only the log's: 'tilt alignment complete'" in out
+
+
+def test_log_without_estimates_is_noted(viso: Viso) -> None:
+    # Until the filter has begun the log has none that mean anything.
+    outcome = viso(LOG, until=4)
+    assert outcome == Outcome(0, "", f"note: {LOG} has no XKF records to compare with\n")
+    assert failed_with(viso(LOG, "--check", until=4), f"{LOG}: no XKF records to compare with")
+
+
+# What it writes
+
+
+def test_log_is_the_same_each_time(viso: Viso, written: Path) -> None:
+    viso(LOG, "-o", "new/out.BIN")
+    assert Path("new/out.BIN").read_bytes() == written.read_bytes()
+
+
+def test_pymavlink_reads_the_log_to_its_end(written: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with DFReader_binary(str(written)) as log:
+        times_us = []
+        while (record := log.recv_msg()) is not None:
+            if "TimeUS" in record._fieldnames:
+                times_us.append(record.TimeUS)
+        assert log.remaining == 0
+    assert times_us == sorted(times_us)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_estimates_are_near_the_logs_own_record_by_record(written: Path, tmp_path: Path) -> None:
+    source = tmp_path / "voxl.BIN"
+    source.write_bytes(lzma.decompress(LOG.read_bytes()))
+    theirs = [record for record in records_of(source, "XKF1") if record.TimeUS <= UNTIL_S * 1e6]
+    ours = [record for record in records_of(written, "XKF1") if record.C == 0]
+    assert [record.TimeUS for record in ours] == [record.TimeUS for record in theirs]
+    assert all(abs(mine.PN - other.PN) < 0.05 for mine, other in zip(ours, theirs, strict=True))
+
+
+def test_mavlogdump_prints_the_estimates(written: Path) -> None:
+    script = Path(sys.executable).parent / "mavlogdump.py"
+    command = [sys.executable, str(script), "--types", "XKF4,MSG", str(written)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    lines = result.stdout.splitlines()
+    assert sum("XKF4 {" in line for line in lines) == len(records_of(written, "XKF4"))
+    assert any("EKF3 IMU1 is using external nav data" in line for line in lines)
+
+
+def test_interrupted_run_leaves_what_there_was(
+    viso: Viso, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begin_frame = EkfRun._begin_frame
+
+    def interrupt(run: EkfRun) -> None:
+        begin_frame(run)
+        if run.time_s > 4.6:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(EkfRun, "_begin_frame", interrupt)
+    outcome = viso(LOG, "-o", "out.BIN")
+    assert outcome.code != 0
+    assert "note: interrupted; out.BIN ends at 4.602 s\n" in outcome.err
+    texts = [record.Message for record in records_of(Path("out.BIN"), "MSG")]
+    assert texts == ["EKF3 IMU0 initialised", "EKF3 IMU1 initialised"]
+    assert [record.TimeUS for record in records_of(Path("out.BIN"), "XKF1")][-1] == 4_549_846
+
+
+def test_failed_run_leaves_what_was_there(viso: Viso, tmp_path: Path) -> None:
+    Path("out.BIN").write_bytes(b"before")
+    Path("cut.BIN.xz").write_bytes(LOG.read_bytes()[:10_000])
+    assert viso("cut.BIN.xz", "-o", "out.BIN").code == 2
+    assert Path("out.BIN").read_bytes() == b"before"
+
+
+# What cannot be used
+
+
+def test_missing_log_is_one_line(viso: Viso) -> None:
+    assert failed_with(viso("none.BIN", "-o", "out.BIN"), "none.BIN: No such file or directory")
+    assert not Path("out.BIN").exists()
+
+
+def test_damaged_xz_is_one_line(viso: Viso) -> None:
+    Path("cut.BIN.xz").write_bytes(LOG.read_bytes()[:10_000])
+    outcome = viso("cut.BIN.xz")
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert outcome.err.startswith("viso: cut.BIN.xz: damaged xz file: ")
+
+
+def test_file_that_is_no_log_is_one_line(viso: Viso) -> None:
+    Path("text.BIN").write_text("hello")
+    assert failed_with(viso("text.BIN"), "text.BIN: not a DataFlash log")
+
+
+def test_log_of_another_kind_is_one_line(viso: Viso, written: Path) -> None:
+    assert failed_with(viso(written), f"{written}: no replay records; LOG_REPLAY was off, or the EKF was")
+
+
+def test_place_that_cannot_be_written_to_is_told_ahead(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ekf_command, "EkfRun", None)
+    assert failed_with(viso(LOG, "-o", "."), ".: Is a directory")
+
+
+@pytest.mark.parametrize("until", [0, -1, float("nan")])
+def test_time_to_end_at_is_a_time(viso: Viso, until: float) -> None:
+    assert failed_with(viso(LOG, until=until), f"--until {float(until)}: not a time since boot")

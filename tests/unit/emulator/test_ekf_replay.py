@@ -1,0 +1,395 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The filter over the replay records of a log: what is fed to it, when, what is logged, and what cannot be used."""
+
+import lzma
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.DFReader import DFReader_binary
+
+from ap_core.dataflash import DataFlashWriter
+from emulator.ekf_player import EkfPlayer
+from emulator.ekf_replay import LABELS, EkfRun, replay_ekf
+from emulator.errors import InputError
+from emulator.logger import STRUCTURES
+
+Record = tuple[str, dict[str, Any]]
+Change = Callable[[str, dict[str, Any], int], Iterable[Record]]
+
+LOG = Path(__file__).parents[2] / "data" / "logs" / "voxl.BIN.xz"
+BY_NAME = {structure.name: structure for structure in STRUCTURES}
+END_US = 5_250_000
+INITIALISED_US, AIDING_US, YAW_US = 4_454_051, 5_089_630, 5_162_101
+
+
+def read(path: Path) -> list[Record]:
+    """Return all records that have a layout here, with their fields as they are stored."""
+    with DFReader_binary(str(path)) as log:
+        found = []
+        while (record := log.recv_msg()) is not None:
+            if record.get_type() in BY_NAME:
+                record._apply_multiplier = False
+                found.append((record.get_type(), {name: getattr(record, name) for name in record._fieldnames}))
+        return found
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
+    """Return the beginning of a recorded log: the filter starts, aligns tilt, aids and aligns yaw."""
+    path = tmp_path_factory.mktemp("recorded") / "voxl.BIN"
+    path.write_bytes(lzma.decompress(LOG.read_bytes()))
+    records = read(path)
+    end = next(i for i, (name, fields) in enumerate(records) if name == "RFRH" and fields["TimeUS"] > END_US)
+    return [record for record in records[:end] if record[0] not in ("FMT", "FMTU", "UNIT", "MULT")]
+
+
+def unchanged(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+    yield name, fields
+
+
+class Rig:
+    """Runs the filter over changed copies of the recorded log."""
+
+    def __init__(self, recorded: Sequence[Record], folder: Path) -> None:
+        self._recorded = recorded
+        self.path = folder / "short.BIN"
+        self._out = folder / "out.BIN"
+
+    def write(self, change: Change) -> None:
+        writer, now_us = DataFlashWriter(STRUCTURES), 0
+        data = bytearray().join(writer.start_up([], time_us=0))
+        for record in self._recorded:
+            now_us = record[1]["TimeUS"] if record[0] == "RFRH" else now_us
+            for name, fields in change(*record, now_us):
+                data += writer.record(BY_NAME[name], list(fields.values()))
+        self.path.write_bytes(data)
+
+    def run(self, change: Change = unchanged, until_s: float = math.inf) -> list[Record]:
+        """Run over a changed copy; return what came of it."""
+        self.write(change)
+        run = EkfRun(self.path, until_s=until_s)
+        run.run()
+        run.output.save(self._out)
+        return read(self._out)
+
+    def fails_with(self, problem: str, change: Change) -> bool:
+        """Tell whether a changed copy is refused with one line that names it and the problem."""
+        with pytest.raises(InputError) as refused:
+            self.run(change)
+        assert str(refused.value) == f"{self.path}: {problem}"
+        return True
+
+
+@pytest.fixture
+def rig(recorded: list[Record], tmp_path: Path) -> Rig:
+    return Rig(recorded, tmp_path)
+
+
+def of(records: Iterable[Record], name: str) -> list[dict[str, Any]]:
+    return [fields for found, fields in records if found == name]
+
+
+def texts(records: Iterable[Record]) -> list[tuple[int, str]]:
+    return [(fields["TimeUS"], fields["Message"]) for fields in of(records, "MSG")]
+
+
+def params(**values: float) -> Change:
+    """Return a change of parameters from the beginning on."""
+
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        yield name, {**fields, "Value": values.get(fields["Name"], fields["Value"])} if name == "PARM" else fields
+
+    return change
+
+
+def after_frame(time_us: int, *extra: Record) -> Change:
+    """Return a change that writes records between two frames, after that of a time."""
+    waiting = list(extra)
+
+    def change(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
+        yield name, fields
+        if name == "RFRF" and now_us >= time_us and waiting:
+            yield from waiting
+            waiting.clear()
+
+    return change
+
+
+def without(*names: str) -> Change:
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        if name not in names:
+            yield name, fields
+
+    return change
+
+
+# What is logged
+
+
+def test_texts_come_in_the_frames_of_the_log(rig: Rig, recorded: list[Record]) -> None:
+    ours = [text for text in texts(rig.run()) if "IMU0" in text[1]]
+    assert ours == [text for text in texts(recorded) if "EKF3 IMU0" in text[1]]
+    assert {INITIALISED_US, AIDING_US, YAW_US} <= {time_us for time_us, _ in ours}
+
+
+def test_texts_are_those_of_every_core(rig: Rig) -> None:
+    ours = texts(rig.run())
+    of_second = [(time_us, text.replace("IMU1", "IMU0")) for time_us, text in ours if "IMU1" in text]
+    assert of_second == [text for text in ours if "IMU0" in text[1]]
+
+
+def test_estimates_come_at_the_times_of_the_logs(rig: Rig, recorded: list[Record]) -> None:
+    ours = rig.run()
+    for name in ("XKF1", "XKF2", "XKF3", "XKF4", "XKF5", "XKFS", "XKQ", "XKV1", "XKV2"):
+        times_us = [fields["TimeUS"] for fields in of(ours, name) if fields["C"] == 0]
+        assert times_us == [fields["TimeUS"] for fields in of(recorded, name) if fields["C"] == 0]
+
+
+def test_estimates_before_the_filter_has_begun_are_the_logs(rig: Rig, recorded: list[Record]) -> None:
+    ours = rig.run()
+    for name in ("XKF1", "XKF2", "XKF3", "XKF4", "XKF5", "XKFS", "XKQ", "XKV1", "XKV2"):
+        before = [fields for fields in of(recorded, name) if fields["TimeUS"] < INITIALISED_US]
+        assert before
+        assert [fields for fields in of(ours, name) if fields["C"] == 0][: len(before)] == before
+
+
+def test_estimates_come_in_the_order_of_the_logs(rig: Rig, recorded: list[Record]) -> None:
+    first = [name for name, fields in rig.run() if name.startswith("XK") and fields["C"] == 0][:20]
+    assert first == [name for name, fields in recorded if name.startswith("XK")][:20]
+
+
+def test_log_without_estimates_gets_them_ten_times_a_second(rig: Rig) -> None:
+    ours = of(rig.run(without("XKF4", "XKF1", "XKF3")), "XKF4")
+    times_us = [fields["TimeUS"] for fields in ours if fields["C"] == 0]
+    assert len(times_us) >= (END_US - 3_500_000) // 102_500
+    assert all(100_000 <= after - before < 102_500 for before, after in pairwise(times_us))
+
+
+def test_estimates_are_those_of_the_frame_whenever_in_it_they_are_logged(rig: Rig) -> None:
+    # The firmware writes RFRF, which tells that the filter ran, only after the estimates; or before, as it happens.
+    def late(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
+        if name == "RFRF":
+            yield name, {**fields, "FTypes": fields["FTypes"] & ~32}
+            yield from waiting
+            waiting.clear()
+        elif name.startswith("XK"):
+            waiting.append((name, fields))
+        else:
+            yield name, fields
+
+    waiting: list[Record] = []
+    assert rig.run(late) == rig.run()
+
+
+def test_level_of_the_log_leaves_nothing_out(rig: Rig) -> None:
+    assert len(of(rig.run(params(EK3_LOG_LEVEL=1)), "XKF1")) == len(of(rig.run(), "XKF1")) > 0
+
+
+@pytest.mark.parametrize(("mask", "cores"), [(1, {0}), (3, {0, 1})])
+def test_every_core_of_the_mask_has_records(rig: Rig, mask: int, cores: set[int]) -> None:
+    ours = rig.run(params(EK3_IMU_MASK=mask), until_s=4.6)
+    assert {fields["C"] for fields in of(ours, "XKF4")} == cores
+    assert [text for _, text in texts(ours)] == [f"EKF3 IMU{core} initialised" for core in sorted(cores)]
+
+
+def test_second_imu_alone_is_the_first_core(rig: Rig) -> None:
+    def change(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
+        for found, changed in params(EK3_IMU_MASK=2)(name, fields, now_us):
+            yield found, {**changed, "I": 1} if found == "RISI" else changed
+
+    ours = rig.run(change, until_s=4.6)
+    assert {fields["C"] for fields in of(ours, "XKF4")} == {0}
+    assert [text for _, text in texts(ours)] == ["EKF3 IMU1 initialised"]
+
+
+def test_parameters_are_the_logs_with_their_defaults(rig: Rig, recorded: list[Record]) -> None:
+    ours = [(fields["Name"], fields["Value"], fields["Default"]) for fields in of(rig.run(until_s=4), "PARM")]
+    assert ours == [(fields["Name"], fields["Value"], fields["Default"]) for fields in of(recorded, "PARM")]
+
+
+def test_yaw_alignment_is_an_event_after_its_text(rig: Rig) -> None:
+    ours = [(name, fields) for name, fields in rig.run() if name in ("MSG", "EV")]
+    (place,) = (i for i, (name, _) in enumerate(ours) if name == "EV")
+    assert ours[place][1] == {"TimeUS": YAW_US, "Id": 62}
+    assert "yaw alignment complete" in ours[place - 1][1]["Message"]
+
+
+def test_times_never_run_backwards(rig: Rig) -> None:
+    times_us = [fields["TimeUS"] for _, fields in rig.run() if "TimeUS" in fields]
+    assert times_us == sorted(times_us)
+
+
+def test_same_log_gives_the_same_bytes(rig: Rig, tmp_path: Path) -> None:
+    rig.run()
+    first = (tmp_path / "out.BIN").read_bytes()
+    rig.run()
+    assert (tmp_path / "out.BIN").read_bytes() == first
+
+
+# What is fed
+
+
+def test_parameter_that_changes_in_flight_counts_at_once(rig: Rig) -> None:
+    ours = rig.run(after_frame(4_600_000, ("PARM", changed("EK3_SRC1_POSXY", 0.0))))
+    assert not [text for _, text in texts(ours) if "external nav" in text]
+
+
+def changed(name: str, value: float) -> dict[str, Any]:
+    return {"TimeUS": 4_600_000, "Name": name, "Value": value, "Default": math.nan}
+
+
+def test_parameter_that_changes_in_flight_is_logged(rig: Rig) -> None:
+    ours = rig.run(after_frame(4_600_000, ("PARM", changed("EK3_YAW_M_NSE", 0.25))))
+    last = of(ours, "PARM")[-1]
+    assert (last["Name"], last["Value"]) == ("EK3_YAW_M_NSE", 0.25)
+    assert 4_600_000 <= last["TimeUS"] < 4_602_500
+
+
+def test_source_set_is_chosen_by_an_event(rig: Rig) -> None:
+    ours = rig.run(after_frame(5_200_000, ("REV3", {"Event": 14})))
+    assert [fields["Id"] for fields in of(ours, "EV")] == [62, 86]
+    sets = [(fields["TimeUS"] > 5_200_000, fields["SS"]) for fields in of(ours, "XKFS")]
+    assert set(sets) == {(False, 0), (True, 1)}
+
+
+def test_origin_is_logged_once(rig: Rig) -> None:
+    place = {"Lat": -353632610 & 0xFFFFFFFF, "Lon": 1491652300, "Alt": 58400}
+    ours = rig.run(after_frame(4_600_000, ("RSO3", place), ("RSO3", {**place, "Alt": 1})))
+    assert [tuple(fields.values())[1:] for fields in of(ours, "ORGN")] == [(0, -353632610, 1491652300, 58400)]
+    assert of(ours, "XKF1")[-1]["OH"] == 58400
+    assert [text for _, text in texts(ours)].count("EKF3 IMU0 origin set") == 1
+
+
+def odometry(time_ms: int, forward_m: float) -> Record:
+    fields = dict.fromkeys(BY_NAME["RBOH"].fields, 0.0)
+    return "RBOH", {**fields, "Q": 90.0, "DPX": forward_m, "DT": 0.04, "TS": time_ms, "D": 0}
+
+
+def test_body_odometry_reaches_the_filter(rig: Rig) -> None:
+    moving = rig.run(after_frame(5_100_000, odometry(5_100, 0.4)))
+    assert [fields["IX"] for fields in of(moving, "XKFD")] == pytest.approx([-10], abs=0.3)
+
+
+@pytest.mark.parametrize(("delay_ms", "known_us"), [(0, 5_249_566), (60, 5_149_606)])
+def test_odometry_is_as_late_as_the_camera(rig: Rig, delay_ms: int, known_us: int) -> None:
+    # Its own record tells no delay; the one of the camera does.
+    extra = after_frame(5_100_000, odometry(5_100, 0.4))
+
+    def change(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
+        yield from extra(name, {**fields, "Del": delay_ms} if name == "RVOH" else fields, now_us)
+
+    assert [fields["TimeUS"] for fields in of(rig.run(change), "XKFD")] == [known_us]
+
+
+def test_camera_off_the_imu_is_allowed_for(rig: Rig) -> None:
+    def start(north_m: float) -> str:
+        def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+            yield name, {**fields, "OX": north_m} if name == "RVOH" else fields
+
+        return next(text for _, text in texts(rig.run(change)) if "initial pos" in text)
+
+    assert start(0.0) == "EKF3 IMU0 initial pos NED = 0.0,-0.0,0.0 (m)"
+    assert start(-2.0) == "EKF3 IMU0 initial pos NED = 2.0,-0.0,0.0 (m)"
+
+
+def test_place_of_the_imu_counts_against_that_of_the_camera(rig: Rig) -> None:
+    started = [text for _, text in texts(rig.run(params(INS_POS1_X=2.0))) if "IMU0 initial pos" in text]
+    assert started == ["EKF3 IMU0 initial pos NED = 2.0,-0.0,0.0 (m)"]
+
+
+# What is compared
+
+
+def test_comparison_has_what_the_log_says(rig: Rig, recorded: list[Record]) -> None:
+    rig.write(unchanged)
+    replay = replay_ekf(rig.path)
+    theirs = [fields for fields in of(recorded, "XKF4") if fields["FS"] != 128]
+    assert list(np.round(1e6 * replay.time_s)) == [fields["TimeUS"] for fields in theirs]
+    assert list(replay.recorded["SS"]) == [fields["SS"] for fields in theirs]
+    assert set(replay.ours) == set(replay.recorded) == set(LABELS)
+
+
+def test_comparison_may_end_early(rig: Rig) -> None:
+    rig.write(unchanged)
+    whole, part = replay_ekf(rig.path), replay_ekf(rig.path).until(5.1)
+    assert part.time_s[-1] <= 5.1 < whole.time_s[-1]
+    assert len(part.ours["PN"]) == len(part.recorded["PN"]) == len(part.time_s) < len(whole.time_s)
+    assert [text for _, text in part.our_texts] == [text for time_s, text in whole.our_texts if time_s <= 5.1]
+    assert part.our_texts == part.recorded_texts != whole.recorded_texts
+
+
+def test_run_may_end_early(rig: Rig) -> None:
+    ours = rig.run(until_s=4.5)
+    assert max(fields["TimeUS"] for _, fields in ours if "TimeUS" in fields) <= 4_500_000
+    assert [text for _, text in texts(ours)] == ["EKF3 IMU0 initialised", "EKF3 IMU1 initialised"]
+
+
+def test_nothing_to_compare_is_one_line(rig: Rig) -> None:
+    rig.write(without("XKF4"))
+    with pytest.raises(InputError, match=r"short\.BIN: no XKF records to compare with\Z"):
+        replay_ekf(rig.path)
+
+
+# What cannot be used
+
+
+def spoilt(kind: str, at_us: int, **values: object) -> Change:
+    """Return a change of the first record of a kind from a time on."""
+    done: list[bool] = []
+
+    def change(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
+        spoils = name == kind and now_us >= at_us and not done
+        done.extend([True] * spoils)
+        yield name, {**fields, **values} if spoils else fields
+
+    return change
+
+
+@pytest.mark.parametrize(("value", "shown"), [(math.nan, "nan"), (math.inf, "inf")])
+def test_inertial_data_that_are_no_number_are_named(rig: Rig, value: float, shown: str) -> None:
+    assert rig.fails_with(f"RISI.DAY is {shown} (at 4.602 s)", spoilt("RISI", 4_600_000, DAY=value))
+
+
+def test_time_that_runs_backwards_is_named(rig: Rig) -> None:
+    def change(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
+        yield name, {**fields, "TimeUS": 4_000_000} if name == "RFRH" and now_us == INITIALISED_US else fields
+
+    assert rig.fails_with("RFRH.TimeUS runs backwards, from 4451552 to 4000000 (at 4.452 s)", change)
+
+
+@pytest.mark.parametrize("missing", ["EK3_IMU_MASK", "EK3_SRC1_POSXY", "EK3_VELNE_M_NSE"])
+def test_missing_parameter_is_named(rig: Rig, missing: str) -> None:
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        if fields.get("Name") != missing:
+            yield name, fields
+
+    with pytest.raises(InputError, match=rf"short\.BIN: no PARM record of {missing} \(at \d\.\d{{3}} s\)\Z"):
+        rig.run(change)
+
+
+def test_parameter_that_is_no_number_is_named(rig: Rig) -> None:
+    assert rig.fails_with("PARM.Value is nan (at 0.000 s)", params(EK3_YAW_M_NSE=math.nan))
+
+
+def test_mask_without_an_imu_is_named(rig: Rig) -> None:
+    assert rig.fails_with("EK3_IMU_MASK selects no IMU (at 3.454 s)", params(EK3_IMU_MASK=0))
+
+
+@pytest.mark.parametrize("lacking", [("RFRF",), ("RISI",), ("RFRH", "RISI", "RFRF", "REPH", "REVH", "RVOH")])
+def test_log_without_replay_records_says_so(rig: Rig, lacking: tuple[str, ...]) -> None:
+    assert rig.fails_with("no replay records; LOG_REPLAY was off, or the EKF was", without(*lacking))
+
+
+def test_mistake_of_ours_is_not_blamed_on_the_log(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_self: EkfPlayer, _record: Any) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(EkfPlayer, "take", fail)
+    with pytest.raises(ZeroDivisionError):
+        rig.run()

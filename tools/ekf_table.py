@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measure how near the filter comes to recorded logs, as a table in Markdown, a row a log.
+
+The table goes to standard output, or with --page between the lines `<!-- measured: ekf -->` and `<!-- end -->` of a
+page. Without names the logs of the tests are measured. It takes seconds for each minute of a log.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from emulator import ekf_targets
+from emulator.console import progress
+from emulator.ekf_comparison import Comparison, compare
+from emulator.ekf_replay import replay_ekf
+from emulator.errors import InputError
+
+LOGS: Final = Path(__file__).resolve().parent.parent / "tests" / "data" / "logs"
+HEAD: Final = (
+    "log",
+    "north, east: mm rms (worst)",
+    "down: mm rms",
+    "velocity: mm/s rms",
+    "roll, pitch: deg rms",
+    "yaw: deg rms",
+    "innovations: mm, mm/s rms",
+    "TS, SS equal",
+    "texts equal, within",
+    "targets",
+)
+_BLOCK: Final = re.compile(r"(<!-- measured: ekf -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def _largest_rms(comparison: Comparison, *labels: str) -> float:
+    return max(comparison.errors[label].rms for label in labels)
+
+
+def row(name: str, comparison: Comparison) -> tuple[str, ...]:
+    """Return a row: where a cell stands for several quantities, it holds the largest figure."""
+    worst = max(comparison.errors[label].worst for label in ("PN", "PE"))
+    texts = comparison.texts
+    return (
+        f"`{name}`",
+        f"{1e3 * _largest_rms(comparison, 'PN', 'PE'):.1f} ({1e3 * worst:.1f})",
+        f"{1e3 * _largest_rms(comparison, 'PD'):.1f}",
+        f"{1e3 * _largest_rms(comparison, 'VN', 'VE', 'VD'):.1f}",
+        f"{_largest_rms(comparison, 'Roll', 'Pitch'):.3f}",
+        f"{_largest_rms(comparison, 'Yaw'):.3f}",
+        f"{1e3 * _largest_rms(comparison, 'IPN', 'IPE', 'IPD'):.1f}, "
+        f"{1e3 * _largest_rms(comparison, 'IVN', 'IVE', 'IVD'):.1f}",
+        f"{100 * comparison.equal['TS']:.1f} %, {100 * comparison.equal['SS']:.1f} %",
+        f"no, {len(texts.lines)} differ" if texts.lines else f"yes, {texts.worst_s:.3f} s",
+        "met" if comparison.passed else "missed",
+    )
+
+
+def rows(logs: Sequence[Path]) -> Iterator[tuple[str, ...]]:
+    """Run the filter over logs, one after the other.
+
+    Raises:
+        InputError: a log cannot be used.
+    """
+    with progress("filtering", len(logs)) as bar:
+        for log in logs:
+            replay = replay_ekf(log, until_s=ekf_targets.end_s(log))
+            yield row(ekf_targets.log_name(log), compare(replay, bench=ekf_targets.is_bench(log)))
+            bar.advance(bar.task_ids[0])
+
+
+def render(body: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = [HEAD, tuple("---" for _ in HEAD), *body]
+    return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
+
+
+def replace(text: str, table: str) -> str:
+    """Return a page with its table made anew.
+
+    Raises:
+        InputError: if it has no place for one.
+    """
+    page, count = _BLOCK.subn(lambda match: f"{match[1]}\n{table}\n{match[2]}", text)
+    if not count:
+        raise InputError("no line <!-- measured: ekf --> with <!-- end --> after it")
+    return page
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure; return 2 when a file cannot be used."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("logs", nargs="*", type=Path, default=sorted(LOGS.glob("*.BIN.xz")), metavar="LOG")
+    parser.add_argument("--page", type=Path, help="put the table there")
+    options = parser.parse_args(arguments)
+    try:
+        page = None if options.page is None else options.page.read_text(encoding="utf-8")
+        if page is not None:
+            replace(page, "")  # before the long run
+        table = render(rows(options.logs))
+        if page is None:
+            print(table, end="")
+        else:
+            options.page.write_text(replace(page, table), encoding="utf-8")
+    except (InputError, OSError) as error:
+        print(f"ekf_table: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
