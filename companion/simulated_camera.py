@@ -37,6 +37,8 @@ class CameraFaults:
         reset_jump_m: how far its position jumps then, in its own frame.
         low_quality: when it reports a quality of ``low_quality_percent``.
         dropout: when it reports nothing.
+        mismatch: when it takes its place for another one, without noticing.
+        mismatch_m: how far that is from the right one, in its own frame.
     """
 
     reset_s: float | None = None
@@ -44,6 +46,8 @@ class CameraFaults:
     low_quality: Span | None = None
     low_quality_percent: int = 5
     dropout: Span | None = None
+    mismatch: Span | None = None
+    mismatch_m: tuple[float, float, float] = (3.0, 0.0, 0.0)
 
 
 @dataclass
@@ -105,6 +109,8 @@ class SimulatedCamera:
         position = quaternion.rotate_vectors(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
         if self._has_reset(time_s):
             position = position + np.array(self.faults.reset_jump_m)
+        if self.faults.mismatch and time_s in self.faults.mismatch:
+            position = position + np.array(self.faults.mismatch_m)
         velocity = quaternion.rotate_vectors(body_to_ned.conj(), self.flight.velocity_ned(time_s)) + noise[1]
         attitude = turn * body_to_ned
         return ODOMETRY(

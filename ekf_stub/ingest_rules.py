@@ -34,7 +34,7 @@ NOT_FINITE: Final = Rule(
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
 )
 UNUSED: Final = Rule(
-    "model_unused", "not the source in use", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion"
+    "model_unused", "not used: its source is not in use, or the estimator is not ready for it", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion"
 )
 FUSED: Final = Rule("model_fused", "used by the estimator", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED")
 
@@ -50,7 +50,7 @@ GATE_YAW: Final = Rule(
 )
 GATE_ODOMETRY: Final = Rule(
     "model_gate_odometry",
-    "rejected on an axis: body odometry gate",
+    "rejected: body odometry gate, on an axis",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectBodyOdomFusion",
 )
 ALIGNED_TO: Final = Rule("model_aligned", "yaw was set to it", "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::alignYawAngle")

@@ -1,26 +1,76 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the vehicle's attitude and position come from: the bench, or a recorded log."""
+"""Where the vehicle's attitude and position come from: the filter on sensors of some kind, or a recorded log."""
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from ekf_stub.ahrs_recorded import RecordedAhrs
 from emulator.errors import InputError
+from emulator.imu.errors import parse_errors
+from emulator.imu.options import ImuOptions
+from emulator.imu.table import IMU_HELP, read_source
 from emulator.recorded_log import read_recorded_states
-from emulator.vehicle_config import AhrsParts, VehicleAhrs, bench
+from emulator.vehicle_config import AhrsParts, VehicleAhrs, by_ekf3
+
+AhrsOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Take attitude and position from this log (.BIN, .BIN.xz); there is no filter then.", metavar="LOG"
+    ),
+]
+ImuOption = Annotated[str | None, typer.Option(help=f"The filter's sensors: {IMU_HELP}.", metavar="SOURCE")]
+ImuErrorOption = Annotated[
+    list[str] | None,
+    typer.Option(help="What is wrong with them, such as gyro_bias_deg_s=0.1; repeatable.", metavar="NAME=VALUE"),
+]
+ImuSeedOption = Annotated[int, typer.Option(help="Seed of their noise.", min=0)]
+HeadingOption = Annotated[
+    float, typer.Option(help="Where the vehicle points at first in degrees, if neither log nor script say.")
+]
 
 
-def ahrs_maker(log: Path | None, heading_deg: float) -> Callable[[AhrsParts], VehicleAhrs]:
-    """Return the maker of an AHRS that follows a log, or without one stands still with a heading.
+@dataclass(frozen=True, slots=True)
+class AhrsChoice:
+    """What the command line says of attitude and position.
+
+    Attributes:
+        log: a log to follow in place of a filter.
+        imu: the source of the sensors' data.
+        imu_errors: what is wrong with them, each NAME=VALUE.
+        imu_seed: of the random part of that.
+        heading_deg: where the vehicle points at first.
+    """
+
+    log: Path | None
+    imu: str | None
+    imu_errors: list[str] | None
+    imu_seed: int
+    heading_deg: float
+
+
+def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], VehicleAhrs]:
+    """Return the maker of the AHRS that was chosen; files are read now.
 
     Raises:
-        InputError: the log cannot be read, or has no attitude; or the heading is no angle.
+        InputError: a file cannot be read or lacks what is needed, an option cannot be used, or two exclude each other.
     """
-    if not math.isfinite(heading_deg):
-        raise InputError(f"--heading {heading_deg}: not an angle in degrees")
-    if log is None:
-        return bench(heading_deg)
-    states = read_recorded_states(log)
+    if not math.isfinite(choice.heading_deg):
+        raise InputError(f"--heading {choice.heading_deg}: not an angle in degrees")
+    if choice.log is None:
+        options = ImuOptions(
+            heading_rad=math.remainder(math.radians(choice.heading_deg), 2 * math.pi),
+            errors=parse_errors(choice.imu_errors or []),
+            seed=choice.imu_seed,
+        )
+        return by_ekf3(read_source(choice.imu or default_imu), options)
+    for name, value in (("--imu", choice.imu), ("--imu-error", choice.imu_errors)):
+        if value:
+            raise InputError(f"--ahrs and {name}: a vehicle that follows a log has no sensors")
+    states = read_recorded_states(choice.log)
     return lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, states)

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The demonstration: a scripted flight, a camera with faults, an autopilot that takes its reports; virtual time."""
+"""The demonstration: a scripted flight, a camera with faults, an autopilot that navigates by it; virtual time."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
@@ -14,9 +14,17 @@ from companion.clock import OffsetClock
 from companion.sender import Companion
 from companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from companion.trajectory import Flight
+from ekf_stub.ext_nav_ingest import HALF_FILTER_STEP_MS
+from ekf_stub.filter_status import FilterFlag
+from emulator.demo_flight import flight_source
+from emulator.filter_fates import is_final
+from emulator.filter_watch import AidingSpan, FilterWatch, SampleTest
+from emulator.imu.errors import SensorErrors
+from emulator.imu.options import ImuOptions
 from emulator.log_sink import LogSink
 from emulator.scheduler import Scheduler
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
+from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
+from emulator.vehicle_config import by_ekf3
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
@@ -25,7 +33,17 @@ HEADING_RAD: Final = math.radians(30)
 CAMERA_YAW_RAD: Final = math.radians(-75)
 COMPANION_START_S: Final = 7.5
 FLIGHT: Final = Flight(start_s=28.0, heading_rad=HEADING_RAD)
-FAULTS: Final = CameraFaults(reset_s=43.0, low_quality=Span(36.0, 39.0), dropout=Span(50.0, 52.0))
+FAULTS: Final = CameraFaults(
+    reset_s=43.0, low_quality=Span(36.0, 39.0), dropout=Span(50.0, 52.0), mismatch=Span(54.0, 55.0)
+)
+SENSOR_ERRORS: Final = SensorErrors(
+    gyro_bias_deg_s=(0.1, -0.05, 0.08),
+    gyro_noise_deg_s_rthz=0.01,
+    accel_bias_m_s2=(0.02, -0.01, 0.03),
+    accel_noise_m_s2_rthz=0.002,
+    baro_noise_m=0.05,
+    compass_noise_mgauss=2.0,
+)
 END_S: Final = FLIGHT.end_s + 4.0
 ARM_S: Final = 26.0
 
@@ -40,50 +58,69 @@ PARAMS: Final = {
     "EK3_SRC1_VELZ": 6,
     "EK3_SRC1_YAW": 1,
     "GPS1_TYPE": 0,
+    "LOG_DISARMED": 1,
+    "LOG_REPLAY": 1,  # so that the filter can be run on the log
 }
 
 _RUN_PREARM_CHECKS: Final = 401
 _ARM_DISARM: Final = 400
+_LOOK_PERIOD_US: Final = 50_000
 
 
-@dataclass(frozen=True, slots=True)
-class PoseSample:
-    """A VISP record: seconds since boot, metres NED as given to the EKF, whether it was withheld."""
+class PoseSample(NamedTuple):
+    """A VISP record: seconds since boot, when it was observed as the filter sees it, metres NED, was it withheld?"""
 
     time_s: float
+    observed_ms: int
     pos_ned: tuple[float, float, float]
     ignored: bool
 
 
+class Estimate(NamedTuple):
+    """What the filter said: metres NED or None while it does not navigate, and its flags; is the vehicle armed?"""
+
+    time_s: float
+    pos_ned: tuple[float, float, float] | None
+    flags: FilterFlag
+    armed: bool
+
+
 @dataclass
 class DemoResult:
-    """What happened: texts with their times in seconds and severities, poses, and verdict counts."""
+    """What happened: texts with their times in seconds and severities, poses, what the filter did with them."""
 
     texts: list[tuple[float, int, str]] = field(default_factory=list)
     poses: list[PoseSample] = field(default_factory=list)
     raw: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
+    estimates: list[Estimate] = field(default_factory=list)
+    fates: list[SampleTest] = field(default_factory=list)
+    aiding: list[AidingSpan] = field(default_factory=list)
 
 
-def make_vehicle(open_log: Callable[[], LogSink]) -> Vehicle:
-    """Return the demonstration's vehicle: on the bench at its heading, a T265 as its camera."""
-    config = VehicleConfig(
-        bench(math.degrees(HEADING_RAD)),
-        defaults=PARAMS,
-        open_log=open_log,
-    )
-    return Vehicle(config)
+def make_vehicle(seed: int, open_log: Callable[[], LogSink]) -> Vehicle:
+    """Return the demonstration's vehicle: it flies the scripted flight, felt by its sensors, with a T265 as its camera.
+
+    Args:
+        seed: of the noise of the sensors.
+        open_log: opens the log.
+    """
+    options = ImuOptions(heading_rad=HEADING_RAD, errors=SENSOR_ERRORS, seed=seed)
+    make_ahrs = by_ekf3(lambda options: flight_source(FLIGHT, options), options)
+    return Vehicle(VehicleConfig(make_ahrs, defaults=PARAMS, open_log=open_log))
 
 
 class Demo:
     """One run of the demonstration.
 
     Args:
-        seed: of the camera's noise; the same seed gives the same log, byte for byte.
+        seed: of the noise of camera and sensors; the same seed gives the same log, byte for byte.
         open_log: opens the log.
     """
 
     def __init__(self, seed: int, open_log: Callable[[], LogSink]) -> None:
-        self.vehicle = make_vehicle(open_log)
+        self.vehicle = make_vehicle(seed, open_log)
+        self.watch = FilterWatch(self.vehicle)
+        self.watch.listeners.append(self._take_fate)
         self.result = DemoResult()
         self._scheduler = Scheduler(self.vehicle)
         self._wire, companion_wire = make_pair(("autopilot", "companion"))
@@ -110,8 +147,9 @@ class Demo:
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         if structure is VISP:
+            observed_ms = int(values[2]) - int(PARAMS["VISO_DELAY_MS"]) - HALF_FILTER_STEP_MS
             x, y, z = (float(value) for value in values[3:6])
-            self.result.poses.append(PoseSample(self._now_s(), (x, y, z), bool(values[12])))
+            self.result.poses.append(PoseSample(self._now_s(), observed_ms, (x, y, z), bool(values[12])))
 
     def _take_event(self, event: MessageEvent) -> None:
         message = event.message
@@ -119,6 +157,17 @@ class Demo:
             position = (float(getattr(message, axis)) for axis in ("x", "y", "z"))
             x, y, z = position
             self.result.raw.append((self._now_s(), (x, y, z)))
+
+    def _take_fate(self, test: SampleTest) -> None:
+        if is_final(test.outcome.rule):
+            self.result.fates.append(test)
+
+    def _look(self) -> None:
+        ahrs = self.vehicle.ahrs
+        position, status = ahrs.get_relative_position_NED_origin_float(), ahrs.get_filter_status()
+        pos_ned = None if position is None else (float(position.x), float(position.y), float(position.z))
+        flags = FilterFlag.UNINITIALISED if status is None else status.flags
+        self.result.estimates.append(Estimate(self._now_s(), pos_ned, flags, self.vehicle.is_armed()))
 
     def _script(self) -> list[tuple[float, Callable[[], None]]]:
         send = self.companion.send
@@ -143,6 +192,9 @@ class Demo:
         try:
             while now_us <= end_us:
                 self._scheduler.run_until(now_us)
+                self.watch.look()
+                if now_us % _LOOK_PERIOD_US == 0:
+                    self._look()
                 while script and script[0][0] * 1e6 <= now_us:
                     script.pop(0)[1]()
                 self.companion.run(now_us)
@@ -152,6 +204,7 @@ class Demo:
                 now_us += LOOP_PERIOD_US
         finally:
             self.vehicle.close()
+        self.result.aiding = self.watch.aiding()
         return self.result
 
     def _exchange(self) -> None:

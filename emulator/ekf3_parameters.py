@@ -55,7 +55,9 @@ _BEFORE_SOURCES: Final = (
     ParamInfo("ALT_M_NSE", FLOAT, 2.0, "Noise of barometric height", "m", (0.1, 100.0)),
     ParamInfo("HGT_I_GATE", INT16, 500, "Height gate, in percent of a sigma", "%", _GATE),
     _boot("HGT_DELAY", INT16, 60, "How late the barometer is", "ms", _DELAY),
+    ParamInfo("MAG_M_NSE", FLOAT, 0.05, "Noise of the compass", "Gauss", (0.01, 0.5)),
     ParamInfo("MAG_CAL", INT8, 3, "When all three compass axes are fused", "", None, _MAG_CAL, reboot_required=True),
+    ParamInfo("MAG_I_GATE", INT16, 300, "Compass gate, in percent of a sigma", "%", _GATE),
     _boot("FLOW_DELAY", INT8, 10, "How late optical flow is", "ms", _DELAY),
     ParamInfo("GYRO_P_NSE", FLOAT, 0.015, "Gyro process noise", "rad/s", (0.0001, 0.1)),
     ParamInfo("ACC_P_NSE", FLOAT, 0.35, "Accelerometer process noise", "m/s/s", (0.01, 1.0)),
@@ -66,12 +68,15 @@ _BEFORE_SOURCES: Final = (
     ParamInfo("YAW_M_NSE", FLOAT, 0.5, "Noise of yaw", "rad", (0.05, 1.0)),
     ParamInfo("YAW_I_GATE", INT16, 300, "Yaw gate, in percent of a sigma", "%", _GATE),
     ParamInfo("TAU_OUTPUT", INT8, 25, "Time constant of the output predictor", "cs", (10.0, 50.0)),
+    ParamInfo("MAGE_P_NSE", FLOAT, 0.001, "Process noise of the earth's magnetic field", "Gauss/s", (0.00001, 0.01)),
+    ParamInfo("MAGB_P_NSE", FLOAT, 0.0001, "Process noise of the vehicle's magnetic field", "Gauss/s", (0.00001, 0.01)),
     _boot("BCN_DELAY", INT8, 50, "How late range beacons are", "ms", _DELAY),
     ParamInfo("ACC_BIAS_LIM", FLOAT, 1.0, "Limit of the accelerometer bias", "m/s/s", (0.5, 2.5)),
     _boot("OGN_HGT_MASK", INT8, 0, "How GPS corrects the origin's height, a bit each"),
     ParamInfo("VIS_VERR_MIN", FLOAT, 0.1, "Odometry velocity error at best quality", "m/s", (0.05, 0.5)),
     ParamInfo("VIS_VERR_MAX", FLOAT, 0.9, "Odometry velocity error at worst quality", "m/s", (0.5, 5.0)),
     ParamInfo("HRT_FILT", FLOAT, 2.0, "Crossover frequency of the height rate", "Hz", (0.1, 30.0)),
+    ParamInfo("MAG_EF_LIM", INT16, 50, "Greatest error of the earth's field", "mGauss", (0.0, 500.0)),
 )
 
 _AFTER_SOURCES: Final = (

@@ -51,7 +51,12 @@ class Landing:
         self._armed_down_m = 0.0
         self._idle_since_us = 0
         self._lift_off_us: int | None = None
+        self._flying_since_us = 0
         self.landed = True
+
+    def flying_ms(self) -> int:
+        """Return for how long the vehicle has been flying, 0 on the ground (AP_Vehicle::get_time_flying_ms)."""
+        return 0 if self.landed else (self._clock.micros64() - self._flying_since_us) // 1000
 
     def _down_m(self) -> float:
         position = self._ahrs.get_relative_position_NED_origin_float()
@@ -88,6 +93,7 @@ class Landing:
     def _set_landed(self, landed: bool) -> None:
         if landed != self.landed:
             self.landed = landed
+            self._flying_since_us = self._clock.micros64()
             self._log.event(EV_LAND_COMPLETE if landed else EV_NOT_LANDED)
 
     def wants_disarming(self, armed: bool) -> bool:

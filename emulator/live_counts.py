@@ -1,27 +1,30 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of verdicts while it grows, at the bottom of a terminal."""
+"""The tables of verdicts while they grow, at the bottom of a terminal."""
 
 from collections.abc import Callable
 from types import TracebackType
 from typing import Final, Self
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 
-from emulator.console import VerdictCounts, verdict_table
+from emulator.console import VerdictCounts
+from emulator.filter_fates import FilterCounts
+from emulator.filter_report import tables_of
 
 REFRESH_US: Final = 250_000
 
 
 class LiveCounts:
-    """Shows how often each message type met each verdict, anew now and then; nothing where there is no terminal.
+    """Shows what became of messages and samples, counted, anew now and then; nothing where there is no terminal.
 
     It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
 
     Args:
         console: the terminal, or what stands in for one.
-        counts: returns the counts of the moment.
+        counts: returns the counts of messages of the moment.
+        filter_counts: returns those of samples in the filter.
         period_us: least time between two looks, by the clock that ``update`` is told.
         wanted: False shows nothing anywhere.
     """
@@ -30,11 +33,13 @@ class LiveCounts:
         self,
         console: Console,
         counts: Callable[[], VerdictCounts],
+        filter_counts: Callable[[], FilterCounts] = dict,
         *,
         period_us: int = REFRESH_US,
         wanted: bool = True,
     ) -> None:
         self._counts = counts
+        self._filter_counts = filter_counts
         self._period_us = period_us
         self._shown_us: int | None = None
         shown = wanted and console.is_terminal
@@ -60,4 +65,4 @@ class LiveCounts:
         self._shown_us = now_us
         counts = self._counts()
         if counts:
-            self._live.update(verdict_table(counts), refresh=True)
+            self._live.update(Group(*tables_of(counts, self._filter_counts())), refresh=True)

@@ -1,29 +1,37 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a vehicle that is running says on the terminal, and who is told of each message."""
+"""What a vehicle that is running says on the terminal, and who is told of each message and each sample."""
 
 from collections.abc import Callable, Sequence
 
 from rich.console import Console
 
 from ap_core.verdict import Outcome
+from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.ext_nav_ingest import FilterOutcome
+from emulator.filter_fates import Fate, basis, fate_of, is_final, sentence
 from emulator.vehicle import Vehicle
 from mav_handlers.endpoint import MessageEvent
 
 OnMessage = Callable[[str, MessageEvent], None]
+OnOutcome = Callable[[int, FilterOutcome], None]
 
 
 class LiveReport:
-    """Prints texts as they come, and the first time that a message type meets a verdict other than acceptance.
+    """Prints texts as they come, and what becomes of messages and samples for the first time, if they are not used.
 
     Args:
         console: where to print.
         listeners: told of each message as well, with the name of its link.
+        filter_listeners: told of what becomes of each sample in the filter, with the time in us since boot.
     """
 
-    def __init__(self, console: Console, listeners: Sequence[OnMessage] = ()) -> None:
+    def __init__(
+        self, console: Console, listeners: Sequence[OnMessage] = (), filter_listeners: Sequence[OnOutcome] = ()
+    ) -> None:
         self._console = console
         self._listeners = tuple(listeners)
+        self._filter_listeners = tuple(filter_listeners)
         self._vehicle: Vehicle | None = None
         self._seen: set[tuple[str, str]] = set()
 
@@ -34,6 +42,8 @@ class LiveReport:
         self._vehicle = vehicle
         vehicle.texts.on_text.append(lambda severity, text: self._print(f"({severity}) {text}"))
         vehicle.endpoint.on_event = lambda event: self._event(vehicle.endpoint.channels[event.channel].name, event)
+        if isinstance(vehicle.ahrs, Ekf3Ahrs):
+            vehicle.ahrs.on_filter_outcome = lambda outcome: self._outcome(vehicle.clock.micros64(), outcome)
 
     def _print(self, line: str) -> None:
         time_s = 0.0 if self._vehicle is None else self._vehicle.clock.micros64() / 1e6
@@ -48,3 +58,13 @@ class LiveReport:
             return
         self._seen.add(key)
         self._print(f"first {event.name} {verdict.outcome}: {verdict.rule.text}")
+
+    def _outcome(self, now_us: int, outcome: FilterOutcome) -> None:
+        for listener in self._filter_listeners:
+            listener(now_us, outcome)
+        rule = outcome.rule
+        key = (outcome.kind, rule.code)
+        if not is_final(rule) or fate_of(rule) is Fate.FUSED or key in self._seen:
+            return
+        self._seen.add(key)
+        self._print(f"filter: first {outcome.kind} {sentence(outcome)} ({basis(rule)})")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emulator.filter_fates import FilterCounts
 from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import Channel, CountKey
 
@@ -45,6 +46,7 @@ class PoweredVehicle:
         self._on_boot = on_boot
         self.restarts = 0
         self._counts: Counter[CountKey] = Counter()
+        self._filter_counts: Counter[tuple[str, str]] = Counter()
         self._start()
 
     def _start(self) -> None:
@@ -65,6 +67,7 @@ class PoweredVehicle:
             return False
         self.close()
         self._counts += self.vehicle.endpoint.verdict_counts()
+        self._filter_counts += self.vehicle.ahrs.ext_nav_counts
         # What a client has set otherwise since is what it expects to find after the restart.
         config = self._config
         overrides = {name: to for name, to in config.overrides.items() if self._value(name) == self._overridden[name]}
@@ -80,6 +83,10 @@ class PoweredVehicle:
     def verdict_counts(self) -> dict[CountKey, int]:
         """Return how often each message type met each verdict, over all links and restarts."""
         return self._counts + Counter(self.vehicle.endpoint.verdict_counts())
+
+    def filter_counts(self) -> FilterCounts:
+        """Return what the filter did with how many samples, over all restarts."""
+        return self._filter_counts + self.vehicle.ahrs.ext_nav_counts
 
     def close(self) -> None:
         """Close the log properly, and keep the parameters."""

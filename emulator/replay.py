@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Feeds a recorded stream to a vehicle in virtual time."""
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -11,9 +12,11 @@ from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from emulator.bits import json_value
+from emulator.filter_watch import FilterWatch
+from emulator.sample_fates import HandedSample, SampleFates
 from emulator.scheduler import Scheduler
 from emulator.streams import Stream, StreamMessage
-from emulator.vehicle import Vehicle
+from emulator.vehicle import LOOP_PERIOD_US, Vehicle
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
@@ -25,24 +28,43 @@ _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRU
 # A capture's arrival is the time of handling; the port was read up to one loop (2500 us) earlier, and unrecorded bytes
 # may have waited behind. This value keeps every recorded CTimeMS within 2 ms.
 READ_BEFORE_HANDLING_US: Final = 1800
+FATE_WAIT_US: Final = 500_000
+"""How long a message waits for the fates of its samples in the filter; that takes some 60 to 250 ms."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayedMessage:
     """What the vehicle made of one message.
 
-    ``records`` are the VISO, VISP and VISV records: name, then the fields. ``arrival_us`` is as recorded.
+    ``records`` are the VISO, VISP and VISV records: name, then the fields. ``arrival_us`` is as recorded. ``samples``
+    are those that it handed to the filter; None where that is not watched.
     """
 
     arrival_us: int | None
     type: str
     records: tuple[tuple[str, tuple[LogValue, ...]], ...]
     verdict: Verdict
+    samples: tuple[HandedSample, ...] | None = None
 
     def as_dict(self) -> dict[str, object]:
-        """Return the message for machine-readable output, floats in hex."""
+        """Return the message for machine-readable output, floats of records in hex."""
         out = [[name, *map(json_value, values)] for name, values in self.records]
-        return {"arrival_us": self.arrival_us, "type": self.type, "out": out, "verdict": self.verdict.as_dict()}
+        verdict = self.verdict.as_dict()
+        line: dict[str, object] = {"arrival_us": self.arrival_us, "type": self.type, "out": out, "verdict": verdict}
+        if self.samples is not None:
+            line["filter"] = [fate for sample in self.samples for fate in sample.fates_as_dicts()]
+        return line
+
+
+@dataclass(frozen=True, slots=True)
+class _Handled:
+    """A message, and until when it waits for the fates of its samples."""
+
+    message: ReplayedMessage
+    until_us: int
+
+    def is_ripe(self, now_us: int) -> bool:
+        return now_us >= self.until_us or all(sample.is_settled for sample in self.message.samples or ())
 
 
 class Replay:
@@ -52,15 +74,21 @@ class Replay:
         vehicle: fresh, with one link's parameters.
         stream: what to feed.
         baud: rate of the link's transport-time model; None for a link without delay.
+        watch: of the vehicle's filter; with it the vehicle runs on after the last message until the filter is done.
     """
 
-    def __init__(self, vehicle: Vehicle, stream: Stream, baud: int | None) -> None:
+    def __init__(self, vehicle: Vehicle, stream: Stream, baud: int | None, watch: FilterWatch | None = None) -> None:
         self._vehicle = vehicle
+        self._watch = watch
+        self._fates = SampleFates()
+        if watch is not None:
+            watch.listeners.append(self._fates.take)
         self._stream = stream
         self._scheduler = Scheduler(vehicle)
         self._channel: Channel = vehicle.endpoint.open_channel(stream.name, baud=baud)
         self._records: list[tuple[str, tuple[LogValue, ...]]] = []
-        self._events: list[tuple[MessageEvent, tuple[tuple[str, tuple[LogValue, ...]], ...]]] = []
+        self._handled: deque[_Handled] = deque()
+        self._arrival_us: int | None = None
         vehicle.logger.on_write = self._take_record
         vehicle.endpoint.on_event = self._take_event
 
@@ -69,7 +97,9 @@ class Replay:
             self._records.append((structure.name, tuple(values)))
 
     def _take_event(self, event: MessageEvent) -> None:
-        self._events.append((event, tuple(self._records)))
+        samples = None if self._watch is None else self._fates.take_handed()
+        message = ReplayedMessage(self._arrival_us, event.name, tuple(self._records), event.verdict, samples)
+        self._handled.append(_Handled(message, event.now_us + FATE_WAIT_US))
         self._records.clear()
 
     def run(self, on_progress: Callable[[int], None] = lambda _count: None) -> Iterator[ReplayedMessage]:
@@ -80,20 +110,36 @@ class Replay:
         """
         fed = 0
         for batch in batches(self._stream):
-            yield from self._deliver(batch)
+            self._deliver(batch)
+            yield from self._take_ripe()
             fed += len(batch)
             on_progress(fed)
+        if self._watch is not None:
+            self._run_until(self._scheduler.now_us + FATE_WAIT_US)
+        yield from self._take_ripe()
 
-    def _deliver(self, batch: Sequence[StreamMessage]) -> Iterator[ReplayedMessage]:
-        arrival_us = batch[0].arrival_us
+    def _deliver(self, batch: Sequence[StreamMessage]) -> None:
+        self._arrival_us = arrival_us = batch[0].arrival_us
         time_us = self._first_arrival_us() if arrival_us is None else arrival_us
-        self._scheduler.run_until(max(time_us, self._scheduler.now_us))
+        self._run_until(max(time_us, self._scheduler.now_us))
         read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
         self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
-        events, self._events = self._events, []
-        for event, records in events:
-            yield ReplayedMessage(arrival_us, event.name, records, event.verdict)
         self._vehicle.endpoint.bytes_to_send(self._channel)
+
+    def _run_until(self, time_us: int) -> None:
+        if self._watch is not None:
+            first_us = self._scheduler.now_us // LOOP_PERIOD_US * LOOP_PERIOD_US + LOOP_PERIOD_US
+            for loop_us in range(first_us, time_us + 1, LOOP_PERIOD_US):
+                self._scheduler.run_until(loop_us)
+                self._watch.look()
+        self._scheduler.run_until(time_us)
+
+    def _take_ripe(self) -> Iterator[ReplayedMessage]:
+        now_us = self._scheduler.now_us
+        while self._handled and self._handled[0].is_ripe(now_us):
+            message = self._handled.popleft().message
+            self._fates.forget(message.samples or ())
+            yield message
 
     def _first_arrival_us(self) -> int:
         return next((m.arrival_us for m in self._stream.messages if m.arrival_us is not None), 0)

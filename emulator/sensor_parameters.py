@@ -61,8 +61,13 @@ COMPASS: Final = (
     ParamInfo("ENABLE", INT8, 1, "Look for compasses", values=_OFF_ON, reboot_required=True),
 )
 
+def _imu_position(number: int) -> ParamInfo:
+    return ParamInfo(f"_POS{number}", VECTOR3F, _ZERO, f"Place of IMU {number} on the vehicle", "m", (-5.0, 5.0))
+
+
 INS: Final = (
     ParamInfo("_ACCOFFS", VECTOR3F, _ZERO, "Offset of the first accelerometer", "m/s/s", (-3.5, 3.5)),
+    *(_imu_position(number) for number in (1, 2, 3)),
     ParamInfo("_GYR_ID", INT32, 0, "Device id of the first gyro, 0 for none"),
     ParamInfo("_ACC_ID", INT32, 0, "Device id of the first accelerometer, 0 for none"),
 )

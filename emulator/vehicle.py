@@ -9,14 +9,16 @@ from ap_core.cint import i16
 from ap_core.clock import VirtualClock
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
+from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs_base import AHRS_START_US
-from ekf_stub.core_texts import CoreTexts, cores_of_mask
-from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
+from ekf_stub.ext_nav_log import VisualOdomFrame
 from ekf_stub.gps_sample import GpsSample
+from ekf_stub.replay_log import ReplayLog
 from ekf_stub.sources import EkfSources
 from emulator.copter import Copter, CopterParts
 from emulator.ftp_files import VehicleFiles
+from emulator.imu.hil import HilSource
 from emulator.log_library import NoLogs, StoredLogs
 from emulator.logger import Logger
 from emulator.mavlink_flow import FLOW_PERIOD_US, MavlinkFlow
@@ -33,7 +35,7 @@ from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.ports import AvailableMode, CopterPort, Location, OriginResult
 from mav_handlers.statustext import StatusTextQueue
-from mav_handlers.wire.messages import GPS_INPUT, OPTICAL_FLOW
+from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
 __all__ = ["LOOP_PERIOD_US", "AhrsParts", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
 
@@ -77,20 +79,24 @@ class Vehicle:
         self._logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
         self.texts.on_text.append(lambda _severity, text: self.log.text(text))
-        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
-        self._ext_nav_log = ExtNavLog(self.logger, lambda: self.params.get_int("LOG_REPLAY") != 0)
+        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), lambda: self.params.generation)
+        wants_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
+        self._replay_log = ReplayLog(self.logger, wants_replay)
         self._rtc = Rtc(self.clock, self.params, self.is_armed, config.boot_utc_us)
         self._gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
         parts = AhrsParts(
             self.clock,
             self.sources,
-            self._ext_nav_log,
+            self._replay_log,
+            self.logger,
             self.params,
             self.texts,
             gps=self.gps,
             is_armed=self.is_armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
+            flying_ms=lambda: self._copter.landing.flying_ms(),
+            home=self.home,
         )
         self.ahrs: VehicleAhrs = config.make_ahrs(parts)
         self.visual_odom = AP_VisualOdom(
@@ -102,12 +108,13 @@ class Vehicle:
             errors=self.internal_errors,
         )
         self.visual_odom.init()
+        self._camera_frames = FromParams(self.params, self._make_camera_frames)
+        self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
         self._flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
         self._initialised = False
         self._copter = self._make_copter()
         self._last_location: Location | None = None
         self._internal_errors_told = 0
-        self._origin_told = False
         self._next_flow_us = 0
         self._next_gps_us = 0
         self._next_tenth_us = 0
@@ -167,7 +174,8 @@ class Vehicle:
             self._finish_boot()
         self._run_estimator_frame()
         self._copter.update()
-        self._tell_internal_errors()
+        if self.internal_errors.mask != self._internal_errors_told:
+            self._tell_internal_errors()
         if self._initialised:
             self._run_sensors(now_us)
         self._run_slow_tasks(now_us)
@@ -187,23 +195,21 @@ class Vehicle:
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
 
     def _run_estimator_frame(self) -> None:
-        self.ahrs.update()
-        self._tell_origin_once()
-        if not self.ahrs.estimator_started():
-            return
+        camera = self._camera_frames()[self.visual_odom.healthy()]
+        self.ahrs.update(camera)
+        if camera.enabled and self.ahrs.estimator_started():
+            self.visual_odom.align_position_to_ahrs(*self.sources.position_alignment())
+
+    def _make_camera_frames(self) -> tuple[VisualOdomFrame, VisualOdomFrame]:
+        """Return what the estimator is told of the camera while it is not healthy, and while it is."""
         camera = self.visual_odom
-        self._ext_nav_log.frame(
-            VisualOdomFrame(camera.get_pos_offset(), camera.get_delay_ms(), camera.healthy(), camera.enabled())
-        )
-        if camera.enabled():
-            camera.align_position_to_ahrs(*self.sources.position_alignment())
+        fixed = camera.get_pos_offset(), camera.get_delay_ms()
+        return VisualOdomFrame(*fixed, False, camera.enabled()), VisualOdomFrame(*fixed, True, camera.enabled())
 
     def _tell_internal_errors(self) -> None:
-        mask = self.internal_errors.mask
-        if mask != self._internal_errors_told:
-            self._internal_errors_told = mask
-            self.log.error(ERR_SUBSYSTEM_INTERNAL_ERROR, ERR_INTERNAL_ERRORS_DETECTED)
-            self.texts.send_text(_MAV_SEVERITY_CRITICAL, f"Internal Errors 0x{mask:x}")
+        mask = self._internal_errors_told = self.internal_errors.mask
+        self.log.error(ERR_SUBSYSTEM_INTERNAL_ERROR, ERR_INTERNAL_ERRORS_DETECTED)
+        self.texts.send_text(_MAV_SEVERITY_CRITICAL, f"Internal Errors 0x{mask:x}")
 
     def _run_sensors(self, now_us: int) -> None:
         if now_us >= self._next_gps_us:
@@ -219,6 +225,7 @@ class Vehicle:
             self._copter.disarm_when_idle()
             self._copter.check_estimator()
             self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
+            self.ahrs.log_estimates()
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US
             if not self.is_armed():
@@ -237,7 +244,7 @@ class Vehicle:
             return True
         if self._logs.suspends_logging:
             return False
-        if self.params.get_int("LOG_DISARMED") != 0:
+        if self._logs_disarmed():
             return True
         disarmed_us = self._copter.disarmed_us
         return disarmed_us is not None and now_us - disarmed_us < LOG_AFTER_DISARM_US
@@ -249,7 +256,7 @@ class Vehicle:
         self._store_parameters()
 
     def _on_log_open(self) -> None:
-        self._ext_nav_log.new_log()
+        self._replay_log.new_log()
         modes = self._copter.modes
         self.log.start(self._config.firmware, self.banner(), modes.current.number, modes.reason)
         for kind, place in ((ORGN_EKF, self.origin()), (ORGN_HOME, self.home())):
@@ -338,18 +345,8 @@ class Vehicle:
         """Set the EKF origin, once; every core says so."""
         if not self.ahrs.set_origin(location):
             return OriginResult.FAILED
-        self._tell_origin_once()
         self.log.place(ORGN_EKF, location)
         return OriginResult.SET
-
-    def _tell_origin_once(self) -> None:
-        # The estimator may also have set it itself, from GPS.
-        if self._origin_told or self.origin() is None:
-            return
-        self._origin_told = True
-        texts = CoreTexts(self.texts, cores_of_mask(self.params.get_int("EK3_IMU_MASK")))
-        texts.add("origin set")
-        texts.flush()
 
     def origin(self) -> Location | None:
         """Return the EKF origin, or None while unset."""
@@ -380,6 +377,22 @@ class Vehicle:
     def take_optical_flow(self, message: OPTICAL_FLOW) -> bool:
         """Give flow to the flow sensor; tell whether there is one that takes it."""
         return self._flow.take(message)
+
+    def take_hil_sensor(self, message: HIL_SENSOR) -> bool:
+        """Take a simulator's sensors; tell whether they are what the vehicle's sensors come from."""
+        source = self.ahrs.source
+        if not isinstance(source, HilSource):
+            return False
+        source.take_hil_sensor(message, self.clock.micros64())
+        return True
+
+    def take_hil_state(self, message: HIL_STATE_QUATERNION) -> bool:
+        """Take a simulator's truth; tell whether it is what the vehicle's sensors may come from."""
+        source = self.ahrs.source
+        if not isinstance(source, HilSource):
+            return False
+        source.take_hil_state(message, self.clock.micros64())
+        return True
 
     def flow_sensor(self) -> tuple[bool, bool]:
         """Tell whether a flow sensor is enabled, and whether it is healthy."""

@@ -5,21 +5,29 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from ap_core.clock import VirtualClock
 from ap_core.location import Location
 from ap_core.param import ParamTable
-from ap_core.sinks import TextSink
+from ap_core.param_cache import FromParams, Numbers
+from ap_core.sinks import RecordSink, TextSink
+from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs_bench import BenchAhrs
-from ekf_stub.ext_nav_log import ExtNavLog
+from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.core_texts import cores_of_mask
+from ekf_stub.ekf_log import EkfLog
+from ekf_stub.ext_nav_log import VisualOdomFrame
 from ekf_stub.gps_sample import GpsSample
+from ekf_stub.replay_log import ReplayLog
+from ekf_stub.sensors import SensorSource
 from ekf_stub.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
 from ekf_stub.sources import EkfSources
 from ekf_stub.surroundings import Surroundings
 from emulator.firmware import REFERENCE, Firmware
+from emulator.imu.bench import BenchSource
+from emulator.imu.options import ImuOptions
 from emulator.log_files import LogStore
 from emulator.log_sink import LogSink
 from emulator.param_memory import MemoryParamStore, StoredParams
@@ -30,13 +38,18 @@ from mav_handlers.signing import KeyStore, MemoryKeyStore
 class VehicleAhrs(Ahrs, AhrsPort, Protocol):
     """An AHRS as the vehicle needs it.
 
-    ``ext_nav_counts`` is what the estimator did with how many samples, by kind and code of the rule.
+    ``ext_nav_counts`` is what the estimator did with how many samples, by kind and code of the rule; ``source`` is
+    where its sensors' data come from, None where there are none.
     """
 
     ext_nav_counts: Counter[tuple[str, str]]
+    source: SensorSource | None
 
-    def update(self) -> None:
-        """Run one frame of the estimator, once a pass of the main loop."""
+    def update(self, camera: VisualOdomFrame) -> None:
+        """Run one frame of the estimator, once a pass of the main loop; it is told of the camera."""
+
+    def log_estimates(self) -> None:
+        """Log what the estimator says at the moment."""
 
     def estimator_started(self) -> bool:
         """Tell whether the estimator runs."""
@@ -67,13 +80,16 @@ class AhrsParts:
 
     clock: VirtualClock
     sources: EkfSources
-    log: ExtNavLog
+    log: ReplayLog
+    logger: RecordSink
     params: ParamTable
     texts: TextSink
     gps: Callable[[], GpsSample | None]
     is_armed: Callable[[], bool]
     visual_odom_enabled: Callable[[], bool]
     on_yaw_reset: Callable[[], None]
+    flying_ms: Callable[[], int]
+    home: Callable[[], Location | None]
 
     def is_fitted(self, sensor: str) -> bool:
         """Tell whether there is a sensor that EKF sources may need, by its name in their pre-arm check."""
@@ -86,33 +102,52 @@ class AhrsParts:
         }
         return fitted.get(sensor, False)
 
+    def imu_pos(self) -> Vector3f:
+        """Return the place of the first IMU on the vehicle, m, body (FRD)."""
+        return Vector3f(*(self.params.get_float(f"INS_POS1_{axis}") for axis in "XYZ"))
+
     def has_compass(self) -> bool:
         """Tell whether there is a compass, and in use."""
         return self.params.get_int("COMPASS_ENABLE") != 0 and self.params.get_int("COMPASS_USE") != 0
 
 
-def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
-    """Return the maker of an AHRS that stands still, level, with a heading, and believes what EKF3 would use."""
+def by_ekf3(
+    make_source: Callable[[ImuOptions], SensorSource], options: ImuOptions
+) -> Callable[[AhrsParts], VehicleAhrs]:
+    """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's."""
 
     def make(parts: AhrsParts) -> VehicleAhrs:
-        return BenchAhrs(
+        has_compass = FromParams(parts.params, parts.has_compass)
+        source = make_source(replace(options, has_compass=has_compass))
+        return Ekf3Ahrs(
             parts.clock,
             parts.sources,
             parts.log,
-            heading_rad=math.remainder(math.radians(heading_deg), 2 * math.pi),
-            has_compass=parts.has_compass,
+            source,
+            has_compass=has_compass,
             around=Surroundings(
                 parts.texts,
                 parts.params.get_int,
-                parts.params.get_float,
+                Numbers(parts.params),
                 parts.gps,
                 parts.is_armed,
                 parts.is_fitted,
                 parts.on_yaw_reset,
+                parts.flying_ms,
+                parts.home,
+                FromParams(parts.params, parts.imu_pos),
+            ),
+            estimates=EkfLog(
+                parts.logger, parts.params.get_int, lambda: cores_of_mask(parts.params.get_int("EK3_IMU_MASK"))
             ),
         )
 
     return make
+
+
+def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], VehicleAhrs]:
+    """Return the maker of an AHRS that runs the filter on a vehicle that stands level, with a heading."""
+    return by_ekf3(BenchSource, ImuOptions(heading_rad=math.remainder(math.radians(heading_deg), 2 * math.pi)))
 
 
 @dataclass(frozen=True)

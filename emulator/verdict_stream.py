@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line for each message that reaches the autopilot: what became of it, and why."""
+"""A line for each message that reaches the autopilot: what became of it, and why; and of its samples in the filter.
+
+Lines for people leave out what goes on as before: a sample that is used, whose source is not in use, or that is not let
+in is told only if something else became of the one of its kind before it.
+"""
 
 import json
 import os
@@ -8,9 +12,11 @@ from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
+from ekf_stub.ext_nav_ingest import FilterOutcome
 from emulator.errors import InputError
+from emulator.filter_fates import Fate, as_dict, fate_of, is_final, is_model, sentence
 from emulator.line_writer import LineWriter
 from mav_handlers.endpoint import MessageEvent
 
@@ -45,17 +51,41 @@ def json_line(link: str, event: MessageEvent) -> str:
         "outcome": verdict.outcome.value,
         "rule": verdict.rule.code,
         "reason": verdict.rule.text,
+        "model": False,
     }
     return json.dumps(fields)
 
 
-LINES: Final[Mapping[VerdictFormat, Callable[[str, MessageEvent], str]]] = MappingProxyType(
-    {VerdictFormat.TEXT: text_line, VerdictFormat.JSON: json_line}
+def filter_text_line(now_us: int, outcome: FilterOutcome) -> str:
+    """Return what became of a sample in the filter, for people."""
+    code = outcome.rule.code + ("; a model's" if is_model(outcome.rule) else "")
+    observed_s = outcome.time_ms / 1e3
+    return f"{now_us / 1e6:9.3f} s  filter  {outcome.kind} at {observed_s:.3f} s  {sentence(outcome)} ({code})"
+
+
+def filter_json_line(now_us: int, outcome: FilterOutcome) -> str:
+    """Return what became of a sample in the filter, for machines; it belongs to no link."""
+    return json.dumps({"time_us": now_us, "link": None, "type": "FILTER", **as_dict(outcome)})
+
+
+class Lines(NamedTuple):
+    """How lines look: that of a message, and that of a sample in the filter."""
+
+    of_message: Callable[[str, MessageEvent], str]
+    of_sample: Callable[[int, FilterOutcome], str]
+
+
+LINES: Final[Mapping[VerdictFormat, Lines]] = MappingProxyType(
+    {
+        VerdictFormat.TEXT: Lines(text_line, filter_text_line),
+        VerdictFormat.JSON: Lines(json_line, filter_json_line),
+    }
 )
+_MAY_GO_ON: Final = (Fate.FUSED, Fate.UNUSED, Fate.REFUSED)
 
 
 class VerdictStream:
-    """Writes a line a message, in the order in which the autopilot dealt with them, without ever holding it up.
+    """Writes a line a message and a line a sample, in the order of what happened, without ever holding up the vehicle.
 
     Args:
         writer: where lines go.
@@ -65,7 +95,9 @@ class VerdictStream:
 
     def __init__(self, writer: LineWriter, kind: VerdictFormat, name: str) -> None:
         self._writer = writer
-        self._line = LINES[kind]
+        self._lines = LINES[kind]
+        self._tells_all = kind is VerdictFormat.JSON
+        self._last_rules: dict[str, str] = {}
         self._name = name
 
     @property
@@ -75,7 +107,17 @@ class VerdictStream:
 
     def take(self, link: str, event: MessageEvent) -> None:
         """Write the verdict on a message that came over a link."""
-        self._writer.put(self._line(link, event))
+        self._writer.put(self._lines.of_message(link, event))
+
+    def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
+        """Write what became of a sample in the filter, once that is settled; ``now_us`` is since boot."""
+        rule = outcome.rule
+        if not is_final(rule):
+            return
+        goes_on = fate_of(rule) in _MAY_GO_ON and self._last_rules.get(outcome.kind) == rule.code
+        self._last_rules[outcome.kind] = rule.code
+        if self._tells_all or not goes_on:
+            self._writer.put(self._lines.of_sample(now_us, outcome))
 
     def close(self) -> None:
         """Write what is waiting, as long as the reader takes it."""

@@ -14,7 +14,9 @@ from typing import Final
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
+from ekf_stub.ingest_rules import RULES as FILTER_RULES
 from emulator.cli import COMMANDS as CLI_COMMANDS
+from emulator.filter_fates import basis, fate_of, is_final, why
 from emulator.parameters import make_groups
 from emulator.presets import PRESETS, preset_title
 from mav_handlers.all_verdicts import ALL_VERDICTS
@@ -79,6 +81,11 @@ def _verdicts() -> Iterator[tuple[str, ...]]:
         yield f"`{verdict.rule.code}`", verdict.outcome.value, verdict.rule.text, verdict.rule.source
 
 
+def _filter_verdicts() -> Iterator[tuple[str, ...]]:
+    for rule in filter(is_final, FILTER_RULES):
+        yield f"`{rule.code}`", fate_of(rule).value, why(rule), basis(rule), rule.source
+
+
 def _backends() -> Iterator[tuple[str, ...]]:
     for kind, cls in BACKENDS.items():
         yield str(int(kind)), kind.name, f"`{getattr(cls, '__name__', '')}`", first_line(cls)
@@ -130,6 +137,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "silent": (("message", "id"), _silent),
     "commands": (("command", "number", "what it does"), _commands),
     "verdicts": (("code", "outcome", "why", "where the firmware decides"), _verdicts),
+    "filter_verdicts": (("code", "fate", "why", "basis", "where the firmware decides"), _filter_verdicts),
     "backends": (("VISO_TYPE", "name", "class", "what it does"), _backends),
     "links": (("connection string", "what it is"), _links),
     "cli": (("command", "what it does"), _cli),

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from emulator.console import err, out, progress, verdict_rows, verdict_table
+from emulator.console import err, out, progress, verdict_rows
 from emulator.demo import END_S, Demo, DemoResult
 from emulator.errors import InputError
+from emulator.filter_report import aiding_rows, filter_rows, tables_of
 from emulator.log_files import LogStore
 
 _PLOT_HINT = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
@@ -31,15 +32,17 @@ def _save_plot(result: DemoResult, path: Path) -> Path | None:
 
 
 def demo(
-    seed: Annotated[int, typer.Option(help="Seed of the camera's noise; the same seed gives the same log.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of all noise; the same seed gives the same log.", min=0)] = 1,
     log_dir: Annotated[Path, typer.Option(help="Where the log and the plot go.")] = Path("logs"),
     plot: Annotated[bool, typer.Option(help="Draw what happened, if matplotlib is there.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
 ) -> None:
     """Fly a scripted figure of eight in virtual time, seen by a simulated camera that sends ODOMETRY.
 
-    The autopilot refuses to arm before the data comes, aligns its yaw, arms, withholds low quality and the second
-    after a reset from the EKF, notices a dropout, and writes a DataFlash log.
+    The autopilot refuses to arm before the data comes, aligns its yaw, arms, and navigates by the camera: its filter, a
+    model of EKF3, fuses what it is given. It withholds low quality and the second after a reset from the filter, which
+    then follows the camera's jump; it notices a dropout; the filter's gate rejects a second of wrong places. The
+    DataFlash log holds the filter's inputs and estimates.
 
     Example: viso demo --seed 1
     """
@@ -51,16 +54,17 @@ def demo(
     if log_file.reason:
         raise InputError(log_file.reason)
     picture = _save_plot(result, log_file.path.with_suffix(".png")) if plot else None
-    counts = run.vehicle.endpoint.verdict_counts()
+    counts, filter_counts = run.vehicle.endpoint.verdict_counts(), run.vehicle.ahrs.ext_nav_counts
     if as_json:
         texts = [{"time_s": time_s, "severity": severity, "text": text} for time_s, severity, text in result.texts]
         files = {"log": str(log_file.path), "plot": None if picture is None else str(picture)}
-        out.print_json(data={**files, "texts": texts, "verdicts": verdict_rows(counts)})
+        told = {"filter": filter_rows(filter_counts), "aiding": aiding_rows(result.aiding)}
+        out.print_json(data={**files, "texts": texts, "verdicts": verdict_rows(counts), **told})
         return
     out.print("What the autopilot said:")
     for time_s, severity, text in result.texts:
         out.print(f"{time_s:7.2f} s  ({severity}) {text}")
-    out.print(verdict_table(counts))
+    out.print(*tables_of(counts, filter_counts))
     out.print(f"log:  {log_file.path}")
     if picture is not None:
         out.print(f"plot: {picture}")

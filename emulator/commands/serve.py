@@ -11,9 +11,18 @@ from typing import Annotated
 
 import typer
 
-from emulator.ahrs_source import ahrs_maker
-from emulator.console import err, out, verdict_rows, verdict_table
+from emulator.ahrs_source import (
+    AhrsChoice,
+    AhrsOption,
+    HeadingOption,
+    ImuErrorOption,
+    ImuOption,
+    ImuSeedOption,
+    ahrs_maker,
+)
+from emulator.console import err, out, verdict_rows
 from emulator.errors import InputError
+from emulator.filter_report import filter_rows, tables_of
 from emulator.key_store import FileKeyStore
 from emulator.line_writer import LineWriter
 from emulator.live_counts import REFRESH_US, LiveCounts
@@ -83,10 +92,11 @@ def serve(
         ),
     ] = None,
     speedup: Annotated[float, typer.Option(help="Vehicle seconds in one second.")] = 1.0,
-    heading: Annotated[float, typer.Option(help="The vehicle's heading in degrees, without --ahrs.")] = 0.0,
-    ahrs: Annotated[
-        Path | None, typer.Option(help="Take attitude and position from this log (.BIN, .BIN.xz).", metavar="LOG")
-    ] = None,
+    imu: ImuOption = None,
+    imu_error: ImuErrorOption = None,
+    imu_seed: ImuSeedOption = 0,
+    heading: HeadingOption = 0.0,
+    ahrs: AhrsOption = None,
     baud: Annotated[
         int | None,
         typer.Option(help="Model the transport time of a UART of this rate on network links, as the simulator does."),
@@ -94,7 +104,10 @@ def serve(
     duration: Annotated[float | None, typer.Option(help="Stop after this many vehicle seconds.")] = None,
     verdicts: Annotated[
         VerdictFormat | None,
-        typer.Option(help="Print a line a message: what became of it and why; all else goes to standard error."),
+        typer.Option(
+            help="Print a line a message, and a line a sample in the filter: what became of it and why; all else goes "
+            "to standard error."
+        ),
     ] = None,
     verdicts_file: Annotated[
         Path | None, typer.Option(help="Write these lines to a file, as JSON.", metavar="FILE")
@@ -102,10 +115,11 @@ def serve(
     live: Annotated[bool, typer.Option(help="Show the counts while they grow, on a terminal.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the closing counts as JSON.")] = False,
 ) -> None:
-    """Be the autopilot: a stationary vehicle that takes external navigation and answers as ArduCopter does.
+    """Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter does.
 
-    External navigation is off until VISO_TYPE is set. Ctrl-C closes the log and ends with a table of what became of
-    each message.
+    It stands still unless --imu tells otherwise. External navigation is off until VISO_TYPE is set. Ctrl-C closes the
+    log and ends with tables of what became of each message, and of each sample in the filter; the filter is a model of
+    EKF3, and what it decides is marked as a model's.
 
     Example: viso serve --param VISO_TYPE=1 --duration 1
     """
@@ -132,7 +146,7 @@ def serve(
     param_store = ParamStore(storage_path)
     key_store = FileKeyStore(storage_path.with_name(KEY_NAME))
     config = VehicleConfig(
-        ahrs_maker(ahrs, heading),
+        ahrs_maker(AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)),
         links=len(names),
         defaults=settings,
         overrides=overrides,
@@ -146,14 +160,16 @@ def serve(
     with ExitStack() as stack:
         links = _open_links(names, stack)
         streams = _open_streams(verdicts, verdicts_file, stack)
-        report = LiveReport(console, [stream.take for stream in streams])
+        takers = [stream.take for stream in streams]
+        report = LiveReport(console, takers, [stream.take_outcome for stream in streams])
         ports = [Port(link.name, link.baud or baud) for link in links]
         powered = PoweredVehicle(config, ports, on_boot=report.watch)
         stack.callback(powered.close)
         stop = stack.enter_context(stop_on_signal())
         console.print(f"{config.firmware.banner} on {', '.join(names)}; logs in {log_dir}; Ctrl-C ends")
-        counted, period_us = powered.verdict_counts, int(REFRESH_US * speedup)
-        shown = stack.enter_context(LiveCounts(console, counted, period_us=period_us, wanted=live and console is out))
+        counted = powered.verdict_counts, powered.filter_counts
+        period_us = int(REFRESH_US * speedup)
+        shown = stack.enter_context(LiveCounts(console, *counted, period_us=period_us, wanted=live and console is out))
 
         def is_over() -> bool:
             shown.update(powered.vehicle.clock.micros64())
@@ -168,8 +184,8 @@ def serve(
     for failure in (key_store.failure, *(stream.failure() for stream in streams)):
         if failure is not None:
             err.print(failure)
-    counts = powered.verdict_counts()
+    counts, filter_counts = powered.verdict_counts(), powered.filter_counts()
     if as_json:
-        out.print_json(data={"verdicts": verdict_rows(counts)})
+        out.print_json(data={"verdicts": verdict_rows(counts), "filter": filter_rows(filter_counts)})
     else:
-        console.print(verdict_table(counts))
+        console.print(*tables_of(counts, filter_counts))

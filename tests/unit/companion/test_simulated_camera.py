@@ -155,6 +155,15 @@ def test_nothing_is_reported_in_a_dropout(time_s: float, silent: bool) -> None:
     assert (camera.report(round(time_s * 1e6)) is None) is silent
 
 
+@pytest.mark.parametrize(("time_s", "off_m"), [(3.9, 0.0), (4.0, 2.0), (5.9, 2.0), (6.0, 0.0)])
+def test_place_is_taken_for_another_for_a_while(time_s: float, off_m: float) -> None:
+    camera = replace(EXACT, faults=CameraFaults(mismatch=Span(4.0, 6.0), mismatch_m=(0.0, 2.0, 0.0)))
+    message = report(camera, time_s)
+    assert position(message) - FLIGHT.position_ned(time_s) == pytest.approx([0, off_m, 0], abs=1e-9)
+    assert local_velocity(message) == pytest.approx(FLIGHT.velocity_ned(time_s), abs=1e-9)
+    assert (message.reset_counter, message.quality) == (0, 90)
+
+
 def test_faults_leave_the_noise_of_other_reports_as_it_is() -> None:
     faulty = SimulatedCamera(FLIGHT, 5, faults=CameraFaults(dropout=Span(1.0, 2.0)))
     assert reports(faulty)[61:] == reports(SimulatedCamera(FLIGHT, 5))[61:]

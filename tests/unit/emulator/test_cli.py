@@ -403,8 +403,8 @@ def test_demo_without_matplotlib_says_what_to_install(viso: Viso, monkeypatch: p
 @pytest.mark.usefixtures("short_demo")
 def test_other_missing_module_is_not_taken_for_matplotlib(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "emulator.demo_plot", raising=False)
-    monkeypatch.setitem(sys.modules, "companion.trajectory", None)
-    with pytest.raises(ModuleNotFoundError, match=r"companion\.trajectory"):
+    monkeypatch.setitem(sys.modules, "ekf_stub.aiding", None)
+    with pytest.raises(ModuleNotFoundError, match=r"ekf_stub\.aiding"):
         viso("demo")
 
 
@@ -463,7 +463,7 @@ def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: 
 
 def test_serve_for_machines_prints_nothing_else(viso: Viso, free_port: int) -> None:
     outcome = viso(*serve_args(free_port, "--json", "--speedup", "1000", "--duration", "5"))
-    assert json.loads(outcome.out) == {"verdicts": []}
+    assert json.loads(outcome.out) == {"verdicts": [], "filter": []}
     assert "ArduPilot Ready" in outcome.err
 
 

@@ -102,9 +102,12 @@ def test_lines_for_machines_are_all_that_standard_output_holds(serve: Serve) -> 
     lines = [json.loads(line) for line in outcome.out.splitlines()]
     assert [(line["link"], line["type"], line["rule"]) for line in lines] == [
         ("pair", "HEARTBEAT", "handled"),
+        (None, "FILTER", "not_started"),
+        (None, "FILTER", "not_started"),
         ("pair", "ODOMETRY", "consumed"),
     ]
     assert "What became of each message" in outcome.err
+    assert "What became of each sample in the filter" in outcome.err
 
 
 def test_lines_for_people(serve: Serve) -> None:

@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 
 from ap_core.verdict import Outcome
-from emulator.demo import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult
+from ekf_stub.aiding import AidingMode
+from ekf_stub.filter_status import FilterFlag
+from emulator.demo import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, Estimate
 from emulator.demo_plot import save_plot
+from emulator.ekf_comparison import compare
+from emulator.ekf_replay import EkfRun
+from emulator.filter_fates import Fate, fate_of
 from emulator.log_sink import MemoryLog
 
 
@@ -71,7 +76,7 @@ def test_yaw_differs_until_it_is_aligned(ran: Callable[[int], Ran]) -> None:
     said = [(time_s, text) for time_s, _, text in ran(1).result.texts if "VisOdom: yaw" in text]
     assert [text.split(":")[0] for _, text in said] == ["PreArm", "VisOdom"]
     assert said[0][1].startswith("PreArm: VisOdom: yaw diff 7")
-    assert said[1][1].startswith("VisOdom: yaw shifted 74 to ")
+    assert said[1][1] in ("VisOdom: yaw shifted 74 to 30 deg", "VisOdom: yaw shifted 75 to 30 deg")
     assert said[1][0] == pytest.approx(22.47, abs=0.05)
 
 
@@ -141,3 +146,93 @@ def test_companion_hears_the_autopilot(ran: Callable[[int], Ran]) -> None:
 def test_plot_is_a_picture(ran: Callable[[int], Ran], tmp_path: Path) -> None:
     save_plot(ran(1).result, tmp_path / "demo.png")
     assert (tmp_path / "demo.png").read_bytes().startswith(b"\x89PNG")
+
+
+# The filter
+
+
+def fates(result: DemoResult, kind: str) -> list[tuple[float, Fate]]:
+    """Return time of observation in s and fate of the samples of a kind."""
+    return [
+        (1e-3 * test.outcome.time_ms, fate_of(test.outcome.rule)) for test in result.fates if test.outcome.kind == kind
+    ]
+
+
+def errors_m(result: DemoResult, start_s: float, end_s: float) -> list[float]:
+    """Return how far estimates were from the truth."""
+    return [
+        float(np.linalg.norm(np.array(estimate.pos_ned) - FLIGHT.position_ned(estimate.time_s)))
+        for estimate in result.estimates
+        if estimate.pos_ned is not None and start_s < estimate.time_s < end_s
+    ]
+
+
+def test_filter_navigates_from_the_first_pose_to_the_end(ran: Callable[[int], Ran]) -> None:
+    standing, navigating = ran(1).result.aiding
+    assert (standing.mode, navigating.mode) == (AidingMode.NONE, AidingMode.ABSOLUTE)
+    assert navigating.start_us * 1e-6 == pytest.approx(COMPANION_START_S + 0.07, abs=0.03)
+    assert navigating.end_us == END_S * 1e6
+
+
+def test_estimate_follows_the_flight_until_the_camera_jumps(ran: Callable[[int], Ran]) -> None:
+    assert FAULTS.reset_s is not None
+    found = errors_m(ran(1).result, 8, FAULTS.reset_s)
+    assert len(found) == pytest.approx(20 * (FAULTS.reset_s - 8), abs=2)
+    assert max(found) < 0.25
+
+
+def test_estimate_jumps_with_the_camera_and_keeps_that(ran: Callable[[int], Ran]) -> None:
+    assert FAULTS.reset_s is not None
+    jump_m = float(np.linalg.norm(FAULTS.reset_jump_m))
+    found = errors_m(ran(1).result, FAULTS.reset_s + 1.2, END_S)
+    assert min(found) > jump_m - 0.2
+    assert max(found) < jump_m + 0.2
+
+
+def test_wrong_places_are_rejected_by_the_gate_and_nothing_else_is(ran: Callable[[int], Ran]) -> None:
+    assert FAULTS.mismatch is not None
+    result = ran(1).result
+    rejected_s = [time_s for time_s, fate in fates(result, "pose") if fate is Fate.REJECTED]
+    assert len(rejected_s) == pytest.approx(30, abs=1)
+    assert min(rejected_s) == pytest.approx(FAULTS.mismatch.start_s, abs=0.05)
+    assert max(rejected_s) == pytest.approx(FAULTS.mismatch.end_s, abs=0.05)
+    for kind in ("height", "velocity", "yaw"):
+        assert Fate.REJECTED not in {fate for _, fate in fates(result, kind)}
+
+
+def test_yaw_of_the_camera_is_not_used_as_the_compass_is(ran: Callable[[int], Ran]) -> None:
+    assert {fate for _, fate in fates(ran(1).result, "yaw")} == {Fate.UNUSED}
+
+
+def test_estimates_are_looked_at_twenty_times_a_second(ran: Callable[[int], Ran]) -> None:
+    times_s = [estimate.time_s for estimate in ran(1).result.estimates]
+    assert np.diff(times_s) == pytest.approx(0.05)
+    assert (times_s[0], times_s[-1]) == (0.0, END_S)
+
+
+def at(result: DemoResult, time_s: float) -> Estimate:
+    return next(estimate for estimate in result.estimates if estimate.time_s >= time_s)
+
+
+def test_flags_and_arming_over_time(ran: Callable[[int], Ran]) -> None:
+    result = ran(1).result
+    flags = [at(result, time_s).flags for time_s in (3.0, 5.0, 6.5, 10.0)]
+    assert flags[0] == FilterFlag.UNINITIALISED
+    assert not flags[1] & FilterFlag.ATTITUDE
+    assert flags[2] & (FilterFlag.ATTITUDE | FilterFlag.CONST_POS_MODE | FilterFlag.HORIZ_POS_ABS) == (
+        FilterFlag.ATTITUDE | FilterFlag.CONST_POS_MODE
+    )
+    assert flags[3] & FilterFlag.HORIZ_POS_ABS
+    assert [at(result, time_s).armed for time_s in (25.9, 26.2, 61.9, 62.2)] == [False, True, True, False]
+
+
+def test_filter_run_on_the_log_agrees_with_the_vehicle(ran: Callable[[int], Ran], tmp_path: Path) -> None:
+    path = tmp_path / "demo.BIN"
+    path.write_bytes(ran(1).log)
+    run = EkfRun(path, until_s=32.0)
+    run.run(lambda _frames, _total: None)
+    comparison = run.comparison()
+    assert comparison is not None
+    found = compare(comparison, bench=False)
+    assert found.records > 200
+    assert [check.what for check in found.checks if not check.passed] == []

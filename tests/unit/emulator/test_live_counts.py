@@ -49,6 +49,16 @@ def test_counts_are_shown_by_message_and_reason() -> None:
     assert all(part in text for part in ("PING", "7", "dropped", NOT_ADDRESSED.rule.text))
 
 
+def test_samples_in_the_filter_are_shown_below() -> None:
+    screen = Screen(terminal=True)
+    with LiveCounts(screen.console, screen.look, lambda: {("pose", "model_gate_position"): 31}) as live:
+        screen.count(7)
+        live.update(0)
+        text = screen.shown()
+    assert text.index("PING") < text.index("What became of each sample") < text.index("horizontal position gate")
+    assert " 31 " in text
+
+
 def test_counts_are_shown_anew_after_a_while_only() -> None:
     screen = Screen(terminal=True)
     with LiveCounts(screen.console, screen.look) as live:

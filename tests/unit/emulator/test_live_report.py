@@ -4,8 +4,11 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
+from ekf_stub.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.ext_nav_ingest import FilterOutcome
 from emulator.console import out
 from emulator.live_report import LiveReport
 from mav_handlers.endpoint import MessageEvent
@@ -20,11 +23,15 @@ def at(after_boot_s: float) -> str:
 def test_first_verdict_of_each_kind_is_told(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
+    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50, EK3_SRC1_YAW=6)
+    bench.see(0.2)
     LiveReport(out).watch(bench.vehicle)
+    bench.run_for(1.0)
+    capsys.readouterr()
     bench.see(0.2)
     bench.see(0.2, quality=5)
-    assert capsys.readouterr().out == f"{at(0.2)}first ODOMETRY ignored: quality is below VISO_QUAL_MIN\n"
+    lines = [line for line in capsys.readouterr().out.splitlines() if "filter: " not in line]
+    assert lines == [f"{at(1.4)}first ODOMETRY ignored: quality is below VISO_QUAL_MIN"]
 
 
 def test_texts_are_told_with_time_and_severity(
@@ -49,3 +56,52 @@ def test_restart_is_told(make_bench: Callable[..., Bench], capsys: pytest.Captur
     report.watch(make_bench().vehicle)
     report.watch(make_bench().vehicle)
     assert capsys.readouterr().out == f"{at(0.0)}restart\n"
+
+
+# Samples in the filter
+
+
+def test_first_fate_of_each_kind_that_is_not_use_is_told(
+    make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = make_bench(VISO_TYPE=1)
+    LiveReport(out).watch(bench.vehicle)
+    bench.see(0.2)
+    why = "refused: no source set named external navigation at boot (exact)"
+    assert capsys.readouterr().out.splitlines() == [
+        f"{at(0)}filter: first {kind} {why}" for kind in ("pose", "yaw", "velocity")
+    ]
+
+
+def test_rejected_sample_is_told_as_a_models_opinion(
+    make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = make_bench(VISO_TYPE=1, EK3_SRC1_POSXY=6, EK3_SRC1_VELXY=6, EK3_SRC1_YAW=6, GPS1_TYPE=0)
+    bench.see(2.0)
+    LiveReport(out).watch(bench.vehicle)
+    bench.see(0.5, x=30.0)
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "filter: first pose rejected: horizontal position gate, ratio " in line
+    assert line.endswith(" (a model's)")
+
+
+def test_filter_listeners_are_told_of_every_outcome_with_its_time(make_bench: Callable[..., Bench]) -> None:
+    bench = make_bench(VISO_TYPE=1)
+    heard: list[tuple[int, FilterOutcome]] = []
+    LiveReport(out, [], [lambda now_us, outcome: heard.append((now_us, outcome))] * 2).watch(bench.vehicle)
+    bench.see(0.05)
+    assert [(now_us, outcome.kind) for now_us, outcome in heard] == [
+        (BOOTED_US, kind) for kind in ("pose", "pose", "yaw", "yaw", "velocity", "velocity")
+    ]
+
+
+def test_vehicle_without_a_filter_is_reported_on_as_well(
+    make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
+) -> None:
+    at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)))
+    bench = make_bench(
+        make_ahrs=lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, at_rest), VISO_TYPE=1
+    )
+    LiveReport(out).watch(bench.vehicle)
+    bench.see(0.2)
+    assert capsys.readouterr().out == ""

@@ -17,11 +17,11 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.ahrs_bench import BenchAhrs
 from emulator.log_structure import GPA, GPS, OF
 from emulator.mavlink_gps import MavlinkGps
 from emulator.parameters import make_groups
-from emulator.vehicle import AhrsParts
+from emulator.vehicle import AhrsParts, VehicleAhrs
+from emulator.vehicle import bench as bench_ahrs
 from mav_handlers.wire.messages import GPS_INPUT
 
 if TYPE_CHECKING:
@@ -328,9 +328,9 @@ def test_time_of_day_needs_a_week_and_a_3d_fix(packet: GPS_INPUT) -> None:
 def test_estimator_and_endpoint_are_given_the_same(make_bench: "MakeBench") -> None:
     seen: list[AhrsParts] = []
 
-    def make(parts: AhrsParts) -> BenchAhrs:
+    def make(parts: AhrsParts) -> VehicleAhrs:
         seen.append(parts)
-        return BenchAhrs(parts.clock, parts.sources, parts.log)
+        return bench_ahrs()(parts)
 
     bench = make_bench(make_ahrs=make, GPS1_TYPE=14)
     bench.send(PACKET)

@@ -183,3 +183,14 @@ def test_memory_store_tells_whether_anything_was_new() -> None:
     store = MemoryParamStore()
     assert store.save_if_changed({"A": 1})
     assert not store.save_if_changed({"A": 1})
+
+
+def test_fates_in_the_filter_are_counted_over_restarts(make: Callable[..., Rig]) -> None:
+    rig = make(overrides={"VISO_TYPE": 1, "EK3_SRC1_YAW": 6})
+    rig.tell(POSE)
+    before = dict(rig.powered.filter_counts())
+    assert before
+    rig.reboot()
+    assert rig.powered.filter_counts() == before
+    rig.tell(POSE)
+    assert sum(rig.powered.filter_counts().values()) == 2 * sum(before.values())

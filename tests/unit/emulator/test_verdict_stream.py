@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line a message."""
+"""A line a message, and a line a sample in the filter."""
 
 import json
 import os
@@ -9,9 +9,20 @@ from pathlib import Path
 
 import pytest
 
+from ap_core.verdict import Rule
+from ekf_stub import ingest_rules as rules
+from ekf_stub.ext_nav_ingest import FilterOutcome
 from emulator.errors import InputError
 from emulator.line_writer import LineWriter
-from emulator.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file, json_line, text_line
+from emulator.verdict_stream import (
+    VerdictFormat,
+    VerdictStream,
+    create_verdict_file,
+    filter_json_line,
+    filter_text_line,
+    json_line,
+    text_line,
+)
 from mav_handlers.endpoint import MessageEvent
 from tests.unit.emulator.conftest import BOOTED_US, Bench, odometry
 
@@ -40,6 +51,7 @@ def test_verdict_for_machines_has_everything(events: list[MessageEvent]) -> None
         "outcome": "ignored",
         "rule": "quality_below_min",
         "reason": "quality is below VISO_QUAL_MIN",
+        "model": False,
     }
 
 
@@ -102,3 +114,85 @@ def test_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         create_verdict_file(tmp_path / "none" / "verdicts")
     assert str(error.value) == f"{tmp_path}/none/verdicts: No such file or directory"
+
+
+# Samples in the filter
+
+REJECTED = FilterOutcome("pose", rules.GATE_POSITION, 12_290, 3.21)
+
+
+def told(tmp_path: Path, kind: VerdictFormat, *outcomes: tuple[str, Rule]) -> list[str]:
+    """Return the lines that outcomes of a kind and by a rule lead to."""
+    path = tmp_path / "verdicts"
+    descriptor = create_verdict_file(path)
+    stream = VerdictStream(LineWriter(descriptor), kind, str(path))
+    for what, rule in outcomes:
+        stream.take_outcome(1_000_000, FilterOutcome(what, rule, 900, None))
+    stream.close()
+    os.close(descriptor)
+    return path.read_text().splitlines()
+
+
+def test_sample_for_people() -> None:
+    expected = (
+        "   12.345 s  filter  pose at 12.290 s  "
+        "rejected: horizontal position gate, ratio 3.2 (model_gate_position; a model's)"
+    )
+    assert filter_text_line(12_345_000, REJECTED) == expected
+
+
+def test_refusal_at_the_door_is_no_models() -> None:
+    line = filter_text_line(1_000_000, FilterOutcome("yaw", rules.TOO_SOON, 900, None))
+    assert line.endswith(
+        "  filter  yaw at 0.900 s  refused: less than 20 ms, odometry 50 ms, after the last (too_soon)"
+    )
+
+
+def test_sample_for_machines() -> None:
+    assert json.loads(filter_json_line(12_345_000, REJECTED)) == {
+        "time_us": 12_345_000,
+        "link": None,
+        "type": "FILTER",
+        "kind": "pose",
+        "observed_ms": 12_290,
+        "outcome": "rejected",
+        "rule": "model_gate_position",
+        "reason": "rejected: horizontal position gate",
+        "ratio": 3.21,
+        "model": True,
+    }
+
+
+def test_machines_are_told_of_every_sample_once_it_is_settled(tmp_path: Path) -> None:
+    outcomes = [("pose", rules.TAKEN), *[("pose", rules.FUSED)] * 3, ("yaw", rules.UNUSED), ("yaw", rules.UNUSED)]
+    lines = told(tmp_path, VerdictFormat.JSON, *outcomes)
+    assert [json.loads(line)["rule"] for line in lines] == ["model_fused"] * 3 + ["model_unused"] * 2
+
+
+@pytest.mark.parametrize(("first", "count"), [
+    (rules.FUSED, 1),
+    (rules.UNUSED, 1),
+    (rules.NO_BUFFER, 1),
+    (rules.GATE_POSITION, 3),
+    (rules.RESET_TO, 3),
+    (rules.TOO_OLD, 3),
+])  # fmt: skip
+def test_people_are_not_told_that_it_goes_on_as_before(tmp_path: Path, first: Rule, count: int) -> None:
+    assert len(told(tmp_path, VerdictFormat.TEXT, *[("pose", first)] * 3)) == count
+
+
+def test_people_are_told_of_every_change(tmp_path: Path) -> None:
+    changes = [rules.FUSED, rules.TAKEN, rules.FUSED, rules.TOO_SOON, rules.FUSED, rules.GATE_POSITION, rules.FUSED]
+    lines = told(tmp_path, VerdictFormat.TEXT, *(("pose", rule) for rule in changes))
+    assert [line.partition(" s  ")[2].split("  ")[2].split(":")[0] for line in lines] == [
+        "fused",
+        "refused",
+        "fused",
+        "rejected",
+        "fused",
+    ]
+
+
+def test_kinds_change_on_their_own(tmp_path: Path) -> None:
+    outcomes = [("pose", rules.FUSED), ("yaw", rules.UNUSED), ("pose", rules.FUSED), ("yaw", rules.UNUSED)]
+    assert len(told(tmp_path, VerdictFormat.TEXT, *outcomes)) == 2

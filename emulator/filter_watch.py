@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Follows the filter of a vehicle: what it made of samples, how far off they were, and when it navigated by what."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.aiding import AidingMode
+from ekf_stub.ekf3_core import Ekf3Core
+from ekf_stub.ext_nav_ingest import FilterOutcome
+from ekf_stub.sources import SourceZ
+from emulator.filter_fates import Fate, fate_of
+from emulator.vehicle import Vehicle
+
+UNITS: Final = {"pose": "m", "height": "m", "yaw": "deg", "velocity": "m/s", "odometry": "m/s"}
+"""Of innovations, by kind of sample."""
+
+
+class SampleTest(NamedTuple):
+    """A sample that the filter decided about, and its innovation (prediction less measurement) if it was tested.
+
+    ``innovation`` is a length in the unit of its kind; of a pose it is horizontal.
+    """
+
+    time_us: int
+    outcome: FilterOutcome
+    innovation: float | None
+
+
+class AidingSpan(NamedTuple):
+    """How the filter navigated from a time in us since boot on, to another."""
+
+    start_us: int
+    end_us: int
+    mode: AidingMode
+
+
+@dataclass(slots=True)
+class Innovations:
+    """What is known of a kind of sample: how many were tested and rejected, and how far off they were."""
+
+    tested: int = 0
+    rejected: int = 0
+    worst: float = 0.0
+    worst_ratio: float = 0.0
+    _squares: float = 0.0
+
+    def add(self, innovation: float, ratio: float, *, is_rejected: bool) -> None:
+        """Count a sample that was tested."""
+        self.tested += 1
+        self.rejected += is_rejected
+        self.worst = max(self.worst, innovation)
+        self.worst_ratio = max(self.worst_ratio, ratio)
+        self._squares += innovation**2
+
+    @property
+    def rms(self) -> float:
+        """The root of the mean square."""
+        return math.sqrt(self._squares / self.tested) if self.tested else 0.0
+
+
+class FilterWatch:
+    """Follows a vehicle's filter; all that it says is a model's.
+
+    Args:
+        vehicle: fresh, and with a filter.
+
+    Attributes:
+        listeners: hear of each sample.
+        innovations: by kind, of the samples that were tested.
+
+    Raises:
+        ValueError: the vehicle follows a log in place of a filter.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        if not isinstance(vehicle.ahrs, Ekf3Ahrs):
+            raise ValueError("a vehicle without a filter")
+        self._clock = vehicle.clock
+        self._ahrs = vehicle.ahrs
+        self._ahrs.on_filter_outcome = self._take
+        self._modes = [(0, AidingMode.NONE)]
+        self.listeners: list[Callable[[SampleTest], None]] = []
+        self.innovations: dict[str, Innovations] = {}
+
+    def _take(self, outcome: FilterOutcome) -> None:
+        innovation = None
+        if outcome.ratio is not None and self._ahrs.core is not None:
+            innovation = innovation_of(self._ahrs.core, outcome.kind)
+            of_kind = self.innovations.setdefault(outcome.kind, Innovations())
+            of_kind.add(innovation, outcome.ratio, is_rejected=fate_of(outcome.rule) is Fate.REJECTED)
+        test = SampleTest(self._clock.micros64(), outcome, innovation)
+        for listener in self.listeners:
+            listener(test)
+
+    def look(self) -> None:
+        """Look how the filter navigates; to be called after each pass of the main loop."""
+        mode = self.mode()
+        if mode is not self._modes[-1][1]:
+            self._modes.append((self._clock.micros64(), mode))
+
+    def mode(self) -> AidingMode:
+        """Return how the filter navigates."""
+        core = self._ahrs.core
+        return core.aiding.mode if core is not None and core.initialised else AidingMode.NONE
+
+    def aiding(self) -> list[AidingSpan]:
+        """Return how the filter has navigated, from boot until now."""
+        ends = [*(time_us for time_us, _ in self._modes[1:]), self._clock.micros64()]
+        return [AidingSpan(start_us, end_us, mode) for (start_us, mode), end_us in zip(self._modes, ends, strict=True)]
+
+
+def innovation_of(core: Ekf3Core, kind: str) -> float:
+    """Return the length of the innovation of a sample whose test is just being told."""
+    if kind == "pose":
+        return math.hypot(*core.fusion.innovations.pos[:2].tolist())
+    if kind == "height":
+        return abs(float(core.fusion.innovations.pos[2]))
+    if kind == "yaw":
+        return math.degrees(abs(core.yaw.innovation))
+    if kind == "odometry":
+        odometry = core.odometry.report()
+        return 0.0 if odometry is None else math.hypot(*odometry.innovation)
+    # The filter keeps the innovations of velocities that it fuses; they are wanted of those that it rejects, too.
+    velocity = core.delayed.velocity
+    axes = 3 if core.sources.uses_vel_z(SourceZ.EXTNAV) else 2
+    return 0.0 if velocity is None else float(np.linalg.norm((core.state.vel - velocity.vel)[:axes]))

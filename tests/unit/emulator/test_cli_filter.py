@@ -1,0 +1,286 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The filter on the command line: its sensors, what became of samples in it, and when it navigated."""
+
+import gzip
+import json
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from emulator import cli
+from emulator.commands import serve as serve_command
+from mav_handlers.links.pair import make_pair
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import ODOMETRY, Message
+from tests.unit.emulator.conftest import odometry
+
+DATA = Path(__file__).parents[2] / "data"
+CAPTURE = DATA / "captures" / "mav.jsonl.gz"
+SHORT = 120
+PERIOD_US = 33_333
+LOG = DATA / "logs" / "prearm.BIN.xz"
+BY_EXT_NAV = [
+    *("--param", "VISO_TYPE=1", "--param", "EK3_SRC1_POSXY=6", "--param", "EK3_SRC1_VELXY=6"),
+    *("--param", "EK3_SRC1_POSZ=1", "--param", "EK3_SRC1_YAW=6", "--param", "GPS1_TYPE=0"),
+]
+
+
+class Outcome(NamedTuple):
+    """How a command ended: exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+Viso = Callable[..., Outcome]
+
+
+@pytest.fixture
+def viso(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
+    """Return a function that runs a command line in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*args: str | Path) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["viso", *map(str, args)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return Outcome(int(ended.value.code or 0), *capfd.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def serve(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> Viso:
+    """Return a function that serves for a moment to a client that has sent a pose."""
+
+    def run(*args: str | Path, sent: tuple[Message, ...] = (odometry(0),)) -> Outcome:
+        ours, client = make_pair(("pair", "client"))
+        client.send(b"".join(map(Codec(255, 190).encode, sent)))
+        monkeypatch.setattr(serve_command, "open_link", lambda _name: ours)
+        return viso("serve", "--master", "pair", "--speedup", "1000", "--duration", "0.02", *args)
+
+    return run
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    """Return the first messages of a recorded capture: some 6 s from boot."""
+    path = tmp_path / "short.jsonl"
+    with gzip.open(CAPTURE, "rt", encoding="utf-8") as file:
+        path.write_text("".join(line for _, line in zip(range(SHORT + 1), file, strict=False)))
+    return path
+
+
+def pose_line(arrival_us: int, message: ODOMETRY) -> str:
+    return json.dumps({"arrival_us": arrival_us, "msg": Codec(1, 197).encode(message).hex()}) + "\n"
+
+
+def write_capture(path: Path, x_at: Callable[[float], float]) -> Path:
+    """Write a capture of 4 s of poses, whose place is north as a function of seconds since the first tells."""
+    params = {f"EK3_SRC1_{what}": 6 for what in ("POSXY", "POSZ", "YAW")}
+    with path.open("w") as file:
+        file.write(json.dumps({"name": path.stem, "params": {"VISO_TYPE": 1, "GPS1_TYPE": 0, **params}}) + "\n")
+        for number in range(120):
+            arrival_us = 6_000_000 + number * PERIOD_US
+            file.write(pose_line(arrival_us, odometry(arrival_us, x=x_at(1e-6 * number * PERIOD_US))))
+    return path
+
+
+@pytest.fixture
+def leaping(tmp_path: Path) -> Path:
+    """Return a capture of poses at rest, of which the last half second is 9 m off."""
+    return write_capture(tmp_path / "leaping.jsonl", lambda t: 9.0 if t > 3.49 else 0.0)
+
+
+@pytest.fixture
+def speeding(tmp_path: Path) -> Path:
+    """Return a capture of poses that speed up."""
+    return write_capture(tmp_path / "speeding.jsonl", lambda t: 1.5 * max(0.0, t - 1.0) ** 2)
+
+
+def failed_with(outcome: Outcome, line: str) -> bool:
+    """Tell whether a command ended with exit code 2, this one line, and no output."""
+    assert outcome == Outcome(2, "", f"viso: {line}\n")
+    return True
+
+
+# replay
+
+
+def replayed(viso: Viso, *args: str | Path) -> dict[str, Any]:
+    outcome = viso("replay", *args, "--json")
+    assert outcome.code == 0
+    answer: dict[str, Any] = json.loads(outcome.out)
+    return answer
+
+
+def test_replay_tells_what_the_filter_makes_of_a_stream(viso: Viso, leaping: Path) -> None:
+    outcome = viso("replay", leaping, "--ekf")
+    assert outcome.code == 0
+    titles = (
+        "What became of each message",
+        "What became of each sample in the filter",
+        "Innovations of the samples that were tested (a model's)",
+        "By what the filter navigated (a model's)",
+    )
+    places = [outcome.out.index(title) for title in titles]
+    assert places == sorted(places)
+    assert "horizontal position gate" in outcome.out
+    assert "EKF3 IMU0 is using external nav data" in outcome.out
+    assert "absolute position" in outcome.out
+
+
+def test_replay_tells_machines_the_same(viso: Viso, leaping: Path) -> None:
+    answer = replayed(viso, leaping, "--ekf")
+    rejected = [row for row in answer["filter"] if row["outcome"] == "rejected"]
+    assert [(row["kind"], row["rule"], row["count"], row["model"]) for row in rejected] == [
+        ("pose", "model_gate_position", 15, True)
+    ]
+    pose = next(row for row in answer["innovations"] if row["kind"] == "pose")
+    assert (pose["rejected"], pose["unit"], pose["model"]) == (15, "m", True)
+    assert pose["worst"] == pytest.approx(9.0, abs=0.1)
+    assert pose["worst_ratio"] > 3
+    modes = [(span["mode"], span["model"]) for span in answer["aiding"]]
+    assert modes == [("none", True), ("absolute", True)]
+    started = next(row for row in answer["texts"] if row["text"] == "EKF3 IMU0 is using external nav data")
+    assert answer["aiding"][1]["start_us"] == started["time_us"]
+
+
+def test_counts_of_the_filter_are_those_of_the_lines(viso: Viso, leaping: Path) -> None:
+    answer = replayed(viso, leaping, "--ekf", "--records", "out.jsonl")
+    lines = [json.loads(line) for line in Path("out.jsonl").read_text().splitlines()]
+    assert len(lines) == 120
+    assert set(lines[0]) == {"arrival_us", "type", "out", "verdict", "filter"}
+    found: dict[tuple[str, str], int] = {}
+    for fate in (fate for line in lines for fate in line["filter"]):
+        key = fate["kind"], fate["rule"]
+        found[key] = found.get(key, 0) + 1
+    assert found == {(row["kind"], row["rule"]): row["count"] for row in answer["filter"]}
+
+
+def test_replay_without_the_filter_is_as_it_was(viso: Viso, capture: Path) -> None:
+    answer = replayed(viso, capture, "--records", "out.jsonl")
+    assert set(answer) == {"stream", "verdicts", "texts"}
+    assert "filter" not in json.loads(Path("out.jsonl").read_text().splitlines()[0])
+    assert "filter" not in viso("replay", capture).out
+
+
+def test_vehicle_moves_as_the_stream_says_unless_told_otherwise(viso: Viso, speeding: Path) -> None:
+    worst = {}
+    for imu in ([], ["--imu", "follow"], ["--imu", "bench"]):
+        answer = replayed(viso, speeding, "--ekf", *imu)
+        worst[" ".join(imu)] = next(row["worst"] for row in answer["innovations"] if row["kind"] == "pose")
+    assert worst[""] == worst["--imu follow"] < 0.5 * worst["--imu bench"]
+
+
+def test_replay_with_the_filter_twice_writes_the_same_bytes(viso: Viso, leaping: Path) -> None:
+    noisy = ["--ekf", "--imu-error", "gyro_noise_deg_s_rthz=0.02", "--imu-seed", "3", "--param", "LOG_REPLAY=1"]
+    outputs = [viso("replay", leaping, *noisy, "--log", name).out for name in ("first.BIN", "second.BIN")]
+    assert outputs[0] == outputs[1]
+    assert Path("first.BIN").read_bytes() == Path("second.BIN").read_bytes()
+    viso("replay", leaping, *noisy, "--imu-seed", "4", "--log", "third.BIN")
+    assert Path("third.BIN").read_bytes() != Path("first.BIN").read_bytes()
+
+
+def test_empty_stream_has_nothing_to_tell_of_the_filter(viso: Viso, tmp_path: Path) -> None:
+    (tmp_path / "empty.jsonl").write_text('{"name": "empty", "params": {}}\n')
+    outcome = viso("replay", "empty.jsonl", "--ekf")
+    assert outcome.code == 0
+    assert "Innovations" not in outcome.out
+    assert "nothing (constant position)" in outcome.out
+
+
+@pytest.mark.parametrize(("args", "line"), [
+    (["--ekf", "--ahrs", LOG], "--ekf and --ahrs: a vehicle that follows a log has no filter"),
+    (["--ahrs", LOG, "--imu", "bench"], "--ahrs and --imu: a vehicle that follows a log has no sensors"),
+    (["--imu", "gps"], "--imu gps: no such source; there are bench, script, follow, hil, log"),
+    (["--imu", "script"], "--imu script: not script:FILE"),
+    (
+        ["--imu-error", "baro_noise_m=loud"],
+        "--imu-error 'baro_noise_m=loud': not NAME=NUMBER",
+    ),
+])  # fmt: skip
+def test_option_of_the_filter_that_cannot_be_used_is_one_line(
+    viso: Viso, serve: Viso, capture: Path, args: list[str | Path], line: str
+) -> None:
+    assert failed_with(viso("replay", capture, *args), line)
+    if "--ekf" not in args:
+        assert failed_with(serve(*args), line)
+
+
+def test_script_that_is_not_there_is_one_line(viso: Viso, capture: Path) -> None:
+    outcome = viso("replay", capture, "--imu", "script:none.toml")
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert outcome.err.startswith("viso: none.toml: No such file or directory")
+
+
+# serve
+
+
+@pytest.mark.parametrize("imu", ["bench", "script:figure_eight", "follow", "hil"])
+def test_vehicle_serves_with_sensors_of_every_kind(serve: Viso, imu: str) -> None:
+    outcome = serve("--imu", imu, "--json", *BY_EXT_NAV)
+    assert outcome.code == 0
+    assert {row["rule"] for row in json.loads(outcome.out)["filter"]} == {"not_started"}
+
+
+def test_vehicle_serves_with_the_sensors_of_a_log(serve: Viso) -> None:
+    assert serve("--imu", f"log:{LOG}", "--json").code == 0
+
+
+def test_closing_counts_tell_machines_of_samples(serve: Viso) -> None:
+    (row, other) = json.loads(serve("--json", *BY_EXT_NAV).out)["filter"]
+    assert row == {
+        "kind": "pose",
+        "outcome": "refused",
+        "rule": "not_started",
+        "reason": "the estimator does not run yet",
+        "count": 1,
+        "model": False,
+    }
+    assert other["kind"] == "velocity"
+
+
+def test_closing_tables_tell_of_samples(serve: Viso) -> None:
+    outcome = serve(*BY_EXT_NAV)
+    assert "filter: first pose refused: the estimator does not run yet (exact)" in outcome.out
+    assert outcome.out.index("What became of each message") < outcome.out.index("What became of each sample")
+
+
+def test_vehicle_that_follows_a_log_has_no_table_of_samples(serve: Viso) -> None:
+    outcome = serve("--ahrs", LOG, "--param", "VISO_TYPE=1")
+    assert "What became of each message" in outcome.out
+    assert "What became of each sample" not in outcome.out
+
+
+def test_lines_of_samples_are_among_those_of_messages(serve: Viso) -> None:
+    lines = [json.loads(line) for line in serve("--verdicts", "json", *BY_EXT_NAV).out.splitlines()]
+    assert [(line["type"], line["link"], line["model"]) for line in lines] == [
+        ("FILTER", None, False),
+        ("FILTER", None, False),
+        ("ODOMETRY", "pair", False),
+    ]
+
+
+def test_lines_for_people_are_in_columns(serve: Viso) -> None:
+    first = serve("--verdicts", "text", *BY_EXT_NAV).out.splitlines()[0]
+    why = r"refused: the estimator does not run yet \(not_started\)"
+    assert re.fullmatch(rf" +\d+\.\d{{3}} s  filter  pose at \d+\.\d{{3}} s  {why}", first)
+
+
+# demo
+
+
+def test_demo_tells_of_the_filter(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("emulator.demo.END_S", 9.0)
+    answer = json.loads(viso("demo", "--no-plot", "--json").out)
+    assert {row["outcome"] for row in answer["filter"] if row["kind"] == "height"} == {"fused"}
+    assert [span["mode"] for span in answer["aiding"]] == ["none", "absolute"]
+    assert "What became of each sample in the filter" in viso("demo", "--no-plot").out
