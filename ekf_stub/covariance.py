@@ -25,9 +25,9 @@ def diagonal(cov: Array) -> Array:
 
 
 def is_positive(cov: Array) -> bool:
-    """Tell whether no mix of errors has a negative variance."""
+    """Tell whether no mix of errors has a negative variance, but for rounding."""
     try:
-        np.linalg.cholesky(cov + _NO_VAR * np.eye(len(cov)))
+        np.linalg.cholesky(cov + np.diag(_ROUNDING * diagonal(cov) + _NO_VAR))
     except np.linalg.LinAlgError:
         return False
     return True
@@ -62,34 +62,30 @@ def lift(cov: Array, limits: StateLimits) -> None:
     np.maximum(variances, limits.lowest_var, out=variances)
 
 
-def fused(cov: Array, gain: Array, left_alone: Sequence[int]) -> Array | None:
+def fused(cov: Array, gain: Array, left_alone: Sequence[int], *, is_sharp: bool) -> Array | None:
     """Return a covariance after a measurement; None if a variance would become negative.
-
-    Variances gain what the difference of large numbers may have lost, so that it stays positive.
 
     Args:
         cov: before it.
         gain: how each error goes with the innovation, in units of the innovation's sigma.
         left_alone: states that the measurement is not to correct.
+        is_sharp: so much more is known after it than before that the difference of the two has lost its last digits;
+            these are made up for, on the safe side.
     """
-    rounding = _ROUNDING * diagonal(cov)
-    if not left_alone:
-        return _lessened(cov, gain[:, np.newaxis] * gain, rounding)
-    used = gain.copy()
-    used[left_alone] = 0.0
-    loss = used[:, np.newaxis] * gain
-    after = _lessened(cov, 0.5 * (loss + loss.T), rounding)
-    if after is None or is_positive(after):
-        return after
-    # FIRMWARE PARITY: the firmware goes on with that, which is no covariance. This is the one of such a gain.
-    left = gain - used
-    return _lessened(cov, gain[:, np.newaxis] * gain - left[:, np.newaxis] * left, rounding)
-
-
-def _lessened(cov: Array, loss: Array, rounding: Array) -> Array | None:
-    after = cov - loss
+    used = gain
+    if left_alone:
+        used = gain.copy()
+        used[left_alone] = 0.0
+    after = cov - used[:, np.newaxis] * gain
+    if left_alone:
+        after = 0.5 * (after + after.T)
+        if not is_positive(after):
+            # FIRMWARE PARITY: the firmware goes on with that. This is the covariance of such a gain.
+            left = gain - used
+            after = cov - (gain[:, np.newaxis] * gain - left[:, np.newaxis] * left)
     variances = diagonal(after)
     if min(variances.tolist()) < 0.0:
         return None
-    variances += rounding
+    if is_sharp:
+        variances += _ROUNDING * diagonal(cov)
     return after

@@ -23,10 +23,8 @@ UNINITIALISED_FAULT: Final = 128
 COVARIANCE_INTERVAL_MS: Final = 490
 TILT_INTERVAL_MS: Final = 500
 STILLNESS_INTERVAL_MS: Final = 200
-FAST_PERIOD_US: Final = 40_000
 PERIOD_US: Final = 100_000
 
-_FAST_ATTITUDE: Final = 1 << 0  # of LOG_BITMASK
 _ONLY_XKF4: Final = 1  # of EK3_LOG_LEVEL
 _NOTHING: Final = 3
 _STATES_OF_XKV1: Final = 12
@@ -133,10 +131,6 @@ class EkfLog:
             self._logger.write(structure, (now_us, core, *values))
 
     # As EK3_LOG_LEVEL says
-
-    def streaming_period_us(self) -> int:
-        """Return how often to call :meth:`write_streaming`: 10 times a second, or 25 with fast attitude logging."""
-        return FAST_PERIOD_US if self._get_int("LOG_BITMASK") & _FAST_ATTITUDE else PERIOD_US
 
     def write_streaming(self, report: CoreReport, now_us: int) -> None:
         """Write the records of a moment; called by the task that logs attitude, after ATT."""

@@ -3,7 +3,7 @@
 """The filter: states, and the covariance of their errors (AP_NavEKF3/AP_NavEKF3_core.cpp).
 
 The errors of the attitude are those of the quaternion's four components, and are added to it. Magnetic fields are
-estimated in flight with a compass only; else their errors are zero. Process noise, limits and order are the firmware's.
+estimated in flight with a compass only. Process noise, limits and order are the firmware's.
 """
 
 import math
@@ -45,13 +45,9 @@ POORLY_OBSERVABLE_COSINE: Final = math.sqrt(0.5)
 MAX_TILT_VAR: Final = math.radians(30.0) ** 2
 MAX_INNOVATION: Final = 1e7
 MIN_NOISE_VAR: Final = 1e-8
+SHARP: Final = 1e4
 
 _FIELDS: Final = slice(EARTH.start, BODY.stop)
-
-
-def _noise(variance: float) -> float:
-    """Return the variance of a measurement, not below the least; not a number if it is none."""
-    return max(variance, MIN_NOISE_VAR) if variance >= 0.0 else math.nan
 
 
 class ErrorState(NominalState):
@@ -64,7 +60,6 @@ class ErrorState(NominalState):
     Attributes:
         cov: shape (22, 22), of the errors of the quaternion's components, velocity, position, biases and fields.
         learns_biases: whether the biases are estimated.
-        learns_field: whether the magnetic fields are.
         predicted_tilt_variance: of the direction of down, rad^2, as of the last prediction.
     """
 
@@ -72,9 +67,9 @@ class ErrorState(NominalState):
         super().__init__(quat)
         self.cov: Array = np.zeros((STATES, STATES))
         self._set_attitude_covariance(np.full(3, INITIAL_ATT_VAR))
+        self.learns_biases = self._learns_field = False
         for state, variance in enumerate(variances.tolist(), VEL.start):
             self.clear(slice(state, state + 1), variance)
-        self.learns_biases = self.learns_field = False
         self.predicted_tilt_variance = self.tilt_variance()
         self._frozen_accel_vars: list[float | None] = [None, None, None]
         self._aided = False
@@ -93,6 +88,17 @@ class ErrorState(NominalState):
         accel_sigma = ACCEL_BIAS_LIM_SCALER * accel_bias_limit * dt_ekf_avg
         self.clear(GYRO, gyro_sigma * gyro_sigma)
         self.clear(ACCEL, accel_sigma * accel_sigma)
+
+    @property
+    def learns_field(self) -> bool:
+        """Whether the magnetic fields are estimated; else their errors are zero."""
+        return self._learns_field
+
+    @learns_field.setter
+    def learns_field(self, learns_field: bool) -> None:
+        self._learns_field = learns_field
+        if not learns_field:
+            self.clear(_FIELDS, 0.0)
 
     # Prediction
 
@@ -134,8 +140,6 @@ class ErrorState(NominalState):
         if not self.learns_biases:
             self.clear(GYRO, 0.0)
             self.clear(ACCEL, 10 * MIN_ACCEL_VAR)
-        if not self.learns_field:
-            self.clear(_FIELDS, 0.0)
         for state, frozen in enumerate(self._frozen_accel_vars, ACCEL.start):
             if frozen is not None:
                 self.clear(slice(state, state + 1), frozen)
@@ -151,13 +155,14 @@ class ErrorState(NominalState):
             variance: of the measurement.
         """
         spread = self.cov.dot(row)
-        return self._fuse(spread, innovation, float(row.dot(spread)) + _noise(variance))
+        return self._fuse(spread, float(row.dot(spread)), innovation, variance)
 
     def fuse(self, row: Array, innovation: float, innovation_variance: float) -> bool:
         """Fuse a scalar like `update`, but with a variance of the innovation that was worked out before."""
         spread = self.cov.dot(row)
-        least = float(row.dot(spread)) + MIN_NOISE_VAR
-        return self._fuse(spread, innovation, least if 0.0 < innovation_variance < least else innovation_variance)
+        expected = float(row.dot(spread))
+        variance = max(innovation_variance - expected, 0.0) if innovation_variance > 0.0 else math.nan
+        return self._fuse(spread, expected, innovation, variance)
 
     def update_state(self, index: int, innovation: float, variance: float) -> bool:
         """Fuse a measurement of one state of velocity or position (FuseVelPosNED).
@@ -165,8 +170,7 @@ class ErrorState(NominalState):
         Without aiding what is measured is assumed, and the biases that it says little of are left alone.
         """
         left_alone = () if self._aided else self._poorly_observable(index)
-        spread = self.cov[index]
-        return self._fuse(spread, innovation, spread.item(index) + _noise(variance), left_alone)
+        return self._fuse(self.cov[index], self.cov.item(index, index), innovation, variance, left_alone)
 
     def _poorly_observable(self, index: int) -> list[int]:
         cosines = enumerate(self.rotation[2].tolist(), GYRO.start)
@@ -176,14 +180,15 @@ class ErrorState(NominalState):
         return states
 
     def _fuse(
-        self, spread: Array, innovation: float, innovation_variance: float, left_alone: Sequence[int] = ()
+        self, spread: Array, expected: float, innovation: float, variance: float, left_alone: Sequence[int] = ()
     ) -> bool:
-        if not (abs(innovation) <= MAX_INNOVATION and 0.0 < innovation_variance < math.inf):
+        if not (abs(innovation) <= MAX_INNOVATION and 0.0 <= variance < math.inf and expected < math.inf):
             self.refused += 1
             return False
-        sigma = math.sqrt(innovation_variance)
+        variance = max(variance, MIN_NOISE_VAR)
+        sigma = math.sqrt(max(expected, 0.0) + variance)
         gain = spread / sigma
-        cov = covariance.fused(self.cov, gain, left_alone)
+        cov = covariance.fused(self.cov, gain, left_alone, is_sharp=expected > SHARP * variance)
         if cov is None:
             return False
         covariance.lift(cov, self.limits)
@@ -197,7 +202,8 @@ class ErrorState(NominalState):
 
     def clear(self, states: slice, variance: float) -> None:
         """Forget what some errors have to do with others, and give them a variance, within limits."""
-        covariance.clear(self.cov, states, variance, self.limits)
+        is_estimated = self.learns_field or states.start < EARTH.start
+        covariance.clear(self.cov, states, variance if is_estimated else 0.0, self.limits)
 
     def set_yaw(self, yaw: float, variance: float, *, by_321: bool = True) -> quaternion.quaternion:
         """Set yaw, keep roll, pitch and how well they are known; return the rotation, earth to earth."""

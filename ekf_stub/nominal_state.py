@@ -90,8 +90,9 @@ class NominalState:
         if not aided and horizontal > MAX_ACCEL_WITHOUT_AIDING:
             del_vel_ned[:2] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
         states = self.states.copy()
-        states[_VELOCITY] += del_vel_ned
-        states[_POSITION] += (0.5 * dt) * (states[_VELOCITY] + self.vel)
+        vel, pos = states[_VELOCITY], states[_POSITION]
+        pos += dt * (vel + 0.5 * del_vel_ned)
+        vel += del_vel_ned
         self.states = within(states, self.limits.lowest, self.limits.highest)
 
     def correct(self, error: Array) -> None:

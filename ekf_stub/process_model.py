@@ -99,8 +99,11 @@ class ProcessModel:
         w, x, y, z = 2 * quat.w, 2 * quat.x, 2 * quat.y, 2 * quat.z
         ax, ay, az = (0.5 * angle for angle in del_ang)
         vx, vy, vz = del_vel
-        self._transition[ATT, ATT] = ((1, -ax, -ay, -az), (ax, 1, az, -ay), (ay, -az, 1, ax), (az, ay, -ax, 1))
-        self._transition[VEL, ATT] = (
+        self._transition[: VEL.stop, ATT] = (
+            (1, -ax, -ay, -az),
+            (ax, 1, az, -ay),
+            (ay, -az, 1, ax),
+            (az, ay, -ax, 1),
             (vz * y - vy * z, vy * y + vz * z, vz * w + vy * x - 2 * vx * y, vz * x - vy * w - 2 * vx * z),
             (vx * z - vz * x, vx * y - 2 * vy * x - vz * w, vx * x + vz * z, vx * w - 2 * vy * z + vz * y),
             (vy * x - vx * y, vx * z + vy * w - 2 * vz * x, vy * z - vx * w - 2 * vz * y, vx * x + vy * y),

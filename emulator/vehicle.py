@@ -44,6 +44,8 @@ ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30
 ERR_INTERNAL_ERRORS_DETECTED: Final = 1
 EV_EKF_YAW_RESET: Final = 62
 EV_SOURCE_SET_1: Final = 85
+MASK_LOG_ATTITUDE_FAST: Final = 1 << 0
+FAST_ATTITUDE_US: Final = 40_000
 LOG_AFTER_DISARM_US: Final = 15_000_000
 FIRST_SECOND_US: Final = 450_000  # phase of the reference's once-a-second checks, in all recordings
 
@@ -109,6 +111,7 @@ class Vehicle:
         )
         self.visual_odom.init()
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
+        self._attitude_period_us = FromParams(self.params, self._find_attitude_period_us)
         self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
         self._flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
         self._initialised = False
@@ -118,6 +121,7 @@ class Vehicle:
         self._next_flow_us = 0
         self._next_gps_us = 0
         self._next_tenth_us = 0
+        self._next_attitude_us = 0
         self._next_second_us = FIRST_SECOND_US
         self.reboot_requested = False
         self.signing_store = config.signing_store
@@ -224,6 +228,8 @@ class Vehicle:
             self._next_tenth_us = now_us + _TENTH_US
             self._copter.disarm_when_idle()
             self._copter.check_estimator()
+        if now_us >= self._next_attitude_us:
+            self._next_attitude_us = now_us + self._attitude_period_us()
             self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
             self.ahrs.log_estimates()
         if now_us >= self._next_second_us:
@@ -232,6 +238,10 @@ class Vehicle:
                 self._copter.arming.update()
             self.log.statistics(self.endpoint.channels)
             self._store_parameters()
+
+    def _find_attitude_period_us(self) -> int:
+        fast = self.params.get_int("LOG_BITMASK") & MASK_LOG_ATTITUDE_FAST
+        return FAST_ATTITUDE_US if fast else _TENTH_US
 
     def _store_parameters(self) -> None:
         self._config.param_store.save_if_changed(self.params.stored_values())

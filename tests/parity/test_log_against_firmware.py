@@ -22,7 +22,13 @@ if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
 
 LOGS = Path(__file__).parent.parent / "data" / "logs"
-KEPT = sorted(path.name.removesuffix(".BIN.xz") for path in LOGS.glob("*.BIN.xz"))
+CAPTURES = LOGS.parent / "captures"
+# Benches of the estimator have no capture.
+KEPT = sorted(
+    name
+    for name in (path.name.removesuffix(".BIN.xz") for path in LOGS.glob("*.BIN.xz"))
+    if (CAPTURES / f"{name}.jsonl.gz").exists()
+)
 
 TYPES = ("VISP", "VISV", "REPH", "REVH", "RVOH")
 # The corrected time, whichever way the record calls it; the read may be up to a loop before the handling.
