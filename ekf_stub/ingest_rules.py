@@ -34,7 +34,9 @@ NOT_FINITE: Final = Rule(
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
 )
 UNUSED: Final = Rule(
-    "model_unused", "not used: its source is not in use, or the estimator is not ready for it", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion"
+    "model_unused",
+    "not used: its source is not in use, or the estimator is not ready for it",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
 )
 FUSED: Final = Rule("model_fused", "used by the estimator", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED")
 

@@ -71,21 +71,22 @@ def compare_values(
     label: str, ours: Sequence[tuple[float, float]], recorded: Sequence[tuple[float, float]]
 ) -> Differences:
     """Compare changes of an integer: the same values in the same order, at the same times."""
-    ours_and_recorded = (
-        [Event(time_s, value, f"{label} {int(value):#x}") for time_s, value in events] for events in (ours, recorded)
-    )
-    return _compare(*ours_and_recorded, step=0.0)
+
+    def events_of(changes: Sequence[tuple[float, float]]) -> list[Event]:
+        return [Event(time_s, value, f"{label} {int(value):#x}") for time_s, value in changes]
+
+    return _compare(events_of(ours), events_of(recorded), step=0.0)
 
 
 def compare_moves(
     ours: Sequence[tuple[float, tuple[float, float]]], recorded: Sequence[tuple[float, tuple[float, float]]]
 ) -> Differences:
     """Compare resets of position: as many, by as much (m north and east), at the same times."""
-    ours_and_recorded = (
-        [Event(time_s, None, "moved by {:.2f}, {:.2f} m".format(*moved), moved) for time_s, moved in events]
-        for events in (ours, recorded)
-    )
-    return _compare(*ours_and_recorded, step=MOVED_STEP_M)
+
+    def events_of(moves: Sequence[tuple[float, tuple[float, float]]]) -> list[Event]:
+        return [Event(time_s, None, "moved by {:.2f}, {:.2f} m".format(*moved), moved) for time_s, moved in moves]
+
+    return _compare(events_of(ours), events_of(recorded), step=MOVED_STEP_M)
 
 
 def _text_event(timed: tuple[float, str]) -> Event:
@@ -95,7 +96,8 @@ def _text_event(timed: tuple[float, str]) -> Event:
 
 def _compare(ours: Sequence[Event], recorded: Sequence[Event], step: float) -> Differences:
     """Match events by their keys, then compare their times, and their numbers to within a step."""
-    matcher = difflib.SequenceMatcher(None, *([event.key for event in events] for events in (ours, recorded)), False)
+    keys = [event.key for event in ours], [event.key for event in recorded]
+    matcher = difflib.SequenceMatcher(None, keys[0], keys[1], autojunk=False)
     lines: list[str] = []
     pairs: list[tuple[Event, Event]] = []
     for kind, our_start, our_end, start, end in matcher.get_opcodes():
