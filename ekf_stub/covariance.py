@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What becomes of a covariance. It stays symmetric to the bit, and positive: no mix of errors gets a negative variance.
 
-filterpy's KalmanFilter is what the tests compare with. It is not what runs, as its update takes 16 us with 22 states
-and this one's 6 us, at up to 300 a second; its prediction takes the same 5 us as here. And it knows neither gains that
-are not the best nor variances that must not become negative.
+filterpy's KalmanFilter is what the tests compare with, and not what runs: one of its updates takes 16 us with 22
+states, where the gain and `fused` take 5, some 200 times a second; and it knows neither gains that leave states alone,
+nor variances that must not become negative. Its prediction takes 5 us, as the two products and their mean do here.
 """
 
 import math

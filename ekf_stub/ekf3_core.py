@@ -48,6 +48,7 @@ MAX_PLACE_AGE_MS: Final = 5000
 LONG_AGO_MS: Final = 1 << 30
 MIN_STEP: Final = 0.1  # of the average step
 _LOOP_DT: Final = 0.0025
+_FIX_2D: Final = 2
 _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE_P_NSE", "MAGB_P_NSE")
 
 
@@ -123,6 +124,7 @@ class Ekf3Core:
         self.origin: Location | None = None
         self._origin_alt_cm = 0
         self._had_flags_ms = self._now_ms = 0
+        self._fix: GpsSample | None = None
         self.initialised = self.stepped = False
 
     def run(self, frame: Frame) -> None:
@@ -132,6 +134,7 @@ class Ekf3Core:
         """
         frame = self._door.admit(frame)
         now_ms = self._now_ms = frame.time_us // 1000
+        self._fix = frame.gps
         self.stillness.sense(frame.delta, _LOOP_DT)
         if not self.initialised:
             self._bootstrap(frame, now_ms)
@@ -385,9 +388,14 @@ class Ekf3Core:
         return 0.0 if self.origin is None else 0.01 * self._origin_alt_cm
 
     def position(self) -> Array:
-        """Return the present position, metres NED from the origin as it was set (getPosNE, getPosD)."""
+        """Return the present position, metres NED from the origin as it was set (getPosNE, getPosD).
+
+        Without aiding it is the GPS's, if that has a fix, else the last one known; nothing without an origin.
+        """
         north, east, down = self.output.now.pos
         if self.origin is None:
             is_unknown = self.aiding.mode is AidingMode.NONE
             return np.array([0.0, 0.0, down]) if is_unknown else np.array([north, east, down])
+        if self.aiding.mode is AidingMode.NONE and self._fix is not None and self._fix.fix_type >= _FIX_2D:
+            north, east = (float(value) for value in self.origin.distance_ned(self._fix.location).to_tuple()[:2])
         return np.array([north, east, down + 0.01 * (self.origin.alt_cm - self._origin_alt_cm)])

@@ -83,7 +83,8 @@ class EkfLog:
     def __init__(self, logger: RecordSink, get_int: Callable[[str], int], cores: Callable[[], tuple[int, ...]]) -> None:
         self._logger = logger
         self._get_int = get_int
-        self._cores = cores
+        self._get_cores = cores
+        self._set_up: tuple[int, ...] = ()
         self._covariance_ms = self._tilt_ms = self._stillness_ms = 0
         self._was_still = False
         self._odometry_recalled = 0
@@ -119,6 +120,11 @@ class EkfLog:
         if is_step and self._tilt_is_due(now_ms):
             self._tilt_ms = now_ms
             self._write_all(XKTV, now_us, (report.tilt_error_rad**2,) * 2)
+
+    def _cores(self) -> tuple[int, ...]:
+        # What EK3_IMU_MASK says later counts from the next boot on.
+        self._set_up = self._set_up or self._get_cores() or (0,)
+        return self._set_up
 
     def _stillness_is_due(self, now_ms: int, is_still: bool) -> bool:
         return is_still != self._was_still or u32(now_ms - self._stillness_ms) > STILLNESS_INTERVAL_MS

@@ -86,7 +86,7 @@ class NominalState:
         self.quat = (self.quat * quat_of_rotation(angle)).normalized()
         self.rotation = matrix_of_quat(self.quat)
         self.accel_filtered = 0.95 * self.accel_filtered + 0.05 / max(dt, MIN_DT) * del_vel_ned
-        horizontal = math.hypot(self.accel_filtered[0], self.accel_filtered[1])
+        horizontal = math.hypot(*self.accel_filtered[:2].tolist())
         if not aided and horizontal > MAX_ACCEL_WITHOUT_AIDING:
             del_vel_ned[:2] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
         states = self.states.copy()

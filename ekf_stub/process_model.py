@@ -84,11 +84,11 @@ class ProcessModel:
         by_turn = by_rotation(state.quat)
         transition = self._transition
         self._set_attitude(state.quat, del_ang.tolist(), del_vel.tolist())
-        transition[ATT, GYRO] = -by_turn
-        transition[VEL, ACCEL] = -state.rotation
+        np.negative(by_turn, out=transition[ATT, GYRO])
+        np.negative(state.rotation, out=transition[VEL, ACCEL])
         # FIRMWARE PARITY: where the firmware keeps a position from growing less certain it keeps its covariances too.
         is_lost = cov.item(POS.start, POS.start) + cov.item(POS.start + 1, POS.start + 1) > MAX_GROWING_POS_VAR
-        transition[POS, VEL] = dt * (_DOWN_AXIS if is_lost else _AXES)
+        np.multiply(dt, _DOWN_AXIS if is_lost else _AXES, out=transition[POS, VEL])
         predicted = transition.dot(cov).dot(transition.T)
         predicted[ATT, ATT] += attitude_variance * by_turn.dot(by_turn.T)
         np.add(predicted, predicted.T, out=cov)

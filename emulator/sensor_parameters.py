@@ -61,6 +61,7 @@ COMPASS: Final = (
     ParamInfo("ENABLE", INT8, 1, "Look for compasses", values=_OFF_ON, reboot_required=True),
 )
 
+
 def _imu_position(number: int) -> ParamInfo:
     return ParamInfo(f"_POS{number}", VECTOR3F, _ZERO, f"Place of IMU {number} on the vehicle", "m", (-5.0, 5.0))
 

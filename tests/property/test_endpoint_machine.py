@@ -50,8 +50,10 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Outcome
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from ekf_stub.ahrs_bench import BenchAhrs
+from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs_settable import ExtNav, SettableAhrs
+from emulator.imu.bench import BenchSource
+from emulator.imu.options import ImuOptions
 from emulator.log_sink import MemoryLog
 from emulator.vehicle import LOOP_PERIOD_US, AhrsParts, Vehicle, VehicleConfig
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
@@ -140,13 +142,12 @@ COMMAND_NUMBERS = st.sampled_from(sorted(COMMANDS)) | st.integers(0, 65535)
 MESSAGE_IDS = st.sampled_from([float(message_id(name)) for name in SENDERS])
 
 
-class SpyAhrs(BenchAhrs):
-    """The AHRS of the bench, which remembers what it is given as well."""
+class SpyAhrs(Ekf3Ahrs):
+    """The AHRS of a parked vehicle, which remembers what it is given as well."""
 
     def __init__(self, parts: AhrsParts) -> None:
-        super().__init__(
-            parts.clock, parts.sources, parts.log, has_compass=lambda: parts.params.get_int("COMPASS_USE") != 0
-        )
+        sensors = BenchSource(ImuOptions(has_compass=parts.has_compass))
+        super().__init__(parts.clock, parts.sources, parts.log, sensors, has_compass=parts.has_compass)
         self.spy = SettableAhrs()
 
     def writeExtNavData(self, *args: Any) -> None:

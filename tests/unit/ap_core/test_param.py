@@ -238,6 +238,29 @@ class TestAccessByFullName:
     def test_spelling_is_exact(self, name: str) -> None:
         with pytest.raises(ValueError, match="no such parameter"):
             make_table().get_int(name)
+        with pytest.raises(ValueError, match="no such parameter"):
+            make_table().get_number(name)
+
+    @pytest.mark.parametrize(("name", "value"), [
+        ("VISO_DELAY_MS", 10.0),
+        ("VISO_SCALE", 1.0),
+        ("VISO_POS_Z", 0.5),
+        ("AHRS_MASK", 180222.0),
+        ("FORMAT_VERSION", 120.0),
+    ])  # fmt: skip
+    def test_number_of_any_type_is_a_plain_float(self, name: str, value: float) -> None:
+        number = make_table().get_number(name)
+        assert (number, type(number)) == (value, float)
+
+    def test_generation_grows_with_every_value_stored_even_the_same(self) -> None:
+        table = make_table()
+        seen = [table.generation]
+        table.set("VISO_SCALE", 2.0)
+        seen.append(table.generation)
+        table.set_from_mavlink("VISO_SCALE", 2.0)
+        seen.append(table.generation)
+        table.get_float("VISO_SCALE")
+        assert seen[0] < seen[1] < seen[2] == table.generation
 
     def test_unknown_group_is_an_error(self) -> None:
         with pytest.raises(ValueError, match="EK3_"):

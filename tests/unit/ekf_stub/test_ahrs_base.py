@@ -19,6 +19,7 @@ from ekf_stub.sources import EkfSources, SourceYaw
 
 START_US = 1_000_000
 ORIGIN = Location(-353632610, 1491652300, 58400)
+CAMERA = VisualOdomFrame(Vector3f(), 10, True, False)
 
 
 class Rig:
@@ -101,7 +102,13 @@ def test_origin_is_refused_before_the_estimator_starts(rig: Rig) -> None:
 
 
 def begin_frames(rig: Rig) -> None:
-    rig.log.frame(VisualOdomFrame(Vector3f(), 10, True, False))
+    rig.log.frame(CAMERA)
+
+
+@pytest.mark.parametrize(("time_ms", "logged"), [(1999, []), (2000, ["RVOH"])])
+def test_camera_is_logged_once_the_estimator_runs(rig: Rig, time_ms: int, logged: list[str]) -> None:
+    rig.at_ms(time_ms).update(VisualOdomFrame(Vector3f(), 10, True, True))
+    assert [name for name, _ in rig.records] == logged
 
 
 def test_pose_is_logged(rig: Rig) -> None:
@@ -132,7 +139,8 @@ def test_estimator_that_does_not_run_vouches_for_nothing(rig: Rig) -> None:
 def test_plain_estimator_runs_well_but_knows_nothing(rig: Rig) -> None:
     ahrs = rig.at_ms(2000)
     ahrs.set_origin(ORIGIN)
-    ahrs.update()
+    ahrs.update(CAMERA)
+    ahrs.log_estimates()
     assert ahrs.healthy()
     assert ahrs.pre_arm_failure(requires_position=True) is None
     assert (ahrs.get_gyro(), ahrs.get_gyro_drift()) == (Vector3f(), Vector3f())

@@ -14,7 +14,7 @@ START_MS = 30_000
 
 
 def update(aiding: Aiding, now_ms: int, ready: Ready = NOTHING, *, no_yaw: bool = False) -> bool:
-    return aiding.update(now_ms, ready, no_yaw_on_ground=no_yaw)
+    return aiding.update(now_ms, lambda: ready, no_yaw_on_ground=no_yaw)
 
 
 def aiding_by(ready: Ready) -> Aiding:
@@ -112,18 +112,30 @@ def test_disarmed_vehicle_without_a_yaw_source_stops_in_the_next_frame_without_a
 def test_odometry_counts_as_used_just_after_boot_as_its_time_is_0() -> None:
     aiding = Aiding()
     update(aiding, 10, EXT_NAV)
-    aiding.times.pos = aiding.times.vel = 0xFFFF_0000
+    aiding.times.pos = aiding.times.vel = -20_000
     update(aiding, 6999)
     assert (aiding.pos_timeout, aiding.vel_timeout) == (True, False)
     update(aiding, 7001)
     assert aiding.vel_timeout
 
 
-def test_times_are_compared_across_the_wrap_of_milliseconds() -> None:
+def test_nothing_is_forgotten_or_remembered_as_milliseconds_pass_2_to_the_32() -> None:
     aiding = Aiding()
-    aiding.times.odometry = (1 << 32) - 60_000
     update(aiding, (1 << 32) - 1000, EXT_NAV)
-    update(aiding, 5999, NOTHING)
+    update(aiding, (1 << 32) + 5999)
     assert not aiding.pos_timeout
-    update(aiding, 6001, NOTHING)
-    assert aiding.pos_timeout
+    update(aiding, (1 << 32) + 6001)
+    assert (aiding.pos_timeout, aiding.vel_timeout) == (True, True)
+
+
+def test_what_could_start_aiding_is_not_asked_while_navigating_by_position() -> None:
+    aiding, asked = aiding_by(EXT_NAV), []
+
+    def ready() -> Ready:
+        asked.append(1)
+        return NOTHING
+
+    aiding.update(START_MS + 100, ready, no_yaw_on_ground=False)
+    assert asked == []
+    aiding.update(START_MS + 102, ready, no_yaw_on_ground=True)
+    assert asked == [1]

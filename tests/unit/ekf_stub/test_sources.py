@@ -31,6 +31,51 @@ def test_parameters_are_read_as_they_are_now() -> None:
     assert choice.yaw() == SourceYaw.EXTNAV
 
 
+class Counted:
+    """Parameters that are counted when they are asked for, with the number of their changes."""
+
+    def __init__(self, **params: int) -> None:
+        self.params = params
+        self.generation = 0
+        self.asked = 0
+
+    def get(self, name: str) -> int:
+        self.asked += 1
+        return self.params.get(name, 0)
+
+    def set(self, name: str, value: int) -> None:
+        self.params[name] = value
+        self.generation += 1
+
+    def sources(self) -> EkfSources:
+        return EkfSources(self.get, lambda: self.generation)
+
+
+def test_known_parameters_are_not_asked_for_again() -> None:
+    params = Counted(SRC1_YAW=1, SRC1_POSXY=SourceXY.GPS, **SECOND)
+    choice = params.sources()
+    first = choice.yaw(), choice.uses_vel_xy(SourceXY.GPS), choice.position_alignment()
+    asked = params.asked
+    assert (choice.yaw(), choice.uses_vel_xy(SourceXY.GPS), choice.position_alignment()) == first
+    assert params.asked == asked
+
+
+def test_changed_parameters_count_at_once() -> None:
+    params = Counted(SRC1_YAW=1, SRC1_POSXY=SourceXY.GPS, **SECOND)
+    choice = params.sources()
+    assert (choice.yaw(), choice.position_alignment()) == (SourceYaw.COMPASS, (True, False))
+    params.set("SRC1_YAW", SourceYaw.EXTNAV)
+    params.set("SRC1_POSXY", SourceXY.EXTNAV)
+    assert (choice.yaw(), choice.position_alignment()) == (SourceYaw.EXTNAV, (False, False))
+
+
+def test_another_set_counts_at_once_though_no_parameter_changed() -> None:
+    choice = Counted(SRC1_POSXY=SourceXY.GPS, **SECOND).sources()
+    assert choice.position_alignment() == (True, False)
+    choice.active_set = 1
+    assert choice.position_alignment() == (False, False)
+
+
 @pytest.mark.parametrize(("source", "aligned"), [
     (SourceXY.NONE, False),
     (SourceXY.GPS, True),

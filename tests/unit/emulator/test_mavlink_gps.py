@@ -355,6 +355,51 @@ def test_log_readers_see_the_solution_and_take_the_time_from_it(make_bench: "Mak
         assert record._timestamp * 1e6 == pytest.approx(WEEK_2300_US + 1_000_000, abs=100_000)
 
 
+def place_of(bench: "Bench") -> tuple[float, ...]:
+    """Return where the estimator is, m NED from its origin."""
+    position = bench.vehicle.ahrs.get_relative_position_NED_origin_float()
+    assert position is not None
+    return tuple(float(value) for value in position.to_tuple())
+
+
+def hear(bench: "Bench", until_s: float, packet: GPS_INPUT) -> None:
+    """Send solutions five times a second."""
+    while bench.scheduler.now_us < until_s * 1e6:
+        bench.send(packet)
+        bench.run_for(0.2)
+
+
+def test_estimator_navigates_by_it_and_changes_over_to_external_navigation_and_back(make_bench: "MakeBench") -> None:
+    good = replace(PACKET, vn=0.0, ve=0.0, vd=0.0, horiz_accuracy=0.5, vert_accuracy=0.5, speed_accuracy=0.3)
+    bench = make_bench(GPS1_TYPE=14, VISO_TYPE=1, EK3_SRC2_POSXY=6, EK3_SRC2_POSZ=6, EK3_SRC2_YAW=6)
+    hear(bench, 41.0, good)
+    assert bench.vehicle.origin() is not None
+    assert "EKF3 IMU0 is using GPS" not in [text for _, _, text in bench.texts]
+    hear(bench, 42.0, good)
+    assert "EKF3 IMU0 is using GPS" in [text for _, _, text in bench.texts]
+    hear(bench, 46.0, replace(good, lat=good.lat + 90))  # a metre north
+    assert place_of(bench) == pytest.approx((1, 0, 0), abs=0.2)
+
+    bench.set("LOG_REPLAY", 1)
+    bench.run_for(0.1)
+    bench.texts.clear()
+    assert bench.command(42007, 2) == 0
+    bench.see(4.0, x=5.0, y=-3.0, z=-2.0)
+    assert [text for _, _, text in bench.texts] == ["EKF3 IMU0 yaw aligned", "EKF3 IMU1 yaw aligned"]
+    assert place_of(bench) == pytest.approx((5, -3, -2), abs=0.1)
+    assert {"Id": 86} in bench.written("EV")
+    assert {"Event": 14} in bench.written("REV3")
+    assert {row["SS"] for row in bench.written("XKFS")[-4:]} == {1}
+
+    bench.texts.clear()
+    assert bench.command(42007, 1) == 0
+    hear(bench, 51.0, good)
+    assert [text for _, _, text in bench.texts if "EKF3" in text] == []
+    assert place_of(bench) == pytest.approx((0, 0, -2), abs=0.2)
+    assert {"Id": 85} in bench.written("EV")
+    assert {"Event": 13} in bench.written("REV3")
+
+
 @pytest.mark.parametrize(("structure", "number", "length"), [(GPS, 94, 51), (GPA, 95, 39), (OF, 180, 28)])
 def test_records_have_the_firmwares_numbers_and_lengths(structure: LogStructure, number: int, length: int) -> None:
     assert (structure.msg_type, structure.length) == (number, length)

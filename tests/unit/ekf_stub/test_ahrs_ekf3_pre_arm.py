@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What keeps the bench's vehicle from arming."""
+"""What keeps a parked vehicle from arming."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING

@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a source of sensors' data must give, and what it may leave out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.inertial import InertialDelta
+from ekf_stub.sensors import Sensors, SensorSource
+
+REST = InertialDelta(np.array([0.0, 0.0, -0.0245]), np.zeros(3), 0.0025, 0.0025)
+
+
+class Rest:
+    """The least that a source of sensors' data is."""
+
+    def sense(self, now_us: int) -> Sensors | None:
+        return Sensors(REST) if now_us else None
+
+    def set_armed(self, armed: bool) -> None: ...
+
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None: ...
+
+    def yaw_rad(self) -> float:
+        return 0.5
+
+
+def test_source_may_have_inertial_data_alone_or_nothing() -> None:
+    source: SensorSource = Rest()
+    assert source.sense(0) is None
+    sensors = source.sense(2500)
+    assert sensors is not None
+    assert (sensors.baro, sensors.mag, sensors.declination) == (None, None, 0)
+
+
+def test_what_sensors_said_does_not_change() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Sensors(REST).declination = 1.0  # type: ignore[misc]  # that it cannot be set is what is tested
