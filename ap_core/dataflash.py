@@ -103,7 +103,8 @@ class DataFlashWriter:
         Raises:
             ValueError: if the type is not registered here, or the values do not fit it.
         """
-        if self._by_id.get(structure.msg_type) != structure:
+        known = self._by_id.get(structure.msg_type)
+        if known is not structure and known != structure:
             raise ValueError(f"log structure {structure.name!r} is not registered")
         packed = structure.pack(values)
         if time_us is None and structure.fields[0] == TIME_LABEL and isinstance(values[0], int):

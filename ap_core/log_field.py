@@ -108,3 +108,15 @@ FORMATS: Final[dict[str, tuple[str, Converter]]] = {
     "Z": ("64s", _text(64)),
 }
 """Format character: struct code, converter. Integers arrive reduced to their width, floats as their bytes."""
+
+DIRECT: Final[dict[str, str]] = {
+    **dict.fromkeys("MB", "B"),
+    **dict.fromkeys("hc", "h"),
+    **dict.fromkeys("HC", "H"),
+    **dict.fromkeys("ieL", "i"),
+    **dict.fromkeys("IE", "I"),
+    **{char: char for char in "bqQfd"},
+    "g": "e",
+}
+"""Format character of a number: the struct code that gives the same bytes for an integer of the field's range, or, in
+a float field, for any number but a NaN and what is too large."""

@@ -9,6 +9,7 @@ libraries keep their own layouts beside their code.
 Source: AP_Logger/LogStructure.h, AP_AHRS/LogStructure.h.
 """
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.log_field import FORMATS, Converter, LogValue
+from ap_core.log_field import DIRECT, FORMATS, Converter, LogValue
 
 HEAD_BYTE1: Final = 0xA3
 HEAD_BYTE2: Final = 0x95
@@ -90,6 +91,11 @@ class LogStructure:
         return struct.Struct("<" + "".join(FORMATS[char][0] for char in self.format))
 
     @cached_property
+    def _direct(self) -> struct.Struct | None:
+        codes = [DIRECT.get(char) for char in self.format]
+        return None if None in codes else struct.Struct("<3s" + "".join(filter(None, codes)))
+
+    @cached_property
     def _converters(self) -> tuple[Converter, ...]:
         return tuple(FORMATS[char][1] for char in self.format)
 
@@ -108,6 +114,19 @@ class LogStructure:
         Raises:
             ValueError: if the number of values is wrong, or text and numbers are mixed up.
         """
+        return self._pack_at_once(values) or self._pack_each(values)
+
+    def _pack_at_once(self, values: Sequence[LogValue]) -> bytes | None:
+        """Pack what nearly all records hold, plain numbers in range; None when there is anything else."""
+        if self._direct is None:
+            return None
+        try:
+            is_plain = math.isfinite(math.fsum(values))  # type: ignore[arg-type]  # text is a TypeError
+            return self._direct.pack(self._header, *values) if is_plain else None
+        except (TypeError, ValueError, OverflowError, struct.error):
+            return None
+
+    def _pack_each(self, values: Sequence[LogValue]) -> bytes:
         if len(values) != len(self._converters):
             raise ValueError(f"{self.name}: {len(values)} values for {len(self._converters)} fields")
         try:

@@ -42,10 +42,10 @@ class Quaternion:
         q3: float | np.float32 = 0.0,
         q4: float | np.float32 = 0.0,
     ):
-        self.q1 = f32(q1)
-        self.q2 = f32(q2)
-        self.q3 = f32(q3)
-        self.q4 = f32(q4)
+        self.q1 = q1 if type(q1) is f32 else f32(q1)
+        self.q2 = q2 if type(q2) is f32 else f32(q2)
+        self.q3 = q3 if type(q3) is f32 else f32(q3)
+        self.q4 = q4 if type(q4) is f32 else f32(q4)
 
     def __repr__(self) -> str:
         return f"Quaternion({self.q1}, {self.q2}, {self.q3}, {self.q4})"

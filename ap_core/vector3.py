@@ -18,9 +18,10 @@ class Vector3f:
     __slots__ = ("x", "y", "z")
 
     def __init__(self, x: float | np.float32 = 0.0, y: float | np.float32 = 0.0, z: float | np.float32 = 0.0):
-        self.x = f32(x)
-        self.y = f32(y)
-        self.z = f32(z)
+        # Most are float32 already; asking costs a tenth of converting.
+        self.x = x if type(x) is f32 else f32(x)
+        self.y = y if type(y) is f32 else f32(y)
+        self.z = z if type(z) is f32 else f32(z)
 
     def __repr__(self) -> str:
         return f"Vector3f({self.x}, {self.y}, {self.z})"

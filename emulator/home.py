@@ -70,10 +70,12 @@ class Home:
 
     def _set_from_ekf(self) -> None:
         # Copter::update_home_from_EKF: in flight, home is level with the origin.
-        place, origin = self._ahrs.get_location(), self._ahrs.origin()
+        origin = self._ahrs.origin()
+        if origin is None:  # without which no home is set
+            return
         if not self._is_armed():
             self.set_here(lock=False)
-        elif place is not None and origin is not None:
+        elif (place := self._ahrs.get_location()) is not None:
             self.has_return_path |= self.set(Location(place.lat, place.lng, origin.alt_cm), lock=False)
 
     def set_here(self, lock: bool) -> bool:
@@ -106,10 +108,10 @@ class Home:
 
     def _update_field_elevation(self) -> None:
         # AP_Baro::update_field_elevation: the elevation of an origin at 0 m looks unset, and is told every second.
-        now_ms = self._clock.millis()
         origin = self._ahrs.origin()
         if origin is None or self._is_armed() or not is_zero(self._field_elevation_m):
             return
+        now_ms = self._clock.millis()
         if u32(now_ms - self._field_elevation_ms) < FIELD_ELEVATION_PERIOD_MS:
             return
         self._field_elevation_m = f32(origin.alt_cm * 0.01)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a pose covariance to the two errors that the firmware uses."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -15,7 +16,8 @@ _ZERO: Final = f32(0)
 
 
 def _cube_root_of_squares(covariance: Sequence[float], diagonal: tuple[int, int, int]) -> np.float32:
-    a, b, c = (f32(covariance[i]) for i in diagonal)
+    i, j, k = diagonal
+    a, b, c = f32(covariance[i]), f32(covariance[j]), f32(covariance[k])
     return cbrtf(a * a + b * b + c * c)
 
 
@@ -27,6 +29,6 @@ def pose_errors(covariance: Sequence[float]) -> tuple[np.float32, np.float32]:
 
     Source: GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_common_vision_position_estimate_data.
     """
-    if np.isnan(covariance[0]):
+    if math.isnan(covariance[0]):
         return _ZERO, _ZERO
     return _cube_root_of_squares(covariance, _POSITION), _cube_root_of_squares(covariance, _ATTITUDE)

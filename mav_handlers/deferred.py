@@ -25,6 +25,9 @@ class _Timer:
     def wait_ms(self, now_ms: int) -> int:
         return max(self.interval_ms - u16(now_ms - self.last_sent_ms), 0)
 
+    def is_due(self, now_ms: int) -> bool:
+        return u16(now_ms - self.last_sent_ms) >= self.interval_ms
+
 
 class DeferredMessages:
     """The timers, of which the one that is due first is chosen when the one before has gone out, and kept till then."""
@@ -46,7 +49,7 @@ class DeferredMessages:
         if self._next is None:
             running = self.intervals_ms()
             self._next = min(running, key=lambda name: self._timers[name].wait_ms(now_ms), default=None)
-        if self._next is None or self._timers[self._next].wait_ms(now_ms) > 0:
+        if self._next is None or not self._timers[self._next].is_due(now_ms):
             return None
         return self._next
 

@@ -9,6 +9,7 @@ from typing import Final
 
 from ap_core.cint import u8, u32
 from ap_core.param import ParamEcho
+from ap_core.param_cache import FromParams
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.channel import Channel, TransmitReserve
 from mav_handlers.context import Context
@@ -71,6 +72,11 @@ class MavEndpoint:
     def __init__(self, vehicle: VehiclePort, message_intervals: Mapping[int, Mapping[int, int]] | None = None) -> None:
         self._vehicle = vehicle
         self._message_intervals = message_intervals or {}
+        self._system_id = FromParams(vehicle.params, lambda: u8(vehicle.params.get_int("MAV_SYSID")))
+        self._only_gcs = FromParams(
+            vehicle.params, lambda: vehicle.params.get_int("MAV_OPTIONS") & OPTION_ONLY_GCS != 0
+        )
+        self._private = self._private_of_channels()
         self.channels: list[Channel] = []
         self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
         self._echoes: deque[ParamEcho] = deque()
@@ -93,6 +99,7 @@ class MavEndpoint:
         codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
         channel = Channel(len(self.channels), name, codec, baud, reserve=self._reserve, timesync_sent_us=now_us)
         self.channels.append(channel)
+        self._private = self._private_of_channels()
         channel.card_intervals_ms = by_name(self._message_intervals.get(channel.index, {}))
         set_defaults(self._vehicle, channel, now_us)
         self.signing.open_link(channel)
@@ -159,7 +166,7 @@ class MavEndpoint:
             *target_fields(header),
             channel.index,
             own_system=system_id,
-            is_private=lambda index: self._is_private(self.channels[index]),
+            is_private=self._private().__getitem__,
             is_active=lambda index: self.channels[index].active,
             channels=[other.index for other in self._open_channels()],
         )
@@ -168,9 +175,8 @@ class MavEndpoint:
         return None if routing.process_locally else NOT_ADDRESSED
 
     def _refuse(self, header: Header) -> Verdict | None:
-        params = self._vehicle.params
-        if params.get_int("MAV_OPTIONS") & OPTION_ONLY_GCS:
-            admitted = (self._system_id(), params.get_int("MAV_GCS_SYSID"))
+        if self._only_gcs():
+            admitted = (self._system_id(), self._vehicle.params.get_int("MAV_GCS_SYSID"))
             if header.system_id not in admitted and header.name not in RADIO_MESSAGES:
                 return NOT_ACCEPTED
         return None
@@ -226,29 +232,35 @@ class MavEndpoint:
             channel.codec.system_id = system_id
         self._send_echoes()
         self._send_home()
-        self.send_ftp_replies(self.ftp.continue_burst(now_us))
+        if self.ftp.busy:
+            self.send_ftp_replies(self.ftp.continue_burst(now_us))
         self.signing.save_timestamp(self.channels, u32(now_us // 1000))
         self.param_reads.look_up(self._vehicle.params, now_us)
-        for channel in self._open_channels():
-            self.pump_log_transfer(channel, now_us)
+        open_channels = self._open_channels()
+        for channel in open_channels:
+            if not self.log_transfer.is_idle:
+                self.pump_log_transfer(channel, now_us)
             if not self._is_private(channel):
                 send_timesync(channel, now_us, system_id)
             channel.ftp_is_busy = self.ftp.slows_streams(now_us)
             self._sending.run(channel, now_us)
-        self._vehicle.texts.service(self._open_channels())
+        self._vehicle.texts.service(open_channels)
         self._has_polled = True
 
     def _open_channels(self) -> list[Channel]:
         return [channel for channel in self.channels if channel.open]
 
-    def _system_id(self) -> int:
-        return u8(self._vehicle.params.get_int("MAV_SYSID"))
-
     def _options(self, index: int) -> int:
         return self._vehicle.params.get_int(f"MAV{index + 1}_OPTIONS")
 
+    def _private_of_channels(self) -> FromParams[list[bool]]:
+        return FromParams(
+            self._vehicle.params,
+            lambda: [self._options(channel.index) & OPTION_PRIVATE != 0 for channel in self.channels],
+        )
+
     def _is_private(self, channel: Channel) -> bool:
-        return bool(self._options(channel.index) & OPTION_PRIVATE)
+        return self._private()[channel.index]
 
     def _has_room(self, index: int) -> bool:
         # A link that is gone takes everything, so that a burst to it comes to its end.

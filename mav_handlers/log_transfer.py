@@ -98,6 +98,11 @@ class LogTransfer:
         self._told_to_disarm = False
 
     @property
+    def is_idle(self) -> bool:
+        """Whether neither a log nor a list is being sent."""
+        return self._job is None
+
+    @property
     def is_active(self) -> bool:
         """Whether a log is being sent, which keeps the vehicle from arming; a list does not (in_log_download)."""
         return isinstance(self._job, _Sending)

@@ -202,3 +202,31 @@ def test_common_structures_come_in_the_order_of_a_firmware_log() -> None:
     recorded = list(recorded_types())
     positions = [recorded.index(each.name) for each in COMMON_STRUCTURES if each.name in recorded]
     assert positions == sorted(positions)
+
+
+NUMERIC = "bBMhHiIqQcCeELgfd"
+NUMBERS = (
+    st.integers(-(1 << 65), 1 << 65)
+    | st.integers(-300, 300)
+    | st.floats()
+    | st.floats(-1000, 1000)
+    | st.integers(0, (1 << 32) - 1).map(lambda bits: np.uint32(bits).view(np.float32))
+    | st.floats(-300, 300, width=32).map(np.float32)
+    | st.booleans()
+)
+
+
+@given(data=st.data(), format=st.text(NUMERIC, min_size=1, max_size=16))
+def test_record_packed_at_once_is_the_one_packed_field_by_field(data: st.DataObject, format: str) -> None:
+    labels = ",".join(f"F{number}" for number in range(len(format)))
+    structure = LogStructure(200, "TEST", format, labels, "-" * len(format), "-" * len(format))
+    values = data.draw(st.lists(NUMBERS, min_size=len(format), max_size=len(format)))
+    with np.errstate(all="ignore"):
+        assert structure.pack(values) == structure._pack_each(values)
+
+
+def test_plain_numbers_are_packed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    values: tuple[LogValue, ...] = (1_000_000, *(np.float32(angle) for angle in range(6)), 3)
+    expected = ATT.pack(values)
+    monkeypatch.setattr(LogStructure, "_pack_each", lambda *_: pytest.fail("packed field by field"))
+    assert ATT.pack(values) == expected
