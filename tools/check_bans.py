@@ -71,7 +71,12 @@ class Ban:
 
 
 BANS = (
-    Ban(CLOCK_READS, PACKAGES, (LINKS, "emulator/realtime.py"), "take the time as an argument"),
+    Ban(
+        CLOCK_READS,
+        PACKAGES,
+        (LINKS, "emulator/realtime.py", "emulator/commands/bench.py"),
+        "take the time as an argument",
+    ),
     Ban(NETWORK, PURE, (LINKS,), "sockets and ports belong to mav_handlers/links"),
     Ban(SYSTEM, PURE, (LINKS,), "no system calls here, let the caller pass what is needed"),
     Ban(FILES, PURE, (LINKS,), "no files here, take and return bytes or lines"),

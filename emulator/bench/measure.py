@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures how fast something is, beside a loop of plain Python that tells how fast the machine is at that moment."""
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from statistics import median
+from typing import Final, NamedTuple
+
+NowS = Callable[[], float]
+"""A clock in seconds whose differences count."""
+
+CALIBRATION_TURNS: Final = 20_000
+MIN_ROUNDS: Final = 5
+
+
+class Part(NamedTuple):
+    """What was done in a round: the seconds that it took, and how much it was."""
+
+    elapsed_s: float
+    amount: float
+
+
+Round = Callable[[], Mapping[str, Part]]
+"""Does some milliseconds of work, and returns what of it is measured, by name; nothing of a name that did not occur."""
+
+
+class Bench(NamedTuple):
+    """One row of the table of benches.
+
+    Attributes:
+        what: what is measured, in a line.
+        unit: what the work is counted in.
+        prepare: gets everything ready, and gives a function that does a round.
+    """
+
+    what: str
+    unit: str
+    prepare: Callable[[NowS], AbstractContextManager[Round]]
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """How fast one thing is.
+
+    Attributes:
+        name: what was measured.
+        unit: what it is counted in.
+        per_second: how many in a second, in the best round.
+        cost_us: microseconds for one, in the best round.
+        typical_cost_us: the same in the median round.
+        turns: how many turns of the calibration loop take as long as one; the median of the rounds, each compared with
+            the loop just before it. Of all figures the one to compare between machines.
+        rounds: in how many rounds it occurred.
+    """
+
+    name: str
+    unit: str
+    per_second: float
+    cost_us: float
+    typical_cost_us: float
+    turns: float
+    rounds: int
+
+
+def turn_s(now_s: NowS) -> float:
+    """Return how long a turn of the calibration loop takes, in seconds."""
+    begin_s, value = now_s(), 0
+    for number in range(CALIBRATION_TURNS):
+        value = (31 * value + number) & 0xFFFF
+    return (now_s() - begin_s) / CALIBRATION_TURNS
+
+
+def measure(bench: Bench, seconds: float, now_s: NowS) -> list[Figure]:
+    """Run rounds of a bench for a time, five at least, and return a figure for each of its parts.
+
+    Args:
+        bench: what to measure.
+        seconds: for how long, without preparation.
+        now_s: the clock.
+    """
+    rounds: dict[str, list[tuple[float, float]]] = {}
+    with bench.prepare(now_s) as run_round:
+        run_round()  # the first one fills caches
+        end_s, number = now_s() + seconds, 0
+        while number < MIN_ROUNDS or now_s() < end_s:
+            number += 1
+            loop_turn_s = turn_s(now_s)
+            for name, part in run_round().items():
+                cost_s = part.elapsed_s / part.amount
+                rounds.setdefault(name, []).append((cost_s, cost_s / loop_turn_s))
+    return [_figure(name, bench.unit, costs) for name, costs in rounds.items()]
+
+
+def _figure(name: str, unit: str, costs: list[tuple[float, float]]) -> Figure:
+    best_s = min(cost_s for cost_s, _ in costs)
+    typical_s, turns = median(cost_s for cost_s, _ in costs), median(in_turns for _, in_turns in costs)
+    return Figure(name, unit, 1 / best_s, best_s * 1e6, typical_s * 1e6, turns, len(costs))

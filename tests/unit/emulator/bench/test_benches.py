@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every bench runs, and measures what it says."""
+
+import math
+import time
+from pathlib import Path
+
+import pytest
+
+from ekf_stub.ingest_rules import FUSED
+from emulator.bench import ekf_step
+from emulator.bench.full_vehicle import WARM_UP_MESSAGES, FullVehicle
+from emulator.bench.measure import measure
+from emulator.bench.odometry import PERIOD_US, odometry_at
+from emulator.bench.table import BENCHES
+from emulator.log_files import LogStore
+from mav_handlers.handlers.vision import odometry_frames_accepted
+
+PARTS = {
+    "loop": {"yaw of the camera", "yaw of the compass"},
+    "endpoint": {"ATTITUDE, not acted on", "TIMESYNC, answered", "ODOMETRY with covariance"},
+    "port": {"MAV", "IntelT265"},
+    "ekf_step": {ekf_step.NO_STEP, ekf_step.STEP, ekf_step.FUSING_STEP},
+    "codec": {"ODOMETRY to bytes", "bytes to ODOMETRY"},
+}
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_bench_gives_a_figure_for_each_of_its_parts(name: str) -> None:
+    figures = measure(BENCHES[name], 0.0, time.perf_counter)
+    assert {figure.name for figure in figures} == PARTS[name]
+    for figure in figures:
+        assert 0 < figure.cost_us <= figure.typical_cost_us < math.inf
+        assert figure.per_second == pytest.approx(1e6 / figure.cost_us)
+        assert 0 < figure.turns < math.inf
+        assert figure.unit == BENCHES[name].unit
+
+
+@pytest.mark.parametrize("yaw_source", [1, 6])
+def test_vehicle_fuses_what_it_is_sent_and_logs(tmp_path: Path, yaw_source: int) -> None:
+    run = FullVehicle(yaw_source, tmp_path)
+    run.run(WARM_UP_MESSAGES, lambda: 0.0)
+    counts = run.vehicle.ahrs.ext_nav_counts
+    before = {kind: counts[kind, FUSED.code] for kind in ("pose", "velocity", "yaw")}
+    part = run.run(30, lambda: 0.0)
+    run.vehicle.close()
+    fused = {kind: counts[kind, FUSED.code] - before[kind] for kind in before}
+    # What is on its way to the horizon comes with the next messages.
+    assert fused["pose"] == pytest.approx(30, abs=2)
+    assert fused["velocity"] == pytest.approx(30, abs=2)
+    assert (fused["yaw"] > 0) == (yaw_source == 6)
+    assert part.amount == pytest.approx(30 * PERIOD_US * 1e-6)
+    assert LogStore(tmp_path).log_numbers() == [1]
+
+
+def test_filter_at_rest_fuses_each_sample() -> None:
+    rig = ekf_step.FilterAtRest()
+    for _ in range(ekf_step.WARM_UP_FRAMES):
+        rig.run_frame(lambda: 0.0)
+    kinds = [rig.run_frame(lambda: 0.0)[0] for _ in range(13 * 30)]
+    assert kinds.count(ekf_step.FUSING_STEP) == pytest.approx(30, abs=1)
+    assert kinds.count(ekf_step.FUSING_STEP) + kinds.count(ekf_step.STEP) == pytest.approx(13 * 30 / 5, abs=1)
+
+
+def test_odometry_is_what_the_autopilot_takes() -> None:
+    message = odometry_at(1_000_000)
+    assert odometry_frames_accepted(message)
+    assert not math.isnan(message.pose_covariance[0])
