@@ -23,7 +23,7 @@ from emulator.imu.bench import BenchSource
 from emulator.imu.options import ImuOptions
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import BenchRig
+    from tests.unit.ekf_stub.bench_rig import BenchRig
 
 MakeBench = Callable[..., "BenchRig"]
 STEP_MS = 13

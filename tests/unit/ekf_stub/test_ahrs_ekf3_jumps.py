@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import BenchRig
+    from tests.unit.ekf_stub.bench_rig import BenchRig
 
 MakeBench = Callable[..., "BenchRig"]
 

@@ -13,7 +13,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import BenchRig
+    from tests.unit.ekf_stub.bench_rig import BenchRig
 
 MakeBench = Callable[..., "BenchRig"]
 

@@ -17,7 +17,7 @@ from ekf_stub.error_state import ATT, POS, VEL
 from ekf_stub.inertial import Array, InertialStep
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import FilterParts
+    from tests.unit.ekf_stub.filter_parts import FilterParts
 
 MakeParts = Callable[..., "FilterParts"]
 

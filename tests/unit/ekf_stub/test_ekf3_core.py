@@ -17,7 +17,7 @@ from ekf_stub.gps_sample import GpsSample
 from ekf_stub.inertial import GRAVITY_MSS
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import CoreRig
+    from tests.unit.ekf_stub.core_rig import CoreRig
 
 MakeCore = Callable[..., "CoreRig"]
 

@@ -16,7 +16,7 @@ from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.obs_ring import RingSizes
 from emulator.imu.options import ImuOptions
-from tests.unit.ekf_stub.conftest import BenchRig
+from tests.unit.ekf_stub.bench_rig import BenchRig
 
 NAN = float("nan")
 DELAY_MS = 10

@@ -17,7 +17,7 @@ from ekf_stub.height_source import BARO, EXT_NAV, GPS, NO_SOURCE, Vehicle
 from ekf_stub.measurements import BaroSample
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import FilterParts
+    from tests.unit.ekf_stub.filter_parts import FilterParts
 
 MakeParts = Callable[..., "FilterParts"]
 

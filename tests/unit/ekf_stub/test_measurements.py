@@ -16,7 +16,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import FilterParts
+    from tests.unit.ekf_stub.filter_parts import FilterParts
 
 MakeParts = Callable[..., "FilterParts"]
 

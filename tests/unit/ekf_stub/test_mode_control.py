@@ -16,7 +16,7 @@ from ekf_stub.error_state import ATT, GYRO, POS, VEL
 from ekf_stub.gps_sample import GpsSample
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import CoreRig
+    from tests.unit.ekf_stub.core_rig import CoreRig
 
 MakeCore = Callable[..., "CoreRig"]
 

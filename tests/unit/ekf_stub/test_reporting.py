@@ -15,7 +15,7 @@ from ekf_stub.inertial import GRAVITY_MSS
 from ekf_stub.reporting import three
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import CoreRig
+    from tests.unit.ekf_stub.core_rig import CoreRig
 
 MakeCore = Callable[..., "CoreRig"]
 

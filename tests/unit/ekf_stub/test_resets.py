@@ -15,7 +15,7 @@ from ekf_stub.error_state import POS, VEL
 from ekf_stub.gps_sample import GpsSample
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import FilterParts
+    from tests.unit.ekf_stub.filter_parts import FilterParts
 
 MakeParts = Callable[..., "FilterParts"]
 

@@ -19,7 +19,7 @@ from ekf_stub.inertial import Array
 from ekf_stub.measurements import BaroSample
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import FilterParts
+    from tests.unit.ekf_stub.filter_parts import FilterParts
 
 MakeParts = Callable[..., "FilterParts"]
 

@@ -22,7 +22,7 @@ from ekf_stub.inertial import Array, InertialStep, pure_quat
 from ekf_stub.measurements import MagSample
 
 if TYPE_CHECKING:
-    from tests.unit.ekf_stub.conftest import FilterParts
+    from tests.unit.ekf_stub.filter_parts import FilterParts
 
 MakeParts = Callable[..., "FilterParts"]
 

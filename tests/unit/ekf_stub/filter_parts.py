@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts of a filter, to be tested one by one."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import quaternion
+
+from ap_core.fmath import f32
+from ap_core.param import ParamTable
+from ap_visualodom.ap_visualodom import make_params
+from ekf_stub import ingest_rules as rules
+from ekf_stub.aiding import Aiding
+from ekf_stub.body_odometry import BodyOdometry
+from ekf_stub.core_texts import CoreTexts
+from ekf_stub.error_state import ErrorState, quat_of_euler
+from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.gps_checks import GpsChecks
+from ekf_stub.gps_reading import GpsReading
+from ekf_stub.height_source import HeightSource
+from ekf_stub.measurements import Delayed, Pose, Velocity
+from ekf_stub.obs_ring import RingSizes
+from ekf_stub.output_predictor import OutputPredictor
+from ekf_stub.resets import Resets
+from ekf_stub.sources import EkfSources
+from ekf_stub.vel_pos_fusion import VelPosFusion
+from ekf_stub.yaw_fusion import YawFusion
+from emulator.parameters import make_groups
+
+SOURCES = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
+
+
+class FilterParts:
+    """The parts of a filter without what runs them: level and at rest, with sources and parameters as given.
+
+    Attributes:
+        said: severity and text of all that was said, flushed or not.
+        outcomes: kind, code and ratio of all that became of samples once they were taken.
+    """
+
+    def __init__(self, sources: str, params: dict[str, float]) -> None:
+        table = ParamTable(make_groups(0, make_params()))
+        for what, value in zip(SOURCES, sources, strict=True):
+            table.set(f"EK3_SRC1_{what}", int(value))
+        for name, number in params.items():
+            table.set(f"EK3_{name}", number)
+        self.params = table
+        self.get = get = lambda name: table.get_number(f"EK3_{name}")
+        self.said: list[tuple[int, str]] = []
+        self.counts: Counter[tuple[str, str]] = Counter()
+        self.outcomes: list[tuple[str, str, Any]] = []
+        self.has_compass = True
+        self.texts = CoreTexts(self, (0,))
+        self.sources = EkfSources(lambda name: table.get_int(f"EK3_{name}"))
+        self.ingest = ExtNavIngest(self.counts, lambda name: f32(table.get_number(name)))
+        self.ingest.set_up(RingSizes(6, 5, 2))
+        self.ingest.initialised = True
+        self.ingest.on_outcome = self._take_outcome
+        self.gps = GpsReading(GpsChecks(), get, 3)
+        self.state = ErrorState(quaternion.one, np.array([0.3, 0.3, 0.5, 0.5, 0.5, 2.0]) ** 2)
+        self.output = OutputPredictor(self.state, 6)
+        self.aiding = Aiding()
+        self.delayed = Delayed(self.ingest)
+        shared = self.aiding, self.sources, self.delayed, self.ingest, self.gps
+        self.resets = Resets(self.state, self.output, *shared, get)
+        self.height = HeightSource(self.state, *shared, get, 3)
+        self.fusion = VelPosFusion(self.state, self.resets, *shared, self.height, get)
+        self.yaw = YawFusion(
+            self.state, self.output, self.sources, self.ingest, self.gps, self.texts, get, lambda: self.has_compass, 3
+        )
+        self.odometry = BodyOdometry(self.state, self.aiding, self.sources, self.ingest, self.texts)
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Remember a text (TextSink)."""
+        self.said.append((severity, text))
+
+    def _take_outcome(self, outcome: FilterOutcome) -> None:
+        if outcome.rule is not rules.TAKEN:
+            self.outcomes.append((outcome.kind, outcome.rule.code, outcome.ratio))
+
+    def told(self) -> list[str]:
+        """Return what was said since the last call, without the core."""
+        self.texts.flush()
+        texts = [text.removeprefix("EKF3 IMU0 ") for _, text in self.said]
+        self.said.clear()
+        return texts
+
+    def set_pose(self, *pos: float, err: float = 0.2, is_reset: bool = False, time_ms: int = 0) -> None:
+        """Let a pose have come due in this step."""
+        self.delayed.pose = Pose(time_ms, np.array(pos), err, is_reset)
+        self.delayed.has_pose = True
+
+    def set_velocity(self, *vel: float, err: float = 0.1, time_ms: int = 0) -> None:
+        """Let a velocity have come due in this step, and with it the first of all."""
+        self.delayed.velocity = Velocity(time_ms, np.array(vel), err)
+        self.delayed.has_velocity = self.ingest.have_velocity = True
+
+    def end_step(self) -> None:
+        """Let nothing have come due in the next step."""
+        self.delayed.has_pose = self.delayed.has_velocity = False
+
+    def turn_to(self, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> None:
+        """Let the filter hold an attitude to be true, rad."""
+        self.state.quat = quat_of_euler(roll, pitch, yaw)
+        self.state.rotation = self.state.rotation_now()
