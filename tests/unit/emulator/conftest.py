@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A whole vehicle in virtual time, with a client on a wire of its own."""
 
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -19,6 +20,8 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.ahrs_settable import SettableAhrs
 from ekf_stub.filter_status import FilterFlag, FilterStatus
 from ekf_stub.gps_sample import GpsSample
+from emulator import cli
+from emulator.commands import serve as serve_command
 from emulator.copter import Copter, CopterParts
 from emulator.log_sink import LogSink, MemoryLog
 from emulator.logger import Logger
@@ -26,8 +29,10 @@ from emulator.parameters import make_groups
 from emulator.scheduler import Scheduler
 from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
 from emulator.vehicle_log import VehicleLog
+from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
+from tests.unit.emulator.command_line import Outcome, Viso
 
 BOOTED_US = 6_000_000
 
@@ -302,3 +307,31 @@ class CopterRig:
 def rig() -> CopterRig:
     """Return a copter that navigates, 10 s after boot, without an origin and with nothing wrong."""
     return CopterRig()
+
+
+@pytest.fixture
+def viso(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
+    """Return a function that runs a command line in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*args: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["viso", *map(str, args)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return Outcome(int(ended.value.code or 0), *capfd.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def serve(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> Viso:
+    """Return a function that serves for a moment to a client that has sent some messages."""
+
+    def run(*args: object, sent: tuple[Message, ...] = ()) -> Outcome:
+        ours, client = make_pair(("pair", "client"))
+        client.send(b"".join(map(Codec(255, 190).encode, sent)))
+        monkeypatch.setattr(serve_command, "open_link", lambda _name: ours)
+        return viso("serve", "--master", "pair", "--speedup", "1000", "--duration", "0.02", *args)
+
+    return run

@@ -10,9 +10,9 @@ import shlex
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -20,35 +20,10 @@ from typer.testing import CliRunner
 from emulator import cli
 from emulator.cli import COMMANDS, make_app
 from emulator.commands import serve as serve_command
+from tests.unit.emulator.command_line import Outcome, Viso, failed_with
 
 DATA = Path(__file__).parents[2] / "data"
 SHORT = 40
-
-
-class Outcome(NamedTuple):
-    """How a command ended: exit code, standard output, standard error."""
-
-    code: int
-    out: str
-    err: str
-
-
-Viso = Callable[..., Outcome]
-
-
-@pytest.fixture
-def viso(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
-    """Return a function that runs a command line in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*args: str | Path) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["viso", *map(str, args)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return Outcome(int(ended.value.code or 0), *capsys.readouterr())
-
-    return run
 
 
 @pytest.fixture
@@ -78,12 +53,6 @@ def free_port() -> int:
 def first_lines(path: Path, count: int) -> list[str]:
     with gzip.open(path, "rt", encoding="utf-8") as file:
         return [line for _, line in zip(range(count), file, strict=False)]
-
-
-def failed_with(outcome: Outcome, line: str) -> bool:
-    """Tell whether a command ended with exit code 2, this one line, and no output."""
-    assert outcome == Outcome(2, "", f"viso: {line}\n")
-    return True
 
 
 # Help

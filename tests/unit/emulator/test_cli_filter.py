@@ -5,18 +5,16 @@
 import gzip
 import json
 import re
-import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
-from emulator import cli
-from emulator.commands import serve as serve_command
-from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import ODOMETRY, Message
+from mav_handlers.wire.messages import ODOMETRY
+from tests.unit.emulator.command_line import Viso, failed_with
 from tests.unit.emulator.conftest import odometry
 
 DATA = Path(__file__).parents[2] / "data"
@@ -30,43 +28,10 @@ BY_EXT_NAV = [
 ]
 
 
-class Outcome(NamedTuple):
-    """How a command ended: exit code, standard output, standard error."""
-
-    code: int
-    out: str
-    err: str
-
-
-Viso = Callable[..., Outcome]
-
-
 @pytest.fixture
-def viso(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
-    """Return a function that runs a command line in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*args: str | Path) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["viso", *map(str, args)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return Outcome(int(ended.value.code or 0), *capfd.readouterr())
-
-    return run
-
-
-@pytest.fixture
-def serve(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> Viso:
+def serve(serve: Viso) -> Viso:
     """Return a function that serves for a moment to a client that has sent a pose."""
-
-    def run(*args: str | Path, sent: tuple[Message, ...] = (odometry(0),)) -> Outcome:
-        ours, client = make_pair(("pair", "client"))
-        client.send(b"".join(map(Codec(255, 190).encode, sent)))
-        monkeypatch.setattr(serve_command, "open_link", lambda _name: ours)
-        return viso("serve", "--master", "pair", "--speedup", "1000", "--duration", "0.02", *args)
-
-    return run
+    return partial(serve, sent=(odometry(0),))
 
 
 @pytest.fixture
@@ -103,12 +68,6 @@ def leaping(tmp_path: Path) -> Path:
 def speeding(tmp_path: Path) -> Path:
     """Return a capture of poses that speed up."""
     return write_capture(tmp_path / "speeding.jsonl", lambda t: 1.5 * max(0.0, t - 1.0) ** 2)
-
-
-def failed_with(outcome: Outcome, line: str) -> bool:
-    """Tell whether a command ended with exit code 2, this one line, and no output."""
-    assert outcome == Outcome(2, "", f"viso: {line}\n")
-    return True
 
 
 # replay

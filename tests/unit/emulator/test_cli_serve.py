@@ -5,80 +5,41 @@
 import json
 import os
 import sys
-from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 from emulator import cli
-from emulator.commands import serve as serve_command
 from emulator.presets import PRESETS
-from mav_handlers.links.pair import make_pair
 from mav_handlers.signing import SigningKey
-from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING, Message
+from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING
+from tests.unit.emulator.command_line import Viso, failed_with
 from tests.unit.emulator.conftest import odometry
 
 ALIVE = HEARTBEAT(6, 8, 0, 0, 4, 3)
 KEY = bytes(range(1, 33))
 
 
-class Outcome(NamedTuple):
-    """How a command ended: exit code, standard output, standard error."""
-
-    code: int
-    out: str
-    err: str
-
-
-Serve = Callable[..., Outcome]
-
-
-@pytest.fixture
-def serve(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Serve:
-    """Return a function that serves for a moment, in a folder of its own, to a client that has sent some messages."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*args: str | Path, sent: tuple[Message, ...] = ()) -> Outcome:
-        ours, client = make_pair(("pair", "client"))
-        client.send(b"".join(map(Codec(255, 190).encode, sent)))
-        monkeypatch.setattr(serve_command, "open_link", lambda _name: ours)
-        short = ("--master", "pair", "--speedup", "1000", "--duration", "0.02")
-        monkeypatch.setattr(sys, "argv", ["viso", "serve", *short, *map(str, args)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return Outcome(int(ended.value.code or 0), *capfd.readouterr())
-
-    return run
-
-
-def failed_with(outcome: Outcome, line: str) -> bool:
-    assert outcome == Outcome(2, "", f"viso: {line}\n")
-    return True
-
-
 # Presets
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_preset_is_taken_by_its_name(serve: Serve, name: str) -> None:
+def test_preset_is_taken_by_its_name(serve: Viso, name: str) -> None:
     outcome = serve("--preset", name, "--json", sent=(odometry(0),))
     assert outcome.code == 0
     (row,) = json.loads(outcome.out)["verdicts"]
     assert row["rule"] != "viso_disabled"
 
 
-def test_parameters_of_the_user_win_over_the_preset(serve: Serve, tmp_path: Path) -> None:
+def test_parameters_of_the_user_win_over_the_preset(serve: Viso, tmp_path: Path) -> None:
     (tmp_path / "mine.parm").write_text("VISO_TYPE 1\nVISO_QUAL_MIN 95\n")
     args = ["--preset", "voxl", "--defaults", "mine.parm", "--param", "VISO_QUAL_MIN=91", "--json"]
     (row,) = json.loads(serve(*args, sent=(odometry(0, quality=92),)).out)["verdicts"]
     assert row["rule"] == "consumed"
 
 
-def test_unknown_preset_is_one_line_that_lists_them(serve: Serve) -> None:
+def test_unknown_preset_is_one_line_that_lists_them(serve: Viso) -> None:
     assert failed_with(serve("--preset", "t256"), f"--preset t256: no such preset; there are {', '.join(PRESETS)}")
 
 
@@ -96,7 +57,7 @@ def test_help_lists_the_presets(
 # Lines of verdicts
 
 
-def test_lines_for_machines_are_all_that_standard_output_holds(serve: Serve) -> None:
+def test_lines_for_machines_are_all_that_standard_output_holds(serve: Viso) -> None:
     outcome = serve("--verdicts", "json", "--param", "VISO_TYPE=1", sent=(ALIVE, odometry(0)))
     assert outcome.code == 0
     lines = [json.loads(line) for line in outcome.out.splitlines()]
@@ -110,32 +71,32 @@ def test_lines_for_machines_are_all_that_standard_output_holds(serve: Serve) -> 
     assert "What became of each sample in the filter" in outcome.err
 
 
-def test_lines_for_people(serve: Serve) -> None:
+def test_lines_for_people(serve: Viso) -> None:
     (line,) = serve("--verdicts", "text", sent=(ALIVE,)).out.splitlines()
     assert line.endswith(" s  pair  HEARTBEAT 255:190 #0  handled: processed; carries no external navigation (handled)")
 
 
-def test_lines_go_to_a_file_beside_the_usual_output(serve: Serve) -> None:
+def test_lines_go_to_a_file_beside_the_usual_output(serve: Viso) -> None:
     outcome = serve("--verdicts-file", "verdicts.jsonl", "--json", sent=(ALIVE, ALIVE))
     assert [json.loads(line)["seq"] for line in Path("verdicts.jsonl").read_text().splitlines()] == [0, 1]
     assert json.loads(outcome.out)["verdicts"][0]["count"] == 2
 
 
-def test_both_kinds_of_lines_at_once(serve: Serve) -> None:
+def test_both_kinds_of_lines_at_once(serve: Viso) -> None:
     outcome = serve("--verdicts", "json", "--verdicts-file", "verdicts.jsonl", sent=(ALIVE,))
     assert Path("verdicts.jsonl").read_text() == outcome.out
 
 
-def test_lines_and_counts_cannot_share_standard_output(serve: Serve) -> None:
+def test_lines_and_counts_cannot_share_standard_output(serve: Viso) -> None:
     line = "--json and --verdicts both take standard output: use --verdicts-file"
     assert failed_with(serve("--json", "--verdicts", "json"), line)
 
 
-def test_file_of_lines_that_cannot_be_written_is_one_line(serve: Serve) -> None:
+def test_file_of_lines_that_cannot_be_written_is_one_line(serve: Viso) -> None:
     assert failed_with(serve("--verdicts-file", "none/v.jsonl"), "none/v.jsonl: No such file or directory")
 
 
-def test_lost_lines_are_told_at_the_end_and_the_vehicle_goes_on(serve: Serve) -> None:
+def test_lost_lines_are_told_at_the_end_and_the_vehicle_goes_on(serve: Viso) -> None:
     outcome = serve("--verdicts-file", "/dev/full", "--json", sent=(ALIVE, ALIVE))
     assert outcome.code == 0
     assert json.loads(outcome.out)["verdicts"][0]["count"] == 2
@@ -143,7 +104,7 @@ def test_lost_lines_are_told_at_the_end_and_the_vehicle_goes_on(serve: Serve) ->
 
 
 def test_reader_of_the_lines_that_leaves_ends_the_vehicle_in_peace(
-    serve: Serve, monkeypatch: pytest.MonkeyPatch
+    serve: Viso, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reader, descriptor = os.pipe()
     os.close(reader)
@@ -163,7 +124,7 @@ def test_reader_of_the_lines_that_leaves_ends_the_vehicle_in_peace(
 # The signing key
 
 
-def test_key_is_kept_beside_the_stored_parameters(serve: Serve) -> None:
+def test_key_is_kept_beside_the_stored_parameters(serve: Viso) -> None:
     key = SigningKey(1000, KEY)
     serve("--log-dir", "here", sent=(SETUP_SIGNING(1, 1, tuple(KEY), key.timestamp),))
     stored = Path("here/signing.key")
@@ -171,18 +132,18 @@ def test_key_is_kept_beside_the_stored_parameters(serve: Serve) -> None:
     assert stored.stat().st_mode & 0o777 == 0o600
 
 
-def test_key_goes_where_the_parameters_go(serve: Serve) -> None:
+def test_key_goes_where_the_parameters_go(serve: Viso) -> None:
     serve("--storage", "elsewhere/mine.parm", sent=(SETUP_SIGNING(1, 1, tuple(KEY), 1000),))
     assert Path("elsewhere/signing.key").exists()
 
 
-def test_damaged_key_is_one_line(serve: Serve) -> None:
+def test_damaged_key_is_one_line(serve: Viso) -> None:
     Path("logs").mkdir()
     Path("logs/signing.key").write_bytes(b"damaged")
     assert failed_with(serve(), "logs/signing.key: not a signing key; without the file there is no signing")
 
 
-def test_key_that_cannot_be_stored_is_told_at_the_end(serve: Serve) -> None:
+def test_key_that_cannot_be_stored_is_told_at_the_end(serve: Viso) -> None:
     Path("logs").mkdir()
     Path("readonly").mkdir()
     Path("readonly/signing.key").symlink_to("/proc/none/signing.key")
@@ -192,7 +153,7 @@ def test_key_that_cannot_be_stored_is_told_at_the_end(serve: Serve) -> None:
 
 
 @pytest.mark.parametrize("args", [["--json"], ["--verdicts", "json"], ["--verdicts", "text"], []])
-def test_key_is_printed_nowhere(serve: Serve, args: list[str]) -> None:
+def test_key_is_printed_nowhere(serve: Viso, args: list[str]) -> None:
     outcome = serve(*args, sent=(SETUP_SIGNING(1, 1, tuple(KEY), 1000),))
     shown = outcome.out + outcome.err
     assert not [form for form in (KEY.hex(), repr(KEY)[2:-1], str(list(KEY))[1:-1]) if form in shown]

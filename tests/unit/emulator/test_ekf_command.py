@@ -6,46 +6,26 @@ import json
 import lzma
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from emulator import cli, ekf_targets
+from emulator import ekf_targets
 from emulator.commands import ekf as ekf_command
 from emulator.ekf_replay import EkfRun
 from emulator.ekf_targets import Limit
+from tests.unit.emulator.command_line import Outcome, Viso, failed_with
 
 LOG = Path(__file__).parents[2] / "data" / "logs" / "voxl.BIN.xz"
 UNTIL_S = 6.6  # after aiding, yaw and origin
 
 
-class Outcome(NamedTuple):
-    """How a command ended: exit code, standard output, standard error."""
-
-    code: int
-    out: str
-    err: str
-
-
-Viso = Callable[..., Outcome]
-
-
 @pytest.fixture
-def viso(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
-    """Return a function that runs ``viso ekf`` in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*args: str | Path, until: float = UNTIL_S) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["viso", "ekf", *map(str, args), "--until", str(until)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return Outcome(int(ended.value.code or 0), *capsys.readouterr())
-
-    return run
+def viso(viso: Viso) -> Viso:
+    """Return a function that runs the beginning of ``viso ekf``."""
+    return lambda *args, until=UNTIL_S: viso("ekf", *args, "--until", until)
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +43,6 @@ def records_of(path: Path, *kinds: str) -> list[Any]:
         while (record := log.recv_match(type=list(kinds))) is not None:
             found.append(record)
         return found
-
-
-def failed_with(outcome: Outcome, line: str) -> bool:
-    assert outcome == Outcome(2, "", f"viso: {line}\n")
-    return True
 
 
 # What it prints
@@ -183,7 +158,7 @@ def test_mavlogdump_prints_the_estimates(written: Path) -> None:
 
 
 def test_interrupted_run_leaves_what_there_was(
-    viso: Viso, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    viso: Viso, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     begin_frame = EkfRun._begin_frame
 
