@@ -111,7 +111,7 @@ class Ekf3Core:
         self._sizes = sizes
         self._texts = texts
         self._has_compass = has_compass
-        self.ingest = ExtNavIngest(counts, lambda name: np.float32(get_float(name.removeprefix("EK3_"))))
+        self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self.gps = GpsReading(GpsChecks(), get_float, sizes.slow)
         self.stillness = Stillness()
@@ -126,6 +126,9 @@ class Ekf3Core:
         self._had_flags_ms = self._now_ms = 0
         self._fix: GpsSample | None = None
         self.initialised = self.stepped = False
+
+    def _get_single(self, name: str) -> np.float32:
+        return np.float32(self._get_float(name.removeprefix("EK3_")))
 
     def run(self, frame: Frame) -> None:
         """Run one frame.

@@ -192,8 +192,9 @@ def say_sensors(
     place_declination: float = 0.2,
     lever_arm: float = 0.0,
 ) -> None:
-    """Let other sensors say something."""
-    rig.frame(
+    """Let other sensors say something for a while."""
+    rig.run(
+        0.1,
         baro=(rig.now_ms, height),
         mag=(rig.now_us, np.array([field, 0.0, field])),
         declination=declination,
@@ -212,14 +213,9 @@ def say_solution(
     yaw_deg: float = 20.0,
 ) -> None:
     """Let the GPS say something."""
-    accuracies = {
-        "speed_accuracy": speed_accuracy,
-        "horizontal_accuracy": horizontal_accuracy,
-        "vertical_accuracy": vertical_accuracy,
-    }
-    velocity = Vector3f(0, vel, vel)
     rig.gps = GpsSample(
-        rig.now_ms, 3, HOME, velocity, 12, 80, has_vertical_velocity=True, yaw_deg=yaw_deg, **accuracies
+        *(rig.now_ms, 3, HOME, Vector3f(0, vel, vel), 12, 80, 80, True),
+        *(speed_accuracy, horizontal_accuracy, vertical_accuracy, yaw_deg),
     )
 
 
