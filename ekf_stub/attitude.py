@@ -57,7 +57,7 @@ def yaw_by_components(quat: quaternion.quaternion, *, by_321: bool) -> tuple[flo
     w, x, y, z = quat.w, quat.x, quat.y, quat.z
     sine, cosine = _sine_and_cosine(quat, by_321=by_321)
     square = sine * sine + cosine * cosine
-    if square == 0.0:  # neither sequence has a yaw here; nothing can be said
+    if square == 0.0:  # x (3-2-1) or y (3-1-2) points up or down, and there is no yaw
         return 0.0, 0.0, 0.0, 0.0
     sine, cosine = 2 * sine / square, 2 * cosine / square
     if by_321:

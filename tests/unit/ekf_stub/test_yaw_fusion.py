@@ -350,6 +350,20 @@ def test_heading_of_the_compass_is_fused_with_the_noise_of_the_parameter(make_pa
     assert parts.state.yaw(by_321=True) == pytest.approx(0.1 * before / (before + 0.0625), rel=1e-3)
 
 
+@pytest.mark.parametrize(("magcal", "kind"), [(2, 1), (4, 2)])
+def test_three_axes_are_fused_instead_of_the_heading_while_the_field_is_estimated(
+    make_parts: MakeParts, magcal: float, kind: int
+) -> None:
+    parts = make_parts("66661", MAG_CAL=magcal)
+    assert parts.yaw.mag_fusion == 0
+    for now_ms in (NOW_MS - 200, NOW_MS - 100, NOW_MS):
+        feel(parts, (0, 0, 0.01 if now_ms == NOW_MS else 0.0), now_ms=now_ms)
+    assert parts.yaw.mag_fusion == kind
+    assert parts.yaw.field_was_fused is (kind == 2)
+    assert (parts.yaw.ratio > 0) is (kind == 1)
+    assert bool((parts.yaw.field.ratios > 0).any()) is (kind == 2)
+
+
 def test_heading_beyond_the_gate_is_rejected_in_flight(make_parts: MakeParts) -> None:
     parts = make_parts("66661", MAG_CAL=2)
     feel(parts, (0, 0, 0.0), now_ms=NOW_MS - 100)
