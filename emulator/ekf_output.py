@@ -4,6 +4,7 @@
 
 import errno
 import os
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final
@@ -102,8 +103,9 @@ def check_place(path: Path, source: Path) -> None:
         if path.exists() and source.exists() and path.samefile(source):
             raise InputError(f"{path}: is the log to be read")
         path.parent.mkdir(parents=True, exist_ok=True)
-        refusal = errno.EISDIR if path.is_dir() else None if os.access(path.parent, os.W_OK) else errno.EACCES
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass  # permissions alone don't tell: root has all of them, and some file systems take no files
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
-    if refusal is not None:
-        raise InputError(f"{path}: {os.strerror(refusal)}")
