@@ -20,7 +20,7 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.ahrs_settable import SettableAhrs
 from ekf_stub.filter_status import FilterFlag, FilterStatus
 from ekf_stub.gps_sample import GpsSample
-from emulator import cli
+from emulator import cli, console
 from emulator.commands import serve as serve_command
 from emulator.copter import Copter, CopterParts
 from emulator.log_sink import LogSink, MemoryLog
@@ -313,7 +313,8 @@ def rig() -> CopterRig:
 def viso(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
     """Return a function that runs a command line in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
+    for terminal in (console.out, console.err):
+        monkeypatch.setattr(terminal, "width", 200)  # whatever COLUMNS was when they were made
 
     def run(*args: object) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["viso", *map(str, args)])

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from emulator.bench.table import BENCHES
 from emulator.cli import make_app
 from emulator.errors import InputError
+from tests.unit.emulator.command_line import Viso
 
 
 def test_json_has_the_chosen_benches_with_their_figures() -> None:
@@ -20,10 +21,10 @@ def test_json_has_the_chosen_benches_with_their_figures() -> None:
     assert set(figures["port"][0]) == {"name", "unit", "per_second", "cost_us", "typical_cost_us", "turns", "rounds"}
 
 
-def test_table_has_a_line_a_figure() -> None:
-    outcome = CliRunner().invoke(make_app(), ["bench", "--only", "port", "--seconds", "0"], env={"COLUMNS": "160"})
-    assert outcome.exit_code == 0
-    assert [line for line in outcome.stdout.splitlines() if "IntelT265" in line and "poses" in line]
+def test_table_has_a_line_a_figure(viso: Viso) -> None:
+    outcome = viso("bench", "--only", "port", "--seconds", "0")
+    assert outcome.code == 0
+    assert [line for line in outcome.out.splitlines() if "IntelT265" in line and "poses" in line]
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "inf"])
