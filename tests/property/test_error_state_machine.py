@@ -46,6 +46,8 @@ VARIANCES = np.array([0.09, 0.09, 0.25, 0.25, 0.25, 4.0])
 PARTS = (ATT, VEL, POS, GYRO, ACCEL, EARTH, BODY)
 NAMES = ("vel", "pos", "gyro_bias", "accel_bias", "earth_field", "body_field")
 ROUNDING = 1e-9  # of a mix of errors in units of their sigmas
+# A variance below this and the products that it is compared with have lost digits, as nothing smaller has all of them.
+NO_VARIANCE = np.finfo(float).tiny / np.finfo(float).eps
 
 ANY = st.one_of(st.floats(-1, 1), st.floats(-100, 100), st.floats())
 ANY_VECTOR = st.tuples(ANY, ANY, ANY).map(np.array)
@@ -61,7 +63,7 @@ def check_filter(state: ErrorState) -> None:
     assert np.isfinite(cov).all()
     variances = cov.diagonal()
     assert (variances >= 0).all()
-    sigma = np.sqrt(np.where(variances > 0, variances, 1.0))
+    sigma = np.sqrt(np.where(variances > NO_VARIANCE, variances, 1.0))
     assert np.linalg.eigvalsh(cov / np.outer(sigma, sigma))[0] > -ROUNDING
     assert abs(state.quat) == pytest.approx(1.0)
     assert (np.abs(state.vel) <= 500).all()
