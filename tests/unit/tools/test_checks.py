@@ -49,14 +49,29 @@ def test_without_tests_the_last_line_counts_steps() -> None:
 def test_slow_and_interop_tests_run_only_when_everything_is_asked_for() -> None:
     (usual,) = _pytest_commands(everything=False)
     assert "not slow and not interop" in usual
-    covered, long = _pytest_commands(everything=True)
+    covered, usual, long = _pytest_commands(everything=True)
     assert "not slow and not interop" in covered
+    assert "not slow and not interop" in usual
     assert "slow or interop" in long
 
 
-def test_coverage_is_measured_on_the_usual_tests_when_everything_is_asked_for() -> None:
-    assert ["--cov" in command for command in _pytest_commands(everything=True)] == [True, False]
-    assert ["--cov" in command for command in _pytest_commands(everything=False)] == [False]
+def test_coverage_is_measured_on_the_packages_with_a_threshold() -> None:
+    covered, usual, long = _pytest_commands(everything=True)
+    measured = [option.removeprefix("--cov=") for option in covered if option.startswith("--cov=")]
+    assert measured == list(checks.LEAST_COVERAGE)
+    assert not [
+        option
+        for command in (usual, long, *_pytest_commands(everything=False))
+        for option in command
+        if "--cov" in option
+    ]
+
+
+def test_every_usual_test_runs_once_when_everything_is_asked_for() -> None:
+    covered, usual, _ = _pytest_commands(everything=True)
+    paths = [option for option in covered if option.startswith("tests/")]
+    assert paths == [option.removeprefix("--ignore=") for option in usual if option.startswith("--ignore=")]
+    assert all((checks.ROOT / path).is_dir() for path in paths)
 
 
 def test_counts_of_several_reports_add_up(tmp_path: Path) -> None:
