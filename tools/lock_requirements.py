@@ -25,6 +25,7 @@ OPTIONS = (
     "--no-emit-index-url",
     "--custom-compile-command=tools/lock",
     "--extra=plot",
+    "--extra=vio",
     "--group=build",
 )
 
