@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The inertial data between two frames: whether they are complete, and cut into steps to integrate over."""
+
+import itertools
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Final
+
+import numpy as np
+
+from companion.vio.se3 import Array
+from companion.vio.types import ImuSample, ImuWindow
+
+IMU_EMPTY: Final = "imu_empty"
+IMU_GAP: Final = "imu_gap"
+
+MAX_GAP_PERIODS: Final = 3
+MAX_SHORT_PERIODS: Final = 1
+
+_TIME: Final = attrgetter("t_ns")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuSteps:
+    """Consecutive spans of time with what the IMU measured in the middle of each.
+
+    Attributes:
+        dt_s: [N], lengths in s, positive.
+        gyro: [N, 3] in rad/s, FLU.
+        accel: [N, 3] specific force in m/s^2, FLU.
+    """
+
+    dt_s: Array
+    gyro: Array
+    accel: Array
+
+
+def median_period_ns(window: ImuWindow) -> int | None:
+    """Return the median time between neighbouring samples, or None when there are fewer than two."""
+    times = [sample.t_ns for sample in window.samples]
+    return int(np.median(np.diff(times))) if len(times) > 1 else None
+
+
+def window_fault(window: ImuWindow, nominal_period_ns: int) -> str | None:
+    """Return what is wrong with a window.
+
+    Args:
+        window: the inertial data between two frames.
+        nominal_period_ns: between two samples of a healthy IMU.
+
+    Returns:
+        ``imu_empty`` if nothing was measured between the two stamps, ``imu_gap`` if samples are more than 3 periods
+        apart or stop short of a stamp by more than 1 period, else None.
+    """
+    if not _measured(window):
+        return IMU_EMPTY
+    times = [sample.t_ns for sample in window.samples]
+    widest = max((later - earlier for earlier, later in itertools.pairwise(times)), default=0)
+    short = max(times[0] - window.start_t_ns, window.end_t_ns - times[-1])
+    if widest > MAX_GAP_PERIODS * nominal_period_ns or short > MAX_SHORT_PERIODS * nominal_period_ns:
+        return IMU_GAP
+    return None
+
+
+def bracketed(window: ImuWindow) -> tuple[ImuSample, ...]:
+    """Return the samples between the stamps of a window, with one interpolated at either stamp.
+
+    Where samples do not reach a stamp, the nearest one is held. The result is empty when the window is (``imu_empty``).
+    """
+    if not _measured(window):
+        return ()
+    inside = [sample for sample in window.samples if window.start_t_ns < sample.t_ns < window.end_t_ns]
+    return (_sample_at(window.samples, window.start_t_ns), *inside, _sample_at(window.samples, window.end_t_ns))
+
+
+def steps_of(window: ImuWindow) -> ImuSteps:
+    """Return the steps of a window, from stamp to stamp; none when it is empty (``imu_empty``)."""
+    return steps_between(bracketed(window))
+
+
+def steps_between(samples: Sequence[ImuSample]) -> ImuSteps:
+    """Return the steps from each sample to the next, each with the mean of both measurements."""
+    t_ns = np.array([sample.t_ns for sample in samples], dtype=np.int64)
+    gyro = np.array([sample.gyro for sample in samples]).reshape(-1, 3)
+    accel = np.array([sample.accel for sample in samples]).reshape(-1, 3)
+    return ImuSteps(np.diff(t_ns) * 1e-9, 0.5 * (gyro[:-1] + gyro[1:]), 0.5 * (accel[:-1] + accel[1:]))
+
+
+def _measured(window: ImuWindow) -> bool:
+    samples = window.samples
+    return bool(samples) and samples[0].t_ns < window.end_t_ns and samples[-1].t_ns > window.start_t_ns
+
+
+def _sample_at(samples: tuple[ImuSample, ...], t_ns: int) -> ImuSample:
+    before = samples[max(bisect_right(samples, t_ns, key=_TIME) - 1, 0)]
+    after = samples[min(bisect_left(samples, t_ns, key=_TIME), len(samples) - 1)]
+    if after.t_ns <= before.t_ns:
+        return ImuSample(t_ns, before.accel, before.gyro)
+    share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
+    accel = before.accel + share * (after.accel - before.accel)
+    return ImuSample(t_ns, accel, before.gyro + share * (after.gyro - before.gyro))

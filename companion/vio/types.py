@@ -1,0 +1,327 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What goes into a strategy and what comes out: frozen records, their arrays read-only, validated when made.
+
+Every constructor raises ``ValueError`` naming the field. Times are nanoseconds of the companion's monotonic clock.
+"""
+
+import enum
+import itertools
+import math
+import uuid
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.vio.covariance import sound_covariance
+from companion.vio.se3 import SE3, Array, read_only
+
+Pixels = npt.NDArray[np.uint8]
+
+DEFAULT_TILT_SIGMA_RAD: Final = 0.03
+DEFAULT_YAW_SIGMA_RAD: Final = 0.1
+DEFAULT_VELOCITY_SIGMA_M_S: Final = 0.3
+DEFAULT_ACCEL_BIAS_SIGMA_M_S2: Final = 0.2
+DEFAULT_GYRO_BIAS_SIGMA_RAD_S: Final = 0.02
+
+
+def frame_uuid(time_ms: int, sequence: int, random: int) -> uuid.UUID:
+    """Return a time-ordered identifier (version 7 layout, RFC 9562).
+
+    Args:
+        time_ms: Unix or monotonic milliseconds; the lowest 48 bits count.
+        sequence: orders what has the same time; the lowest 12 bits count.
+        random: the lowest 62 bits count.
+    """
+    value = (time_ms & (1 << 48) - 1) << 80 | 7 << 76 | (sequence & 0xFFF) << 64 | 2 << 62 | random & (1 << 62) - 1
+    return uuid.UUID(int=value)
+
+
+def _count(value: int, field: str) -> None:
+    if value < 0:
+        raise ValueError(f"{field}: negative")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavCameraFrame:
+    """A picture of the navigation camera.
+
+    Attributes:
+        frame_id: identifier, time-ordered; increasing within a flight.
+        sequence: one more with each captured frame, also for dropped ones.
+        capture_timestamp: middle of the exposure.
+        pixels: uint8, [H, W, 3] BGR or [H, W] grey.
+        camera_id: the calibration's.
+    """
+
+    frame_id: uuid.UUID
+    sequence: int
+    capture_timestamp: int
+    pixels: Pixels
+    camera_id: str
+
+    def __post_init__(self) -> None:
+        _count(self.sequence, "sequence")
+        pixels = self.pixels
+        if not isinstance(pixels, np.ndarray) or pixels.dtype != np.uint8:
+            raise ValueError("pixels: not an array of uint8")
+        if not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] == 3)) or pixels.size == 0:
+            raise ValueError(f"pixels: shape {pixels.shape}, neither [H, W] nor [H, W, 3]")
+        view = np.ascontiguousarray(pixels).view()  # 60 MB at full size: no copy where there need not be one
+        view.flags.writeable = False
+        object.__setattr__(self, "pixels", view)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuSample:
+    """What the IMU measured at an instant.
+
+    Attributes:
+        t_ns: when.
+        accel: specific force in m/s^2, FLU.
+        gyro: rotation rate in rad/s, FLU.
+    """
+
+    t_ns: int
+    accel: Array
+    gyro: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "accel", read_only(self.accel, (3,), "accel"))
+        object.__setattr__(self, "gyro", read_only(self.gyro, (3,), "gyro"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuWindow:
+    """The inertial data between two frames.
+
+    Attributes:
+        start_t_ns: stamp of the frame before.
+        end_t_ns: stamp of this frame.
+        samples: in strictly increasing order of time; they bracket the two stamps, unless data are missing.
+    """
+
+    start_t_ns: int
+    end_t_ns: int
+    samples: tuple[ImuSample, ...]
+
+    def __post_init__(self) -> None:
+        if self.end_t_ns < self.start_t_ns:
+            raise ValueError("end_t_ns: before start_t_ns")
+        object.__setattr__(self, "samples", tuple(self.samples))
+        times = [sample.t_ns for sample in self.samples]
+        if any(later <= earlier for earlier, later in itertools.pairwise(times)):
+            raise ValueError("samples: t_ns does not increase")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuBias:
+    """What the IMU shows when there is nothing to show.
+
+    Attributes:
+        accel: in m/s^2, FLU.
+        gyro: in rad/s, FLU.
+    """
+
+    accel: Array
+    gyro: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "accel", read_only(self.accel, (3,), "accel"))
+        object.__setattr__(self, "gyro", read_only(self.gyro, (3,), "gyro"))
+
+    @classmethod
+    def zero(cls) -> "ImuBias":
+        """Return no bias."""
+        return cls(np.zeros(3), np.zeros(3))
+
+    def norm(self) -> float:
+        """Return the Euclidean norm of the six numbers."""
+        return math.sqrt(float(self.accel.dot(self.accel) + self.gyro.dot(self.gyro)))
+
+
+class DistortionModel(enum.StrEnum):
+    """How a lens distorts."""
+
+    NONE = "none"
+    RADTAN = "radtan"
+    EQUIDISTANT = "equidistant"
+
+
+_COEFFICIENTS: Final = {DistortionModel.NONE: (0,), DistortionModel.RADTAN: (4, 5), DistortionModel.EQUIDISTANT: (4,)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraCalibration:
+    """A camera: its lens, its size, its place.
+
+    Attributes:
+        camera_id: the model.
+        unit: which specimen of the model.
+        width, height: of the image in pixels.
+        fx, fy, cx, cy: intrinsics in pixels; the middle of the first pixel is (0, 0).
+        distortion_model: of the lens.
+        distortion: k1 k2 p1 p2 [k3] (radtan), k1 k2 k3 k4 (equidistant), or nothing.
+        B_T_C: from the camera into the body.
+        time_offset_s: what must be added to a frame's stamp to get the IMU's time.
+    """
+
+    camera_id: str
+    unit: str
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion_model: DistortionModel
+    distortion: Array
+    B_T_C: SE3
+    time_offset_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.camera_id:
+            raise ValueError("camera_id: empty")
+        for field in ("width", "height"):
+            if not isinstance(getattr(self, field), int) or getattr(self, field) <= 0:
+                raise ValueError(f"{field}: not a positive number of pixels")
+        for field in ("fx", "fy", "cx", "cy", "time_offset_s"):
+            if not math.isfinite(getattr(self, field)):
+                raise ValueError(f"{field}: not finite")
+        for field in ("fx", "fy"):
+            if getattr(self, field) <= 0:
+                raise ValueError(f"{field}: not positive")
+        try:
+            model = DistortionModel(self.distortion_model)
+        except ValueError:
+            known = ", ".join(DistortionModel)
+            raise ValueError(f"distortion_model: {self.distortion_model!r} is none of {known}") from None
+        count = len(self.distortion)
+        if count not in _COEFFICIENTS[model]:
+            raise ValueError(f"distortion: {count} coefficients, {model} has {_COEFFICIENTS[model][-1]}")
+        object.__setattr__(self, "distortion_model", model)
+        object.__setattr__(self, "distortion", read_only(self.distortion, (count,), "distortion"))
+
+    def matrix(self) -> Array:
+        """Return the matrix [3, 3] from normalised coordinates to pixels."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WarmStartPose:
+    """A state to start from.
+
+    Attributes:
+        body_T_world: maps world coordinates (ENU) into the body.
+        velocity_b: in m/s, in the body (FLU).
+        bias: of the IMU.
+        covariance: [15, 15] of attitude (rad, body), position (m, world), velocity (m/s, world), gyro bias (rad/s) and
+            accelerometer bias (m/s^2); None for the default sigmas.
+    """
+
+    body_T_world: SE3
+    velocity_b: Array
+    bias: ImuBias
+    covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "velocity_b", read_only(self.velocity_b, (3,), "velocity_b"))
+        if self.covariance is not None:
+            sound = sound_covariance(read_only(self.covariance, (15, 15), "covariance"))
+            if sound is None:
+                raise ValueError("covariance: not symmetric and positive")
+            object.__setattr__(self, "covariance", read_only(sound, (15, 15), "covariance"))
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureQuality:
+    """What the front end made of a frame.
+
+    Attributes:
+        tracked, lost, new, inliers: numbers of features.
+        mean_parallax_px: after removing rotation.
+        mre_px: mean reprojection error.
+        coverage: share of grid cells with an inlier, 0 to 1.
+    """
+
+    tracked: int
+    lost: int
+    new: int
+    inliers: int
+    mean_parallax_px: float
+    mre_px: float
+    coverage: float
+
+    def __post_init__(self) -> None:
+        for field in ("tracked", "lost", "new", "inliers"):
+            _count(getattr(self, field), field)
+        for field in ("mean_parallax_px", "mre_px"):
+            if not getattr(self, field) >= 0:
+                raise ValueError(f"{field}: not a number from 0")
+        if not 0 <= self.coverage <= 1:
+            raise ValueError("coverage: not from 0 to 1")
+
+
+class VioState(enum.Enum):
+    """How a strategy is."""
+
+    INIT = "INIT"
+    TRACKING = "TRACKING"
+    DEGRADED = "DEGRADED"
+    LOST = "LOST"
+
+
+@dataclass(frozen=True, slots=True)
+class VioHealth:
+    """How a strategy is, and why.
+
+    Attributes:
+        state: which of the four.
+        consecutive_lost: frames since the last one that could be used.
+        bias_norm: of the estimated bias.
+        reason: of the last change of state, or what is wrong now.
+    """
+
+    state: VioState
+    consecutive_lost: int
+    bias_norm: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VioOutput:
+    """What a strategy says about a frame.
+
+    Attributes:
+        frame_id: the frame's.
+        relative_pose_T: ``K_T_B``, the body in the last keyframe's body.
+        pose_covariance_6x6: of it, right perturbation, (rx, ry, rz, tx, ty, tz).
+        imu_bias: the estimate.
+        feature_quality: what the front end made of the frame.
+        emitted_at: when this was ready.
+        keyframe_id: of K, the keyframe that the pose refers to.
+        is_keyframe: whether this frame is the keyframe of the outputs after it.
+        velocity_b: in m/s, in the body (FLU).
+        world_T_body: the body in the strategy's world (ENU), for diagnosis.
+    """
+
+    frame_id: uuid.UUID
+    relative_pose_T: SE3
+    pose_covariance_6x6: Array
+    imu_bias: ImuBias
+    feature_quality: FeatureQuality
+    emitted_at: int
+    keyframe_id: uuid.UUID
+    is_keyframe: bool
+    velocity_b: Array
+    world_T_body: SE3
+
+    def __post_init__(self) -> None:
+        cov = read_only(self.pose_covariance_6x6, (6, 6), "pose_covariance_6x6")
+        sound = sound_covariance(cov)
+        if sound is None:
+            raise ValueError("pose_covariance_6x6: not symmetric and positive")
+        object.__setattr__(self, "pose_covariance_6x6", read_only(sound, (6, 6), "pose_covariance_6x6"))
+        object.__setattr__(self, "velocity_b", read_only(self.velocity_b, (3,), "velocity_b"))
