@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a landscape is painted on: a tone (the brightness) and a material (the hue) for each pixel."""
+
+import enum
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.vio.types import Pixels
+from companion.world.texture import Field, to_pixels
+
+Patch = tuple[slice, slice]
+Mask = npt.NDArray[np.bool_]
+
+SUN: Final = (0.75, 0.66)  # columns and rows that the shadow of 1 pixel of height falls
+_SHADOW: Final = np.float32(0.38)
+
+
+class Material(enum.IntEnum):
+    """What the ground is made of; the first four are grown or tilled."""
+
+    GRASS = 0
+    MEADOW = 1
+    SOIL = 2
+    STUBBLE = 3
+    ASPHALT = 4
+    GRAVEL = 5
+    LEAF = 6
+    TILE = 7
+    SLATE = 8
+    PAINT = 9
+
+
+PARCELS: Final = (Material.GRASS, Material.MEADOW, Material.SOIL, Material.STUBBLE)
+TONE: Final = np.array([104, 122, 112, 146, 138, 168, 92, 112, 84, 205], np.float32)
+# Blue, green and red as shares of the tone, which is their luma.
+_HUE: Final = np.array(
+    [
+        (0.50, 1.18, 0.84),
+        (0.58, 1.12, 0.95),
+        (0.78, 0.98, 1.13),
+        (0.68, 1.01, 1.12),
+        (1.04, 1.00, 0.98),
+        (0.95, 0.99, 1.04),
+        (0.48, 1.17, 0.86),
+        (0.70, 0.86, 1.38),
+        (1.10, 1.01, 0.94),
+        (1.02, 1.00, 0.99),
+    ],
+    np.float32,
+)
+
+
+@dataclass(slots=True)
+class Canvas:
+    """A square piece of land in the making.
+
+    Attributes:
+        tone: [N, N] in grey levels.
+        material: [N, N], numbers of :class:`Material`.
+        leaves: [N, N], noise of mean 0 and deviation 1 for whatever is ragged.
+        metres_per_pixel: side of a pixel on the ground.
+        rng: where chance comes from.
+    """
+
+    tone: Field
+    material: Pixels
+    leaves: Field
+    metres_per_pixel: float
+    rng: np.random.Generator
+
+    @property
+    def size(self) -> int:
+        """Rows, and columns."""
+        return len(self.tone)
+
+    @property
+    def area_m2(self) -> float:
+        """How much land there is."""
+        return (self.size * self.metres_per_pixel) ** 2
+
+    def px(self, metres: float) -> float:
+        """Return a length in pixels."""
+        return metres / self.metres_per_pixel
+
+    def anywhere(self, each_m2: float) -> npt.NDArray[np.float64]:
+        """Return random places [n, 2], column and row, one for so much land."""
+        return self.rng.uniform(0, self.size, (round(self.area_m2 / each_m2), 2))
+
+    def is_any(self, place: npt.NDArray[np.float64], *materials: Material) -> bool:
+        """Tell whether a place, column and row, is of one of some materials."""
+        return int(self.material[int(place[1]), int(place[0])]) in materials
+
+    def patch(self, column: float, row: float, reach: float) -> tuple[Patch, Field, Field]:
+        """Return the part of the canvas about a place, and the columns and rows from there to its pixels."""
+        left, top = max(int(column - reach), 0), max(int(row - reach), 0)
+        right, bottom = max(int(column + reach) + 2, left), max(int(row + reach) + 2, top)
+        right, bottom = min(right, self.size), min(bottom, self.size)
+        x = np.arange(left, right, dtype=np.float32)[None, :] - np.float32(column)
+        y = np.arange(top, bottom, dtype=np.float32)[:, None] - np.float32(row)
+        return (slice(top, bottom), slice(left, right)), x, y
+
+    def lay(self, patch: Patch, where: Mask, tone: Field, material: Material) -> None:
+        """Cover a part of a patch."""
+        np.copyto(self.tone[patch], tone, where=where)
+        np.copyto(self.material[patch], np.uint8(material), where=where)
+
+    def shade(self, patch: Patch, where: Mask) -> None:
+        """Darken a part of a patch."""
+        self.tone[patch][where] *= _SHADOW
+
+    def grey(self) -> Pixels:
+        """Return the picture [N, N]."""
+        return to_pixels(self.tone)
+
+    def coloured(self) -> Pixels:
+        """Return the picture [N, N, 3], BGR."""
+        pixels = np.empty((self.size, self.size, 3), np.uint8)
+        for row in range(self.size):  # by rows, which takes no memory
+            pixels[row] = to_pixels(self.tone[row, :, None] * _HUE[self.material[row]])
+        return pixels
+
+
+def power_of_two(pixels: float) -> int:
+    """Return the power of two, from 2, that is nearest to a length in pixels."""
+    return 1 << max(round(math.log2(pixels)), 1)

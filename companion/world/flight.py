@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A flight over synthetic ground: what a companion gets from its sensors, in order, and the truth about it."""
+
+import heapq
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from companion.vio.frames import MOUNTINGS
+from companion.vio.imu_noise import ImuNoise
+from companion.vio.se3 import SE3, Array, so3_exp
+from companion.vio.types import (
+    CameraCalibration,
+    DistortionModel,
+    ImuBias,
+    ImuSample,
+    NavCameraFrame,
+    WarmStartPose,
+)
+from companion.world.ground import generate_texture
+from companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
+from companion.world.renderer import DEFAULT_NOISE_SIGMA, PlaneRenderer
+from companion.world.texture import GroundTexture
+from companion.world.trajectory import Trajectory, nadir_survey
+
+DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
+CAMERA_ID: Final = "synthetic"
+_NS: Final = 1_000_000_000
+_CAMERA_PLACE_B: Final = (0.1, 0.0, -0.05)
+_BLUR_VIEWS: Final = 5
+
+# What a warm start claims to know: where it is by definition, the height and the biases hardly at all.
+_PLACE_SIGMA_M: Final = 1e-3
+_HEIGHT_SIGMA_M: Final = 0.3
+_GYRO_SIGMA: Final = 0.02
+_ACCEL_SIGMA: Final = 0.15
+_LEAST_SIGMA: Final = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class HeightMeasurement:
+    """What a range finder, corrected for the tilt, tells.
+
+    Attributes:
+        t_ns: when.
+        height_m: of the body's origin above the ground.
+        sigma_m: what it claims as its standard deviation.
+    """
+
+    t_ns: int
+    height_m: float
+    sigma_m: float
+
+
+Event = ImuSample | HeightMeasurement | NavCameraFrame
+
+
+def nadir_calibration(width: int = 640, height: int = 480, focal_px: float = 500.0) -> CameraCalibration:
+    """Return the calibration of a camera without distortion that looks down, a little ahead of the IMU and below it."""
+    return CameraCalibration(
+        camera_id=CAMERA_ID,
+        unit="0",
+        width=width,
+        height=height,
+        fx=focal_px,
+        fy=focal_px,
+        cx=0.5 * (width - 1),
+        cy=0.5 * (height - 1),
+        distortion_model=DistortionModel.NONE,
+        distortion=np.zeros(0),
+        B_T_C=SE3(MOUNTINGS["nadir"], np.array(_CAMERA_PLACE_B)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SyntheticFlight:
+    """A flight; iterating gives the same events each time.
+
+    Events come in the order in which a companion has them: IMU samples and heights at once, a frame ``latency_s`` after
+    the middle of its exposure. The shutter is not in step with the IMU: it is ``shutter_phase_s`` behind.
+
+    Attributes:
+        seed: of all noise and errors; the trajectory and the texture have their own.
+        trajectory: its time 0 is the flight's start.
+        texture: of the ground.
+        calibration: of the camera.
+        duration_s: from the start; no frame is taken after it.
+        start_ns: stamp of the start.
+        frame_rate_hz: of the camera, and of the height measurements.
+        shutter_phase_s: from the start to the first frame.
+        latency_s: from the middle of an exposure to the frame's arrival.
+        exposure_s: over which motion blurs; 0 for sharp frames.
+        gain_at: gain of the exposure at a time in s.
+        covered_s: spans of time, from and to, in which the lens is covered.
+        pixel_sigma: noise of a pixel in grey levels.
+        height_sigma_m: noise of the height; None for no measurements.
+        height_scale: what the height is multiplied with: 1.03 for an error of 3 %.
+        imu_noise: densities of the IMU's noise.
+        imu_bias: at the start.
+        imu_rate_hz: of the IMU.
+    """
+
+    seed: int = 0
+    trajectory: Trajectory = field(default_factory=nadir_survey)
+    texture: GroundTexture = field(default_factory=generate_texture)
+    calibration: CameraCalibration = field(default_factory=nadir_calibration)
+    duration_s: float = 60.0
+    start_ns: int = 0
+    frame_rate_hz: float = DEFAULT_FRAME_RATE_HZ
+    shutter_phase_s: float = 0.0017
+    latency_s: float = 0.03
+    exposure_s: float = 0.0
+    gain_at: Callable[[float], float] | None = None
+    covered_s: tuple[tuple[float, float], ...] = ()
+    pixel_sigma: float = DEFAULT_NOISE_SIGMA
+    height_sigma_m: float | None = 0.3
+    height_scale: float = 1.0
+    imu_noise: ImuNoise = field(default_factory=ImuNoise)
+    imu_bias: ImuBias = field(default_factory=default_bias)
+    imu_rate_hz: int = DEFAULT_RATE_HZ
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the sensors tell, as it arrives; the IMU a little longer than the rest."""
+        sources = (self._imu_events(), self._height_events(), self._frame_events())
+        for _, event in heapq.merge(*sources, key=lambda arrival: arrival[0]):
+            yield event
+
+    def truth(self, t_ns: int) -> SE3:
+        """Return world_T_body at a time of the IMU's clock."""
+        return self.trajectory.pose(self._seconds(t_ns))
+
+    def truth_velocity_w(self, t_ns: int) -> Array:
+        """Return the velocity [3] in m/s, ENU, at a time of the IMU's clock."""
+        return self.trajectory.velocity_w(self._seconds(t_ns))
+
+    def warm_start(
+        self, t_ns: int | None = None, *, angle_sigma_rad: float = 0.01, velocity_sigma_m_s: float = 0.2
+    ) -> WarmStartPose:
+        """Return the true state with errors, and a covariance that admits them; the biases are not known.
+
+        Args:
+            t_ns: when, by the IMU's clock; the first frame unless given.
+            angle_sigma_rad: of each of the attitude's three errors.
+            velocity_sigma_m_s: of each of the velocity's three errors.
+        """
+        t_ns = self._frame_ns(0) if t_ns is None else t_ns
+        rng = np.random.default_rng([self.seed, 7])
+        truth = self.truth(t_ns)
+        rotation = truth.R @ so3_exp(rng.normal(0, angle_sigma_rad, 3))
+        velocity_w = self.truth_velocity_w(t_ns) + rng.normal(0, velocity_sigma_m_s, 3)
+        sigmas = np.repeat([angle_sigma_rad, _PLACE_SIGMA_M, velocity_sigma_m_s, _GYRO_SIGMA, _ACCEL_SIGMA], 3)
+        sigmas[5] = _HEIGHT_SIGMA_M
+        covariance = np.diag(np.maximum(sigmas, _LEAST_SIGMA) ** 2)
+        return WarmStartPose(SE3(rotation, truth.t).inverse(), rotation.T @ velocity_w, ImuBias.zero(), covariance)
+
+    def _seconds(self, t_ns: int) -> float:
+        return (t_ns - self.start_ns) / _NS
+
+    def _frame_ns(self, sequence: int) -> int:
+        """Return when a frame is taken, by the IMU's clock."""
+        return self.start_ns + round((self.shutter_phase_s + sequence / self.frame_rate_hz) * _NS)
+
+    def _frame_times(self) -> Iterator[int]:
+        sequence = 0
+        while self._seconds(t_ns := self._frame_ns(sequence)) <= self.duration_s:
+            yield t_ns
+            sequence += 1
+
+    def _imu_events(self) -> Iterator[tuple[int, Event]]:
+        imu = SimulatedImu(
+            self.trajectory, self.imu_noise, self.imu_bias, self.imu_rate_hz, self.seed, start_ns=self.start_ns
+        )
+        end_ns = self.start_ns + round((self.duration_s + self.latency_s) * _NS)
+        for sample, _ in imu.readings():
+            if sample.t_ns > end_ns:
+                return
+            yield sample.t_ns, sample
+
+    def _height_events(self) -> Iterator[tuple[int, Event]]:
+        if self.height_sigma_m is None:
+            return
+        rng = np.random.default_rng([self.seed, 6])
+        for t_ns in self._frame_times():
+            height_m = float(self.truth(t_ns).t[2]) * self.height_scale + rng.normal(0, self.height_sigma_m)
+            yield t_ns, HeightMeasurement(t_ns, height_m, self.height_sigma_m)
+
+    def _frame_events(self) -> Iterator[tuple[int, Event]]:
+        renderer = PlaneRenderer(self.texture, self.calibration, self.seed, self.pixel_sigma)
+        offset_ns = round(self.calibration.time_offset_s * _NS)
+        for sequence, t_ns in enumerate(self._frame_times()):
+            stamp_ns, t_s = t_ns - offset_ns, self._seconds(t_ns)
+            if any(start <= t_s < end for start, end in self.covered_s):
+                frame = renderer.covered(sequence, stamp_ns)
+            else:
+                frame = self._rendered(renderer, sequence, t_s, stamp_ns)
+            yield t_ns + round(self.latency_s * _NS), frame
+
+    def _rendered(self, renderer: PlaneRenderer, sequence: int, t_s: float, stamp_ns: int) -> NavCameraFrame:
+        during = np.linspace(-0.5, 0.5, _BLUR_VIEWS) * self.exposure_s + t_s if self.exposure_s else np.array([t_s])
+        poses = [self.trajectory.pose(at) for at in during.tolist()]
+        return renderer.render(poses, sequence, stamp_ns, gain=1.0 if self.gain_at is None else self.gain_at(t_s))

@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A synthetic flight gives what sensors would, in the order in which it arrives, and knows the truth."""
+
+import dataclasses
+from typing import Any, TypeVar
+
+import numpy as np
+import pytest
+
+from companion.vio.se3 import so3_log
+from companion.vio.types import ImuBias, ImuSample, NavCameraFrame
+from companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
+from companion.world.ground import generate_texture
+from companion.world.trajectory import from_ground, nadir_survey
+
+GROUND = generate_texture(1, size_px=512)
+CALIBRATION = nadir_calibration(80, 60, 60.0)
+A = TypeVar("A", ImuSample, HeightMeasurement, NavCameraFrame)
+
+
+def flight(**options: Any) -> SyntheticFlight:
+    defaults = {"texture": GROUND, "calibration": CALIBRATION, "duration_s": 2.0, "trajectory": nadir_survey(seed=1)}
+    return SyntheticFlight(**{**defaults, **options})
+
+
+def only(kind: type[A], flown: SyntheticFlight) -> list[A]:
+    return [event for event in flown.events() if isinstance(event, kind)]
+
+
+def stamp_ns(event: Event) -> int:
+    return event.capture_timestamp if isinstance(event, NavCameraFrame) else event.t_ns
+
+
+def told(event: Event) -> tuple[Any, ...]:
+    if isinstance(event, ImuSample):
+        return event.t_ns, event.gyro.tobytes(), event.accel.tobytes()
+    if isinstance(event, NavCameraFrame):
+        return event.frame_id, event.sequence, event.capture_timestamp, event.pixels.tobytes()
+    return event.t_ns, event.height_m
+
+
+def test_flying_again_gives_the_same_events() -> None:
+    assert [told(event) for event in flight(seed=3).events()] == [told(event) for event in flight(seed=3).events()]
+
+
+@pytest.mark.parametrize("kind", [ImuSample, HeightMeasurement, NavCameraFrame])
+def test_another_seed_gives_other_noise(kind: type[ImuSample]) -> None:
+    first, second = (only(kind, flight(seed=seed, duration_s=0.1)) for seed in (3, 4))
+    assert told(first[0])[1:] != told(second[0])[1:]
+
+
+def test_defaults_are_a_minute_at_a_third_of_a_second() -> None:
+    flown = SyntheticFlight(texture=GROUND)
+    assert (flown.calibration.width, flown.calibration.height, flown.calibration.fx) == (640, 480, 500.0)
+    assert (flown.duration_s, flown.height_sigma_m, flown.imu_rate_hz) == (60.0, 0.3, 200)
+    assert flown.frame_rate_hz == pytest.approx(3.333, abs=1e-3)
+    assert flown.truth(0).t[2] == pytest.approx(40, abs=1.5)
+
+
+def test_there_is_an_event_for_each_reading() -> None:
+    flown = flight(frame_rate_hz=10.0, imu_rate_hz=100)
+    assert len(only(NavCameraFrame, flown)) == len(only(HeightMeasurement, flown)) == 20
+    assert len(only(ImuSample, flown)) == 204  # and as long as the last frame takes to arrive
+
+
+def test_frames_arrive_when_the_imu_has_passed_them() -> None:
+    seen_ns = -1
+    for event in flight().events():
+        if isinstance(event, ImuSample):
+            assert event.t_ns > seen_ns
+            seen_ns = event.t_ns
+        elif isinstance(event, NavCameraFrame):
+            assert 20_000_000 < seen_ns - event.capture_timestamp <= 30_000_000
+        else:
+            assert 0 <= event.t_ns - seen_ns < 5_000_000
+
+
+def test_frames_are_numbered_and_in_step_with_their_rate() -> None:
+    frames = only(NavCameraFrame, flight(frame_rate_hz=4.0, shutter_phase_s=0.0))
+    assert [frame.sequence for frame in frames] == list(range(9))
+    assert [frame.capture_timestamp for frame in frames] == [k * 250_000_000 for k in range(9)]
+
+
+def test_start_moves_all_stamps() -> None:
+    first, later = ([stamp_ns(event) for event in flight(start_ns=at).events()] for at in (0, 12_345))
+    assert {moved - stamp for stamp, moved in zip(first, later, strict=True)} == {12_345}
+
+
+def test_start_does_not_move_the_truth() -> None:
+    assert np.array_equal(flight(start_ns=5_000).truth(1_000_005_000).t, flight().truth(1_000_000_000).t)
+
+
+def test_cameras_clock_may_be_off() -> None:
+    late = dataclasses.replace(CALIBRATION, time_offset_s=0.01)
+    stamps = [[f.capture_timestamp for f in only(NavCameraFrame, flight(calibration=c))] for c in (CALIBRATION, late)]
+    assert np.subtract(stamps[0], stamps[1]).tolist() == [10_000_000] * len(stamps[0])
+
+
+def test_truth_is_the_trajectorys() -> None:
+    flown = flight()
+    assert np.array_equal(flown.truth(1_500_000_000).t, flown.trajectory.pose(1.5).t)
+    assert np.array_equal(flown.truth_velocity_w(1_500_000_000), flown.trajectory.velocity_w(1.5))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.03])
+def test_heights_are_noisy_and_may_be_off_by_a_scale(scale: float) -> None:
+    tiny = nadir_calibration(8, 6, 6.0)
+    flown = flight(frame_rate_hz=400.0, height_sigma_m=0.2, height_scale=scale, calibration=tiny)
+    heights = only(HeightMeasurement, flown)
+    errors = np.array([event.height_m - scale * flown.truth(event.t_ns).t[2] for event in heights])
+    assert errors.mean() == pytest.approx(0, abs=0.03)
+    assert errors.std() == pytest.approx(0.2, rel=0.1)
+    assert {event.sigma_m for event in heights} == {0.2}
+
+
+def test_heights_may_be_absent() -> None:
+    assert not only(HeightMeasurement, flight(height_sigma_m=None))
+
+
+def test_lens_is_covered_for_a_while() -> None:
+    frames = only(NavCameraFrame, flight(frame_rate_hz=10.0, covered_s=((0.5, 1.0), (1.5, 1.6))))
+    dark = [frame.sequence for frame in frames if frame.pixels.mean() < 3]
+    assert dark == [5, 6, 7, 8, 9, 15]
+
+
+def test_exposure_follows_its_gain() -> None:
+    plain = only(NavCameraFrame, flight(duration_s=1.0))
+    dimmed = only(NavCameraFrame, flight(duration_s=1.0, gain_at=lambda t_s: 0.5 if t_s > 0.5 else 1.0))
+    ratios = [after.pixels.mean() / before.pixels.mean() for before, after in zip(plain, dimmed, strict=True)]
+    assert ratios == pytest.approx([1.0, 1.0, 0.5, 0.5], abs=0.02)
+
+
+def test_exposure_blurs() -> None:
+    sharp, blurred = (only(NavCameraFrame, flight(duration_s=0.1, exposure_s=s))[0].pixels for s in (0.0, 0.3))
+    assert np.diff(blurred.astype(int)).std() < 0.8 * np.diff(sharp.astype(int)).std()
+
+
+def test_flight_may_begin_on_the_ground() -> None:
+    flown = flight(trajectory=from_ground(nadir_survey()), duration_s=0.5)
+    assert len(only(NavCameraFrame, flown)) == 2
+    assert flown.truth(0).t[2] == 0.25
+
+
+def test_warm_start_without_errors_is_the_truth() -> None:
+    flown = flight()
+    start = flown.warm_start(1_000_000_000, angle_sigma_rad=0.0, velocity_sigma_m_s=0.0)
+    world_T_body = start.body_T_world.inverse()
+    assert np.abs(world_T_body.R - flown.truth(1_000_000_000).R).max() < 1e-12
+    assert world_T_body.t == pytest.approx(flown.truth(1_000_000_000).t)
+    assert world_T_body.R @ start.velocity_b == pytest.approx(flown.truth_velocity_w(1_000_000_000))
+
+
+def test_warm_start_is_that_of_the_first_frame() -> None:
+    flown = flight()
+    first = only(NavCameraFrame, flown)[0].capture_timestamp
+    assert flown.warm_start().body_T_world.inverse().t == pytest.approx(flown.truth(first).t)
+
+
+def test_warm_start_has_errors_of_the_size_asked_for() -> None:
+    angles, speeds = [], []
+    for seed in range(150):
+        flown = flight(seed=seed)
+        start = flown.warm_start(0)
+        rotation = start.body_T_world.R.T
+        angles.append(so3_log(flown.truth(0).R.T @ rotation))
+        speeds.append(rotation @ start.velocity_b - flown.truth_velocity_w(0))
+    assert np.std(angles) == pytest.approx(0.01, rel=0.1)
+    assert np.std(speeds) == pytest.approx(0.2, rel=0.1)
+
+
+def test_warm_start_admits_its_errors() -> None:
+    start = flight().warm_start(angle_sigma_rad=0.02, velocity_sigma_m_s=0.4)
+    assert start.covariance is not None
+    sigmas = np.sqrt(start.covariance.diagonal())
+    assert sigmas == pytest.approx([0.02] * 3 + [1e-3, 1e-3, 0.3] + [0.4] * 3 + [0.02] * 3 + [0.15] * 3)
+
+
+def test_warm_start_does_not_know_the_biases_but_admits_them() -> None:
+    flown = flight()
+    start = flown.warm_start()
+    assert start.bias.norm() == ImuBias.zero().norm() == 0
+    assert start.covariance is not None
+    sigmas = np.sqrt(start.covariance.diagonal())
+    assert (np.abs(flown.imu_bias.gyro) < sigmas[9:12]).all()
+    assert (np.abs(flown.imu_bias.accel) < sigmas[12:]).all()

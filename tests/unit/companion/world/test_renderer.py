@@ -1,0 +1,252 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A rendered frame shows the ground where the calibration says, no finer than its pixels, and the same each time."""
+
+import dataclasses
+import importlib
+import math
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from companion.vio.se3 import SE3, Array, so3_exp
+from companion.vio.types import CameraCalibration, DistortionModel, Pixels
+from companion.vio.undistortion import distort
+from companion.world.flight import nadir_calibration
+from companion.world.ground import generate_texture
+from companion.world.renderer import PlaneRenderer
+from companion.world.texture import GroundTexture
+
+CALIBRATION = nadir_calibration()
+RADTAN = dataclasses.replace(
+    CALIBRATION,
+    distortion_model=DistortionModel.RADTAN,
+    distortion=np.array([-0.28, 0.07, 2e-4, 2e-5]),
+)
+EQUIDISTANT = dataclasses.replace(
+    CALIBRATION,
+    distortion_model=DistortionModel.EQUIDISTANT,
+    distortion=np.array([-0.02, 0.01, -0.003, 0.001]),
+)
+MIDDLING = np.full((8, 8), 128, np.uint8)  # detail that does nothing
+
+
+def above(east: float, north: float, height: float, yaw_rad: float = 0.0, tilt: tuple[float, float] = (0, 0)) -> SE3:
+    rotation = so3_exp(np.array([0, 0, yaw_rad])) @ so3_exp(np.array([*tilt, 0.0]))
+    return SE3(rotation, np.array([east, north, height]))
+
+
+def flat(tone: int = 128, colour: bool = False) -> GroundTexture:
+    return GroundTexture(np.full((64, 64, 3) if colour else (64, 64), tone, np.uint8), 1.0, MIDDLING)
+
+
+def blob(east: float, north: float, height: float) -> GroundTexture:
+    """Return dark ground with a bright blob, both as large as a camera at a height needs them."""
+    metres, sigma = height / 800, height / 150
+    x, y = metres * (np.arange(2000) - 999.5) - east, metres * (799.5 - np.arange(1600)) - north
+    bright = 250 * np.outer(np.exp(-0.5 * (y / sigma) ** 2), np.exp(-0.5 * (x / sigma) ** 2))
+    return GroundTexture(bright.astype(np.uint8), metres, MIDDLING)
+
+
+def centroid(pixels: Pixels) -> Array:
+    weight = np.clip(pixels.astype(np.float64) - 3, 0, None)
+    rows, columns = np.indices(pixels.shape)
+    middle: Array = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
+    return middle
+
+
+def expected_pixel(calibration: CameraCalibration, world_T_body: SE3, point: Array) -> Array:
+    seen = (world_T_body @ calibration.B_T_C).inverse().map(point)
+    pixel: Array = distort(calibration, (seen[:2] / seen[2])[None])[0]
+    return pixel
+
+
+@pytest.fixture(scope="module")
+def countryside() -> GroundTexture:
+    return generate_texture(1, size_px=1024)
+
+
+@pytest.mark.parametrize("calibration", [CALIBRATION, RADTAN, EQUIDISTANT], ids=["none", "radtan", "equidistant"])
+@pytest.mark.parametrize(
+    "pose",
+    [
+        above(2, 1, 20),
+        above(6, -3, 40, yaw_rad=2.0),
+        above(0, 4, 60, yaw_rad=-1.0, tilt=(0.15, -0.1)),
+        above(-9, 4, 55, yaw_rad=0.7, tilt=(-0.2, 0.2)),
+        above(5, 5, 140, yaw_rad=3.0, tilt=(0.05, 0.05)),
+    ],
+)
+def test_point_of_the_plane_appears_where_the_calibration_says(calibration: CameraCalibration, pose: SE3) -> None:
+    point = np.array([3.0, -2.0, 0.0])
+    renderer = PlaneRenderer(blob(3.0, -2.0, pose.t[2]), calibration, noise_sigma=0.0)
+    seen = centroid(renderer.render(pose, 0, 0).pixels)
+    assert seen == pytest.approx(expected_pixel(calibration, pose, point), abs=0.05)
+
+
+def test_tracks_between_two_frames_follow_the_homography_of_the_plane(countryside: GroundTexture) -> None:
+    renderer = PlaneRenderer(countryside, CALIBRATION)
+    first, second = above(1, 2, 40), above(3.1, 0.6, 42, yaw_rad=0.06, tilt=(0.02, -0.03))
+    before, after = renderer.render(first, 0, 0).pixels, renderer.render(second, 1, 0).pixels
+    # The homography of a plane with unit normal n at a distance d: R + t n' / d (Hartley and Zisserman, 13.1).
+    camera = first @ CALIBRATION.B_T_C
+    moved = (second @ CALIBRATION.B_T_C).inverse() @ camera
+    normal = camera.R.T @ [0, 0, -1]
+    plane = moved.R + np.outer(moved.t, normal) / camera.t[2]
+    homography = CALIBRATION.matrix() @ plane @ np.linalg.inv(CALIBRATION.matrix())
+    back = cv2.warpPerspective(after, homography, (640, 480), flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
+    points = cv2.goodFeaturesToTrack(before[60:420, 60:580], 150, 0.02, 12) + 60
+    tracked, found, _ = cv2.calcOpticalFlowPyrLK(before, back, points, points.copy())
+    errors = (tracked - points)[found[:, 0] == 1][:, 0]
+    assert len(errors) > 60
+    assert np.median(np.linalg.norm(errors, axis=1)) < 0.05
+    assert np.abs(np.median(errors, axis=0)).max() < 0.01
+
+
+@pytest.mark.parametrize("height_m", [45.0, 60.0, 100.0, 130.0])
+def test_what_is_finer_than_a_pixel_is_averaged(height_m: float) -> None:
+    board = (255 * (np.indices((800, 800)).sum(axis=0) % 2)).astype(np.uint8)
+    renderer = PlaneRenderer(GroundTexture(board, 0.04, MIDDLING), CALIBRATION, noise_sigma=0.0)
+    pixels = renderer.render(above(0, 0, height_m, yaw_rad=0.3), 0, 0).pixels
+    assert pixels.mean() == pytest.approx(127, abs=3)
+    assert pixels.std() < 0.12 * board.std()
+
+
+def test_what_is_coarser_than_a_pixel_keeps_its_contrast() -> None:
+    board = (255 * ((np.indices((800, 800)) // 20).sum(axis=0) % 2)).astype(np.uint8)
+    renderer = PlaneRenderer(GroundTexture(board, 0.04, MIDDLING), CALIBRATION, noise_sigma=0.0)
+    assert renderer.render(above(0, 0, 60), 0, 0).pixels.std() > 0.8 * board.std()
+
+
+@pytest.mark.parametrize("pose", [above(0.3, 0.2, 0.3), above(0, 0, 40)])
+def test_ground_goes_on_for_ever_mirrored(countryside: GroundTexture, pose: SE3) -> None:
+    renderer = PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
+    width, height = countryside.extent_m
+    away = SE3(pose.R, pose.t + np.array([200 * width, -40 * height, 0]))  # beyond 16 bits of pixels
+    here, there = (renderer.render(at, 0, 0).pixels.astype(int) for at in (pose, away))
+    assert np.quantile(np.abs(here - there), 0.99) <= 3
+
+
+def test_ground_is_mirrored_at_the_edge(countryside: GroundTexture) -> None:
+    renderer = PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
+    edge = SE3(above(0, 0, 45, yaw_rad=0.5 * math.pi).R, np.array([0.5 * countryside.extent_m[0], -0.1, 45]))
+    pixels = renderer.render(edge, 0, 0).pixels.astype(int)
+    assert np.quantile(np.abs(pixels - pixels[:, ::-1]), 0.99) <= 3
+
+
+def test_detail_shows_from_the_height_of_a_landing_gear() -> None:
+    ground = dataclasses.replace(generate_texture(size_px=64), pixels=flat().pixels, metres_per_pixel=0.075)
+    renderer = PlaneRenderer(ground, CALIBRATION, noise_sigma=0.0)
+    pixels = renderer.render(above(0, 0, 0.25), 0, 0).pixels
+    assert len(cv2.goodFeaturesToTrack(pixels, 200, 0.01, 12)) == 200
+    assert pixels.std() > 5
+
+
+def test_detail_vanishes_in_the_height(countryside: GroundTexture) -> None:
+    bare = dataclasses.replace(countryside, detail=MIDDLING)
+    poses = [
+        above(0, 0, height) for height in (20.0, 35.0, 38.0)
+    ]  # at 38 m a pixel sees what one of the texture's does
+    fine, plain = (PlaneRenderer(ground, CALIBRATION, noise_sigma=0.0) for ground in (countryside, bare))
+    differences = [
+        np.abs(fine.render(pose, 0, 0).pixels.astype(int) - plain.render(pose, 0, 0).pixels).mean() for pose in poses
+    ]
+    assert differences[0] > 1 > differences[1] > differences[2] == 0
+
+
+def test_same_arguments_give_the_same_frame(countryside: GroundTexture) -> None:
+    frames = [PlaneRenderer(countryside, CALIBRATION, 3).render(above(0, 0, 40), 7, 5_000_000) for _ in range(2)]
+    assert np.array_equal(frames[0].pixels, frames[1].pixels)
+    assert frames[0].frame_id == frames[1].frame_id
+
+
+@pytest.mark.parametrize(("seed", "sequence"), [(3, 8), (4, 7)])
+def test_noise_differs_from_frame_to_frame_and_seed_to_seed(seed: int, sequence: int) -> None:
+    frame = PlaneRenderer(flat(), CALIBRATION, 3).render(above(0, 0, 40), 7, 0)
+    other = PlaneRenderer(flat(), CALIBRATION, seed).render(above(0, 0, 40), sequence, 0)
+    together = np.corrcoef(frame.pixels.ravel(), other.pixels.ravel())[0, 1]
+    assert abs(together) < 0.02
+
+
+@pytest.mark.parametrize("sigma", [2.0, 5.0])
+def test_noise_has_its_deviation(sigma: float) -> None:
+    pixels = PlaneRenderer(flat(), CALIBRATION, noise_sigma=sigma).render(above(0, 0, 40), 0, 0).pixels
+    assert pixels.std() == pytest.approx(sigma, rel=0.05)
+    assert pixels.mean() == pytest.approx(128, abs=0.1)
+
+
+def test_frame_says_what_it_is() -> None:
+    frame = PlaneRenderer(flat(), CALIBRATION).render(above(0, 0, 40), 7, 5_000_000)
+    assert (frame.sequence, frame.capture_timestamp, frame.camera_id) == (7, 5_000_000, "synthetic")
+    assert frame.pixels.shape == (480, 640)
+
+
+def test_frame_ids_increase() -> None:
+    renderer = PlaneRenderer(flat(), CALIBRATION)
+    ids = [renderer.render(above(0, 0, 40), k, k * 300_000_000).frame_id for k in range(5)]
+    assert ids == sorted(set(ids))
+
+
+def test_coloured_ground_gives_coloured_frames() -> None:
+    frame = PlaneRenderer(flat(colour=True), CALIBRATION).render(above(0, 0, 0.5), 0, 0)
+    assert frame.pixels.shape == (480, 640, 3)
+
+
+def test_covered_lens_shows_nothing_but_noise() -> None:
+    pixels = PlaneRenderer(flat(), CALIBRATION).covered(0, 0).pixels
+    assert pixels.shape == (480, 640)
+    assert 0 < pixels.mean() < 2
+
+
+@pytest.mark.parametrize(("gain", "tone"), [(0.5, 64), (1.5, 192), (3.0, 255)])
+def test_gain_changes_the_brightness(gain: float, tone: int) -> None:
+    pixels = PlaneRenderer(flat(), CALIBRATION, noise_sigma=0.0).render(above(0, 0, 40), 0, 0, gain=gain).pixels
+    assert (pixels == tone).all()
+
+
+def test_motion_blurs_along_the_motion(countryside: GroundTexture) -> None:
+    renderer = PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
+    sharp = renderer.render(above(0, 0, 40), 0, 0).pixels.astype(int)
+    blurred = renderer.render([above(x, 0, 40) for x in np.linspace(-0.4, 0.4, 5)], 0, 0).pixels.astype(int)
+    along, across = (np.diff(blurred, axis=axis).std() / np.diff(sharp, axis=axis).std() for axis in (0, 1))
+    assert along < 0.7 * across  # the top of the image is forward, which is east
+
+
+def test_blur_of_a_vehicle_at_rest_is_none(countryside: GroundTexture) -> None:
+    renderer = PlaneRenderer(countryside, CALIBRATION)
+    pose = above(0, 0, 40)
+    assert np.array_equal(renderer.render(pose, 0, 0).pixels, renderer.render([pose] * 3, 0, 0).pixels)
+
+
+@pytest.mark.parametrize(
+    ("pose", "message"),
+    [
+        (above(0, 0, 40, tilt=(0.0, 1.2)), "the horizon is in the picture"),
+        (above(0, 0, 40, tilt=(3.1, 0.0)), "the horizon is in the picture"),
+        (above(0, 0, 0.04), "the camera is not above the ground"),
+    ],
+)
+def test_view_of_more_than_ground_is_refused(pose: SE3, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        PlaneRenderer(flat(), CALIBRATION).render(pose, 0, 0)
+
+
+def test_lens_that_does_not_reach_the_corners_is_refused() -> None:
+    folded = dataclasses.replace(RADTAN, distortion=np.array([-2.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match="the lens does not reach the corners"):
+        PlaneRenderer(flat(), folded)
+
+
+@pytest.mark.slow
+def test_full_size_frames_are_possible(countryside: GroundTexture) -> None:
+    renderer = PlaneRenderer(countryside, nadir_calibration(5472, 3648, 4500.0))
+    assert renderer.render(above(0, 0, 40), 0, 0).pixels.shape == (3648, 5472)
+
+
+def test_without_opencv_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    monkeypatch.delitem(sys.modules, "companion.world.renderer")
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'viso\[vio\]'"):
+        importlib.import_module("companion.world.renderer")
