@@ -9,7 +9,6 @@ Contact-Aided Invariant Extended Kalman Filtering, 2020). The propagation of err
 Preintegration for Real-Time Visual-Inertial Odometry, 2017.
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -18,7 +17,7 @@ import numpy as np
 from companion.vio.frames import GRAVITY_MSS
 from companion.vio.imu_noise import ImuNoise
 from companion.vio.imu_window import ImuSteps, steps_between
-from companion.vio.se3 import Array, read_only, right_jacobian, skew, so3_exp
+from companion.vio.se3 import Array, read_only
 from companion.vio.types import ImuBias, ImuSample
 
 if TYPE_CHECKING:
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
 _IDENTITY: Final = np.eye(3)
 _TINY_M2_S: Final = 1e-20  # integrating adds no error of its own
+_SMALL_SQUARE: Final = 1e-2  # of an angle in rad, below which series are more exact than differences
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,49 +121,81 @@ class ImuPreintegrator:
 
 def preintegrate(steps: ImuSteps, noise: ImuNoise, bias: ImuBias) -> PreintegratedDelta:
     """Return the motion over consecutive steps, the bias taken off."""
-    rotation, velocity, position = _IDENTITY, np.zeros(3), np.zeros(3)
-    cov, jac_bias = np.zeros((9, 9)), np.zeros((9, 6))
-    density = np.repeat([noise.gyro**2, noise.accel**2], 3)
-    measured = zip(steps.dt_s.tolist(), steps.gyro - bias.gyro, steps.accel - bias.accel, strict=True)
-    for dt_s, gyro, accel in measured:
-        phi = gyro * dt_s
-        turn, first, second = so3_exp(phi), right_jacobian(-phi) * dt_s, _second_integral(phi) * dt_s**2
-        transition = _transition(turn, rotation, first.dot(accel), second.dot(accel), dt_s)
-        inputs = _inputs(phi, rotation, first, second, accel, dt_s)
-        cov = transition.dot(cov).dot(transition.T) + (inputs * (density / dt_s)).dot(inputs.T)
-        jac_bias = transition.dot(jac_bias) - inputs
-        position = position + velocity * dt_s + rotation.dot(second.dot(accel))
-        velocity = velocity + rotation.dot(first.dot(accel))
-        rotation = rotation.dot(turn)
-    return PreintegratedDelta(float(steps.dt_s.sum()), rotation, velocity, position, cov, jac_bias)
+    dt_s, accel = steps.dt_s, steps.accel - bias.accel
+    turn, first, second = _integrals((steps.gyro - bias.gyro) * dt_s[:, None])
+    rotations = _products(turn)
+    before, after = rotations[:-1], rotations[1:]
+    v_by_accel, p_by_accel = before @ first * _column(dt_s), before @ second * _column(dt_s**2)
+    velocities = _sums((v_by_accel @ accel[..., None])[..., 0])
+    positions = _sums(velocities[:-1] * dt_s[:, None] + (p_by_accel @ accel[..., None])[..., 0])
+    # An error of a step's rate and force has an effect [9, 6] at the end of the step: the rotation in the body there ...
+    turned = after @ np.swapaxes(first, 1, 2) * _column(dt_s)  # the right Jacobian is the left one transposed
+    cross = before @ _skews(accel)
+    v_by_gyro, p_by_gyro = cross * _column(dt_s**2 / -2), cross * _column(dt_s**3 / -6)  # to first order in the angle
+    # ... and at the end of all: what is gained after the step is turned as well, and the velocity lasts.
+    left_s = dt_s.sum() - np.cumsum(dt_s)
+    gained_v = velocities[-1] - velocities[1:]
+    gained_p = positions[-1] - positions[1:] - velocities[1:] * left_s[:, None]
+    effects = np.zeros((len(dt_s), 9, 6))
+    effects[:, :3, :3] = rotations[-1].T @ turned
+    effects[:, 3:6, :3] = v_by_gyro - _skews(gained_v) @ turned
+    effects[:, 6:, :3] = p_by_gyro + v_by_gyro * _column(left_s) - _skews(gained_p) @ turned
+    effects[:, 3:6, 3:] = v_by_accel
+    effects[:, 6:, 3:] = p_by_accel + v_by_accel * _column(left_s)
+    sigmas = np.repeat([noise.gyro, noise.accel], 3) / np.sqrt(dt_s)[:, None]
+    spread = np.swapaxes(effects * sigmas[:, None], 0, 1).reshape(9, -1)
+    return PreintegratedDelta(
+        float(dt_s.sum()), rotations[-1], velocities[-1], positions[-1], spread.dot(spread.T), -effects.sum(axis=0)
+    )
 
 
-def _transition(turn: Array, rotation: Array, gained_v: Array, gained_p: Array, dt_s: float) -> Array:
-    """Return what a step makes of the error [9] before it; the gains are in the body."""
-    transition = np.eye(9)
-    transition[:3, :3] = turn.T
-    transition[3:6, :3], transition[6:, :3] = -rotation.dot(skew(gained_v)), -rotation.dot(skew(gained_p))
-    transition[6:, 3:6] = dt_s * _IDENTITY
-    return transition
+def _integrals(phi: Array) -> tuple[Array, Array, Array]:
+    """Return Exp(phi), G1(phi) and G2(phi), each [N, 3, 3], of rotation vectors [N, 3]."""
+    square = np.einsum("ni,ni->n", phi, phi)
+    small = square < _SMALL_SQUARE
+    large = np.where(small, 1.0, square)
+    angle = np.sqrt(large)
+    # Each is a sum of 1, the skew matrix and its square; the coefficients of one integral follow from the next one's.
+    third = np.where(
+        small, 1 / 6 - square * (1 / 120 - square * (1 / 5040 - square / 362880)), (1 - np.sin(angle) / angle) / large
+    )
+    fourth = np.where(
+        small,
+        1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800)),
+        (0.5 - 2 * np.sin(0.5 * angle) ** 2 / large) / large,
+    )
+    cross = _skews(phi)
+    crossed = cross @ cross
+    parts = (
+        (1.0, 1 - square * third, 0.5 - square * fourth),
+        (1.0, 0.5 - square * fourth, third),
+        (0.5, third, fourth),
+    )
+    turn, first, second = (one * _IDENTITY + _column(a) * cross + _column(b) * crossed for one, a, b in parts)
+    return turn, first, second
 
 
-def _inputs(phi: Array, rotation: Array, first: Array, second: Array, accel: Array, dt_s: float) -> Array:
-    """Return what a step makes of an error [6] of the rate and the specific force during it."""
-    inputs = np.zeros((9, 6))
-    inputs[:3, :3] = right_jacobian(phi) * dt_s
-    cross = rotation.dot(skew(accel))  # to first order in phi, the integrals hold phi/2 and phi/6
-    inputs[3:6, :3], inputs[6:, :3] = cross * (-(dt_s**2) / 2), cross * (-(dt_s**3) / 6)
-    inputs[3:6, 3:], inputs[6:, 3:] = rotation.dot(first), rotation.dot(second)
-    return inputs
+def _products(turns: Array) -> Array:
+    """Return the rotations [N + 1, 3, 3] before, between and after turns [N, 3, 3]."""
+    rotations = [_IDENTITY]
+    for turn in turns:
+        rotations.append(rotations[-1].dot(turn))
+    return np.array(rotations)
 
 
-def _second_integral(phi: Array) -> Array:
-    square = float(phi.dot(phi))
-    angle = math.sqrt(square)
-    if angle < 1e-2:  # differences of nearly equal numbers below
-        a, b = 1 / 6 - square / 120, 1 / 24 - square / 720
-    else:
-        a, b = (angle - math.sin(angle)) / (angle * square), (math.cos(angle) - 1 + square / 2) / square**2
-    cross = skew(phi)
-    integral: Array = 0.5 * _IDENTITY + a * cross + b * cross.dot(cross)
-    return integral
+def _sums(gains: Array) -> Array:
+    """Return the vectors [N + 1, 3] before, between and after gains [N, 3]."""
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(gains, axis=0)])
+
+
+def _skews(vectors: Array) -> Array:
+    """Return the matrices [N, 3, 3] that multiply as the cross products with vectors [N, 3] do."""
+    skews = np.zeros((len(vectors), 3, 3))
+    skews[:, [2, 0, 1], [1, 2, 0]] = vectors
+    skews[:, [1, 2, 0], [2, 0, 1]] = -vectors
+    return skews
+
+
+def _column(factors: Array) -> Array:
+    """Return factors [N] in a shape that multiplies matrices [N, ...]."""
+    return factors[:, None, None]

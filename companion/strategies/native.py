@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The seam for engines that are compiled: what a native module must offer, and how it is found.
+
+A native module is a Python module, whatever it is written in. It has one function
+
+    ``create(calibration: CameraCalibration, config: VioConfig) -> NativeEngine``
+
+that raises RuntimeError or ValueError, with one line, if it cannot make an engine. Nothing of the module is imported
+before a strategy that wants it is built, and no part of this project is linked to it.
+
+Conventions of all that crosses the seam: stamps are nanoseconds of the IMU's clock; the world is ENU with gravity
+(0, 0, -g), the body FLU with its origin in the IMU; ``A_T_B`` maps from B to A and is a homogeneous matrix [4, 4] of
+float64. Arrays that go in must not be kept, those that come out must be new or never change again. Any exception that a
+method raises means that the engine has failed: the strategy is then LOST until ``reset``.
+"""
+
+import enum
+import importlib
+from dataclasses import dataclass
+from typing import Final, Protocol, cast
+
+from companion.vio.config import VioConfig
+from companion.vio.se3 import Array
+from companion.vio.types import CameraCalibration, Pixels, WarmStartPose
+
+WIRING_ABSENT: Final = "native wiring absent"
+
+
+class NativeStatus(enum.Enum):
+    """How an engine is after an image.
+
+    INITIALISING: there is no state. TRACKING: the image was used. LOST: it could not be used, what the engine says is
+    propagated by the IMU alone. FAILED: nothing that it says holds.
+    """
+
+    INITIALISING = "INITIALISING"
+    TRACKING = "TRACKING"
+    LOST = "LOST"
+    FAILED = "FAILED"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NativePose:
+    """Where the body was at the last image.
+
+    Attributes:
+        world_T_body: [4, 4].
+        keyframe_T_body: [4, 4], the body in the last keyframe's body; identity for the first image with a state.
+        velocity_world: [3] in m/s.
+        is_keyframe: whether this image is the keyframe of the images after it; true for the first one with a state.
+    """
+
+    world_T_body: Array
+    keyframe_T_body: Array
+    velocity_world: Array
+    is_keyframe: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NativeBias:
+    """What the engine takes the IMU's bias to be.
+
+    Attributes:
+        accel: [3] in m/s^2.
+        gyro: [3] in rad/s.
+    """
+
+    accel: Array
+    gyro: Array
+
+
+@dataclass(frozen=True, slots=True)
+class NativeFeatures:
+    """What the engine's front end made of the last image; the fields are those of ``FeatureQuality``, and one more.
+
+    Attributes:
+        innovation_ratio: mean of the normalised residual squared per degree of freedom; 1 where the engine has none.
+    """
+
+    tracked: int
+    lost: int
+    new: int
+    inliers: int
+    mean_parallax_px: float
+    mre_px: float
+    coverage: float
+    innovation_ratio: float = 1.0
+
+
+class NativeEngine(Protocol):
+    """An engine: inertial data and images in; pose, covariance, bias, features and status out.
+
+    All but ``reset`` and the two inputs may be called only while the status is TRACKING or LOST; they tell about the
+    last image.
+    """
+
+    def add_imu(self, t_ns: int, accel: Array, gyro: Array) -> None:
+        """Take a sample (m/s^2, rad/s; FLU).
+
+        Stamps increase from one reset to the next. The samples up to an image come before it, and one beyond it.
+        """
+
+    def add_image(self, t_ns: int, pixels: Pixels) -> NativeStatus:
+        """Work on an image of the calibration's size, [H, W] or [H, W, 3] BGR; return when its result is there."""
+
+    def pose(self) -> NativePose:
+        """Return where the body was."""
+
+    def covariance(self) -> Array:
+        """Return the covariance [6, 6] of ``keyframe_T_body``: right perturbation, (rx, ry, rz, tx, ty, tz).
+
+        It comes from the joint distribution of both poses, not from their marginals.
+        """
+
+    def bias(self) -> NativeBias:
+        """Return the IMU's bias."""
+
+    def features(self) -> NativeFeatures:
+        """Return what the front end made of the image."""
+
+    def reset(self, start: WarmStartPose | None) -> None:
+        """Forget all; start from a state at the next image, or find one without help."""
+
+
+class _NativeModule(Protocol):
+    def create(self, calibration: CameraCalibration, config: VioConfig) -> NativeEngine: ...
+
+
+def load_engine(module: str, calibration: CameraCalibration, config: VioConfig) -> NativeEngine:
+    """Return a new engine of a native module.
+
+    Args:
+        module: its name.
+        calibration: of the camera.
+        config: the configuration.
+
+    Raises:
+        ImportError: if there is no such module ("native wiring absent"), or it cannot be imported or make an engine.
+    """
+    try:
+        native = cast(_NativeModule, importlib.import_module(module))
+    except ModuleNotFoundError as error:
+        if error.name != module:  # it is there, and lacks something itself
+            raise
+        raise ImportError(WIRING_ABSENT) from error
+    try:
+        return native.create(calibration, config)
+    except (RuntimeError, ValueError) as error:
+        raise ImportError(f"{module}: {error}") from error

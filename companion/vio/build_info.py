@@ -1,0 +1,44 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which strategies this build has: flags that are read once and hold for the whole run.
+
+The environment has no say in them. A test that wants other flags makes its own with :func:`read_flags` and hands them
+to the factory.
+"""
+
+import importlib.util
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+BUILD_KLT_RANSAC: Final = "BUILD_KLT_RANSAC"
+BUILD_FIXED_LAG: Final = "BUILD_FIXED_LAG"
+BUILD_OKVIS2: Final = "BUILD_OKVIS2"
+BUILD_VINS_MONO: Final = "BUILD_VINS_MONO"
+
+_VALUES: Final = {"0": False, "1": True}
+
+
+def read_flags(environment: Mapping[str, str] = MappingProxyType({})) -> Mapping[str, bool]:
+    """Return the flags of this build.
+
+    Args:
+        environment: values (0 or 1) that override a flag; for tests only.
+
+    Raises:
+        ValueError: if such a value is neither 0 nor 1.
+    """
+    flags = {
+        BUILD_KLT_RANSAC: True,
+        BUILD_FIXED_LAG: importlib.util.find_spec("gtsam") is not None,
+        BUILD_OKVIS2: False,
+        BUILD_VINS_MONO: False,
+    }
+    for name in flags.keys() & environment.keys():
+        if environment[name] not in _VALUES:
+            raise ValueError(f"{name}: {environment[name]!r} is neither 0 nor 1")
+        flags[name] = _VALUES[environment[name]]
+    return MappingProxyType(flags)
+
+
+FLAGS: Final = read_flags()

@@ -1,0 +1,257 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The configuration of visual-inertial odometry: the section ``vio`` of a TOML file, its ranges and defaults."""
+
+import dataclasses
+import enum
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from companion.vio.imu_noise import ImuNoise
+
+_T = TypeVar("_T")
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; its text is one line ``file: key: what``."""
+
+
+class Scene(enum.StrEnum):
+    """What the camera looks at."""
+
+    GENERAL = "general"
+    PLANAR = "planar"
+    AUTO = "auto"
+
+
+class AglSource(enum.StrEnum):
+    """Where the height above ground comes from."""
+
+    RANGEFINDER = "rangefinder"
+    BARO = "baro"
+    NONE = "none"
+
+
+class CovarianceEncoding(enum.StrEnum):
+    """What the covariances of ODOMETRY hold."""
+
+    VARIANCE = "variance"
+    ARDUPILOT_ERROR = "ardupilot_error"
+
+
+class LocalAlignment(enum.StrEnum):
+    """Where x of the local frame points."""
+
+    NORTH = "north"
+    HEADING0 = "heading0"
+
+
+def _within(default: float, low: float, high: float) -> Any:
+    """Return a field for numbers from ``low`` to ``high``, both included."""
+    return dataclasses.field(default=default, metadata={"range": (low, high)})
+
+
+class _Section:
+    """A table whose fields are checked, by their types and ranges, when it is made."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(cast(Any, self)):
+            object.__setattr__(self, field.name, _checked(field, getattr(self, field.name)))
+
+
+def _checked(field: "dataclasses.Field[Any]", value: Any) -> Any:
+    kind: Any = field.type
+    if issubclass(kind, enum.StrEnum):
+        if value not in list(kind):
+            raise ValueError(f"{field.name}: {value!r} is none of {', '.join(kind)}")
+        return kind(value)
+    if kind is float and type(value) is int:
+        value = float(value)
+    if type(value) is not kind:
+        raise ValueError(f"{field.name}: {value!r} is no {kind.__name__}")
+    low, high = field.metadata.get("range", (None, None))
+    if low is not None and not low <= value <= high:
+        raise ValueError(f"{field.name}: {value!r} is not within {low:g} to {high:g}")
+    return value
+
+
+def _read(kind: type[_T], table: Any, path: str) -> _T:
+    """Return the section of a TOML table; keys that are missing have their defaults.
+
+    Raises:
+        ConfigError: ``key: what`` for a key that is unknown or a value that cannot be used.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{path}: not a table")
+    fields = {field.name: field for field in dataclasses.fields(cast(Any, kind))}
+    values = {}
+    for key, value in table.items():
+        if key not in fields:
+            raise ConfigError(f"{path}.{key}: unknown key")
+        inner: Any = fields[key].type
+        if dataclasses.is_dataclass(inner):
+            value = _read(cast(Any, inner), value, f"{path}.{key}")
+        values[key] = value
+    try:
+        return kind(**{key: _checked(fields[key], value) for key, value in values.items()})
+    except ValueError as error:
+        raise ConfigError(f"{path}.{error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class LostPolicy(_Section):
+    """What is sent when the pose is lost.
+
+    Attributes:
+        send_s: how long the last pose is repeated with quality -1; silence after that.
+    """
+
+    send_s: float = _within(3.0, 0.0, 60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryConfig(_Section):
+    """The section ``vio.odometry``: what goes to the autopilot.
+
+    Attributes:
+        rate_hz: messages a second.
+        covariance_encoding: what their covariances hold.
+        local_alignment: where x of the local frame points.
+        lost_policy: what is sent when the pose is lost.
+        system_id, component_id: of the sender.
+    """
+
+    rate_hz: float = _within(20.0, 4.0, 200.0)
+    covariance_encoding: CovarianceEncoding = CovarianceEncoding.VARIANCE
+    local_alignment: LocalAlignment = LocalAlignment.NORTH
+    lost_policy: LostPolicy = LostPolicy()
+    system_id: int = _within(1, 1, 255)
+    component_id: int = _within(197, 1, 255)
+
+
+@dataclass(frozen=True, slots=True)
+class QueueConfig(_Section):
+    """The section ``vio.queue``.
+
+    Attributes:
+        depth: full-size frames that may wait for the worker.
+    """
+
+    depth: int = _within(1, 1, 16)
+
+
+@dataclass(frozen=True, slots=True)
+class VioConfig(_Section):
+    """The section ``vio``.
+
+    Attributes:
+        strategy: its name in the registry.
+        working_width_px: largest width of the image that is worked on.
+        max_features: tracked at a time.
+        fb_threshold_px: largest forward-backward error of a track.
+        ransac_threshold_px: of the geometric check.
+        min_tracked: inliers below which a frame is degraded.
+        lost_frames_fatal: consecutive lost frames that end in LOST.
+        degraded_inflation: of the emitted covariance in DEGRADED.
+        auto_reinit_s: from LOST to INIT without a warm start; 0 for never.
+        scene: what the camera looks at.
+        agl_source: where the height above ground comes from.
+        agl_sigma_m: smallest sigma of the height.
+        agl_scale_sigma: sigma of the scale that a wrong height causes, as a share.
+        ground_z_m: of the plane, in the world (ENU).
+        window_clones: poses in the filter's window.
+        clahe: whether contrast is equalised.
+        seed: of all that is random.
+        threads: of the image library.
+        imu_noise: densities of the IMU's noise.
+        odometry: what goes to the autopilot.
+        queue: between camera and worker.
+    """
+
+    strategy: str = "klt_ransac"
+    working_width_px: int = _within(1400, 64, 8192)
+    max_features: int = _within(180, 8, 5000)
+    fb_threshold_px: float = _within(0.7, 0.01, 10.0)
+    ransac_threshold_px: float = _within(1.0, 0.01, 10.0)
+    min_tracked: int = _within(30, 8, 5000)
+    lost_frames_fatal: int = _within(9, 1, 10_000)
+    degraded_inflation: float = _within(4.0, 1.0, 1e6)
+    auto_reinit_s: float = _within(0.0, 0.0, 3600.0)
+    scene: Scene = Scene.AUTO
+    agl_source: AglSource = AglSource.NONE
+    agl_sigma_m: float = _within(0.3, 1e-3, 100.0)
+    agl_scale_sigma: float = _within(0.02, 0.0, 0.5)
+    ground_z_m: float = _within(0.0, -20_000.0, 20_000.0)
+    window_clones: int = _within(11, 2, 100)
+    clahe: bool = False
+    seed: int = _within(0, 0, 2**31 - 1)
+    threads: int = _within(1, 1, 256)
+    imu_noise: ImuNoise = dataclasses.field(default_factory=ImuNoise)
+    odometry: OdometryConfig = OdometryConfig()
+    queue: QueueConfig = QueueConfig()
+
+    def __post_init__(self) -> None:
+        _Section.__post_init__(self)  # slots replace the class, so the short form of super() would not find it
+        if self.min_tracked > self.max_features:
+            raise ValueError(f"min_tracked: {self.min_tracked} is more than max_features ({self.max_features})")
+
+    def effective(self) -> dict[str, Any]:
+        """Return all values, defaults included, as TOML tables would hold them."""
+        return dataclasses.asdict(self)
+
+    def digest(self) -> str:
+        """Return what tells this configuration from any other: SHA-256, hexadecimal, of its values as JSON."""
+        return hashlib.sha256(json.dumps(self.effective(), sort_keys=True).encode()).hexdigest()
+
+
+def config_from_table(tables: Mapping[str, Any], file: str) -> VioConfig:
+    """Return the configuration of parsed TOML.
+
+    Args:
+        tables: all of the file; ``vio`` is the only table that it may have.
+        file: its name, for the error.
+
+    Raises:
+        ConfigError: naming file and key.
+    """
+    try:
+        for key in tables.keys() - {"vio"}:
+            raise ConfigError(f"{key}: unknown key")
+        return _read(VioConfig, tables.get("vio", {}), "vio")
+    except ConfigError as error:
+        raise ConfigError(f"{file}: {error}") from error
+
+
+def config_from_text(text: str, file: str) -> VioConfig:
+    """Return the configuration of TOML text.
+
+    Raises:
+        ConfigError: naming file, and key or line.
+    """
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{file}: {error}") from error
+    return config_from_table(tables, file)
+
+
+def load_config(path: Path) -> VioConfig:
+    """Return the configuration in a TOML file.
+
+    Raises:
+        ConfigError: naming file, and key or line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 text") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror or error}") from error
+    return config_from_text(text, str(path))

@@ -1,0 +1,231 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a strategy is, from what it says about each frame: INIT, TRACKING, DEGRADED or LOST."""
+
+import math
+import statistics
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from companion.vio.imu_window import IMU_EMPTY
+from companion.vio.types import VioHealth, VioState
+
+MIN_COVERAGE: Final = 0.25
+MAX_MRE_PX: Final = 3.0
+MAX_TRACE_RATIO: Final = 2.0
+TRACE_FRAMES: Final = 50
+MAX_INNOVATION_RATIO: Final = 4.0
+LOST_INLIERS: Final = 8
+GOOD_FRAMES: Final = 2
+CLEAR_FRAMES: Final = 3
+
+NON_FINITE: Final = "non_finite"
+NO_MODEL: Final = "no_model"
+INNOVATION_REFUSED: Final = "innovation_refused"
+TOO_FEW_INLIERS: Final = "too_few_inliers"
+FEW_INLIERS: Final = "few_inliers"
+LOW_COVERAGE: Final = "low_coverage"
+HIGH_MRE: Final = "high_mre"
+COVARIANCE_GROWTH: Final = "covariance_growth"
+INNOVATION_RATIO: Final = "innovation_ratio"
+SCALE_UNOBSERVED: Final = "scale_unobserved"
+
+CONSTRUCTION: Final = "construction"
+WAITING: Final = "waiting for stillness or a warm start"
+WARM_START: Final = "warm_start"
+GOOD: Final = "good frames after the warm start"
+STATIC: Final = "static initialisation"
+CLEAR: Final = "all clear"
+AUTO_REINIT: Final = "auto_reinit"
+
+OnTransition = Callable[[VioState, VioState, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class HealthLimits:
+    """What the configuration says about health.
+
+    Attributes:
+        min_tracked: inliers below which a frame is degraded.
+        lost_frames_fatal: consecutive lost frames that end in LOST.
+        auto_reinit_s: from LOST to INIT without a warm start; 0 for never.
+    """
+
+    min_tracked: int = 30
+    lost_frames_fatal: int = 9
+    auto_reinit_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFacts:
+    """What a strategy found out about a frame.
+
+    Attributes:
+        inliers: features that agree with the geometric model.
+        coverage: share of grid cells with an inlier, 0 to 1.
+        mre_px: mean reprojection error.
+        covariance_trace: of the emitted pose, before inflation; None when it is not comparable with other frames', as
+            while standing still.
+        innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+        bias_norm: of the estimated bias.
+        imu_fault: what is wrong with the inertial data, or None.
+        has_model: whether a geometric model was found.
+        innovation_refused: whether the gates refused all that the frame measured.
+        is_finite: whether the result of the frame is finite and its covariance sound.
+        scale_unobserved: whether neither a height nor the accelerometer has fixed the scale yet.
+        initialised: whether the strategy found its state by itself with this frame (standing still).
+    """
+
+    inliers: int
+    coverage: float
+    mre_px: float
+    covariance_trace: float | None = None
+    innovation_ratio: float = 1.0
+    bias_norm: float = 0.0
+    imu_fault: str | None = None
+    has_model: bool = True
+    innovation_refused: bool = False
+    is_finite: bool = True
+    scale_unobserved: bool = False
+    initialised: bool = False
+
+
+class HealthMachine:
+    """The health of a strategy: fed by one thread, read by any.
+
+    Args:
+        limits: from the configuration.
+        on_transition: called with the old state, the new one and the reason, after each change.
+    """
+
+    def __init__(self, limits: HealthLimits, on_transition: OnTransition = lambda old, new, reason: None) -> None:
+        self._limits = limits
+        self._on_transition = on_transition
+        self._traces: deque[float] = deque(maxlen=TRACE_FRAMES)
+        self._warm = False
+        self._streak = 0  # of good frames in INIT, of clear ones in DEGRADED
+        self._bias_norm = 0.0
+        self._lost_since_ns = 0
+        self._times_left_init = 0
+        self._health = VioHealth(VioState.INIT, 0, 0.0, CONSTRUCTION)
+
+    @property
+    def state(self) -> VioState:
+        """The state."""
+        return self._health.state
+
+    @property
+    def resets(self) -> int:
+        """How often INIT was left after the first time: each is a jump for whoever follows the pose."""
+        return max(self._times_left_init - 1, 0)
+
+    def snapshot(self) -> VioHealth:
+        """Return the health; never blocks, from whatever thread."""
+        return self._health
+
+    def feed(self, facts: FrameFacts, t_ns: int) -> tuple[VioState, str]:
+        """Take in a frame; return the state after it, and why.
+
+        A frame that leaves INIT is judged like any other, so it may end in DEGRADED at once. In LOST nothing changes.
+
+        Args:
+            facts: about the frame.
+            t_ns: the frame's stamp.
+        """
+        self._bias_norm = facts.bias_norm
+        if self.state is VioState.INIT:
+            self._leave_init(facts)
+        if self.state in (VioState.TRACKING, VioState.DEGRADED):
+            self._judge(facts, t_ns)
+        return self._health.state, self._health.reason
+
+    def fail(self, reason: str, t_ns: int) -> None:
+        """Go to LOST at once, as for a state that is no longer finite; no effect when already there."""
+        if self.state is not VioState.LOST:
+            self._lost_since_ns = t_ns
+            self._set(VioState.LOST, reason, lost=self._health.consecutive_lost + 1)
+
+    def warm_start(self) -> None:
+        """Go to INIT, because a state was given."""
+        self._restart(WARM_START, warm=True)
+
+    def auto_reinit(self, t_ns: int) -> bool:
+        """Go from LOST to INIT if that is due; tell whether it was."""
+        after_s = self._limits.auto_reinit_s
+        due = self.state is VioState.LOST and after_s > 0 and t_ns - self._lost_since_ns >= round(after_s * 1e9)
+        if due:
+            self._restart(AUTO_REINIT, warm=False)
+        return due
+
+    def _restart(self, reason: str, *, warm: bool) -> None:
+        self._warm = warm
+        self._traces.clear()
+        self._set(VioState.INIT, reason, lost=0, streak=0)
+
+    def _leave_init(self, facts: FrameFacts) -> None:
+        good = facts.inliers >= self._limits.min_tracked and self._lost_reason(facts) is None
+        self._streak = self._streak + 1 if good else 0
+        if facts.initialised or (self._warm and self._streak >= GOOD_FRAMES):
+            self._times_left_init += 1
+            self._set(VioState.TRACKING, STATIC if facts.initialised else GOOD)
+        else:
+            self._set(VioState.INIT, WARM_START if self._warm else WAITING, streak=self._streak)
+
+    def _judge(self, facts: FrameFacts, t_ns: int) -> None:
+        lost = self._lost_reason(facts)
+        problem = lost or self._degraded_reason(facts)
+        count = self._health.consecutive_lost + 1 if lost else 0
+        was_degraded = self.state is VioState.DEGRADED
+        if lost and count >= self._limits.lost_frames_fatal:
+            self._lost_since_ns = t_ns
+            self._set(VioState.LOST, lost, lost=count)
+        elif problem:
+            self._set(VioState.DEGRADED, problem, lost=count)
+        elif was_degraded and self._streak + 1 < CLEAR_FRAMES:
+            self._set(VioState.DEGRADED, self._health.reason, streak=self._streak + 1)
+        else:
+            self._set(VioState.TRACKING, CLEAR if was_degraded else self._health.reason)
+            if facts.covariance_trace is not None:
+                self._traces.append(facts.covariance_trace)
+
+    def _lost_reason(self, facts: FrameFacts) -> str | None:
+        if not facts.is_finite:
+            return NON_FINITE
+        if facts.imu_fault == IMU_EMPTY:
+            return IMU_EMPTY
+        if facts.inliers < LOST_INLIERS:
+            return TOO_FEW_INLIERS
+        if not facts.has_model:
+            return NO_MODEL
+        return INNOVATION_REFUSED if facts.innovation_refused else None
+
+    def _degraded_reason(self, facts: FrameFacts) -> str | None:
+        # Each is asked for what it should be, so that a NaN is a problem too.
+        if facts.inliers < self._limits.min_tracked:
+            return FEW_INLIERS
+        if not facts.coverage >= MIN_COVERAGE:
+            return LOW_COVERAGE
+        if not facts.mre_px <= MAX_MRE_PX:
+            return HIGH_MRE
+        if not self._trace_is_steady(facts.covariance_trace):
+            return COVARIANCE_GROWTH
+        if not facts.innovation_ratio <= MAX_INNOVATION_RATIO:
+            return INNOVATION_RATIO
+        return facts.imu_fault or (SCALE_UNOBSERVED if facts.scale_unobserved else None)
+
+    def _trace_is_steady(self, trace: float | None) -> bool:
+        if trace is None:
+            return True
+        if len(self._traces) < TRACE_FRAMES:  # no steady state yet
+            return math.isfinite(trace)
+        return trace <= MAX_TRACE_RATIO * statistics.median(self._traces)
+
+    def _set(self, state: VioState, reason: str, *, lost: int = 0, streak: int = 0) -> None:
+        old = self._health
+        self._streak = streak
+        # One assignment of a frozen record: a reader sees the old one or the new one.
+        self._health = VioHealth(state, lost, self._bias_norm, reason)
+        if state is not old.state:
+            self._on_transition(old.state, state, reason)

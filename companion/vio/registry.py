@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The strategies by name, and the factory that builds the one that the configuration asks for, or none."""
+
+import importlib
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, cast
+
+from companion.vio import build_info
+from companion.vio.config import VioConfig
+from companion.vio.errors import StrategyNotAvailableError
+from companion.vio.json_log import log_event
+from companion.vio.strategy import ReportingStrategy, StrategyContext
+from companion.vio.telemetry import TelemetrySink
+from companion.vio.types import CameraCalibration
+
+
+@dataclass(frozen=True, slots=True)
+class StrategyEntry:
+    """A strategy that can be asked for.
+
+    Attributes:
+        flag: of the build, that must be on.
+        loader: imports the strategy's module and builds it; raises ImportError if that cannot be.
+        description: one line, for people.
+    """
+
+    flag: str
+    loader: Callable[[StrategyContext], ReportingStrategy]
+    description: str
+
+
+def _lazy(module: str, class_name: str, extra: str | None = None) -> Callable[[StrategyContext], ReportingStrategy]:
+    """Return a loader that imports nothing before it is called, and says which extra a missing library belongs to."""
+
+    def load(context: StrategyContext) -> ReportingStrategy:
+        try:
+            strategy = getattr(importlib.import_module(f"companion.strategies.{module}"), class_name)(context)
+        except ModuleNotFoundError as error:
+            if extra is None:
+                raise
+            raise ImportError(f"{error}; pip install 'viso[{extra}]'") from error
+        return cast(ReportingStrategy, strategy)
+
+    return load
+
+
+_STRATEGY_REGISTRY: Final[dict[str, StrategyEntry]] = {
+    "klt_ransac": StrategyEntry(
+        build_info.BUILD_KLT_RANSAC,
+        _lazy("klt_ransac", "KltRansac", extra="vio"),
+        "tracked corners and an error-state filter with cloned poses; the baseline",
+    ),
+    "fixed_lag": StrategyEntry(
+        build_info.BUILD_FIXED_LAG,
+        _lazy("fixed_lag", "FixedLag", extra="vio,gtsam"),
+        "tracked corners and an incremental fixed-lag smoother; wants the extras vio and gtsam",
+    ),
+    "okvis2": StrategyEntry(
+        build_info.BUILD_OKVIS2,
+        _lazy("okvis2", "Okvis2"),
+        "OKVIS2, where its native module is installed",
+    ),
+    "vins_mono": StrategyEntry(
+        build_info.BUILD_VINS_MONO,
+        _lazy("vins_mono", "VinsMono"),
+        "VINS-Mono, where its native module is installed; for comparison only",
+    ),
+}
+
+STRATEGIES: Final = tuple(_STRATEGY_REGISTRY)
+
+
+def describe(name: str) -> str:
+    """Return what a strategy is, in one line."""
+    return _STRATEGY_REGISTRY[name].description
+
+
+def build_vio_strategy(
+    config: VioConfig,
+    calibration: CameraCalibration,
+    clock: Callable[[], int],
+    logger: logging.Logger,
+    telemetry: TelemetrySink,
+    *,
+    flags: Mapping[str, bool] = build_info.FLAGS,
+) -> ReportingStrategy:
+    """Build the strategy that the configuration asks for; there is no other one to fall back to.
+
+    Args:
+        config: the configuration.
+        calibration: of the camera.
+        clock: the companion's monotonic clock in ns.
+        logger: for events.
+        telemetry: for records.
+        flags: of the build; for tests only.
+
+    Raises:
+        ValueError: if there is none of that name.
+        StrategyNotAvailableError: if this build does not have it.
+    """
+    name = config.strategy
+    entry = _STRATEGY_REGISTRY.get(name)
+    if entry is None:
+        raise ValueError(f"strategy {name!r} is none of {', '.join(STRATEGIES)}")
+    if not flags[entry.flag]:
+        raise StrategyNotAvailableError(name, f"flag {entry.flag} is off")
+    try:
+        strategy = entry.loader(StrategyContext(config, calibration, clock, logger, telemetry))
+    except ImportError as error:
+        raise StrategyNotAvailableError(name, str(error)) from error
+    msg = f"VIO ready: strategy={name}, calibration={calibration.camera_id}.{calibration.unit}"
+    log_event(logger, logging.INFO, "vio_ready", msg, strategy=name)
+    return strategy

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The composition root: a source of frames, a queue, a worker with its strategy, and whoever listens."""
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
+from typing import Self
+
+from companion.vio import build_info
+from companion.vio.config import VioConfig
+from companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
+from companion.vio.json_log import log_event
+from companion.vio.registry import build_vio_strategy
+from companion.vio.telemetry import TelemetrySink
+from companion.vio.types import CameraCalibration, VioHealth, WarmStartPose
+from companion.vio.update import Listener
+from companion.vio.worker import ImuWindows, VioWorker
+
+
+class VioRuntime:
+    """Visual-inertial odometry at work, in two threads: one reads the camera, one owns the strategy.
+
+    In virtual time it is not started: whoever has the clock gives the frames to ``worker.process_one``.
+
+    Args:
+        config: the configuration.
+        calibration: of the camera.
+        source: of the frames; closed by ``stop``.
+        imu: the inertial data.
+        clock_ns: the companion's monotonic clock.
+        logger: for events.
+        telemetry: for records; not closed.
+        listeners: called, in the worker's thread, with each update.
+        clock_offset_ns: the autopilot's clock against the companion's, None while unknown.
+        flags: of the build; for tests only.
+
+    Attributes:
+        worker: owns the strategy.
+
+    Raises:
+        ValueError: if there is no such strategy.
+        StrategyNotAvailableError: if this build does not have it.
+    """
+
+    def __init__(
+        self,
+        config: VioConfig,
+        calibration: CameraCalibration,
+        source: FrameSource,
+        imu: ImuWindows,
+        *,
+        clock_ns: Callable[[], int],
+        logger: logging.Logger,
+        telemetry: TelemetrySink,
+        listeners: Iterable[Listener] = (),
+        clock_offset_ns: Callable[[], int | None] = lambda: None,
+        flags: Mapping[str, bool] = build_info.FLAGS,
+    ) -> None:
+        strategy = build_vio_strategy(config, calibration, clock_ns, logger, telemetry, flags=flags)
+        self._logger = logger
+        self._queue = DropOldestQueue(config.queue.depth)
+        self._ingest = CameraIngest(source, self._queue, logger)
+        self.worker = VioWorker(
+            strategy,
+            config,
+            calibration,
+            imu,
+            clock_ns=clock_ns,
+            logger=logger,
+            telemetry=telemetry,
+            listeners=listeners,
+            clock_offset_ns=clock_offset_ns,
+            queue=self._queue,
+        )
+        self._started = False
+        self._tell_configuration(config, telemetry)
+
+    def _tell_configuration(self, config: VioConfig, telemetry: TelemetrySink) -> None:
+        effective, digest = config.effective(), config.digest()
+        log_event(
+            self._logger,
+            logging.INFO,
+            "configuration",
+            "effective configuration",
+            {"config": effective, "digest": digest},
+            strategy=config.strategy,
+        )
+        telemetry.write({"kind": "configuration", "strategy": config.strategy, "digest": digest})
+
+    def start(self) -> None:
+        """Begin to read the camera and to process frames."""
+        self._started = True
+        self.worker.start()
+        self._ingest.start()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until the source has ended and its last frame is done with; tell whether that is so.
+
+        Args:
+            timeout_s: the longest wait in s; None for no limit.
+        """
+        return self.worker.join(timeout_s)
+
+    def stop(self, join_s: float = JOIN_S) -> bool:
+        """End both threads, within 2 s; frames that still wait are not processed.
+
+        Args:
+            join_s: the longest wait in s for each of them.
+
+        Returns:
+            Whether both have ended: a camera that ignores ``close``, or a strategy that does not return, keeps its own.
+        """
+        self.worker.stop()
+        self._ingest.stop()
+        if not self._started:
+            return True
+        ended = {"worker": self.worker.join(join_s), "camera": self._ingest.join(join_s)}
+        for name in (name for name, has_ended in ended.items() if not has_ended):
+            log_event(self._logger, logging.ERROR, "thread_hangs", f"the {name}'s thread does not end")
+        return all(ended.values())
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def warm_start(self, pose: WarmStartPose) -> None:
+        """Let the strategy start from a state before its next frame; from any thread."""
+        self.worker.request_warm_start(pose)
+
+    def health(self) -> VioHealth:
+        """Return the health; from any thread, without waiting."""
+        return self.worker.health()
+
+    def counters(self) -> Mapping[str, int]:
+        """Return what the camera, the queue (``dropped``) and the worker have counted."""
+        return MappingProxyType({**self._ingest.counters(), "dropped": self._queue.dropped, **self.worker.counters()})

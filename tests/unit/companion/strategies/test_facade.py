@@ -1,0 +1,280 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A native engine behind the interface of strategies: what goes in, what comes out, what each failure becomes."""
+
+from dataclasses import replace
+from typing import Any, NoReturn
+
+import numpy as np
+import pytest
+
+from companion.strategies.facade import NativeFacade
+from companion.strategies.native import NativeStatus
+from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from companion.vio.se3 import SE3
+from companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
+from tests.unit.companion.strategies.fake_native import install
+from tests.unit.companion.vio.strategy_rig import (
+    PERIOD_NS,
+    WaxRig,
+    make_frame,
+    make_warm_start,
+    still_window,
+)
+
+NAME = "viso_test_native"
+
+
+class Facade(NativeFacade):
+    name = "test"
+    module = NAME
+
+
+class Rig(WaxRig):
+    """A facade around a fake engine; frames are a tenth of a second apart."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **config: Any) -> None:
+        super().__init__(**config)
+        module = install(monkeypatch, NAME)
+        self.facade = Facade(self.context)
+        (self.engine,) = module.engines
+        self.engine.sees_in_the_dark = True
+        self.next = 0
+
+    def run(self, window: ImuWindow | None = None) -> VioOutput:
+        """Process the next frame."""
+        t_ns = self.next * PERIOD_NS
+        frame = make_frame(self.next)
+        if window is None:
+            window = still_window(max(t_ns - PERIOD_NS, 0), t_ns)
+        self.next += 1
+        return self.facade.process_frame(frame, window, self.calibration)
+
+    def initialise(self) -> VioOutput:
+        """Process frames up to the first one with an output."""
+        with pytest.raises(VioInitializingError):
+            self.run()
+        return self.run()
+
+    def state(self) -> VioState:
+        return self.facade.health_snapshot().state
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
+    return Rig(monkeypatch, lost_frames_fatal=3)
+
+
+def break_down(*_: object) -> NoReturn:
+    raise RuntimeError("segmentation would have faulted")
+
+
+def test_samples_go_in_once_and_the_image_after_them(rig: Rig) -> None:
+    rig.initialise()
+    rig.run()
+    assert rig.engine.imu == list(range(0, 2 * PERIOD_NS + 1, 5_000_000))
+    assert rig.engine.images == [0, PERIOD_NS, 2 * PERIOD_NS]
+
+
+def test_image_has_the_imus_time(rig: Rig) -> None:
+    with pytest.raises(VioInitializingError):
+        rig.run(still_window(1_000, 2_000))
+    assert rig.engine.images == [2_000]
+
+
+def test_engines_own_initialisation_brings_tracking(rig: Rig) -> None:
+    rig.initialise()
+    assert rig.state() is VioState.TRACKING
+
+
+def test_engine_that_has_a_state_at_once_brings_tracking(rig: Rig) -> None:
+    rig.engine.status = NativeStatus.TRACKING
+    rig.run()
+    assert rig.state() is VioState.TRACKING
+
+
+def test_output_is_the_engines(rig: Rig) -> None:
+    rig.engine.world = SE3.exp(np.array([0.1, 0.2, 0.3, 4.0, 5.0, 6.0])).matrix()
+    rig.engine.velocity_world = np.array([1.0, 2.0, 3.0])
+    rig.clock.now_ns = 77
+    output = rig.initialise()
+    assert np.array_equal(output.world_T_body.matrix(), rig.engine.world)
+    assert output.velocity_b == pytest.approx(rig.engine.world[:3, :3].T @ rig.engine.velocity_world)
+    assert np.array_equal(output.pose_covariance_6x6, rig.engine.covariance_6x6)
+    assert output.imu_bias.norm() == pytest.approx(np.hypot(0.1, 0.01))
+    assert output.feature_quality == FeatureQuality(120, 3, 5, 100, 4.5, 0.5, 0.8)
+    assert output.emitted_at == 77
+
+
+def test_outputs_refer_to_the_last_keyframe(rig: Rig) -> None:
+    outputs = [rig.initialise(), *(rig.run() for _ in range(5))]
+    ids = [output.frame_id for output in outputs]
+    assert [output.is_keyframe for output in outputs] == [True, False, False, True, False, False]
+    assert [output.keyframe_id for output in outputs] == [ids[0]] * 4 + [ids[3]] * 2
+
+
+def test_innovation_ratio_is_reported(rig: Rig) -> None:
+    rig.initialise()
+    assert rig.facade.frame_report().innovation_ratio == 1.2
+
+
+def test_features_are_judged(rig: Rig) -> None:
+    rig.initialise()
+    rig.engine.features_told = replace(rig.engine.features_told, inliers=20)
+    with pytest.raises(VioDegradedError, match="few_inliers"):
+        rig.run()
+
+
+def test_lost_engine_is_a_lost_frame_with_its_prediction(rig: Rig) -> None:
+    rig.initialise()
+    rig.engine.status = NativeStatus.LOST
+    for _ in range(2):
+        with pytest.raises(VioDegradedError, match="no_model"):
+            rig.run()
+    with pytest.raises(VioFatalError):
+        rig.run()
+
+
+def test_covariance_that_is_not_sound_is_a_lost_frame_with_a_larger_one(rig: Rig) -> None:
+    before = rig.initialise()
+    rig.engine.covariance_6x6 = np.full((6, 6), np.nan)
+    with pytest.raises(VioDegradedError, match="non_finite") as caught:
+        rig.run()
+    grown = caught.value.output.pose_covariance_6x6 / rig.config.degraded_inflation
+    assert (np.diag(grown) > np.diag(before.pose_covariance_6x6)).all()
+    assert rig.facade.health_snapshot().consecutive_lost == 1
+
+
+def test_first_covariance_that_is_not_sound_is_fatal(rig: Rig) -> None:
+    rig.engine.covariance_6x6 = -np.eye(6)
+    with pytest.raises(VioFatalError, match="covariance not sound"):
+        rig.initialise()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("status", NativeStatus.FAILED, "no state any more"),
+        ("status", NativeStatus.INITIALISING, "no state any more"),
+        ("world", np.full((4, 4), np.nan), "not finite"),
+        ("world", 2 * np.eye(4), "matrix"),
+        ("velocity_world", np.full(3, np.inf), "velocity_world"),
+        ("covariance_6x6", np.eye(3), "covariance of shape"),
+    ],
+)
+def test_state_that_is_none_is_fatal(rig: Rig, field: str, value: object, reason: str) -> None:
+    rig.initialise()
+    setattr(rig.engine, field, value)
+    with pytest.raises(VioFatalError, match=reason):
+        rig.run()
+    assert rig.state() is VioState.LOST
+
+
+@pytest.mark.parametrize("method", ["add_imu", "add_image", "pose", "covariance", "bias", "features"])
+def test_method_that_raises_is_fatal(monkeypatch: pytest.MonkeyPatch, rig: Rig, method: str) -> None:
+    rig.initialise()
+    monkeypatch.setattr(rig.engine, method, break_down)
+    with pytest.raises(VioFatalError, match="RuntimeError: segmentation would have faulted"):
+        rig.run()
+    assert rig.state() is VioState.LOST
+
+
+def test_reset_that_raises_is_fatal(monkeypatch: pytest.MonkeyPatch, rig: Rig) -> None:
+    monkeypatch.setattr(rig.engine, "reset", break_down)
+    with pytest.raises(VioFatalError):
+        rig.facade.reset_to_warm_start(make_warm_start())
+    assert rig.state() is VioState.LOST
+
+
+def test_warm_start_reaches_the_engine_and_wants_two_good_frames(rig: Rig) -> None:
+    rig.initialise()
+    rig.facade.reset_to_warm_start(make_warm_start())
+    (start,) = rig.engine.resets
+    assert start is not None
+    with pytest.raises(VioInitializingError):
+        rig.run()
+    output = rig.run()
+    assert output.world_T_body.t == pytest.approx(make_warm_start().body_T_world.inverse().t)
+
+
+def test_engine_gets_all_samples_after_a_warm_start(rig: Rig) -> None:
+    rig.initialise()
+    rig.facade.reset_to_warm_start(make_warm_start())
+    with pytest.raises(VioInitializingError):
+        rig.run()
+    assert rig.engine.imu[0] == PERIOD_NS
+
+
+def test_keyframes_begin_anew_after_a_warm_start(rig: Rig) -> None:
+    before = rig.initialise()
+    rig.facade.reset_to_warm_start(make_warm_start())
+    with pytest.raises(VioInitializingError):
+        rig.run()
+    assert rig.run().keyframe_id != before.keyframe_id
+
+
+def test_auto_reinit_resets_the_engine_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, lost_frames_fatal=1, auto_reinit_s=0.1)
+    rig.initialise()
+    rig.engine.status = NativeStatus.LOST
+    with pytest.raises(VioFatalError):
+        rig.run()
+    rig.engine.status = None
+    rig.initialise()
+    assert rig.engine.resets == [None]
+    assert rig.engine.imu[0] == 2 * PERIOD_NS
+    assert rig.facade.frame_report().resets == 1
+
+
+def test_engine_that_has_a_state_at_once_after_auto_reinit(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, lost_frames_fatal=1, auto_reinit_s=0.1)
+    rig.initialise()
+    rig.engine.status = NativeStatus.LOST
+    with pytest.raises(VioFatalError):
+        rig.run()
+    rig.engine.status = NativeStatus.TRACKING
+    rig.run()
+    assert rig.state() is VioState.TRACKING
+
+
+def without(window: ImuWindow, *numbers: int) -> ImuWindow:
+    kept = tuple(sample for i, sample in enumerate(window.samples) if i not in numbers)
+    return ImuWindow(window.start_t_ns, window.end_t_ns, kept)
+
+
+@pytest.mark.parametrize(
+    ("missing", "reason"), [(range(5, 9), IMU_GAP), (range(18, 21), IMU_GAP), (range(21), IMU_EMPTY)]
+)
+def test_missing_inertial_data_degrade(rig: Rig, missing: range, reason: str) -> None:
+    rig.initialise()
+    window = still_window(PERIOD_NS, 2 * PERIOD_NS)
+    with pytest.raises(VioDegradedError, match=reason):
+        rig.run(without(window, *missing))
+
+
+def test_few_samples_are_a_gap_before_the_period_is_known(rig: Rig) -> None:
+    with pytest.raises(VioInitializingError):
+        rig.run()
+    with pytest.raises(VioDegradedError, match=IMU_GAP):
+        rig.run(without(still_window(0, PERIOD_NS), *range(1, 20)))
+
+
+def slow(t0_ns: int, t1_ns: int) -> ImuWindow:
+    """Return a window with a sample each 20 ms."""
+    window = still_window(t0_ns, t1_ns)
+    return ImuWindow(t0_ns, t1_ns, window.samples[::4])
+
+
+def test_slow_imu_has_no_gaps(rig: Rig) -> None:
+    with pytest.raises(VioInitializingError):
+        rig.run(still_window(0, 0))
+    for i in range(3):
+        rig.run(slow(4 * i * PERIOD_NS, 4 * (i + 1) * PERIOD_NS))
+    assert rig.state() is VioState.TRACKING
+
+
+def test_few_samples_do_not_make_an_imu_slow(rig: Rig) -> None:
+    rig.initialise()
+    with pytest.raises(VioDegradedError, match=IMU_GAP):
+        rig.run(slow(PERIOD_NS, 2 * PERIOD_NS))

@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The factory of strategies, and what it says when there is none."""
+
+import logging
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from companion.vio import build_info, registry
+from companion.vio.config import VioConfig
+from companion.vio.errors import StrategyNotAvailableError
+from companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy, describe
+from companion.vio.strategy import ReportingStrategy, StrategyContext
+from tests.unit.companion.vio.strategy_rig import (
+    EventHandler,
+    Kept,
+    Ticks,
+    WaxStrategy,
+    make_calibration,
+    make_logger,
+)
+
+ALL_ON = dict.fromkeys(build_info.FLAGS, True)
+ALL_OFF = dict.fromkeys(build_info.FLAGS, False)
+
+
+def build(name: str, flags: Mapping[str, bool]) -> tuple[ReportingStrategy, EventHandler]:
+    logger, handler = make_logger()
+    strategy = build_vio_strategy(VioConfig(strategy=name), make_calibration(), Ticks(), logger, Kept(), flags=flags)
+    return strategy, handler
+
+
+def refusal(name: str, flags: Mapping[str, bool]) -> StrategyNotAvailableError:
+    with pytest.raises(StrategyNotAvailableError) as caught:
+        build(name, flags)
+    assert caught.value.name == name
+    return caught.value
+
+
+@pytest.fixture
+def wax(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = StrategyEntry(build_info.BUILD_KLT_RANSAC, WaxStrategy, "wax")
+    monkeypatch.setitem(registry._STRATEGY_REGISTRY, "wax", entry)
+
+
+def test_names() -> None:
+    assert STRATEGIES == ("klt_ransac", "fixed_lag", "okvis2", "vins_mono")
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_each_has_its_flag_and_a_description(name: str) -> None:
+    assert registry._STRATEGY_REGISTRY[name].flag == f"BUILD_{name.upper()}"
+    assert describe(name)
+
+
+def test_unknown_name_lists_the_names_whatever_the_flags() -> None:
+    with pytest.raises(ValueError, match=r"^strategy 'slam' is none of klt_ransac, fixed_lag, okvis2, vins_mono$"):
+        build("slam", ALL_OFF)
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_flag_that_is_off_comes_before_the_import(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setitem(sys.modules, f"companion.strategies.{name}", None)
+    assert refusal(name, ALL_OFF).reason == f"flag BUILD_{name.upper()} is off"
+
+
+@pytest.mark.parametrize("name", ["okvis2", "vins_mono"])
+def test_native_strategies_are_off_by_default(name: str) -> None:
+    assert refusal(name, build_info.FLAGS).reason == f"flag BUILD_{name.upper()} is off"
+
+
+@pytest.mark.parametrize("name", ["okvis2", "vins_mono"])
+def test_native_wiring_absent_even_when_the_flag_is_on(name: str) -> None:
+    assert refusal(name, ALL_ON).reason == "native wiring absent"
+
+
+@pytest.mark.parametrize(("name", "extra"), [("klt_ransac", "vio"), ("fixed_lag", "vio,gtsam")])
+def test_import_that_fails_says_why_and_what_to_install(monkeypatch: pytest.MonkeyPatch, name: str, extra: str) -> None:
+    module = f"companion.strategies.{name}"
+    monkeypatch.setitem(sys.modules, module, None)
+    reason = refusal(name, ALL_ON).reason
+    assert reason == f"import of {module} halted; None in sys.modules; pip install 'viso[{extra}]'"
+
+
+def test_native_module_that_lacks_something_says_what(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "viso_okvis2_native.py").write_text("import viso_test_lib\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert refusal("okvis2", ALL_ON).reason == "No module named 'viso_test_lib'"
+
+
+def test_refusal_is_one_line_with_the_name() -> None:
+    assert str(refusal("okvis2", ALL_ON)) == "strategy okvis2 is not available: native wiring absent"
+
+
+@pytest.mark.usefixtures("wax")
+def test_strategy_gets_its_context() -> None:
+    strategy, _ = build("wax", ALL_ON)
+    assert isinstance(strategy, WaxStrategy)
+    assert isinstance(strategy.context, StrategyContext)
+    assert strategy.context.calibration.camera_id == "cam"
+
+
+@pytest.mark.usefixtures("wax")
+def test_ready_is_logged() -> None:
+    _, handler = build("wax", ALL_ON)
+    (record,) = handler.events("vio_ready")
+    assert (record.levelno, record.getMessage()) == (logging.INFO, "VIO ready: strategy=wax, calibration=cam.7")
+
+
+def test_refusal_is_not_ready() -> None:
+    logger, handler = make_logger()
+    with pytest.raises(StrategyNotAvailableError):
+        build_vio_strategy(VioConfig(strategy="okvis2"), make_calibration(), Ticks(), logger, Kept(), flags=ALL_ON)
+    assert handler.records == []
