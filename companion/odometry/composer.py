@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From poses relative to keyframes to a pose in one local frame.
+
+The local frame L has z up and its origin in the first pose: with north as its alignment it is ENU, else x points along
+the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`companion.odometry.encoding`.
+"""
+
+import uuid
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from companion.vio.config import LocalAlignment
+from companion.vio.covariance import sound_covariance
+from companion.vio.frames import enu_to_ned, flu_to_frd
+from companion.vio.se3 import SE3, Array, so3_exp, yaw_of
+from companion.vio.types import VioOutput
+
+AGL_SCALE_SIGMA: Final = 0.02
+
+
+def local_to_frd(alignment: LocalAlignment) -> Array:
+    """Return the matrix from L to the axes of the message: NED, or x along the first heading, y right, z down."""
+    return enu_to_ned() if alignment is LocalAlignment.NORTH else flu_to_frd()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalPose:
+    """The body in the local frame.
+
+    Attributes:
+        L_T_B: the pose.
+        covariance_6x6: of it, right perturbation, (rx, ry, rz, tx, ty, tz).
+    """
+
+    L_T_B: SE3
+    covariance_6x6: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Keyframe:
+    frame_id: uuid.UUID
+    L_T_K: SE3
+    covariance_6x6: Array
+
+
+class OdometryComposer:
+    """Keeps the last keyframe's pose and covariance, and composes each output with them.
+
+    Args:
+        alignment: of the local frame; None for north if the heading is known at the first pose, else the first heading.
+        world_is_north: whether the strategy's world has an absolute yaw; else the autopilot's yaw has to tell.
+        agl_scale_sigma: relative error of the scale, the same all the way, as a wrong height above ground makes it.
+    """
+
+    def __init__(
+        self,
+        alignment: LocalAlignment | None = None,
+        *,
+        world_is_north: bool = False,
+        agl_scale_sigma: float = AGL_SCALE_SIGMA,
+    ) -> None:
+        self.alignment = alignment
+        self._world_is_north = world_is_north
+        self._agl_scale_sigma = agl_scale_sigma
+        self._keyframe: _Keyframe | None = None
+        self._L_T_W = SE3.identity()
+
+    @property
+    def up(self) -> Array:
+        """The vertical in the local frame, by the last output: the strategy goes on learning it from gravity."""
+        return self._L_T_W.R[:, 2]
+
+    def knows(self, keyframe_id: uuid.UUID) -> bool:
+        """Tell whether poses relative to a keyframe can be composed."""
+        return self._keyframe is not None and self._keyframe.frame_id == keyframe_id
+
+    def anchor(self, output: VioOutput, body_yaw_rad: float | None = None) -> bool:
+        """Make the local frame from the first output, and tell whether that was possible.
+
+        It is not while the frame is to be aligned to north and north is not known.
+
+        Args:
+            output: its world's vertical is taken as true.
+            body_yaw_rad: ENU yaw of the body at that time, from the autopilot, None while unknown.
+        """
+        world_T_body = _normalised(output.world_T_body)
+        if self.alignment is None:
+            known = self._world_is_north or body_yaw_rad is not None
+            self.alignment = LocalAlignment.NORTH if known else LocalAlignment.HEADING0
+        if self.alignment is LocalAlignment.HEADING0:
+            turn_rad = -yaw_of(world_T_body.R)
+        elif self._world_is_north:
+            turn_rad = 0.0
+        elif body_yaw_rad is not None:
+            turn_rad = body_yaw_rad - yaw_of(world_T_body.R)
+        else:
+            return False
+        turned = so3_exp(np.array([0.0, 0.0, turn_rad])).dot(world_T_body.R)
+        self.restart(output, LocalPose(SE3(turned, np.zeros(3)), np.zeros((6, 6))))
+        return True
+
+    def place_in_world(self, output: VioOutput) -> SE3:
+        """Return where an output's world pose is, if the world is still that of the last composed output."""
+        return self._L_T_W @ _normalised(output.world_T_body)
+
+    def restart(self, output: VioOutput, pose: LocalPose) -> None:
+        """Go on from another pose, whose relation to the keyframe before is not known.
+
+        Args:
+            output: the first one that refers to the new keyframe.
+            pose: the body at that time, and how well it is known; the output's own covariance comes on top.
+        """
+        K_T_B = _normalised(output.relative_pose_T)
+        to_keyframe = K_T_B.adjoint()
+        covariance = to_keyframe.dot(pose.covariance_6x6).dot(to_keyframe.T)
+        self._keyframe = _Keyframe(output.keyframe_id, pose.L_T_B @ K_T_B.inverse(), covariance)
+
+    def compose(self, output: VioOutput) -> LocalPose | None:
+        """Return the pose that an output gives; None if its keyframe is not known or no sound covariance comes out."""
+        keyframe = self._keyframe
+        if keyframe is None or keyframe.frame_id != output.keyframe_id:
+            return None
+        K_T_B = _normalised(output.relative_pose_T)
+        L_T_B = _normalised(keyframe.L_T_K @ K_T_B)
+        to_body = K_T_B.inverse().adjoint()
+        covariance = to_body.dot(keyframe.covariance_6x6).dot(to_body.T) + output.pose_covariance_6x6
+        stated = sound_covariance(covariance + self._scale_covariance(L_T_B))
+        if stated is None:
+            return None
+        if output.is_keyframe:
+            self._keyframe = _Keyframe(output.frame_id, L_T_B, 0.5 * (covariance + covariance.T))
+        self._L_T_W = L_T_B @ _normalised(output.world_T_body).inverse()
+        return LocalPose(L_T_B, stated)
+
+    def _scale_covariance(self, L_T_B: SE3) -> Array:
+        # The error of the scale is the same at every step: it grows with the way from the origin, not with its root,
+        # and so it is added to what is stated and never to what is kept.
+        error = np.zeros(6)
+        error[3:] = self._agl_scale_sigma * L_T_B.R.T.dot(L_T_B.t)
+        return np.outer(error, error)
+
+
+def _normalised(pose: SE3) -> SE3:
+    # Each factor may be off by 1e-6; over many keyframes that would add up.
+    return SE3.from_quat_wxyz(pose.quat_wxyz(), pose.t)

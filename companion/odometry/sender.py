@@ -1,0 +1,144 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The companion as a MAVLink component that does odometry: when it sends what, and that it listens."""
+
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from companion.odometry.clock_sync import REQUEST_PERIOD_NS, ClockSync
+from companion.odometry.inbound import FcInbound
+from companion.sender import (
+    HEARTBEAT_PERIOD_US,
+    MAV_AUTOPILOT_INVALID,
+    MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
+    MAV_TYPE_ONBOARD_CONTROLLER,
+)
+from mav_handlers.links.base import Link
+from mav_handlers.wire.codec import BadData, Codec, Received
+from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, TIMESYNC, Message
+
+MAV_STATE_ACTIVE: Final = 4
+MAVLINK_VERSION: Final = 3
+MAV_COMP_ID_AUTOPILOT1: Final = 1
+RATE_HZ: Final = 20.0
+MIN_RATE_HZ: Final = 4.0
+LOST_PERIOD_US: Final = 250_000
+TEXTS: Final = 100
+REQUEST_PERIOD_US: Final = REQUEST_PERIOD_NS // 1000
+
+
+class OdometrySender:
+    """Sends odometry at its rate, a heartbeat once a second and clock requests, and takes in what the autopilot says.
+
+    Args:
+        link: the wire to the autopilot.
+        odometry: returns the message to be sent at a time in us, or None.
+        clock: gets the TIMESYNC messages.
+        inbound: gets all others of the autopilot.
+        stream_requests: sent with each heartbeat for as long as no inertial data come.
+        rate_hz: odometry messages a second, from 4.
+        system_id: ours, and the autopilot's.
+        component_id: ours.
+        start_us: when the companion is up.
+
+    Attributes:
+        texts: the last that the autopilot has said.
+
+    Raises:
+        ValueError: if the rate is too low: ArduPilot takes the sensor for dead after 300 ms.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        odometry: Callable[[int], ODOMETRY | None],
+        clock: ClockSync,
+        inbound: FcInbound,
+        *,
+        stream_requests: Sequence[Message] = (),
+        rate_hz: float = RATE_HZ,
+        system_id: int = 1,
+        component_id: int = MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
+        start_us: int = 0,
+    ) -> None:
+        if not rate_hz >= MIN_RATE_HZ:
+            raise ValueError(f"rate_hz: {rate_hz:g}, below {MIN_RATE_HZ:g}")
+        self._link = link
+        self._odometry = odometry
+        self._clock = clock
+        self._inbound = inbound
+        self._stream_requests = tuple(stream_requests)
+        self._period_us = round(1e6 / rate_hz)
+        self._codec = Codec(system_id, component_id)
+        self._next_heartbeat_us = self._next_request_us = self._next_odometry_us = start_us
+        self._counters: Counter[str] = Counter()
+        self.texts: deque[STATUSTEXT] = deque(maxlen=TEXTS)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many messages of which kind were sent, and what was received in vain."""
+        return dict(self._counters)
+
+    def next_due_us(self) -> int:
+        """Return when ``run`` has something to send next; what arrives before is taken in then."""
+        return min(self._next_heartbeat_us, self._next_request_us, self._next_odometry_us)
+
+    def run(self, now_us: int) -> None:
+        """Take in what has arrived and send what is due; what a late call has missed is not made up for."""
+        self._receive(now_us)
+        if self._next_heartbeat_us <= now_us:
+            self._next_heartbeat_us = _after(now_us, self._next_heartbeat_us, HEARTBEAT_PERIOD_US)
+            self._send_heartbeat(now_us)
+        if self._next_request_us <= now_us:
+            self._next_request_us = _after(now_us, self._next_request_us, REQUEST_PERIOD_US)
+            self.send(self._clock.request(now_us * 1000))
+        if self._next_odometry_us <= now_us:
+            self._send_odometry(now_us)
+
+    def send(self, message: Message) -> None:
+        """Send a message now."""
+        self._link.send(self._codec.encode(message))
+        self._counters[type(message).__name__] += 1
+
+    def _send_heartbeat(self, now_us: int) -> None:
+        kind = MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID
+        self.send(HEARTBEAT(*kind, 0, 0, MAV_STATE_ACTIVE, MAVLINK_VERSION))
+        if self._inbound.imu_silent(now_us * 1000):
+            for request in self._stream_requests:
+                self.send(request)
+
+    def _send_odometry(self, now_us: int) -> None:
+        message = self._odometry(now_us)
+        period_us = self._period_us
+        if message is not None:
+            self.send(message)
+            if message.quality < 0:
+                period_us = LOST_PERIOD_US
+        self._next_odometry_us = _after(now_us, self._next_odometry_us, period_us)
+
+    def _receive(self, now_us: int) -> None:
+        while data := self._link.receive():
+            self._codec.feed(data)
+            while (received := self._codec.next_received()) is not None:
+                self._take(received, now_us * 1000)
+
+    def _take(self, received: Received | BadData, arrival_ns: int) -> None:
+        if isinstance(received, BadData):
+            self._counters["received_bad_data"] += 1
+            return
+        header, message = received.header, received.message
+        if (header.system_id, header.component_id) != (self._codec.system_id, MAV_COMP_ID_AUTOPILOT1):
+            self._counters["received_from_others"] += 1
+        elif isinstance(message, TIMESYNC):
+            answer = self._clock.take(message, arrival_ns)
+            if answer is not None:
+                self.send(answer)
+        elif isinstance(message, STATUSTEXT):
+            self.texts.append(message)
+        elif message is not None:
+            self._inbound.take(message, arrival_ns)
+
+
+def _after(now_us: int, due_us: int, period_us: int) -> int:
+    """Return the first instant of a schedule after now."""
+    return due_us + ((now_us - due_us) // period_us + 1) * period_us

@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What there is to tell the autopilot, from what the strategy and the IMU have said so far."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from threading import Lock
+from typing import Final
+
+from companion.odometry.composer import AGL_SCALE_SIGMA, LocalPose, OdometryComposer
+from companion.odometry.message import odometry_message
+from companion.odometry.propagation import VELOCITY_SIGMA_M_S, MotionState, OdometryPropagator
+from companion.odometry.quality import quality_of
+from companion.odometry.reset_counter import ResetCounter
+from companion.vio.config import CovarianceEncoding, LocalAlignment
+from companion.vio.health import WARM_START
+from companion.vio.imu_noise import ImuNoise
+from companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
+from companion.vio.update import VioUpdate
+from mav_handlers.wire.messages import ODOMETRY
+
+LOST_SEND_S: Final = 3.0
+DEGRADED_AFTER_NS: Final = 1_000_000_000
+LOST_AFTER_NS: Final = 3_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The last frame with an output."""
+
+    t_ns: int
+    features: FeatureQuality
+    innovation_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Loss:
+    since_us: int
+    state: MotionState
+
+
+class OdometrySource:
+    """Makes the ODOMETRY message of any instant; for one thread that works on frames and one that serves the link.
+
+    A strategy that starts anew goes on from the last pose, or, with a warm start, from that one in the world that it
+    had. A camera that says nothing any more loses the pose just as one that sees nothing: after 1 s without an output
+    the state counts as degraded, after 3 s as lost.
+
+    Args:
+        noise: of the IMU; None for the default densities.
+        local_alignment: of the local frame; None for north if known at the first pose, else the first heading.
+        world_is_north: whether the strategy's world has an absolute yaw.
+        agl_scale_sigma: relative error of the scale.
+        velocity_sigma_m_s: of each axis of a frame's velocity.
+        covariance_encoding: of the message.
+        lost_send_s: how long the last pose is sent once it is lost.
+        yaw_at: returns the autopilot's ENU yaw in rad at a time, None while unknown; asked until there is a pose.
+    """
+
+    def __init__(
+        self,
+        noise: ImuNoise | None = None,
+        *,
+        local_alignment: LocalAlignment | None = None,
+        world_is_north: bool = False,
+        agl_scale_sigma: float = AGL_SCALE_SIGMA,
+        velocity_sigma_m_s: float = VELOCITY_SIGMA_M_S,
+        covariance_encoding: CovarianceEncoding = CovarianceEncoding.VARIANCE,
+        lost_send_s: float = LOST_SEND_S,
+        yaw_at: Callable[[int], float | None] = lambda _t_ns: None,
+    ) -> None:
+        self._composer = OdometryComposer(
+            local_alignment, world_is_north=world_is_north, agl_scale_sigma=agl_scale_sigma
+        )
+        self._propagator = OdometryPropagator(noise or ImuNoise(), velocity_sigma_m_s=velocity_sigma_m_s)
+        self._encoding = covariance_encoding
+        self._lost_send_us = round(lost_send_s * 1e6)
+        self._yaw_at = yaw_at
+        self._resets = ResetCounter()
+        self._lock = Lock()
+        self._counters: Counter[str] = Counter()
+        self._health = VioState.INIT
+        self._frame: _Frame | None = None
+        self._loss: _Loss | None = None
+        self._initialising = True
+        self._warm = False
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many frames were used, and how many not for which reason."""
+        with self._lock:
+            return dict(self._counters)
+
+    def take_imu(self, sample: ImuSample) -> None:
+        """Carry the state on to an inertial sample."""
+        with self._lock:
+            if not self._propagator.add_imu(sample):
+                self._counters["imu_refused_not_later"] += 1
+
+    def take_update(self, update: VioUpdate) -> None:
+        """Take what a strategy made of a frame, whether there is an output or not (a listener of the worker)."""
+        state, output = update.health.state, update.output
+        with self._lock:
+            self._health = state
+            if state is VioState.INIT:
+                self._initialising, self._warm = True, update.health.reason == WARM_START
+            if output is None or state in (VioState.INIT, VioState.LOST):
+                self._counters[f"frames_{state.value.lower()}"] += 1
+            elif self._frame is not None and update.t_ns <= self._frame.t_ns:
+                self._counters["frames_refused_not_later"] += 1
+            else:
+                frame = _Frame(update.t_ns, output.feature_quality, update.report.innovation_ratio)
+                self._counters[self._take_output(frame, output)] += 1
+
+    def message(self, now_us: int) -> ODOMETRY | None:
+        """Return the message to be sent at a time, or None if there is nothing to say."""
+        with self._lock:
+            frame, alignment, newest = self._frame, self._composer.alignment, self._propagator.state()
+            if frame is None or alignment is None or newest is None:
+                return None
+            health = self._health_at(now_us * 1000, frame)
+            quality = quality_of(health, frame.features, frame.innovation_ratio)
+            state = self._state_to_send(health, newest, now_us)
+            if quality is None or state is None:
+                return None
+            return odometry_message(
+                state,
+                alignment,
+                reset_counter=self._resets.value,
+                quality=quality,
+                encoding=self._encoding,
+                # The stamp of a lost pose goes on: one that stands still would upset the autopilot's idea of our clock.
+                time_us=now_us if health is VioState.LOST else None,
+            )
+
+    def _take_output(self, frame: _Frame, output: VioOutput) -> str:
+        if not self._prepare(frame, output):
+            return "frames_waiting_for_north"
+        pose = self._composer.compose(output)
+        if pose is None:
+            return "frames_refused_covariance"
+        correction = self._propagator.correct(frame.t_ns, pose, output.velocity_b, output.imu_bias, self._composer.up)
+        if self._initialising:
+            self._resets.start()
+        elif correction is not None:
+            self._resets.correct(correction.moved_m, correction.covariance)
+        self._frame, self._initialising = frame, False
+        return "frames"
+
+    def _prepare(self, frame: _Frame, output: VioOutput) -> bool:
+        """See to it that the output's keyframe has a place in the local frame; tell whether it has."""
+        composer, last = self._composer, self._propagator.state()
+        if last is None:
+            return composer.anchor(output, self._yaw_at(frame.t_ns))
+        if self._initialising and not self._warm:  # in a world of its own, at the place where it stood still
+            composer.restart(output, last.pose)
+        elif self._initialising or not composer.knows(output.keyframe_id):
+            composer.restart(output, LocalPose(composer.place_in_world(output), last.pose.covariance_6x6))
+        return True
+
+    def _health_at(self, now_ns: int, frame: _Frame) -> VioState:
+        if self._health not in (VioState.TRACKING, VioState.DEGRADED):
+            return self._health
+        age_ns = now_ns - frame.t_ns
+        if age_ns > LOST_AFTER_NS:
+            return VioState.LOST
+        return VioState.DEGRADED if age_ns > DEGRADED_AFTER_NS else self._health
+
+    def _state_to_send(self, health: VioState, newest: MotionState, now_us: int) -> MotionState | None:
+        if health is not VioState.LOST:
+            self._loss = None
+            return newest
+        self._loss = self._loss or _Loss(now_us, newest)
+        return None if now_us - self._loss.since_us > self._lost_send_us else self._loss.state
