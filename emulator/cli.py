@@ -15,6 +15,7 @@ import typer
 from emulator.commands.bench import bench
 from emulator.commands.demo import demo
 from emulator.commands.ekf import ekf
+from emulator.commands.play import play
 from emulator.commands.replay import replay
 from emulator.commands.serve import serve
 from emulator.commands.vectors import vectors
@@ -28,6 +29,7 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
     "demo": demo,
     "serve": serve,
     "replay": replay,
+    "play": play,
     "ekf": ekf,
     "vectors": vectors,
     "bench": bench,

@@ -14,6 +14,9 @@ from typing import Final
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
+from companion.recorded.axes import PRESETS as AXES
+from companion.recorded.messages import FORMS
+from companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
 from ekf_stub.ingest_rules import RULES as FILTER_RULES
 from emulator.cli import COMMANDS as CLI_COMMANDS
 from emulator.filter_fates import basis, fate_of, is_final, why
@@ -125,6 +128,21 @@ def _parameters() -> Iterator[tuple[str, ...]]:
         yield from _group_rows(group)
 
 
+def _axes() -> Iterator[tuple[str, ...]]:
+    for name, preset in AXES.items():
+        yield f"`{name}`", f"`{preset.world}/{preset.body}`", preset.summary
+
+
+def _trajectory_formats() -> Iterator[tuple[str, ...]]:
+    for name, row in TRAJECTORY_FORMATS.items():
+        yield f"`{name}`", row.content, row.writers
+
+
+def _forms() -> Iterator[tuple[str, ...]]:
+    for name, form in FORMS.items():
+        yield f"`{name}`", form.summary
+
+
 def _presets() -> Iterator[tuple[str, ...]]:
     for name, path in PRESETS.items():
         yield f"`{name}`", preset_title(path)
@@ -142,6 +160,9 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "links": (("connection string", "what it is"), _links),
     "cli": (("command", "what it does"), _cli),
     "presets": (("preset", "what it is for"), _presets),
+    "axes": (("--axes", "world/body", "whose they are"), _axes),
+    "trajectory_formats": (("--format", "a record", "who writes it"), _trajectory_formats),
+    "forms": (("--as", "what is sent"), _forms),
     "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
 }
 

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trajectories in bags of ROS 1 and ROS 2, MCAP among them, through rosbags (the extra ``bags``)."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from companion.recorded.records import TrajectoryError, from_records
+from companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
+from companion.vio.se3 import rotation_from_quat_wxyz
+
+MISSING_EXTRA: Final = "bags are read with rosbags; install it with: pip install 'viso[bags]'"
+LONGEST_REASON: Final = 200  # some quote what they could not parse
+_UNKNOWN: Final = (math.nan,) * 36
+
+
+@dataclass(frozen=True, slots=True)
+class _Record:
+    """A pose; velocity in the body, or in the world where ``velocity_in_world``; 36 numbers of covariance."""
+
+    position: Any
+    quat: Any
+    velocity: Any = None
+    velocity_in_world: bool = False
+    covariance: Any = _UNKNOWN
+
+
+def _odometry(message: Any) -> _Record:
+    pose = message.pose.pose
+    # The velocity is in the child's frame by the definition. VINS names no child, or the world, and means the world.
+    in_world = message.child_frame_id in ("", message.header.frame_id)
+    return _Record(pose.position, pose.orientation, message.twist.twist.linear, in_world, message.pose.covariance)
+
+
+def _pose(message: Any) -> _Record:
+    return _Record(message.pose.position, message.pose.orientation)
+
+
+def _pose_with_covariance(message: Any) -> _Record:
+    pose = message.pose.pose
+    return _Record(pose.position, pose.orientation, covariance=message.pose.covariance)
+
+
+def _transform(message: Any) -> _Record:
+    return _Record(message.transform.translation, message.transform.rotation)
+
+
+POSE_TYPES: Final[Mapping[str, Callable[[Any], _Record]]] = MappingProxyType(
+    {
+        "nav_msgs/msg/Odometry": _odometry,
+        "geometry_msgs/msg/PoseStamped": _pose,
+        "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_with_covariance,
+        "geometry_msgs/msg/TransformStamped": _transform,
+    }
+)
+
+
+def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
+    """Read the poses of a topic, by default of the only one that has any.
+
+    Args:
+        path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
+        topic: its name.
+
+    Raises:
+        TrajectoryError: if the bag cannot be read, rosbags is missing, or the topic is not clear; one line.
+    """
+    with _one_line_errors(path):
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        # Old bags of ROS 2 do not hold their types.
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            chosen = _choose(path, reader.connections, topic)
+            messages = (
+                (time_ns, connection.msgtype, reader.deserialize(data, connection.msgtype))
+                for connection, time_ns, data in reader.messages(chosen)
+            )
+            return _collect(path, messages)
+
+
+@contextmanager
+def _one_line_errors(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except TrajectoryError:
+        raise
+    except ModuleNotFoundError as error:
+        raise TrajectoryError(f"{path}: {MISSING_EXTRA}") from error
+    except Exception as error:  # what damage makes rosbags and what is below it raise has no common base
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise TrajectoryError(f"{path}: not a readable bag: {reason[:LONGEST_REASON]}") from error
+
+
+def _choose(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
+    fitting = [connection for connection in connections if connection.msgtype in POSE_TYPES]
+    names = sorted({connection.topic for connection in fitting})
+    if topic is None and len(names) == 1:
+        topic = names[0]
+    chosen = [connection for connection in fitting if connection.topic == topic]
+    if chosen:
+        return chosen
+    types = {connection.topic: connection.msgtype for connection in fitting}
+    listed = ", ".join(f"{name} ({types[name]})" for name in names) or f"none of {', '.join(POSE_TYPES)}"
+    what = "which topic is not clear" if topic is None else f"no poses on the topic {topic}"
+    raise TrajectoryError(f"{path}: {what}; there are: {listed}")
+
+
+def _collect(path: Path, messages: Iterator[tuple[int, str, Any]]) -> RecordedTrajectory:
+    times_ns: list[int] = []
+    records: list[_Record] = []
+    for number, (bag_time_ns, kind, message) in enumerate(messages, 1):
+        stamp = message.header.stamp
+        time_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or bag_time_ns
+        if not 0 <= time_ns < TIME_END_NS:
+            raise TrajectoryError(f"{path}: message {number}: not a time: {time_ns} ns")
+        times_ns.append(time_ns)
+        records.append(POSE_TYPES[kind](message))
+    has_velocity = all(record.velocity is not None for record in records)
+    return from_records(
+        str(path),
+        times_ns,
+        [_xyz(record.position) for record in records],
+        [_wxyz(record.quat) for record in records],
+        [_world_velocity(record) for record in records] if has_velocity else None,
+        [[record.covariance[row : row + 6] for row in range(0, 36, 6)] for record in records],
+    )
+
+
+def _xyz(vector: Any) -> list[float]:
+    return [vector.x, vector.y, vector.z]
+
+
+def _wxyz(quat: Any) -> list[float]:
+    return [quat.w, quat.x, quat.y, quat.z]
+
+
+def _world_velocity(record: _Record) -> list[float]:
+    velocity = _xyz(record.velocity)
+    if record.velocity_in_world:
+        return velocity
+    try:
+        return list((rotation_from_quat_wxyz(_wxyz(record.quat)) @ velocity).tolist())
+    except ValueError:  # no rotation: the record will be left out
+        return velocity

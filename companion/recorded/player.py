@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A recorded engine as a MAVLink component: bytes and time in, bytes and texts out."""
+
+from collections import Counter
+from typing import Final, NamedTuple
+
+from companion.recorded.engine import RecordedEngine
+from companion.sender import (
+    HEARTBEAT_PERIOD_US,
+    MAV_AUTOPILOT_INVALID,
+    MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
+    MAV_TYPE_ONBOARD_CONTROLLER,
+)
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
+
+MAV_STATE_ACTIVE: Final = 4
+MAVLINK_VERSION: Final = 3
+CHUNK_LENGTH: Final = 50
+MAX_CHUNKS: Final = 6
+
+
+class Frame(NamedTuple):
+    """A frame, and when it is to be sent, in us since the start."""
+
+    due_us: int
+    data: bytes
+
+
+class Text(NamedTuple):
+    """What the vehicle said: MAV_SEVERITY, and the text without control characters."""
+
+    severity: int
+    text: str
+
+
+class Player:
+    """Sends a heartbeat once a second and what the engine reports, and listens to texts.
+
+    Args:
+        engine: what to play.
+        system_id: of the vehicle.
+
+    Attributes:
+        sent: how many messages of each type were handed out.
+        heard: whether a whole frame has come in.
+    """
+
+    def __init__(self, engine: RecordedEngine, *, system_id: int = 1) -> None:
+        self._engine = engine
+        self._codec = Codec(system_id, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
+        self._next_heartbeat_us = 0
+        self._open_id = 0
+        self._pieces: list[str] = []
+        self.sent: Counter[str] = Counter()
+        self.heard = False
+
+    def next_due_us(self) -> int | None:
+        """Return when the next frame is due; None when the trajectory has been played."""
+        due_us = self._engine.next_due_us()
+        return None if due_us is None else min(due_us, self._next_heartbeat_us)
+
+    def next_frames(self) -> list[Frame]:
+        """Return the frames that are due next, all at one time; none when the trajectory has been played."""
+        due_us = self.next_due_us()
+        if due_us is None:
+            return []
+        if due_us == self._next_heartbeat_us:
+            self._next_heartbeat_us += HEARTBEAT_PERIOD_US
+            return [Frame(due_us, self.heartbeat())]
+        return [Frame(due_us, self._encode(message)) for message in self._engine.report()]
+
+    def heartbeat(self) -> bytes:
+        """Return a heartbeat to be sent now, beside those of ``next_frames``."""
+        beat = HEARTBEAT(MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, MAV_STATE_ACTIVE, MAVLINK_VERSION)
+        return self._encode(beat)
+
+    def _encode(self, message: Message) -> bytes:
+        self.sent[type(message).__name__] += 1
+        return self._codec.encode(message)
+
+    def receive_bytes(self, data: bytes) -> list[Text]:
+        """Take in bytes from the vehicle and return the texts that are whole."""
+        self._codec.feed(data)
+        texts = []
+        while (received := self._codec.next_received()) is not None:
+            self.heard |= isinstance(received, Received)
+            if isinstance(received, Received) and isinstance(received.message, STATUSTEXT):
+                texts += self._whole(received.message)
+        return texts
+
+    def _whole(self, chunk: STATUSTEXT) -> list[Text]:
+        """Return the text that a chunk ends; nothing while more is to come."""
+        clean = "".join(character if character.isprintable() else "?" for character in chunk.text)
+        if chunk.id == 0:
+            return [Text(chunk.severity, clean)]
+        if chunk.chunk_seq == 0 or chunk.id != self._open_id:
+            self._open_id, self._pieces = chunk.id, []  # what a lost chunk has left open is forgotten
+        self._pieces.append(clean)
+        if len(clean) == CHUNK_LENGTH and len(self._pieces) < MAX_CHUNKS:
+            return []
+        text, self._pieces = "".join(self._pieces), []
+        return [Text(chunk.severity, text)]

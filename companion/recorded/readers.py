@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The formats of recorded trajectories, one row each, and which of them a file has."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+from companion.recorded.bag_formats import POSE_TYPES, read_bag
+from companion.recorded.records import TrajectoryError
+from companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, detect, read_kitti, read_table, read_text
+from companion.recorded.trajectory import RecordedTrajectory
+
+_POSES: Final = ", ".join(kind.rpartition("/")[2] for kind in POSE_TYPES)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file, and what it takes to read some formats.
+
+    Attributes:
+        path: the file, or the folder of a bag.
+        topic: of a bag; None for the only one that fits.
+        times: file with the times of KITTI's poses.
+    """
+
+    path: Path
+    topic: str | None = None
+    times: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of trajectories.
+
+    Attributes:
+        read: reads a file; raises TrajectoryError.
+        content: what a record holds.
+        writers: who writes it.
+    """
+
+    read: Callable[[Source], RecordedTrajectory]
+    content: str
+    writers: str
+
+
+FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
+    {
+        "tum": Format(
+            lambda source: read_table(source.path, TUM),
+            "text: t x y z qx qy qz qw; t in s, or in ns when that large",
+            "evo, ORB-SLAM, most others",
+        ),
+        "openvins": Format(
+            lambda source: read_table(source.path, OPENVINS),
+            "text: as TUM, then the upper triangles of the covariances of rotation and of position",
+            "OpenVINS (pose_to_file)",
+        ),
+        "euroc": Format(
+            lambda source: read_table(source.path, EUROC),
+            "csv: ns, x, y, z, qw, qx, qy, qz, and velocity if there is one",
+            "EuRoC's ground truth, VINS-Mono, VINS-Fusion",
+        ),
+        "okvis": Format(
+            lambda source: read_table(source.path, OKVIS),
+            "csv: ns, x, y, z, qx, qy, qz, qw, and velocity if there is one",
+            "OKVIS2",
+        ),
+        "kitti": Format(
+            lambda source: read_kitti(source.path, source.times),
+            "text: the upper three rows of a homogeneous matrix; times in s in a file of their own",
+            "KITTI, visual odometries compared on it",
+        ),
+        "ros1": Format(lambda source: read_bag(source.path, source.topic), f"bag (.bag): {_POSES}", "ROS 1"),
+        "ros2": Format(
+            lambda source: read_bag(source.path, source.topic), f"bag (folder, .db3, .mcap): {_POSES}", "ROS 2"
+        ),
+    }
+)
+
+_BY_ENDING: Final = MappingProxyType({".bag": "ros1", ".mcap": "ros2", ".db3": "ros2"})
+
+
+def format_of(path: Path) -> str:
+    """Return the name of the format of a file, by its ending or else by its content.
+
+    Raises:
+        TrajectoryError: if it has none of them, or cannot be read.
+    """
+    if path.is_dir():
+        return "ros2"
+    found = _BY_ENDING.get(path.suffix.lower()) or detect(read_text(path))
+    if found is None:
+        raise TrajectoryError(f"{path}: none of the formats {', '.join(FORMATS)}")
+    return found
+
+
+def load_trajectory(source: Source, format_name: str | None = None) -> RecordedTrajectory:
+    """Read a trajectory.
+
+    Args:
+        source: the file.
+        format_name: a key of ``FORMATS``; None to find out.
+
+    Raises:
+        TrajectoryError: if it cannot be read; one line that names the file.
+    """
+    name = format_name or format_of(source.path)
+    if name not in FORMATS:
+        raise TrajectoryError(f"no format {name!r}; there are {', '.join(FORMATS)}")
+    return FORMATS[name].read(source)

@@ -1,0 +1,242 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``viso play``: the trajectory that an odometry recorded, sent as external navigation."""
+
+import math
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.table import Column, Table
+
+from companion.clock import OffsetClock
+from companion.odometry.encoding import CovarianceEncoding
+from companion.recorded.axes import PRESETS, FrameChange, parse_axes, parse_rotation
+from companion.recorded.engine import Playback, RecordedEngine
+from companion.recorded.messages import FORMS, Form
+from companion.recorded.player import Player, Text
+from companion.recorded.readers import FORMATS, Source, load_trajectory
+from companion.recorded.records import TrajectoryError
+from companion.recorded.trajectory import RecordedTrajectory
+from emulator.console import err, out
+from emulator.errors import InputError
+from emulator.playing import LinkPlay, write_telemetry_log
+from emulator.signals import stop_on_signal
+from mav_handlers.links import open_link
+
+DEFAULT_LINK: Final = "tcp:127.0.0.1:5760"
+LONGEST_S: Final = 4e9
+LONGEST_DELAY_S: Final = 86_400.0
+
+
+def _within(option: str, value: float | None, low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:
+        raise InputError(f"{option} {value:g}: not between {low:g} and {high:g}")
+
+
+def _frame_change(axes: str, mounting: str, yaw_deg: float, from_zero: bool, scale: float) -> FrameChange:
+    try:
+        matrices = parse_axes(axes)
+    except ValueError as error:
+        raise InputError(f"--axes: {error}") from error
+    try:
+        rotation = parse_rotation(mounting)
+    except ValueError as error:
+        raise InputError(f"--mounting: {error}") from error
+    return FrameChange(*matrices, rotation, math.radians(yaw_deg), from_zero, scale)
+
+
+def _form(name: str) -> Form:
+    if name not in FORMS:
+        raise InputError(f"--as {name}: there are {', '.join(FORMS)}")
+    return FORMS[name]
+
+
+def _sigmas(text: str) -> tuple[float, float] | None:
+    if text == "none":
+        return None
+    try:
+        position_m, angle_deg = map(float, text.split(","))
+    except ValueError:
+        raise InputError(f"--sigma {text}: neither METRES,DEGREES nor none") from None
+    _within("--sigma", position_m, 0, 1e3)
+    _within("--sigma", angle_deg, 0, 180)
+    return position_m, math.radians(angle_deg)
+
+
+def _load(source: Source, format_name: str | None) -> RecordedTrajectory:
+    try:
+        trajectory = load_trajectory(source, format_name)
+    except TrajectoryError as error:
+        raise InputError(str(error)) from error
+    for reason, count in trajectory.left_out.items():
+        err.print(f"note: {source.path}: {count} with {reason}")
+    return trajectory
+
+
+def _table(sent: Mapping[str, int]) -> Table:
+    table = Table("message", Column("count", justify="right"), title="What was sent")
+    for name, count in sorted(sent.items()):
+        table.add_row(name, str(count))
+    return table
+
+
+def play(
+    trajectory_file: Annotated[
+        Path, typer.Argument(help="A text file, a bag or the folder of one; see --format.", metavar="TRAJECTORY")
+    ],
+    master: Annotated[
+        str | None,
+        typer.Option(help=f"Link to the vehicle, as of viso serve; default {DEFAULT_LINK}.", metavar="STRING"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write a .tlog instead, without waiting.", metavar="OUT.tlog"),
+    ] = None,
+    form: Annotated[str, typer.Option("--as", help=f"What to send: {', '.join(FORMS)}.")] = "odometry",
+    format_name: Annotated[
+        str | None, typer.Option("--format", help=f"Of the file, if not to be found out: {', '.join(FORMATS)}.")
+    ] = None,
+    topic: Annotated[str | None, typer.Option(help="Of a bag; default the only one with poses.")] = None,
+    times: Annotated[Path | None, typer.Option(help="File with the times of KITTI's poses.", metavar="FILE")] = None,
+    axes: Annotated[
+        str, typer.Option(help=f"Of the recording: WORLD/BODY, such as ENU/FLU, or {', '.join(PRESETS)}.")
+    ] = "enu_flu",
+    mounting: Annotated[
+        str,
+        typer.Option(
+            help="How the recording's body is turned on the vehicle: ROLL,PITCH,YAW in degrees, a quaternion W,X,Y,Z "
+            "or a matrix of nine numbers, from its FRD axes to the vehicle's.",
+            metavar="ROTATION",
+        ),
+    ] = "0,0,0",
+    yaw: Annotated[float, typer.Option(help="Turn the world, degrees clockwise.")] = 0.0,
+    from_zero: Annotated[bool, typer.Option(help="Let the first position be the origin.")] = False,
+    scale: Annotated[float, typer.Option(help="Multiply positions, as of a monocular odometry.")] = 1.0,
+    rate: Annotated[
+        float | None, typer.Option(help="Interpolate to this rate in Hz; default the recording's own.")
+    ] = None,
+    max_gap: Annotated[float, typer.Option(help="Longest time in s to interpolate over.")] = 1.0,
+    sigma: Annotated[
+        str | None,
+        typer.Option(help="Covariance in place of the recording's: METRES,DEGREES or none.", metavar="SIGMAS"),
+    ] = None,
+    encoding: Annotated[
+        CovarianceEncoding,
+        typer.Option(
+            help="Of covariances: as MAVLink defines them, or so that ArduPilot gets the standard deviations."
+        ),
+    ] = CovarianceEncoding.VARIANCE,
+    quality: Annotated[int, typer.Option(help="Of every pose, -1 to 100; the confidence of changes.")] = 100,
+    differentiate: Annotated[
+        bool, typer.Option("--differentiate", help="Take velocities from positions, whatever the recording says.")
+    ] = False,
+    reset_jump: Annotated[
+        float | None, typer.Option(help="Count up the reset counter where the position jumps by more, in m.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Fly this much faster; velocities follow.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, as after a reset.")] = False,
+    delay: Annotated[float, typer.Option(help="Seconds before the first pose.")] = 0.0,
+    latency: Annotated[float, typer.Option(help="From a pose's time to its sending, in ms.")] = 0.0,
+    stamp_offset: Annotated[float, typer.Option(help="What the sender's clock shows at the start, in s.")] = 0.0,
+    until: Annotated[float | None, typer.Option(help="End after this many seconds.", metavar="S")] = None,
+    speedup: Annotated[float, typer.Option(help="Seconds in one second, as of a viso serve with --speedup.")] = 1.0,
+    wait: Annotated[float, typer.Option(help="How long to wait for the vehicle, in s; 0 plays unheard.")] = 5.0,
+    live: Annotated[bool, typer.Option(help="Show the counts while they grow, on a terminal.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the counts as JSON.")] = False,
+) -> None:
+    """Play the trajectory that an odometry or a motion capture recorded, as a companion computer would send it.
+
+    It goes out in real time, and what the vehicle says is shown; or into a telemetry log that viso replay reads.
+    ODOMETRY is in LOCAL_FRD and BODY_FRD, all else in NED.
+
+    Example: viso play tests/data/trajectories/flight.tum -o flight.tlog
+    """
+    for option, value, low, high in (
+        ("--yaw", yaw, -360, 360),
+        ("--scale", scale, 1e-6, 1e6),
+        ("--rate", rate, 0.1, 1000),
+        ("--max-gap", max_gap, 0, 3600),
+        ("--quality", quality, -1, 100),
+        ("--reset-jump", reset_jump, 0, 1e6),
+        ("--speed", speed, 0.01, 100),
+        ("--delay", delay, 0, LONGEST_DELAY_S),
+        ("--latency", latency, 0, 1e6),
+        ("--stamp-offset", stamp_offset, 0, LONGEST_S),
+        ("--until", until, 0, LONGEST_S),
+        ("--speedup", speedup, 0.01, 1000),
+        ("--wait", wait, 0, LONGEST_S),
+    ):
+        _within(option, value, low, high)
+    if master is not None and output is not None:
+        raise InputError("--master and --output: one of the two")
+    if loop and output is not None and until is None:
+        raise InputError("--loop: a log without an end needs --until")
+    start_us, latency_us, clock = int(delay * 1e6), int(latency * 1e3), OffsetClock(int(stamp_offset * 1e6))
+    playback = Playback(_form(form), speed, loop, start_us, latency_us, clock, quality, encoding)
+    change = _frame_change(axes, mounting, yaw, from_zero, scale)
+    sigmas = None if sigma is None else _sigmas(sigma)
+    recorded = _load(Source(trajectory_file, topic, times), format_name)
+    trajectory = change.apply(recorded.without_velocities() if differentiate else recorded)
+    if sigma is not None:
+        trajectory = trajectory.with_sigmas(sigmas)
+    if reset_jump is not None:
+        trajectory = trajectory.with_resets_at_jumps(reset_jump)
+    if rate is not None:
+        trajectory = trajectory.resampled(rate, max_gap)
+    player = Player(RecordedEngine(trajectory, playback))
+    until_us = None if until is None else int(until * 1e6)
+    console = err if as_json else out
+    lengths = f"{len(recorded)} records in {recorded.duration_s:.3f} s, {len(trajectory)} to send"
+    console.print(f"{trajectory_file}: {lengths}")
+    texts: list[Text] = []
+    if output is not None:
+        write_telemetry_log(output, player, int(trajectory.times_ns[0]), until_us)
+    else:
+        _play_live(master or DEFAULT_LINK, player, texts, until_us, speedup, wait, console, live=live and not as_json)
+    if as_json:
+        said = [text._asdict() for text in texts]
+        counts = {"records": len(recorded), "left_out": dict(recorded.left_out), "sent": dict(player.sent)}
+        out.print_json(data={**counts, "texts": said})
+        return
+    console.print(_table(player.sent))
+    if output is not None:
+        console.print(f"log: {output}")
+
+
+def _play_live(
+    name: str,
+    player: Player,
+    texts: list[Text],
+    until_us: int | None,
+    speedup: float,
+    wait_s: float,
+    console: Console,
+    *,
+    live: bool,
+) -> None:
+    def take(text: Text) -> None:
+        texts.append(text)
+        console.print(f"({text.severity}) {text.text}")
+
+    with ExitStack() as stack:
+        link = open_link(name)
+        stack.callback(link.close)
+        stop = stack.enter_context(stop_on_signal())
+        if live and console.is_terminal:
+            # Drawn by a thread, which takes a copy of the counts.
+            shown = Live(console=console, transient=True, get_renderable=lambda: _table(dict(player.sent)))
+            stack.enter_context(shown)
+        run = LinkPlay(link, player, on_text=take, stop=lambda: bool(stop), speedup=speedup)
+        if wait_s and not run.wait_for_vehicle(wait_s) and not stop:
+            raise InputError(f"--master {name}: no vehicle heard within {wait_s:g} s (--wait 0 plays unheard)")
+        before = link.stats.bytes_dropped  # a heartbeat may have been ahead of the connection
+        run.run(until_us)
+        stats = link.stats
+    if stats.bytes_dropped > before:
+        reasons = ", ".join(stats.drop_reasons)
+        err.print(f"note: {name}: {stats.bytes_dropped - before} bytes did not reach the vehicle: {reasons}")

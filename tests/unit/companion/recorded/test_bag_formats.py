@@ -1,0 +1,235 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Poses in bags of ROS 1 and ROS 2: every type, every storage, and damage."""
+
+import builtins
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("rosbags", reason="rosbags is not installed")
+
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from companion.recorded.bag_formats import POSE_TYPES, read_bag
+from companion.recorded.records import NO_ROTATION, TrajectoryError
+from tests.unit.companion.recorded.conftest import outcome_of
+
+STORE = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
+STAMPS_S = (5, 6)
+S = math.sqrt(0.5)
+ODOMETRY = "nav_msgs/msg/Odometry"
+
+Messages = list[tuple[str, str, int, Any]]
+
+
+def new(version: int, kind: str, *args: Any) -> Any:
+    return STORE[version].types[kind](*args)
+
+
+def header(version: int, sec: int, frame_id: str = "odom") -> Any:
+    stamp = new(version, "builtin_interfaces/msg/Time", sec, 250)
+    before = (0,) if version == 1 else ()  # ROS 1 has a sequence number
+    return new(version, "std_msgs/msg/Header", *before, stamp, frame_id)
+
+
+def vector(version: int, kind: str, x: float) -> Any:
+    return new(version, f"geometry_msgs/msg/{kind}", x, 2.0, 3.0)
+
+
+def message(version: int, kind: str, sec: int, child: str = "base_link", covariance: Any = None) -> Any:
+    """Make a message of a pose: x in m as the time in s, a quarter turn to the left."""
+    turned = new(version, "geometry_msgs/msg/Quaternion", 0.0, 0.0, S, S)
+    head = header(version, sec)
+    if kind.endswith("TransformStamped"):
+        transform = new(version, "geometry_msgs/msg/Transform", vector(version, "Vector3", float(sec)), turned)
+        return new(version, kind, head, child, transform)
+    pose = new(version, "geometry_msgs/msg/Pose", vector(version, "Point", float(sec)), turned)
+    if kind.endswith("PoseStamped"):
+        return new(version, kind, head, pose)
+    numbers = np.zeros(36) if covariance is None else covariance
+    with_covariance = new(version, "geometry_msgs/msg/PoseWithCovariance", pose, numbers)
+    if kind.endswith("PoseWithCovarianceStamped"):
+        return new(version, kind, head, with_covariance)
+    ahead, still = new(version, "geometry_msgs/msg/Vector3", 1.0, 0.0, 0.0), vector(version, "Vector3", 0.0)
+    twist = new(version, "geometry_msgs/msg/Twist", ahead, still)
+    with_twist = new(version, "geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
+    return new(version, kind, head, child, with_covariance, with_twist)
+
+
+def write(path: Path, version: int, messages: Messages, storage: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+    """Write a bag with messages, each a topic, a type, a time in s and a content; return what to open."""
+    store = STORE[version]
+    writer: Any = Writer1(path) if version == 1 else Writer2(path, version=9, storage_plugin=storage)
+    with writer:
+        opened: dict[str, Any] = {}
+        for topic, kind, time_s, content in messages:
+            if topic not in opened:
+                opened[topic] = writer.add_connection(topic, kind, typestore=store)
+            serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
+            writer.write(opened[topic], time_s * 10**9, serialize(content, kind))
+    return path
+
+
+def poses(version: int, kind: str = ODOMETRY, topic: str = "/pose", **fields: Any) -> Messages:
+    return [(topic, kind, 100 + sec, message(version, kind, sec, **fields)) for sec in STAMPS_S]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "flight"
+
+
+@pytest.fixture(params=["bag", "db3", "mcap", "folder of db3", "folder of mcap"])
+def make_bag(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Path]:
+    """Return a function that writes messages, made by a function of the version of ROS, in every kind of bag."""
+
+    def make(messages: Callable[[int], Messages]) -> Path:
+        what = str(request.param)
+        if what == "bag":
+            return write(tmp_path / "flight.bag", 1, messages(1))
+        storage = StoragePlugin.MCAP if "mcap" in what else StoragePlugin.SQLITE3
+        path = write(tmp_path / "flight", 2, messages(2), storage)
+        return path if what.startswith("folder") else next(path.glob(f"*.{what}"))
+
+    return make
+
+
+def complaint(path: Path, topic: str | None = None) -> str:
+    with pytest.raises(TrajectoryError) as raised:
+        read_bag(path, topic)
+    assert len(str(raised.value).splitlines()) == 1
+    return str(raised.value)
+
+
+@pytest.mark.parametrize("kind", POSE_TYPES)
+def test_every_type_is_read_from_every_kind_of_bag(make_bag: Callable[..., Path], kind: str) -> None:
+    trajectory = read_bag(make_bag(lambda version: poses(version, kind)), None)
+    assert trajectory.times_ns.tolist() == [5_000_000_250, 6_000_000_250]
+    assert trajectory.positions.tolist() == [[5.0, 2.0, 3.0], [6.0, 2.0, 3.0]]
+    np.testing.assert_allclose(trajectory.quats_wxyz, [[S, 0.0, 0.0, S]] * 2)
+
+
+def test_velocity_of_odometry_is_in_the_body(folder: Path) -> None:
+    trajectory = read_bag(write(folder, 2, poses(2)), None)
+    np.testing.assert_allclose(trajectory.world_velocities[0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("child", ["odom", ""])
+def test_velocity_of_vins_is_in_the_world(folder: Path, child: str) -> None:
+    trajectory = read_bag(write(folder, 2, poses(2, child=child)), None)
+    np.testing.assert_allclose(trajectory.world_velocities[0], [1.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_odometry_without_an_attitude_is_left_out(folder: Path) -> None:
+    messages = [*poses(2), ("/pose", ODOMETRY, 107, message(2, ODOMETRY, 7))]
+    turned = messages[1][3].pose.pose.orientation
+    turned.z = turned.w = 0.0
+    trajectory = read_bag(write(folder, 2, messages), None)
+    assert (len(trajectory), dict(trajectory.left_out)) == (2, {NO_ROTATION: 1})
+
+
+def test_velocity_of_a_pose_follows_from_positions(folder: Path) -> None:
+    trajectory = read_bag(write(folder, 2, poses(2, "geometry_msgs/msg/PoseStamped")), None)
+    assert trajectory.velocities is None
+
+
+@pytest.mark.parametrize("kind", [ODOMETRY, "geometry_msgs/msg/PoseWithCovarianceStamped"])
+def test_covariance_is_read_row_by_row(folder: Path, kind: str) -> None:
+    matrix = np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    matrix[0, 1] = matrix[1, 0] = 0.5
+    covariance = read_bag(write(folder, 2, poses(2, kind, covariance=matrix.flatten())), None).pose(0).covariance
+    assert covariance is not None
+    np.testing.assert_array_equal(covariance, matrix)
+
+
+def test_message_without_a_stamp_has_the_time_of_the_bag(folder: Path) -> None:
+    messages = poses(2)
+    for _, _, _, content in messages:
+        content.header.stamp.sec = content.header.stamp.nanosec = 0
+    assert read_bag(write(folder, 2, messages), None).times_ns.tolist() == [105 * 10**9, 106 * 10**9]
+
+
+def test_topic_is_chosen_by_its_name(folder: Path) -> None:
+    path = write(folder, 2, [*poses(2, topic="/a"), *poses(2, "geometry_msgs/msg/PoseStamped", topic="/b")])
+    assert read_bag(path, "/a").velocities is not None
+    assert read_bag(path, "/b").velocities is None
+
+
+def test_several_topics_are_listed(folder: Path) -> None:
+    path = write(folder, 2, [*poses(2, topic="/b"), *poses(2, "geometry_msgs/msg/PoseStamped", topic="/a")])
+    listed = "there are: /a (geometry_msgs/msg/PoseStamped), /b (nav_msgs/msg/Odometry)"
+    assert complaint(path) == f"{path}: which topic is not clear; {listed}"
+
+
+def test_unknown_topic_is_answered_with_those_there_are(folder: Path) -> None:
+    path = write(folder, 2, poses(2))
+    assert complaint(path, "/x") == f"{path}: no poses on the topic /x; there are: /pose (nav_msgs/msg/Odometry)"
+
+
+def test_bag_without_poses_says_what_would_fit(folder: Path) -> None:
+    other = [("/time", "builtin_interfaces/msg/Time", 1, new(2, "builtin_interfaces/msg/Time", 1, 2))]
+    assert complaint(write(folder, 2, other)).endswith(f"there are: none of {', '.join(POSE_TYPES)}")
+
+
+def test_time_before_1970_names_the_message(folder: Path) -> None:
+    messages = poses(2)
+    messages[1][3].header.stamp.sec = -5
+    assert complaint(write(folder, 2, messages)).startswith(f"{folder}: message 2: not a time: -4")
+
+
+@pytest.mark.parametrize("name", ["none.bag", "none.mcap", "none.db3", "none"])
+def test_bag_that_is_not_there_is_one_line(tmp_path: Path, name: str) -> None:
+    assert complaint(tmp_path / name).startswith(f"{tmp_path / name}: not a readable bag: ")
+
+
+def test_missing_rosbags_says_what_to_install(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = builtins.__import__
+
+    def without(name: str, *args: Any) -> Any:
+        if name.startswith("rosbags"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return whole(name, *args)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    assert complaint(folder) == f"{folder}: bags are read with rosbags; install it with: pip install 'viso[bags]'"
+
+
+@pytest.fixture(scope="module")
+def sound_bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Return a bag of every storage."""
+    folder = tmp_path_factory.mktemp("bags")
+    found = [write(folder / "flight.bag", 1, poses(1))]
+    for storage in (StoragePlugin.SQLITE3, StoragePlugin.MCAP):
+        found += sorted(write(folder / storage.name, 2, poses(2), storage).glob("*.[dm]*"))
+    return [path for path in found if path.suffix != ".yaml"]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    which=st.integers(0, 2),
+    place=st.floats(0, 1),
+    damage=st.binary(max_size=8),
+    cut=st.booleans(),
+)
+def test_damaged_bag_raises_nothing_but_the_one_error(
+    sound_bags: list[Path], tmp_path: Path, which: int, place: float, damage: bytes, cut: bool
+) -> None:
+    path = tmp_path / sound_bags[which].name
+    shutil.copyfile(sound_bags[which], path)
+    data = bytearray(path.read_bytes())
+    start = int(place * len(data))
+    data[start : start + len(damage)] = damage
+    path.write_bytes(data[:start] if cut else data)
+    result = outcome_of(lambda: read_bag(path, None))
+    assert result.startswith(f"{path}: ") if isinstance(result, str) else len(result) == 2
