@@ -555,5 +555,5 @@ def test_whatever_comes_the_endpoint_keeps_its_promises() -> None:
 
 
 @pytest.mark.slow
-def test_whatever_comes_the_endpoint_keeps_its_promises_ten_times_as_long() -> None:
-    run_state_machine_as_test(EndpointMachine, settings=steps(600))
+def test_whatever_comes_the_endpoint_keeps_its_promises_five_times_as_long() -> None:
+    run_state_machine_as_test(EndpointMachine, settings=steps(300))

@@ -212,7 +212,7 @@ def test_filter_stands_whatever_it_is_given() -> None:
 
 @pytest.mark.slow
 def test_filter_stands_whatever_it_is_given_for_longer() -> None:
-    run_state_machine_as_test(FilterMachine, settings=settings(max_examples=500, stateful_step_count=60, deadline=None))
+    run_state_machine_as_test(FilterMachine, settings=settings(max_examples=250, stateful_step_count=60, deadline=None))
 
 
 # Long runs
