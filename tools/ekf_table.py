@@ -7,9 +7,8 @@ page. Without names the logs of the tests are measured. It takes seconds for eac
 """
 
 import argparse
-import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +17,7 @@ from emulator.console import progress
 from emulator.ekf_comparison import Comparison, compare
 from emulator.ekf_replay import replay_ekf
 from emulator.errors import InputError
+from tools.measured_page import render, replace
 
 LOGS: Final = Path(__file__).resolve().parent.parent / "tests" / "data" / "logs"
 HEAD: Final = (
@@ -32,7 +32,6 @@ HEAD: Final = (
     "texts equal, within",
     "targets",
 )
-_BLOCK: Final = re.compile(r"(<!-- measured: ekf -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def _largest_rms(comparison: Comparison, *labels: str) -> float:
@@ -71,24 +70,6 @@ def rows(logs: Sequence[Path]) -> Iterator[tuple[str, ...]]:
             bar.advance(bar.task_ids[0])
 
 
-def render(body: Iterable[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [HEAD, tuple("---" for _ in HEAD), *body]
-    return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
-
-
-def replace(text: str, table: str) -> str:
-    """Return a page with its table made anew.
-
-    Raises:
-        InputError: if it has no place for one.
-    """
-    page, count = _BLOCK.subn(lambda match: f"{match[1]}\n{table}\n{match[2]}", text)
-    if not count:
-        raise InputError("no line <!-- measured: ekf --> with <!-- end --> after it")
-    return page
-
-
 def main(arguments: Sequence[str]) -> int:
     """Measure; return 2 when a file cannot be used."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -98,12 +79,12 @@ def main(arguments: Sequence[str]) -> int:
     try:
         page = None if options.page is None else options.page.read_text(encoding="utf-8")
         if page is not None:
-            replace(page, "")  # before the long run
-        table = render(rows(options.logs))
+            replace(page, "ekf", "")  # before the long run
+        table = render(HEAD, rows(options.logs))
         if page is None:
             print(table, end="")
         else:
-            options.page.write_text(replace(page, table), encoding="utf-8")
+            options.page.write_text(replace(page, "ekf", table), encoding="utf-8")
     except (InputError, OSError) as error:
         print(f"ekf_table: {error}", file=sys.stderr)
         return 2
