@@ -169,7 +169,7 @@ class VioConfig(_Section):
         window_clones: poses in the filter's window.
         clahe: whether contrast is equalised.
         seed: of all that is random.
-        threads: of the image library.
+        threads: of the libraries for pictures and for linear algebra.
         imu_noise: densities of the IMU's noise.
         odometry: what goes to the autopilot.
         queue: between camera and worker.
