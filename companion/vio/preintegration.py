@@ -128,7 +128,7 @@ def preintegrate(steps: ImuSteps, noise: ImuNoise, bias: ImuBias) -> Preintegrat
     v_by_accel, p_by_accel = before @ first * _column(dt_s), before @ second * _column(dt_s**2)
     velocities = _sums((v_by_accel @ accel[..., None])[..., 0])
     positions = _sums(velocities[:-1] * dt_s[:, None] + (p_by_accel @ accel[..., None])[..., 0])
-    # An error of a step's rate and force has an effect [9, 6] at the end of the step: the rotation in the body there ...
+    # An error of a step's rate and force has an effect [9, 6] at the step's end: the rotation in the body there ...
     turned = after @ np.swapaxes(first, 1, 2) * _column(dt_s)  # the right Jacobian is the left one transposed
     cross = before @ _skews(accel)
     v_by_gyro, p_by_gyro = cross * _column(dt_s**2 / -2), cross * _column(dt_s**3 / -6)  # to first order in the angle

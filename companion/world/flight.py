@@ -5,7 +5,7 @@
 import heapq
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -22,9 +22,11 @@ from companion.vio.types import (
 )
 from companion.world.ground import generate_texture
 from companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
-from companion.world.renderer import DEFAULT_NOISE_SIGMA, PlaneRenderer
-from companion.world.texture import GroundTexture
+from companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
 from companion.world.trajectory import Trajectory, nadir_survey
+
+if TYPE_CHECKING:
+    from companion.world.renderer import PlaneRenderer
 
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
 CAMERA_ID: Final = "synthetic"
@@ -188,6 +190,8 @@ class SyntheticFlight:
             yield t_ns, HeightMeasurement(t_ns, height_m, self.height_sigma_m)
 
     def _frame_events(self) -> Iterator[tuple[int, Event]]:
+        from companion.world.renderer import PlaneRenderer  # wants OpenCV, which a flight without frames does not
+
         renderer = PlaneRenderer(self.texture, self.calibration, self.seed, self.pixel_sigma)
         offset_ns = round(self.calibration.time_offset_s * _NS)
         for sequence, t_ns in enumerate(self._frame_times()):
@@ -198,7 +202,7 @@ class SyntheticFlight:
                 frame = self._rendered(renderer, sequence, t_s, stamp_ns)
             yield t_ns + round(self.latency_s * _NS), frame
 
-    def _rendered(self, renderer: PlaneRenderer, sequence: int, t_s: float, stamp_ns: int) -> NavCameraFrame:
+    def _rendered(self, renderer: "PlaneRenderer", sequence: int, t_s: float, stamp_ns: int) -> NavCameraFrame:
         during = np.linspace(-0.5, 0.5, _BLUR_VIEWS) * self.exposure_s + t_s if self.exposure_s else np.array([t_s])
         poses = [self.trajectory.pose(at) for at in during.tolist()]
         return renderer.render(poses, sequence, stamp_ns, gain=1.0 if self.gain_at is None else self.gain_at(t_s))

@@ -16,14 +16,12 @@ import numpy.typing as npt
 from companion.vio.se3 import SE3, Array
 from companion.vio.types import CameraCalibration, DistortionModel, NavCameraFrame, Pixels, frame_uuid
 from companion.vio.undistortion import undistort
-from companion.world.texture import DETAIL_SCALES, GroundTexture, pixel_from_ground
+from companion.world.texture import DEFAULT_NOISE_SIGMA, DETAIL_SCALES, GroundTexture, pixel_from_ground
 
 try:
     import cv2
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError("the renderer needs OpenCV: pip install 'viso[vio]'", name="cv2") from error
-
-DEFAULT_NOISE_SIGMA: Final = 2.0
 
 _LEVELS_PER_OCTAVE: Final = 2
 _DETAIL_OCTAVES: Final = 3  # from where detail begins to fade to where it is gone, as pixels see more and more ground

@@ -15,6 +15,7 @@ from companion.vio.types import Pixels
 
 Field = npt.NDArray[np.float32]
 
+DEFAULT_NOISE_SIGMA: Final = 2.0  # of a pixel, in grey levels
 DETAIL_SCALES: Final = (1 / 8, 1 / 64)  # of the side of a detail's pixel to one of the texture's
 _DETAIL_SIZE: Final = 1024
 _DETAIL_SIGMA: Final = 20.0

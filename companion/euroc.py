@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A recording in the layout of the EuRoC data sets (Burri et al., The EuRoC micro aerial vehicle datasets, 2016).
+
+In a folder, or in ``mav0`` within it: pictures of one camera in ``cam0/data`` or ``cam0``, named by their stamps in ns;
+its calibration in ``cam0/sensor.yaml`` or ``cam0_sensor.yaml``; inertial data in ``imu0/data.csv`` or ``imu0.csv`` (ns,
+rotation rate in rad/s, specific force in m/s^2); and, if there is one, the true trajectory of the IMU in
+``state_groundtruth_estimate0/data.csv``, ``groundtruth.csv`` or ``groundtruth.tum``. Pictures need the extra vio.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, cast
+
+import numpy as np
+
+from companion.evaluation import TimedPoses
+from companion.recorded.records import TrajectoryError
+from companion.recorded.text_formats import EUROC, TUM, Row, read_table, read_text, rows_of
+from companion.vio.calibration import CalibrationError, load_calibration
+from companion.vio.se3 import SE3, Array, so3_exp
+from companion.vio.types import (
+    CameraCalibration,
+    ImuBias,
+    ImuSample,
+    NavCameraFrame,
+    Pixels,
+    WarmStartPose,
+    frame_uuid,
+)
+
+WARM_ANGLE_RAD: Final = float(np.radians(1.0))
+WARM_VELOCITY_M_S: Final = 0.2
+
+_CAMERAS: Final = ("cam0/data", "cam0")
+_CALIBRATIONS: Final = ("cam0/sensor.yaml", "cam0_sensor.yaml")
+_IMUS: Final = ("imu0/data.csv", "imu0.csv")
+_TRUTHS: Final = ("state_groundtruth_estimate0/data.csv", "groundtruth.csv", "groundtruth.tum")
+_IMU_COLUMNS: Final = 7
+_VELOCITY_NS: Final = 10_000_000  # to either side, for a velocity by differences
+_NS_PER_MS: Final = 1_000_000
+
+
+class EurocError(Exception):
+    """A recording that cannot be read, in one line: which file, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """A picture that has not been decoded.
+
+    Attributes:
+        t_ns: its stamp.
+        path: its file.
+    """
+
+    t_ns: int
+    path: Path
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EurocRecording:
+    """A recording; to use a part of it, or fewer frames, replace ``images``.
+
+    Attributes:
+        calibration: of the camera.
+        images: in the order of time.
+        samples: of the IMU, in the order of time.
+        poses: the true trajectory, None if there is none.
+    """
+
+    calibration: CameraCalibration
+    images: tuple[Image, ...]
+    samples: tuple[ImuSample, ...]
+    poses: TimedPoses | None
+
+    def events(self) -> Iterator[ImuSample | NavCameraFrame]:
+        """Yield the data as they arrive, each frame after the first IMU sample that is not before it.
+
+        Raises:
+            EurocError: if a picture cannot be decoded or has another size than the calibration's.
+        """
+        samples = iter(self.samples)
+        last_ns = -1
+        for sequence, image in enumerate(self.images):
+            while last_ns < image.t_ns and (sample := next(samples, None)) is not None:
+                last_ns = sample.t_ns
+                yield sample
+            frame_id = frame_uuid(image.t_ns // _NS_PER_MS, sequence, 0)
+            yield NavCameraFrame(frame_id, sequence, image.t_ns, self._decoded(image), self.calibration.camera_id)
+
+    def check_images(self) -> None:
+        """Decode all pictures once.
+
+        Raises:
+            EurocError: for the first that cannot be decoded or has another size than the calibration's.
+        """
+        for image in self.images:
+            self._decoded(image)
+
+    def truth(self, t_ns: int) -> SE3 | None:
+        """Return world_T_body at a time, interpolated, or None if it is outside the true trajectory."""
+        if not self._knows(t_ns):
+            return None
+        return cast(TimedPoses, self.poses).interpolated(np.array([t_ns])).pose(0)
+
+    def truth_velocity_w(self, t_ns: int) -> Array | None:
+        """Return the velocity [3] in m/s, in the world, by the positions 10 ms before and after, or None."""
+        before, after = self.truth(t_ns - _VELOCITY_NS), self.truth(t_ns + _VELOCITY_NS)
+        if before is None or after is None:
+            return None
+        velocity: Array = (after.t - before.t) / (2e-9 * _VELOCITY_NS)
+        return velocity
+
+    def warm_start(
+        self, seed: int, *, angle_sigma_rad: float = WARM_ANGLE_RAD, velocity_sigma_m_s: float = WARM_VELOCITY_M_S
+    ) -> WarmStartPose:
+        """Return the true state at the first picture, with errors; the biases are not known.
+
+        Args:
+            seed: of the errors.
+            angle_sigma_rad: of each of the attitude's three errors.
+            velocity_sigma_m_s: of each of the velocity's three errors.
+
+        Raises:
+            EurocError: if the truth is not known there.
+        """
+        t_ns = self.images[0].t_ns
+        pose, velocity_w = self.truth(t_ns), self.truth_velocity_w(t_ns)
+        if pose is None or velocity_w is None:
+            raise EurocError(f"{self.images[0].path}: no ground truth at the first picture, so no warm start")
+        rng = np.random.default_rng(seed)
+        rotation = pose.R.dot(so3_exp(rng.normal(0, angle_sigma_rad, 3)))
+        velocity_w = velocity_w + rng.normal(0, velocity_sigma_m_s, 3)
+        return WarmStartPose(SE3(rotation, pose.t).inverse(), rotation.T.dot(velocity_w), ImuBias.zero())
+
+    def _knows(self, t_ns: int) -> bool:
+        return self.poses is not None and bool(self.poses.t_ns[0] <= t_ns <= self.poses.t_ns[-1])
+
+    def _decoded(self, image: Image) -> Pixels:
+        pixels = _pixels(image.path)
+        height, width = pixels.shape
+        expected = self.calibration
+        if (width, height) != (expected.width, expected.height):
+            size = f"{expected.width}x{expected.height}"
+            raise EurocError(f"{image.path}: {width}x{height} pixels, the calibration is for {size}")
+        return pixels
+
+
+def load_euroc(folder: Path) -> EurocRecording:
+    """Read all of a recording but the pictures, of which only the names are looked at.
+
+    Raises:
+        EurocError: naming the file, and the line where that is to blame.
+    """
+    root = folder / "mav0" if (folder / "mav0").is_dir() else folder
+    truth = _find(root, _TRUTHS)
+    try:
+        return EurocRecording(
+            load_calibration(_required(root, _CALIBRATIONS)),
+            _images(_required(root, _CAMERAS)),
+            _samples(_required(root, _IMUS)),
+            None if truth is None else _poses(truth),
+        )
+    except (CalibrationError, TrajectoryError) as error:
+        raise EurocError(str(error)) from error
+
+
+def _find(root: Path, names: tuple[str, ...]) -> Path | None:
+    return next((root / name for name in names if (root / name).exists()), None)
+
+
+def _required(root: Path, names: tuple[str, ...]) -> Path:
+    found = _find(root, names)
+    if found is None:
+        raise EurocError(f"{root}: no {' or '.join(names)}")
+    return found
+
+
+def _images(folder: Path) -> tuple[Image, ...]:
+    paths = sorted(folder.glob("*.png"), key=lambda path: (len(path.stem), path.stem))
+    if not paths:
+        raise EurocError(f"{folder}: no pictures (*.png)")
+    for path in paths:
+        if not (path.stem.isascii() and path.stem.isdigit()):
+            raise EurocError(f"{path}: not named by a stamp in ns")
+    return tuple(Image(int(path.stem), path) for path in paths)
+
+
+def _samples(path: Path) -> tuple[ImuSample, ...]:
+    samples = tuple(_sample(path, row) for row in rows_of(read_text(path)))
+    if not samples:
+        raise EurocError(f"{path}: no records")
+    for before, after in itertools.pairwise(samples):
+        if after.t_ns <= before.t_ns:
+            raise EurocError(f"{path}: stamp {after.t_ns} is not after the one before")
+    return samples
+
+
+def _sample(path: Path, row: Row) -> ImuSample:
+    if len(row.fields) < _IMU_COLUMNS:
+        raise EurocError(f"{path}:{row.number}: {len(row.fields)} columns, not {_IMU_COLUMNS}")
+    try:
+        values = np.array([float(field) for field in row.fields[1:_IMU_COLUMNS]])
+        return ImuSample(int(row.fields[0]), values[3:], values[:3])
+    except ValueError as error:
+        raise EurocError(f"{path}:{row.number}: {error}") from error
+
+
+def _poses(path: Path) -> TimedPoses:
+    trajectory = read_table(path, EUROC if path.suffix == ".csv" else TUM)
+    return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
+
+
+def _pixels(path: Path) -> Pixels:
+    try:
+        import cv2
+    except ModuleNotFoundError as error:
+        raise EurocError("pictures need OpenCV: pip install 'viso[vio]'") from error
+    pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if pixels is None:
+        raise EurocError(f"{path}: not a picture, or a damaged one")
+    return cast(Pixels, pixels)

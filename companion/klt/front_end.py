@@ -1,0 +1,155 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The front end as a whole: a picture in, tracked and checked points out."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.klt.grid import FeatureGrid, Mask, Points
+from companion.klt.outliers import Agreement, Model, check, rotated
+from companion.klt.tracker import KltTracker
+from companion.vio.se3 import Array
+from companion.vio.types import CameraCalibration, Pixels
+from companion.vio.undistortion import distort, undistort
+
+Ids = npt.NDArray[np.int64]
+
+_ENOUGH: Final = 0.85  # of the most features: above it none are looked for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """What was seen in a picture.
+
+    Attributes:
+        ids: [N] of the points, kept for as long as they are tracked.
+        normalised: [N, 2], undistorted; first those found again, then the new ones.
+        tracked, lost, new: numbers of points: of the picture before, found again or not; and detected in this one.
+        inliers: those found again that agree with a rigid scene. The others are given up, and so are some where points
+            crowd.
+        model: what they agree with; None when nothing could be fitted.
+        disparity_px: median movement since the picture before, without the rotation.
+        coverage: share of the grid's cells with an inlier.
+    """
+
+    ids: Ids
+    normalised: Array
+    tracked: int
+    lost: int
+    new: int
+    inliers: int
+    model: Model | None
+    disparity_px: float
+    coverage: float
+
+
+class FrontEnd:
+    """Tracks points through the pictures of one camera.
+
+    Args:
+        calibration: of the working image.
+        max_features: tracked at a time.
+        fb_threshold_px, ransac_threshold_px: see the tracker and the geometric check.
+        planar: whether the scene is known to be a plane.
+    """
+
+    def __init__(
+        self,
+        calibration: CameraCalibration,
+        *,
+        max_features: int,
+        fb_threshold_px: float,
+        ransac_threshold_px: float,
+        planar: bool,
+    ) -> None:
+        self._calibration = calibration
+        self._max_features = max_features
+        self._threshold_px = ransac_threshold_px
+        self._planar = planar
+        self._grid = FeatureGrid(calibration.width, calibration.height, max_features)
+        self._tracker = KltTracker(calibration.width, calibration.height, fb_threshold_px)
+        self.forget()
+
+    @property
+    def focal_px(self) -> float:
+        """Mean focal length of the working image."""
+        return 0.5 * (self._calibration.fx + self._calibration.fy)
+
+    def forget(self) -> None:
+        """Lose all tracks and the last picture."""
+        self._image: Pixels | None = None
+        self._pixels: Points = np.zeros((0, 2), np.float32)
+        self._normalised: Array = np.zeros((0, 2))
+        self._ids: Ids = np.zeros(0, np.int64)
+        self._next_id = 0
+
+    def see(self, image: Pixels, rotation: Array, prior: Array | None = None) -> Sighting:
+        """Return what a picture shows.
+
+        Args:
+            image: grey working image; it is kept until the next one.
+            rotation: [3, 3] from the camera at the last picture to the camera now.
+            prior: [3, 3] map of directions that says where points are expected; the rotation if None.
+        """
+        before = len(self._ids)
+        agreement = self._follow(image, rotation, rotation if prior is None else prior)
+        tracked, inliers = len(agreement.inliers), len(self._ids)
+        coverage = self._grid.coverage(self._pixels)
+        self._keep(self._grid.uncrowded(self._pixels))
+        new = self._replenish(image)
+        self._image = image
+        return Sighting(
+            self._ids,
+            self._normalised,
+            tracked,
+            before - tracked,
+            new,
+            inliers,
+            agreement.model,
+            agreement.disparity_px,
+            coverage,
+        )
+
+    def _follow(self, image: Pixels, rotation: Array, prior: Array) -> Agreement:
+        """Keep the points that are found again and agree; return how those that are found again agree."""
+        if self._image is None or not len(self._ids):
+            return Agreement(np.zeros(0, np.bool_), None, 0.0)
+        there, found = self._tracker.track(self._image, image, self._pixels, self._expected(prior))
+        after = undistort(self._calibration, there.astype(np.float64))
+        found &= np.isfinite(after).all(axis=1)
+        before, after = self._normalised[found], after[found]
+        agreement = check(before, after, rotation, self.focal_px, self._threshold_px, planar=self._planar)
+        self._pixels, self._normalised, self._ids = there[found], after, self._ids[found]
+        self._keep(agreement.inliers)
+        return agreement
+
+    def _keep(self, mask: Mask) -> None:
+        self._pixels, self._normalised, self._ids = self._pixels[mask], self._normalised[mask], self._ids[mask]
+
+    def _expected(self, prior: Array) -> Points:
+        guess = distort(self._calibration, rotated(prior, self._normalised))
+        size = np.array([self._calibration.width, self._calibration.height])
+        near = np.abs(guess - 0.5 * size) < size  # not so for NaN, a direction behind the camera
+        return np.where(near.all(axis=1, keepdims=True), guess, self._pixels).astype(np.float32)
+
+    def _replenish(self, image: Pixels) -> int:
+        if len(self._ids) >= _ENOUGH * self._max_features:
+            return 0
+        pixels = self._grid.detect(image, self._pixels)
+        normalised = undistort(self._calibration, pixels.astype(np.float64))
+        good = np.isfinite(normalised).all(axis=1)
+        pixels, normalised = pixels[good], normalised[good]
+        self._pixels = np.concatenate([self._pixels, pixels])
+        self._normalised = np.concatenate([self._normalised, normalised])
+        self._ids = np.concatenate([self._ids, np.arange(self._next_id, self._next_id + len(pixels))])
+        self._next_id += len(pixels)
+        return len(pixels)
+
+
+def common_points(earlier: Sighting, later: Sighting) -> tuple[Array, Array]:
+    """Return the normalised coordinates [N, 2] of the points that are in both, earlier and later."""
+    _, then, now = np.intersect1d(earlier.ids, later.ids, assume_unique=True, return_indices=True)
+    return earlier.normalised[then], later.normalised[now]

@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which tracked points agree with a rigid scene: the geometric check removes outliers and measures nothing."""
+
+import enum
+from dataclasses import dataclass
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from companion.klt.grid import Mask
+from companion.vio.se3 import Array
+
+_CONFIDENCE: Final = 0.999
+_ITERATIONS: Final = 500
+_FEWEST: Final = 8
+PLANAR_SHARE: Final = 0.8
+NO_PARALLAX_PX: Final = 1.0
+_ROTATION_SLACK: Final = 3.0  # the gyro's prediction is not as good as a fitted model
+
+
+class Model(enum.StrEnum):
+    """What the inliers agree with."""
+
+    ESSENTIAL = "E"
+    HOMOGRAPHY = "H"
+    ROTATION = "R"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Agreement:
+    """The result of the check.
+
+    Attributes:
+        inliers: [N], which points agree.
+        model: with what; None when nothing could be fitted.
+        disparity_px: median movement in the picture without what the rotation explains; 0 when that is not known.
+    """
+
+    inliers: Mask
+    model: Model | None
+    disparity_px: float
+
+
+def rotated(rotation: Array, normalised: Array) -> Array:
+    """Return normalised coordinates [N, 2] after the camera has turned, ``x2 ~ R x1``; NaN for those then behind it.
+
+    Args:
+        rotation: [3, 3] from the camera before to the camera after, or any other map of directions.
+        normalised: [N, 2] before.
+    """
+    moved = normalised @ rotation[:, :2].T + rotation[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coordinates: Array = moved[:, :2] / np.where(moved[:, 2:] > 1e-6, moved[:, 2:], np.nan)
+    return coordinates
+
+
+def check(
+    before: Array, after: Array, rotation: Array, focal_px: float, threshold_px: float, *, planar: bool
+) -> Agreement:
+    """Find the points that agree with a rigid scene.
+
+    Args:
+        before, after: normalised coordinates [N, 2].
+        rotation: [3, 3] from the camera before to the camera after.
+        focal_px: focal length of the working image.
+        threshold_px: largest error of an inlier.
+        planar: whether the scene is known to be a plane.
+    """
+    if len(before) < _FEWEST:
+        return Agreement(np.zeros(len(before), np.bool_), None, 0.0)
+    error_px = focal_px * np.hypot(*(rotated(rotation, before) - after).T)
+    known_px = error_px[np.isfinite(error_px)]
+    disparity_px = float(np.median(known_px)) if len(known_px) else 0.0
+    if len(known_px) and disparity_px < NO_PARALLAX_PX:
+        return Agreement(error_px < _ROTATION_SLACK * threshold_px, Model.ROTATION, disparity_px)
+    return _fitted(before, after, threshold_px / focal_px, disparity_px, planar=planar)
+
+
+def _fitted(before: Array, after: Array, threshold: float, disparity_px: float, *, planar: bool) -> Agreement:
+    homography = _homography(before, after, threshold)
+    # A known plane needs no second model, unless there is none.
+    essential = None if planar and homography is not None else _essential(before, after, threshold)
+    if essential is None and homography is None:
+        return Agreement(np.zeros(len(before), np.bool_), None, disparity_px)
+    kept = 0 if homography is None else np.count_nonzero(homography)
+    if homography is not None and (essential is None or kept >= PLANAR_SHARE * np.count_nonzero(essential)):
+        return Agreement(homography, Model.HOMOGRAPHY, disparity_px)
+    assert essential is not None
+    return Agreement(essential, Model.ESSENTIAL, disparity_px)
+
+
+def _homography(before: Array, after: Array, threshold: float) -> Mask | None:
+    model, mask = cv2.findHomography(
+        before, after, cv2.USAC_MAGSAC, threshold, maxIters=_ITERATIONS, confidence=_CONFIDENCE
+    )
+    return _inliers(model, mask)
+
+
+def _essential(before: Array, after: Array, threshold: float) -> Mask | None:
+    model, mask = cv2.findEssentialMat(
+        before, after, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, threshold, maxIters=_ITERATIONS
+    )
+    return _inliers(model, mask)
+
+
+def _inliers(model: Any, mask: Any) -> Mask | None:
+    if model is None or mask is None:
+        return None
+    inliers: Mask = mask.ravel().astype(np.bool_)
+    return inliers if np.count_nonzero(inliers) >= _FEWEST else None

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Heights above the ground, from range finder or barometer: collected from any thread, used with the frames."""
+
+import math
+import threading
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from companion.msckf.aiding import take_height
+from companion.msckf.window_filter import WindowFilter
+from companion.vio.se3 import Array
+
+MAX_AGE_NS: Final = 200_000_000
+SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller
+GATE: Final = 25.0  # 5 sigma
+MOST_REFUSED: Final = 3  # in a row: what says the same again is no outlier, but ground at another height
+_CAPACITY: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class _Height:
+    t_ns: int
+    height_m: float
+    sigma_m: float
+
+
+class Heights:
+    """Keeps heights until a frame is near, and takes them into a filter.
+
+    Args:
+        least_sigma_m: of a height.
+    """
+
+    def __init__(self, least_sigma_m: float) -> None:
+        self._least_sigma_m = least_sigma_m
+        self._heights: deque[_Height] = deque()
+        self._lock = threading.Lock()
+        self._counters = Counter(taken=0, refused=0, bad=0, passed_over=0)
+        self._disagreeing = 0  # in a row
+
+    def add(self, t_ns: int, height_m: float, sigma_m: float) -> bool:
+        """Note a height; return False, and count it as ``bad``, if it is none. From any thread.
+
+        Args:
+            t_ns: when, by the IMU's clock.
+            height_m: of the body above the ground.
+            sigma_m: its standard deviation.
+        """
+        good = math.isfinite(height_m) and math.isfinite(sigma_m) and height_m >= 0 and sigma_m >= 0
+        with self._lock:
+            if not good:
+                self._counters["bad"] += 1
+                return False
+            self._heights.append(_Height(t_ns, height_m, sigma_m))
+            if len(self._heights) > _CAPACITY:
+                self._drop_first()
+            return True
+
+    def take(self, t_ns: int, ground_m: float, velocity_w: Array) -> tuple[float, float] | None:
+        """Return how high the body is at a time, and the sigma, both in m, by the nearest height; each is taken once.
+
+        Args:
+            t_ns: when, by the IMU's clock.
+            ground_m: height of the ground in the world.
+            velocity_w: [3] in m/s, of the body in the world.
+        """
+        height = self._nearest(t_ns)
+        if height is None:
+            return None
+        up_m = ground_m + height.height_m + float(velocity_w[2]) * (t_ns - height.t_ns) * 1e-9
+        return up_m, max(self._least_sigma_m, SIGMA_SHARE * height.height_m, height.sigma_m)
+
+    def use(self, state: WindowFilter, t_ns: int, ground_m: float) -> None:
+        """Take the height nearest to a time into a filter that is at that time.
+
+        One that is more than 5 sigma off is refused, but no more than 3 in a row.
+
+        Args:
+            state: the filter.
+            t_ns: when, by the IMU's clock.
+            ground_m: height of the ground in the filter's world.
+        """
+        taken = self.take(t_ns, ground_m, state.v)
+        if taken is None:
+            return
+        agrees = take_height(state, *taken, GATE)
+        self._disagreeing = 0 if agrees else self._disagreeing + 1
+        if self._disagreeing > MOST_REFUSED:
+            take_height(state, *taken, math.inf)
+        elif not agrees:
+            with self._lock:
+                self._counters["refused"] += 1
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many heights met which fate.
+
+        ``taken`` ones met a frame, of which ``refused`` were too far off; ``bad`` ones were no heights; ``passed_over``
+        had no frame within 0.2 s, or one nearer to it.
+        """
+        with self._lock:
+            return dict(self._counters)
+
+    def _nearest(self, t_ns: int) -> _Height | None:
+        with self._lock:
+            near = [height for height in self._heights if abs(height.t_ns - t_ns) <= MAX_AGE_NS]
+            nearest = min(near, key=lambda height: abs(height.t_ns - t_ns), default=None)
+            if nearest is not None:
+                while self._heights[0] is not nearest:
+                    self._drop_first()
+                self._heights.popleft()
+                self._counters["taken"] += 1
+            return nearest
+
+    def _drop_first(self) -> None:
+        self._heights.popleft()
+        self._counters["passed_over"] += 1

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the vehicle stands still, from inertial data and pictures."""
+
+from collections import deque
+from typing import Final
+
+import numpy as np
+
+from companion.klt.front_end import Sighting, common_points
+from companion.vio.se3 import Array
+from companion.vio.types import ImuSample, ImuWindow
+
+MAX_DISPARITY_PX: Final = 0.4
+MAX_GYRO_STD_RAD_S: Final = 0.02
+MAX_ACCEL_STD_M_S2: Final = 0.25
+SPAN_NS: Final = 250_000_000
+START_SPAN_NS: Final = 500_000_000
+RENEWAL_NS: Final = 1_000_000_000
+_FEWEST_SAMPLES: Final = 10
+_FEWEST_POINTS: Final = 8
+
+
+class Stillness:
+    """Remembers the last inertial data, and since when pictures have not moved.
+
+    A picture is compared with the one that the rest began with, not with the one before: that, however slow the motion
+    and however fast the pictures come, shows it. The rotation is not taken out, as a body that turns does not rest.
+
+    Args:
+        focal_px: of the camera.
+    """
+
+    def __init__(self, focal_px: float) -> None:
+        self._focal_px = focal_px
+        self._samples: deque[ImuSample] = deque()
+        self._now_ns = 0
+        self._since_ns = 0
+        self._reference: tuple[int, Sighting] | None = None  # what to compare with, and when it was seen
+
+    def note(self, window: ImuWindow, sighting: Sighting) -> None:
+        """Take in a frame.
+
+        Args:
+            window: the inertial data before it.
+            sighting: what it shows.
+        """
+        now_ns = self._now_ns = window.end_t_ns
+        last_ns = self._samples[-1].t_ns if self._samples else -1
+        self._samples.extend(sample for sample in window.samples if last_ns < sample.t_ns <= now_ns)
+        while self._samples and self._samples[0].t_ns < now_ns - START_SPAN_NS:
+            self._samples.popleft()
+        if self._reference is None or sighting.model is None or self._has_moved(self._reference[1], sighting):
+            self._reference, self._since_ns = (now_ns, sighting), now_ns
+        elif now_ns - self._reference[0] >= RENEWAL_NS:  # points wander a little, and their number falls
+            self._reference = now_ns, sighting
+
+    def is_still(self) -> bool:
+        """Tell whether nothing has moved for long enough for a zero-velocity update (0.25 s)."""
+        return self._rests(SPAN_NS)
+
+    def is_start(self) -> bool:
+        """Tell whether nothing has moved for long enough to begin with (0.5 s)."""
+        return self._rests(START_SPAN_NS)
+
+    def means(self) -> tuple[Array, Array]:
+        """Return the means of rotation rate (rad/s) and specific force (m/s^2), both [3], FLU, of the last 0.25 s."""
+        gyro, accel = self._since(SPAN_NS)
+        return gyro.mean(axis=0), accel.mean(axis=0)
+
+    def _has_moved(self, earlier: Sighting, later: Sighting) -> bool:
+        then, now = common_points(earlier, later)
+        if len(then) < _FEWEST_POINTS:
+            return True
+        return not self._focal_px * float(np.median(np.hypot(*(now - then).T))) < MAX_DISPARITY_PX
+
+    def _rests(self, span_ns: int) -> bool:
+        if self._now_ns - self._since_ns < span_ns:
+            return False
+        gyro, accel = self._since(span_ns)
+        if len(gyro) < _FEWEST_SAMPLES:
+            return False
+        return bool(gyro.std(axis=0).max() < MAX_GYRO_STD_RAD_S and accel.std(axis=0).max() < MAX_ACCEL_STD_M_S2)
+
+    def _since(self, span_ns: int) -> tuple[Array, Array]:
+        samples = [sample for sample in self._samples if sample.t_ns >= self._now_ns - span_ns]
+        gyro = np.array([sample.gyro for sample in samples]).reshape(-1, 3)
+        return gyro, np.array([sample.accel for sample in samples]).reshape(-1, 3)
+
+
+def level_rotation(accel: Array) -> Array:
+    """Return the attitude [3, 3], body to world and without yaw, of a body at rest that feels a specific force [3]."""
+    up = accel / np.linalg.norm(accel)
+    ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    if np.linalg.norm(ahead) < 1e-3:  # on its tail or nose: the yaw is that of what was down
+        ahead = np.array([0.0, 0.0, -np.sign(up[0])])
+        ahead = ahead - ahead.dot(up) * up
+    ahead = ahead / np.linalg.norm(ahead)
+    return np.stack([ahead, np.cross(up, ahead), up])

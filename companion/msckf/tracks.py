@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tracks of points through the window, and when their turn comes to be used. Each sighting is used once."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.vio.se3 import Array
+
+MOST_TRACKS: Final = 45
+RIPE: Final = 6
+
+_Sightings = dict[int, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Where points were seen, in arrays padded to the longest track.
+
+    Attributes:
+        clones: [T, M], which of the window's poses each sighting belongs to; 0 where there is none.
+        seen: [T, M], whether there is a sighting; a track's sightings come first, in their order.
+        normalised: [T, M, 2]; 0 where there is none.
+    """
+
+    clones: npt.NDArray[np.int64]
+    seen: npt.NDArray[np.bool_]
+    normalised: Array
+
+    def __len__(self) -> int:
+        return len(self.seen)
+
+
+class TrackBook:
+    """Collects sightings until they are used.
+
+    Args:
+        fewest: sightings that say something: 3, or 2 on a known plane.
+        ripe: sightings after which a point is used though it is still tracked.
+    """
+
+    def __init__(self, fewest: int, ripe: int = RIPE) -> None:
+        self._fewest, self._ripe = fewest, max(fewest, ripe)
+        self._open: dict[int, _Sightings] = {}
+
+    def note(self, number: int, ids: Iterable[int], normalised: Iterable[Sequence[float]]) -> list[_Sightings]:
+        """Note what a frame shows; return the tracks to be used now, the longest first.
+
+        Args:
+            number: of the frame.
+            ids: of the points in it.
+            normalised: [N, 2].
+        """
+        live = self._open
+        self._open = {}
+        for point, (u, v) in zip(ids, normalised, strict=True):
+            track = self._open[point] = live.pop(point, {})
+            track[number] = (u, v)
+        ended = [track for track in live.values() if len(track) >= self._fewest]
+        ripe = {point: track for point, track in self._open.items() if len(track) >= self._ripe}
+        used = sorted([*ended, *ripe.values()], key=len, reverse=True)[:MOST_TRACKS]
+        taken = {id(track) for track in used}
+        for point, track in ripe.items():
+            if id(track) in taken:
+                self._open[point] = {}
+        return used
+
+    def drop(self, number: int) -> None:
+        """Forget the sightings of a frame whose pose is no longer known."""
+        for track in self._open.values():
+            track.pop(number, None)
+
+
+def padded(tracks: Sequence[_Sightings], clone_of: dict[int, int]) -> Tracks:
+    """Return tracks as arrays.
+
+    Args:
+        tracks: sightings by the numbers of frames.
+        clone_of: which of the window's poses belongs to a frame.
+    """
+    shape = len(tracks), max(map(len, tracks), default=0)
+    result = Tracks(np.zeros(shape, np.int64), np.zeros(shape, np.bool_), np.zeros((*shape, 2)))
+    for row, track in enumerate(tracks):
+        count = len(track)
+        result.clones[row, :count] = [clone_of[number] for number in track]
+        result.seen[row, :count] = True
+        result.normalised[row, :count] = list(track.values())
+    return result

@@ -1,0 +1,257 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The state of the filter: the body's motion, the IMU's bias, a window of past poses, and the covariance of all.
+
+The filter is that of Mourikis and Roumeliotis, A multi-state constraint Kalman filter, 2007, with the errors of an
+invariant filter (Barrau and Bonnabel, The invariant extended Kalman filter as a stable observer, 2017; for cameras
+Wu et al., An invariant-EKF VINS algorithm for improving consistency, 2017): each pose errs by a rigid motion of the
+world, ``T = Exp(e) T_hat``. What a camera cannot see, a shift of the whole world and its turn about gravity, then is
+the same for every estimate: no update takes it for seen, which is what first-estimate Jacobians are for in other
+filters, and a bad first estimate does no lasting harm.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from companion.vio.frames import GRAVITY_MSS
+from companion.vio.imu_noise import ImuNoise
+from companion.vio.imu_window import ImuSteps
+from companion.vio.preintegration import preintegrate
+from companion.vio.se3 import SE3, Array, right_jacobian, skew, so3_exp
+from companion.vio.types import ImuBias
+
+# Of the error vector: attitude (rad), position (m), velocity (m/s), all in the world, gyro bias (rad/s) and
+# accelerometer bias (m/s^2) in the body; then attitude and position of each past pose.
+ATT: Final = slice(0, 3)
+POS: Final = slice(3, 6)
+VEL: Final = slice(6, 9)
+GYRO: Final = slice(9, 12)
+ACCEL: Final = slice(12, 15)
+POSE: Final = slice(0, 6)
+MOTION: Final = 15
+CLONE: Final = 6
+
+# What may happen to a body while nothing is measured.
+UNNOTICED_RAD_S: Final = 0.5
+UNNOTICED_M_S2: Final = 3.0
+
+GRAVITY_ENU: Final = np.array([0.0, 0.0, -GRAVITY_MSS])
+_IDENTITY: Final = np.eye(3)
+
+
+@dataclass(slots=True, eq=False)
+class Clone:
+    """A past pose of the body.
+
+    Attributes:
+        number: of the frame.
+        R: rotation [3, 3] from the body to the world.
+        p: position [3] in the world in m.
+    """
+
+    number: int
+    R: Array
+    p: Array
+
+
+class WindowFilter:
+    """The filter.
+
+    Args:
+        noise: of the IMU.
+        R, p, v: attitude (body to world), position (m) and velocity (m/s) in the world (ENU).
+        bias: of the IMU.
+        cov: [15, 15] of the errors that the module's slices name.
+    """
+
+    def __init__(self, noise: ImuNoise, R: Array, p: Array, v: Array, bias: ImuBias, cov: Array) -> None:
+        self.R, self.p, self.v = R.copy(), p.copy(), v.copy()
+        self.gyro_bias, self.accel_bias = bias.gyro.copy(), bias.accel.copy()
+        self.cov = cov.copy()
+        self.clones: list[Clone] = []
+        self._noise = noise
+
+    @property
+    def bias(self) -> ImuBias:
+        """The estimated bias."""
+        return ImuBias(self.accel_bias, self.gyro_bias)
+
+    @property
+    def pose(self) -> SE3:
+        """The body in the world."""
+        return SE3(_orthonormal(self.R), self.p)
+
+    def is_finite(self) -> bool:
+        """Tell whether state and covariance are numbers, and no variance is negative."""
+        motion = np.concatenate([self.R.ravel(), self.p, self.v, self.gyro_bias, self.accel_bias])
+        return bool(np.isfinite(motion).all() and np.isfinite(self.cov).all() and (self.cov.diagonal() >= 0).all())
+
+    def propagate(self, steps: ImuSteps) -> None:
+        """Move on with inertial data."""
+        if not len(steps.dt_s):
+            return
+        delta = preintegrate(steps, self._noise, self.bias)
+        dt_s, before = delta.dt_s, self.R
+        self.p = self.p + self.v * dt_s + GRAVITY_ENU * (0.5 * dt_s * dt_s) + before.dot(delta.dp)
+        self.v = self.v + GRAVITY_ENU * dt_s + before.dot(delta.dv)
+        self.R = before.dot(delta.dR)
+        into_world = self._into_world(before)
+        transition = np.eye(MOTION)
+        transition[VEL, ATT], transition[POS, ATT] = _GRAVITY_CROSS * dt_s, _GRAVITY_CROSS * (0.5 * dt_s * dt_s)
+        transition[POS, VEL] = _IDENTITY * dt_s
+        transition[:9, 9:] = into_world.dot(delta.jac_bias)
+        self._propagate_cov(transition, into_world.dot(delta.cov).dot(into_world.T), dt_s)
+
+    def propagate_blind(self, dt_s: float) -> None:
+        """Move on without inertial data: as the body moved last, which is far from certain."""
+        self.p = self.p + self.v * dt_s
+        transition = np.eye(MOTION)
+        transition[POS, VEL] = _IDENTITY * dt_s
+        self._propagate_cov(transition, np.zeros((9, 9)), dt_s)
+        self.blur(dt_s)
+
+    def blur(self, dt_s: float) -> None:
+        """Admit that the body may have turned and sped up or down unnoticed, for some time until now."""
+        unnoticed = np.zeros((9, 6))
+        unnoticed[:3, :3] = _IDENTITY * (UNNOTICED_RAD_S * dt_s)
+        unnoticed[3:6, 3:] = _IDENTITY * (UNNOTICED_M_S2 * dt_s)
+        unnoticed[6:, 3:] = _IDENTITY * (UNNOTICED_M_S2 * 0.5 * dt_s * dt_s)
+        spread = self._into_world(self.R).dot(unnoticed)
+        self.cov[:9, :9] += spread.dot(spread.T)
+
+    def _into_world(self, before: Array) -> Array:
+        """Return what turns the errors (rotation, dv, dp) of a preintegrated motion into those of the state."""
+        into = np.zeros((9, 9))
+        into[ATT, :3] = self.R
+        into[VEL, :3], into[POS, :3] = skew(self.v).dot(self.R), skew(self.p).dot(self.R)
+        into[VEL, 3:6] = into[POS, 6:] = before
+        return into
+
+    def _propagate_cov(self, transition: Array, motion_noise: Array, dt_s: float) -> None:
+        cov = self.cov
+        motion = transition.dot(cov[:MOTION, :MOTION]).dot(transition.T)
+        motion[:9, :9] += motion_noise
+        motion[GYRO, GYRO] += _IDENTITY * (self._noise.gyro_walk**2 * dt_s)
+        motion[ACCEL, ACCEL] += _IDENTITY * (self._noise.accel_walk**2 * dt_s)
+        cov[:MOTION, :MOTION] = 0.5 * (motion + motion.T)
+        cov[:MOTION, MOTION:] = transition.dot(cov[:MOTION, MOTION:])
+        cov[MOTION:, :MOTION] = cov[:MOTION, MOTION:].T
+
+    def clone(self, number: int) -> None:
+        """Keep the pose as that of a frame."""
+        self.clones.append(Clone(number, self.R.copy(), self.p.copy()))
+        size = len(self.cov)
+        rows = np.concatenate([np.arange(size), np.arange(POSE.stop)])
+        self.cov = self.cov[np.ix_(rows, rows)]
+
+    def drop(self, number: int) -> None:
+        """Forget the pose of a frame."""
+        index = self.index_of(number)
+        del self.clones[index]
+        first = MOTION + CLONE * index
+        rows = np.concatenate([np.arange(first), np.arange(first + CLONE, len(self.cov))])
+        self.cov = self.cov[np.ix_(rows, rows)]
+
+    def index_of(self, number: int) -> int:
+        """Return which clone is that of a frame.
+
+        Raises:
+            KeyError: if there is none.
+        """
+        for index, clone in enumerate(self.clones):
+            if clone.number == number:
+                return index
+        raise KeyError(number)
+
+    def nis(self, jacobian: Array, residual: Array, sigma: float) -> float:
+        """Return the normalised innovation squared of a measurement, as :meth:`update` has it."""
+        innovation = jacobian.dot(self.cov).dot(jacobian.T)
+        innovation[np.diag_indices_from(innovation)] += sigma * sigma
+        return float(residual.dot(np.linalg.solve(innovation, residual)))
+
+    def update(self, jacobian: Array, residual: Array, sigma: float) -> None:
+        """Take in a measurement (Joseph form).
+
+        Args:
+            jacobian: [M, size] of the measured with respect to the errors.
+            residual: [M], measured minus predicted.
+            sigma: of every element of the residual.
+        """
+        spread = self.cov.dot(jacobian.T)
+        innovation = jacobian.dot(spread)
+        innovation[np.diag_indices_from(innovation)] += sigma * sigma
+        gain = np.linalg.solve(innovation, spread.T).T
+        left = -gain.dot(jacobian)
+        left[np.diag_indices_from(left)] += 1.0
+        cov = left.dot(self.cov).dot(left.T) + (sigma * sigma) * gain.dot(gain.T)
+        self.cov = 0.5 * (cov + cov.T)
+        self._move(gain.dot(residual))
+
+    def _move(self, error: Array) -> None:
+        turn = so3_exp(error[ATT])
+        left = right_jacobian(-error[ATT])  # the left Jacobian
+        self.R = _orthonormal(turn.dot(self.R))
+        self.p = turn.dot(self.p) + left.dot(error[POS])
+        self.v = turn.dot(self.v) + left.dot(error[VEL])
+        self.gyro_bias = self.gyro_bias + error[GYRO]
+        self.accel_bias = self.accel_bias + error[ACCEL]
+        for clone, part in zip(self.clones, error[MOTION:].reshape(-1, CLONE), strict=True):
+            turn = so3_exp(part[ATT])
+            clone.R = _orthonormal(turn.dot(clone.R))
+            clone.p = turn.dot(clone.p) + right_jacobian(-part[ATT]).dot(part[POS])
+
+    def relative_to(self, number: int) -> tuple[SE3, Array]:
+        """Return the body in that of a past frame, ``K_T_B``, and the covariance [6, 6] of its right perturbation."""
+        index = self.index_of(number)
+        past = self.clones[index]
+        relative = SE3(_orthonormal(past.R.T.dot(self.R)), past.R.T.dot(self.p - past.p))
+        # T_K^-1 Exp(e_B - e_K) T_B = K_T_B Exp(Ad(T_B^-1) (e_B - e_K))
+        jacobian = np.zeros((CLONE, len(self.cov)))
+        adjoint = self.pose.inverse().adjoint()
+        first = MOTION + CLONE * index
+        jacobian[:, POSE], jacobian[:, first : first + CLONE] = adjoint, -adjoint
+        cov = jacobian.dot(self.cov).dot(jacobian.T)
+        return relative, 0.5 * (cov + cov.T)
+
+
+_GRAVITY_CROSS: Final = skew(GRAVITY_ENU)
+
+
+def _orthonormal(rotation: Array) -> Array:
+    """Return a rotation [3, 3] without the rounding that products have left in it (one step of Newton's)."""
+    nearest: Array = rotation.dot(1.5 * _IDENTITY - 0.5 * rotation.T.dot(rotation))
+    return nearest
+
+
+def invariant_cov(cov: Array, R: Array, p: Array, v: Array) -> Array:
+    """Return the covariance [15, 15] of the filter's errors for that of a warm start.
+
+    Args:
+        cov: of attitude (right perturbation, rad), position (m), velocity (m/s), gyro bias, accelerometer bias.
+        R, p, v: the state.
+    """
+    jacobian = np.eye(MOTION)
+    jacobian[ATT, ATT] = R
+    jacobian[POS, ATT], jacobian[VEL, ATT] = skew(p).dot(R), skew(v).dot(R)
+    result: Array = jacobian.dot(cov).dot(jacobian.T)
+    return result
+
+
+def default_cov(
+    tilt_rad: float, yaw_rad: float, velocity_m_s: float, gyro_bias: float, accel_bias: float, R: Array
+) -> Array:
+    """Return a covariance [15, 15] as a warm start has it, from sigmas; the position is certain."""
+    cov = np.zeros((MOTION, MOTION))
+    # Tilt and yaw are about the world's axes.
+    cov[ATT, ATT] = R.T.dot(np.diag([tilt_rad**2, tilt_rad**2, yaw_rad**2])).dot(R)
+    for part, sigma in ((VEL, velocity_m_s), (GYRO, gyro_bias), (ACCEL, accel_bias)):
+        cov[part, part] = _IDENTITY * sigma**2
+    return cov
+
+
+def sigma_of(cov: Array) -> float:
+    """Return the root of the largest eigenvalue of a covariance."""
+    return math.sqrt(max(float(np.linalg.eigvalsh(cov)[-1]), 0.0))

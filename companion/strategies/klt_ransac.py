@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The baseline: tracked corners, checked by E and H, in an error-state filter with a window of poses."""
+
+from typing import Final
+
+from companion.klt.keyframes import Keyframe
+from companion.msckf.aiding import stand_still
+from companion.msckf.estimator import WindowEstimator
+from companion.msckf.multi_state import TracksUsed
+from companion.msckf.stillness import SPAN_NS
+from companion.msckf.window_filter import WindowFilter
+from companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from companion.vio.config import AglSource, Scene
+from companion.vio.types import ImuWindow
+
+PIXEL_SIGMA: Final = 0.5
+MIN_CLONE_INTERVAL_NS: Final = 80_000_000
+FEWEST_REFUSED: Final = 5  # tracks that must have been refused, and all of them, to say that something is wrong
+
+
+class KltRansac(TrackingStrategy[WindowEstimator]):
+    """The strategy ``klt_ransac``.
+
+    Args:
+        context: what it is built from.
+    """
+
+    name = "klt_ransac"
+
+    def _start_over(self) -> None:
+        super()._start_over()
+        self._keyframe: Keyframe | None = None
+        self._number = 0  # of the last frame
+        self._cloned_ns = 0
+        self._used = TracksUsed()  # by the last frame that used some
+
+    def _make_estimator(self, state: WindowFilter) -> WindowEstimator:
+        config = self.context.config
+        return WindowEstimator(
+            state,
+            self._B_T_C,
+            PIXEL_SIGMA / self._front.focal_px,
+            config.window_clones,
+            2 if config.scene is Scene.PLANAR else 3,
+        )
+
+    def _update(self, estimator: WindowEstimator, seen: Seen) -> Outcome:
+        state, keyframe, t_ns = estimator.state, self._keyframe, seen.window.end_t_ns
+        self._number += 1
+        rests = keyframe is not None and self._take_rest(state, seen.window)
+        is_cloned = keyframe is None or (not rests and self._is_due(seen))
+        used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
+        if self.context.config.agl_source is not AglSource.NONE:
+            self.heights.use(state, t_ns, self._ground.z_m)
+        camera_rotation = state.R.dot(self._B_T_C.R)
+        is_keyframe = is_cloned and (
+            keyframe is None or keyframe.is_outdated(t_ns, camera_rotation, seen.sighting, self._front.focal_px)
+        )
+        if is_keyframe:
+            self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, camera_rotation, seen.sighting)
+        reference = keyframe or self._keyframe
+        assert reference is not None  # the first frame is one
+        return Outcome(
+            reference,
+            is_keyframe,
+            PIXEL_SIGMA * self._used.mre_sigmas,
+            estimator.innovation_ratio,
+            covariance_trace=_last_trace(state, self._used.depth_m) if is_cloned else None,
+            is_refused=used.offered >= FEWEST_REFUSED and used.used == 0,
+            leaves_scale_open=self._ground.leaves_scale_open(state),
+        )
+
+    def _take_rest(self, state: WindowFilter, window: ImuWindow) -> bool:
+        """Take in that nothing moves, if that is so; such a frame tells no more."""
+        # Inertial data count once, though each frame looks back over the same span.
+        share = min(1.0, (window.end_t_ns - window.start_t_ns) / SPAN_NS)
+        return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
+
+    def _is_due(self, seen: Seen) -> bool:
+        """Tell whether to keep the pose of a frame."""
+        return seen.sighting.model is not None and seen.window.end_t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
+
+    def _add_frame(self, estimator: WindowEstimator, seen: Seen) -> TracksUsed:
+        plane = self._ground.plane(estimator.state.pose @ self._B_T_C)
+        keep = None if self._keyframe is None else self._keyframe.number
+        used = estimator.add_frame(self._number, seen.sighting, plane, keep)
+        self._cloned_ns = seen.window.end_t_ns
+        if used.used:
+            self._used = used
+        return used
+
+
+def _last_trace(state: WindowFilter, depth_m: float) -> float | None:
+    """Return the trace of the covariance of the motion between the last two poses: much the same each time.
+
+    It is that of the translation, which is known half as well from twice the height, so in units of the scene's depth.
+    """
+    if len(state.clones) < 2:
+        return None
+    translation = state.relative_to(state.clones[-2].number)[1][3:, 3:]
+    return float(translation.trace()) / depth_m**2

@@ -1,0 +1,276 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What strategies that follow points have in common: all but the estimator. Needs the extra vio."""
+
+import abc
+import math
+from dataclasses import dataclass
+from typing import Final, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from companion.klt.front_end import FrontEnd, Sighting
+from companion.klt.keyframes import Keyframe
+from companion.klt.working_image import WorkingImages, shrink_factor
+from companion.msckf.ground import Ground
+from companion.msckf.heights import Heights
+from companion.msckf.imu_period import ImuPeriod
+from companion.msckf.stillness import Stillness, level_rotation
+from companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from companion.vio.calibration import scaled
+from companion.vio.config import AglSource, Scene
+from companion.vio.covariance import sound_covariance
+from companion.vio.health import FrameFacts
+from companion.vio.imu_window import steps_of
+from companion.vio.preintegration import preintegrate
+from companion.vio.se3 import SE3, Array
+from companion.vio.strategy import StrategyBase, StrategyContext
+from companion.vio.threads import limit_threads
+from companion.vio.types import (
+    DEFAULT_ACCEL_BIAS_SIGMA_M_S2,
+    DEFAULT_GYRO_BIAS_SIGMA_RAD_S,
+    DEFAULT_TILT_SIGMA_RAD,
+    DEFAULT_VELOCITY_SIGMA_M_S,
+    DEFAULT_YAW_SIGMA_RAD,
+    CameraCalibration,
+    FeatureQuality,
+    ImuBias,
+    ImuWindow,
+    NavCameraFrame,
+    VioOutput,
+    WarmStartPose,
+)
+
+LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
+_LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)
+
+_REST_TILT_RAD, _REST_YAW_RAD, _REST_VELOCITY_M_S = 0.02, 1e-6, 0.02
+_REST_GYRO_BIAS_RAD_S, _REST_ACCEL_BIAS_M_S2 = 0.003, 0.1
+_UNKNOWN_HEIGHT_M: Final = 100.0
+
+
+class Estimator(Protocol):
+    """What a strategy estimates the motion with.
+
+    Attributes:
+        state: the motion; its world has its origin where the estimator began.
+    """
+
+    @property
+    def state(self) -> WindowFilter: ...
+
+    def propagate(self, window: ImuWindow) -> None:
+        """Move on by inertial data or, where there are none, as the body moved last."""
+
+
+_E = TypeVar("_E", bound=Estimator)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """A frame, and what was found out about it before the estimator gets it.
+
+    Attributes:
+        frame: the frame.
+        window: the inertial data since the frame before.
+        sighting: what it shows.
+        imu_fault: what is wrong with the inertial data, or None.
+        begins: whether the state was found with this frame, standing still.
+    """
+
+    frame: NavCameraFrame
+    window: ImuWindow
+    sighting: Sighting
+    imu_fault: str | None
+    begins: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What an estimator made of a frame.
+
+    Attributes:
+        reference: the keyframe that the pose refers to; its pose is in the estimator's state.
+        is_keyframe: whether the frame is the keyframe of those after it.
+        mre_px: mean reprojection error of the last points that were used.
+        innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+        covariance_trace: of a motion that is known about as well each time, None for a frame without one.
+        is_refused: whether nothing that was measured agreed with the state.
+        has_failed: whether the estimator could not deal with the frame at all.
+        leaves_scale_open: whether nothing has fixed the scale yet.
+    """
+
+    reference: Keyframe
+    is_keyframe: bool
+    mre_px: float
+    innovation_ratio: float
+    covariance_trace: float | None = None
+    is_refused: bool = False
+    has_failed: bool = False
+    leaves_scale_open: bool = False
+
+
+class TrackingStrategy(StrategyBase, Generic[_E]):
+    """A strategy with a front end; a class for each estimator gives the rest.
+
+    Args:
+        context: what it is built from.
+
+    Attributes:
+        heights: above the ground.
+    """
+
+    def __init__(self, context: StrategyContext) -> None:
+        super().__init__(context)
+        config, calibration = context.config, context.calibration
+        limit_threads(config.threads)
+        divisor = shrink_factor(calibration.width, config.working_width_px)
+        self._images = WorkingImages(divisor, clahe=config.clahe)
+        self._front = FrontEnd(
+            scaled(calibration, divisor),
+            max_features=config.max_features,
+            fb_threshold_px=config.fb_threshold_px,
+            ransac_threshold_px=config.ransac_threshold_px,
+            planar=config.scene is Scene.PLANAR,
+        )
+        self._B_T_C = calibration.B_T_C
+        self.heights = Heights(config.agl_sigma_m)
+        self._start_over()
+
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
+        """Note a height of the body above the ground, from range finder or barometer; from any thread.
+
+        Args:
+            t_ns: when, by the IMU's clock.
+            height_m: corrected for the tilt.
+            sigma_m: its standard deviation.
+        """
+        self.heights.add(t_ns, height_m, sigma_m)
+
+    @abc.abstractmethod
+    def _make_estimator(self, state: WindowFilter) -> _E:
+        """Return an estimator that begins with a state."""
+
+    @abc.abstractmethod
+    def _update(self, estimator: _E, seen: Seen) -> Outcome:
+        """Give a frame to the estimator, which has moved on to it."""
+
+    def _start_over(self) -> None:
+        self._front.forget()
+        self._stillness = Stillness(self._front.focal_px)
+        self._imu_period = ImuPeriod()
+        self._ground = Ground(self.context.config, 0.0)
+        self._estimator: _E | None = None
+
+    def _warm_start(self, pose: WarmStartPose) -> None:
+        self._start_over()
+        world_T_body = pose.body_T_world.inverse()
+        default = default_cov(
+            DEFAULT_TILT_SIGMA_RAD,
+            DEFAULT_YAW_SIGMA_RAD,
+            DEFAULT_VELOCITY_SIGMA_M_S,
+            DEFAULT_GYRO_BIAS_SIGMA_RAD_S,
+            DEFAULT_ACCEL_BIAS_SIGMA_M_S2,
+            world_T_body.R,
+        )
+        cov = default if pose.covariance is None else pose.covariance
+        self._begin(world_T_body, world_T_body.R.dot(pose.velocity_b), pose.bias, cov)
+
+    def _begin_at_rest(self) -> None:
+        gyro, accel = self._stillness.means()
+        start = SE3(level_rotation(accel), np.zeros(3))
+        cov = default_cov(
+            _REST_TILT_RAD, _REST_YAW_RAD, _REST_VELOCITY_M_S, _REST_GYRO_BIAS_RAD_S, _REST_ACCEL_BIAS_M_S2, start.R
+        )
+        if self.context.config.agl_source is not AglSource.NONE:  # it will tell
+            cov[5, 5] = _UNKNOWN_HEIGHT_M**2
+        self._begin(start, np.zeros(3), ImuBias(np.zeros(3), gyro), cov)
+
+    def _begin(self, world_T_body: SE3, velocity_w: Array, bias: ImuBias, cov: Array) -> None:
+        config, R, here = self.context.config, world_T_body.R, np.zeros(3)
+        # The estimator's world has its origin here: its errors are turns about that, best not from far away.
+        self._origin = world_T_body.t
+        self._ground = Ground(config, float(self._origin[2]))
+        cov = invariant_cov(cov, R, here, velocity_w)
+        self._estimator = self._make_estimator(WindowFilter(config.imu_noise, R, here, velocity_w, bias, cov))
+
+    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
+        with self.stage("grey"):
+            image = self._images.make(frame.pixels)
+        fault = self._imu_period.fault(imu_window)
+        with self.stage("propagate"):
+            rotation, prior = self._move(imu_window)
+        with self.stage("track"):
+            sighting = self._front.see(image, rotation, prior)
+        self._stillness.note(imu_window, sighting)
+        self._ground.note(sighting.model)
+        begins = self._estimator is None and self._stillness.is_start()
+        if begins:
+            self._begin_at_rest()
+        if self._estimator is None:
+            return self._conclude(FrameFacts(sighting.inliers, sighting.coverage, 0.0, imu_fault=fault), None)
+        seen = Seen(frame, imu_window, sighting, fault, begins)
+        with self.stage("filter"):
+            outcome = self._update(self._estimator, seen)
+        return self._answer(self._estimator.state, seen, outcome)
+
+    def _move(self, window: ImuWindow) -> tuple[Array, Array]:
+        """Propagate; return the rotation of the camera since the last frame, and where directions should have gone."""
+        estimator, B_R_C = self._estimator, self._B_T_C.R
+        if window.end_t_ns == window.start_t_ns:
+            return np.eye(3), np.eye(3)
+        if estimator is None:
+            turn = preintegrate(steps_of(window), self.context.config.imu_noise, ImuBias.zero()).dR
+            rotation = B_R_C.T.dot(turn.T).dot(B_R_C)
+            return rotation, rotation
+        before = estimator.state.pose @ self._B_T_C
+        estimator.propagate(window)
+        after = estimator.state.pose @ self._B_T_C
+        return after.R.T.dot(before.R), self._ground.expected_map(before, after)
+
+    def _answer(self, state: WindowFilter, seen: Seen, outcome: Outcome) -> VioOutput:
+        if not state.is_finite():
+            return self._conclude(FrameFacts(0, 0.0, 0.0, bias_norm=math.nan, is_finite=False), None)
+        relative, spread = state.relative_to(outcome.reference.number)
+        cov = sound_covariance(spread + _LEAST_COV)
+        facts = FrameFacts(
+            seen.sighting.inliers,
+            seen.sighting.coverage,
+            outcome.mre_px,
+            covariance_trace=outcome.covariance_trace,
+            innovation_ratio=outcome.innovation_ratio,
+            bias_norm=state.bias.norm(),
+            imu_fault=seen.imu_fault,
+            has_model=seen.sighting.model is not None,
+            innovation_refused=outcome.is_refused,
+            is_finite=cov is not None and not outcome.has_failed,
+            scale_unobserved=outcome.leaves_scale_open,
+            initialised=seen.begins,
+        )
+        if cov is None:
+            return self._conclude(facts, None)
+        return self._conclude(facts, self._output(state, relative, cov, seen, outcome))
+
+    def _output(self, state: WindowFilter, relative: SE3, cov: Array, seen: Seen, outcome: Outcome) -> VioOutput:
+        sighting = seen.sighting
+        quality = FeatureQuality(
+            sighting.tracked,
+            sighting.lost,
+            sighting.new,
+            sighting.inliers,
+            sighting.disparity_px,
+            outcome.mre_px,
+            sighting.coverage,
+        )
+        return VioOutput(
+            frame_id=seen.frame.frame_id,
+            relative_pose_T=relative,
+            pose_covariance_6x6=cov,
+            imu_bias=state.bias,
+            feature_quality=quality,
+            emitted_at=self.context.clock_ns(),
+            keyframe_id=outcome.reference.frame_id,
+            is_keyframe=outcome.is_keyframe,
+            velocity_b=state.R.T.dot(state.v),
+            world_T_body=SE3(state.pose.R, state.p + self._origin),
+        )

@@ -1,0 +1,355 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every strategy keeps to, whichever estimator it has.
+
+All look at the same scene: a camera before a wall of bright and dark tiles, on a body that stands still, is shaken, or
+whose camera is covered.
+"""
+
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.vio import build_info
+from companion.vio.config import VioConfig
+from companion.vio.covariance import sound_covariance
+from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from companion.vio.frames import MOUNTINGS
+from companion.vio.registry import STRATEGIES, build_vio_strategy
+from companion.vio.se3 import SE3
+from companion.vio.strategy import StrategyBase
+from companion.vio.telemetry_records import output_values
+from companion.vio.types import (
+    ImuBias,
+    ImuSample,
+    ImuWindow,
+    NavCameraFrame,
+    Pixels,
+    VioOutput,
+    VioState,
+    WarmStartPose,
+)
+from tests.unit.companion.strategies.fake_native import install
+from tests.unit.companion.vio.strategy_rig import (
+    GRAVITY,
+    IMU_PERIOD_NS,
+    PERIOD_NS,
+    Kept,
+    Ticks,
+    make_calibration,
+    make_frame,
+    make_logger,
+    still_window,
+)
+
+Prepare = Callable[[pytest.MonkeyPatch], object]
+
+# What a strategy needs before the factory can build it. To put one under the contract is to add its row.
+PREPARATIONS: dict[str, Prepare] = {
+    "klt_ransac": lambda monkeypatch: pytest.importorskip("cv2"),
+    "fixed_lag": lambda monkeypatch: [pytest.importorskip(library) for library in ("cv2", "gtsam")],
+    "okvis2": lambda monkeypatch: install(monkeypatch, "viso_okvis2_native"),
+    "vins_mono": lambda monkeypatch: install(monkeypatch, "viso_vins_mono_native"),
+}
+
+ALL_ON = dict.fromkeys(build_info.FLAGS, True)
+WIDTH, HEIGHT, TILE = 320, 240, 20
+PATIENCE = 30  # frames: 3 s
+LOST_FRAMES = 3
+
+
+def make_wall() -> Pixels:
+    tiles = np.random.default_rng(1).integers(20, 235, (HEIGHT // TILE, WIDTH // TILE)).astype(np.uint8)
+    return np.kron(tiles, np.ones((TILE, TILE), np.uint8))
+
+
+WALL = make_wall()
+DARK = np.zeros_like(WALL)
+
+
+def shaken_window(t0_ns: int, t1_ns: int) -> ImuWindow:
+    """Return the inertial data of a body that nobody would call still."""
+    samples = tuple(
+        ImuSample(t_ns, GRAVITY + 3.0 * sign, np.full(3, 0.5) * sign)
+        for t_ns in range(t0_ns - t0_ns % IMU_PERIOD_NS, t1_ns + IMU_PERIOD_NS, IMU_PERIOD_NS)
+        for sign in ((-1) ** (t_ns // IMU_PERIOD_NS),)
+    )
+    return ImuWindow(t0_ns, t1_ns, samples)
+
+
+def empty_window(t0_ns: int, t1_ns: int) -> ImuWindow:
+    return ImuWindow(t0_ns, t1_ns, ())
+
+
+class Bench:
+    """A strategy and the time that passes for it: a frame each tenth of a second."""
+
+    def __init__(self, name: str) -> None:
+        logger, self.log = make_logger()
+        self.telemetry = Kept()
+        self.clock = Ticks()
+        mounting = SE3(MOUNTINGS["forward"], np.zeros(3))
+        self.calibration = make_calibration(WIDTH, HEIGHT, fx=200.0, fy=200.0, B_T_C=mounting)
+        self.config = VioConfig(strategy=name, lost_frames_fatal=LOST_FRAMES)
+        strategy = build_vio_strategy(self.config, self.calibration, self.clock, logger, self.telemetry, flags=ALL_ON)
+        assert isinstance(strategy, StrategyBase)
+        self.strategy = strategy
+        self.next = 10
+
+    def frame(self, pixels: Pixels = WALL, **changed: Any) -> NavCameraFrame:
+        return make_frame(self.next, pixels=pixels, **changed)
+
+    def process(
+        self, pixels: Pixels = WALL, window: Callable[[int, int], ImuWindow] = still_window, **changed: Any
+    ) -> VioOutput:
+        """Process the next frame."""
+        frame = self.frame(pixels, **changed)
+        t_ns = frame.capture_timestamp
+        self.next += 1
+        self.clock.now_ns = t_ns + 1_000_000
+        return self.strategy.process_frame(frame, window(t_ns - PERIOD_NS, t_ns), self.calibration)
+
+    def see(self, pixels: Pixels = WALL) -> VioOutput | None:
+        """Process the next frame, standing still; return its output, degraded or not, or None in INIT."""
+        try:
+            return self.process(pixels)
+        except VioDegradedError as error:
+            return error.output
+        except VioInitializingError:
+            return None
+
+    def initialise(self) -> VioOutput:
+        """Process frames until one has an output."""
+        for _ in range(PATIENCE):
+            if (output := self.see()) is not None:
+                return output
+        raise AssertionError("no state after 3 s of standing still")
+
+    def state(self) -> VioState:
+        return self.strategy.health_snapshot().state
+
+
+def level_start() -> WarmStartPose:
+    return WarmStartPose(SE3(np.eye(3), np.array([-10.0, -20.0, -30.0])), np.zeros(3), ImuBias.zero())
+
+
+def values(output: VioOutput | None) -> str:
+    return json.dumps(None if output is None else output_values(output))
+
+
+@pytest.fixture(params=PREPARATIONS)
+def make_bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Bench]:
+    """Return what makes a bench with a new strategy."""
+    PREPARATIONS[request.param](monkeypatch)
+    return lambda: Bench(request.param)
+
+
+@pytest.fixture
+def bench(make_bench: Callable[[], Bench]) -> Bench:
+    return make_bench()
+
+
+class TestStrategy:
+    """The contract."""
+
+    def test_has_its_name(self, bench: Bench) -> None:
+        assert bench.strategy.name == bench.config.strategy
+
+    def test_is_in_init_when_new(self, bench: Bench) -> None:
+        health = bench.strategy.health_snapshot()
+        assert (health.state, health.consecutive_lost) == (VioState.INIT, 0)
+
+    def test_initializing_before_there_is_a_state(self, bench: Bench) -> None:
+        for _ in range(10):
+            with pytest.raises(VioInitializingError):
+                bench.process(window=shaken_window)
+        assert bench.state() is VioState.INIT
+
+    def test_standing_still_brings_outputs(self, bench: Bench) -> None:
+        bench.initialise()
+        assert bench.state() in (VioState.TRACKING, VioState.DEGRADED)
+
+    def test_output_is_of_the_frame_and_sound(self, bench: Bench) -> None:
+        bench.initialise()
+        expected = bench.frame().frame_id
+        output = bench.see()
+        assert output is not None
+        assert output.frame_id == expected
+        assert output.emitted_at == bench.clock.now_ns
+        assert sound_covariance(output.pose_covariance_6x6) is not None
+        assert output.pose_covariance_6x6.trace() > 0
+
+    def test_standing_still_is_standing_still(self, bench: Bench) -> None:
+        bench.initialise()
+        for _ in range(10):
+            output = bench.see()
+        assert output is not None
+        assert np.abs(output.relative_pose_T.log()).max() < 0.05
+        assert np.abs(output.velocity_b).max() < 0.05
+
+    def test_output_refers_to_the_last_keyframe(self, bench: Bench) -> None:
+        output: VioOutput | None = bench.initialise()
+        assert output is not None
+        keyframe_id = output.frame_id if output.is_keyframe else output.keyframe_id
+        for _ in range(10):
+            output = bench.see()
+            assert output is not None
+            assert output.keyframe_id == keyframe_id
+            keyframe_id = output.frame_id if output.is_keyframe else keyframe_id
+
+    def test_returning_is_tracking_and_raising_degraded(self, bench: Bench) -> None:
+        bench.initialise()
+        for _ in range(PATIENCE):
+            try:
+                bench.process()
+            except VioDegradedError:
+                assert bench.state() is VioState.DEGRADED
+            else:
+                assert bench.state() is VioState.TRACKING
+
+    def test_another_camera_is_fatal(self, bench: Bench) -> None:
+        bench.initialise()
+        with pytest.raises(VioFatalError):
+            bench.process(camera_id="other")
+
+    @pytest.mark.parametrize("size", [(HEIGHT - 1, WIDTH), (WIDTH, HEIGHT)])
+    def test_another_size_is_fatal(self, bench: Bench, size: tuple[int, int]) -> None:
+        bench.initialise()
+        with pytest.raises(VioFatalError):
+            bench.process(np.zeros(size, np.uint8))
+
+    def test_colour_is_as_good_as_grey(self, bench: Bench) -> None:
+        colour = np.repeat(WALL[:, :, None], 3, axis=2)
+        assert any(bench.see(colour) is not None for _ in range(PATIENCE))
+
+    def test_second_caller_is_refused_while_health_is_told(self, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+        bench.initialise()
+        before = bench.strategy.health_snapshot()
+        told: list[object] = []
+
+        def look() -> None:
+            told.append(bench.strategy.health_snapshot())
+            with pytest.raises(VioFatalError, match=r"^concurrent process_frame$"):
+                bench.process()
+            told.append(bench.strategy.health_snapshot())
+
+        def work(*_: object) -> VioOutput:
+            other = threading.Thread(target=look)
+            other.start()
+            other.join(10)
+            raise VioInitializingError
+
+        with monkeypatch.context() as patch:
+            patch.setattr(bench.strategy, "_process", work)
+            assert bench.see() is None
+        assert told == [before, before]
+        assert bench.see() is not None
+
+    def test_covered_camera_is_degraded_then_lost(self, bench: Bench) -> None:
+        bench.initialise()
+        for count in range(1, LOST_FRAMES):
+            with pytest.raises(VioDegradedError) as caught:
+                bench.process(DARK)
+            assert sound_covariance(caught.value.output.pose_covariance_6x6) is not None
+            assert bench.strategy.health_snapshot().consecutive_lost == count
+        with pytest.raises(VioFatalError):
+            bench.process(DARK)
+        assert bench.state() is VioState.LOST
+
+    def test_lost_stays_lost_until_a_warm_start(self, bench: Bench) -> None:
+        bench.initialise()
+        for _ in range(LOST_FRAMES - 1):
+            bench.see(DARK)
+        for pixels in (DARK, WALL, WALL):
+            with pytest.raises(VioFatalError):
+                bench.process(pixels)
+        bench.strategy.reset_to_warm_start(level_start())
+        bench.initialise()
+        assert bench.strategy.frame_report().resets == 1
+
+    def test_one_dark_frame_does_no_harm(self, bench: Bench) -> None:
+        bench.initialise()
+        with pytest.raises(VioDegradedError):
+            bench.process(DARK)
+        assert bench.see() is not None
+
+    def test_frame_without_inertial_data_is_a_lost_one(self, bench: Bench) -> None:
+        bench.initialise()
+        with pytest.raises(VioDegradedError):
+            bench.process(window=empty_window)
+        assert bench.strategy.health_snapshot().consecutive_lost == 1
+
+    def test_warm_start_begins_in_init_and_ends_where_it_said(self, bench: Bench) -> None:
+        bench.strategy.reset_to_warm_start(level_start())
+        assert bench.state() is VioState.INIT
+        output = bench.initialise()
+        assert output.world_T_body.t == pytest.approx([10.0, 20.0, 30.0], abs=0.1)
+
+    def test_warm_start_in_flight_goes_back_to_init(self, bench: Bench) -> None:
+        bench.initialise()
+        bench.strategy.reset_to_warm_start(level_start())
+        assert bench.state() is VioState.INIT
+
+    @pytest.mark.parametrize(
+        ("where", "field", "bad"),
+        [
+            ("", "velocity_b", np.full(3, np.nan)),
+            ("body_T_world", "t", np.full(3, np.inf)),
+            ("body_T_world", "R", 1.01 * np.eye(3)),
+            ("body_T_world", "R", -np.eye(3)),
+            ("bias", "gyro", np.full(3, np.nan)),
+            ("", "covariance", np.full((15, 15), np.nan)),
+        ],
+    )
+    def test_bad_warm_start_is_refused(self, bench: Bench, where: str, field: str, bad: object) -> None:
+        pose = level_start()
+        object.__setattr__(getattr(pose, where) if where else pose, field, bad)
+        with pytest.raises(VioFatalError):
+            bench.strategy.reset_to_warm_start(pose)
+        assert bench.state() is VioState.INIT
+
+    def test_same_input_same_output(self, make_bench: Callable[[], Bench]) -> None:
+        benches = [make_bench(), make_bench()]
+        for _ in range(15):
+            one, other = (values(bench.see()) for bench in benches)
+            assert one == other
+        assert one != "null"
+
+    def test_camera_may_use_its_buffer_again(self, make_bench: Callable[[], Bench]) -> None:
+        ours, other = make_bench(), make_bench()
+        buffer = np.empty_like(WALL)
+        for _ in range(15):
+            buffer[:] = WALL
+            output = ours.see(buffer)
+            buffer[:] = 0
+            assert values(output) == values(other.see())
+        assert output is not None
+
+    def test_outputs_do_not_change_any_more(self, bench: Bench) -> None:
+        output = bench.initialise()
+        before = values(output)
+        for _ in range(5):
+            bench.see()
+        assert values(output) == before
+
+    def test_outputs_cannot_be_written_to(self, bench: Bench) -> None:
+        output = bench.initialise()
+        pose, bias = output.relative_pose_T, output.imu_bias
+        for array in (pose.R, pose.t, bias.accel, bias.gyro, output.pose_covariance_6x6, output.velocity_b):
+            assert not array.flags.writeable
+            assert array.flags.c_contiguous
+
+    def test_leaving_init_is_recorded_and_logged_once(self, bench: Bench) -> None:
+        bench.initialise()
+        bench.see()
+        (record,) = (one for one in bench.telemetry.of_kind("state_change") if one["old"] == "INIT")
+        (fields,) = (one for one in bench.log.fields("state_change") if one["old"] == "INIT")
+        assert record["new"] == fields["new"] == "TRACKING"
+
+
+def test_every_strategy_is_under_the_contract() -> None:
+    assert set(PREPARATIONS) == set(STRATEGIES)
