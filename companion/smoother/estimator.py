@@ -1,0 +1,216 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The smoother with its landmarks, and what carries its result on from node to frame."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from companion.klt.front_end import Sighting
+from companion.msckf.multi_state import Plane
+from companion.msckf.window_filter import WindowFilter
+from companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
+from companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError
+from companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
+from companion.vio.imu_noise import ImuNoise
+from companion.vio.imu_window import bracketed, steps_between
+from companion.vio.preintegration import ImuPreintegrator
+from companion.vio.se3 import SE3, Array
+from companion.vio.types import ImuWindow
+
+EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
+EARLY_PASSES: Final = 4
+LONG_STEP_S: Final = 0.1  # between two inertial samples: anything may have happened
+_RATIO_KEPT: Final = 0.9
+_SIGHTINGS_LAG_NS: Final = round((LAG_S - 0.5) * 1e9)  # none from a node that is about to be forgotten
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """A frame that the smoother takes in.
+
+    Attributes:
+        number: larger than those before.
+        t_ns: when.
+        sighting: what was seen.
+        is_still: whether the body does not move.
+        plane: the ground, if all points lie on it.
+        height: how high the body is in the world, and the sigma, both in m; None if that is not known.
+    """
+
+    number: int
+    t_ns: int
+    sighting: Sighting
+    is_still: bool = False
+    plane: Plane | None = None
+    height: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFacts:
+    """What became of a node.
+
+    Attributes:
+        begins: whether the smoother began anew with it: it has to be a keyframe, as no node before is known any more.
+        failed: whether the equations could not be solved.
+        landmarks: seen, new ones among them.
+        agreeing: those where they were expected, in the end.
+        mre_sigmas: mean reprojection error of those, in sigmas; 0 for none.
+        depth_m: median distance of those, along the view; 1 for none.
+    """
+
+    begins: bool = False
+    failed: bool = False
+    landmarks: int = 0
+    agreeing: int = 0
+    mre_sigmas: float = 0.0
+    depth_m: float = 1.0
+
+
+class SmootherEstimator:
+    """A smoother that is fed with what the front end sees.
+
+    Args:
+        state: where to begin.
+        noise: of the IMU.
+        B_T_C: from the camera into the body.
+        sigma: of a normalised coordinate.
+
+    Attributes:
+        state: what is known now; its last clone is the keyframe, at first the first node.
+        innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+    """
+
+    def __init__(self, state: WindowFilter, noise: ImuNoise, B_T_C: SE3, sigma: float) -> None:
+        self.state = state
+        self.innovation_ratio = 1.0
+        self._B_T_C = B_T_C
+        self._sigma = sigma
+        self._smoother: LagSmoother | None = None
+        self._book = LandmarkBook(B_T_C, sigma)
+        self._since = ImuPreintegrator(noise, state.bias)
+        self._since_ns = -1
+        self._times_ns: dict[int, int] = {}
+        self._poses: dict[int, SE3] = {}
+        self._nodes_with_landmarks = 0
+
+    def propagate(self, window: ImuWindow) -> None:
+        """Move on by inertial data; where they are missing, the smoother has to begin anew."""
+        samples = bracketed(window)
+        steps = steps_between(samples)
+        self.state.propagate(steps)
+        unmeasured_s = float(steps.dt_s[steps.dt_s > LONG_STEP_S].sum())
+        if not samples:
+            self.state.propagate_blind((window.end_t_ns - window.start_t_ns) * 1e-9)
+        elif unmeasured_s > 0:
+            self.state.blur(unmeasured_s)
+        if not samples or unmeasured_s > 0:
+            self._smoother = None
+        for sample in samples:
+            if sample.t_ns > self._since_ns:
+                self._since.add(sample)
+                self._since_ns = sample.t_ns
+
+    def add_node(self, node: Node) -> NodeFacts:
+        """Take in a frame.
+
+        If the smoother cannot, the state goes on by inertial data alone, and the next node begins anew from it.
+        """
+        try:
+            return self._begin(node) if self._smoother is None else self._extend(self._smoother, node)
+        except (SmootherError, np.linalg.LinAlgError):
+            self._smoother = None
+            return NodeFacts(failed=True)
+
+    def set_keyframe(self, number: int) -> None:
+        """Let the last node be the keyframe; until the next node, the state knows the one before as well."""
+        state = self.state
+        if state.clones[-1].number == number:
+            return
+        for clone in state.clones[:-1]:
+            state.drop(clone.number)
+        state.clone(number)
+
+    def _begin(self, node: Node) -> NodeFacts:
+        state = self.state
+        if not state.clones:
+            state.clone(node.number)
+        smoother = LagSmoother(self._B_T_C, node.number, 0.0, motion_of(state), smoother_cov(state))
+        smoother.solve()
+        self._smoother, self._begin_ns = smoother, node.t_ns
+        self._times_ns, self._poses = {node.number: node.t_ns}, {node.number: state.pose}
+        self._book.forget()
+        self._book.note(node.number, node.sighting)
+        self._nodes_with_landmarks = 0
+        self._restart_imu()
+        return NodeFacts(begins=True)
+
+    def _extend(self, smoother: LagSmoother, node: Node) -> NodeFacts:
+        state, keyframe = self.state, self.state.clones[-1].number
+        expected, expected_cov = motion_of(state), state.cov
+        self._remember(node, expected.pose)
+        smoother.add_node(node.number, (node.t_ns - self._begin_ns) * 1e-9, expected, self._since)
+        if node.is_still:
+            smoother.add_stillness()
+        if node.height is not None:
+            smoother.add_height(*node.height)
+        seen = self._book.note(node.number, node.sighting)
+        seen += self._discover(smoother, node.plane)
+        smoother.add_sightings(seen, self._sigma * self._inflation())
+        smoother.solve(self._passes(), keep=keyframe)
+        adopt(state, smoother.motion(), keyframe, smoother.pose(keyframe), smoother.joint_cov(keyframe))
+        self._poses = {number: smoother.pose(number) for number in self._poses}
+        self._restart_imu()
+        if not node.is_still:
+            self._compare(correction_nis(expected, expected_cov, motion_of(state), state.cov))
+        return self._judge(smoother, [one for one in seen if one.number == node.number])
+
+    def _remember(self, node: Node, pose: SE3) -> None:
+        times_ns, poses = self._times_ns | {node.number: node.t_ns}, self._poses | {node.number: pose}
+        recent = [number for number, t_ns in times_ns.items() if node.t_ns - t_ns <= _SIGHTINGS_LAG_NS]
+        self._times_ns = {number: times_ns[number] for number in recent}
+        self._poses = {number: poses[number] for number in recent}
+
+    def _discover(self, smoother: LagSmoother, plane: Plane | None) -> list[Seen]:
+        sightings: list[Seen] = []
+        for new in self._book.discover(self._poses, plane):
+            smoother.add_landmark(new.landmark, new.position, new.sigmas_m)
+            sightings.extend(new.sightings)
+        return sightings
+
+    def _compare(self, nis: float | None) -> None:
+        if nis is not None:
+            self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * nis
+
+    def _inflation(self) -> float:
+        return math.sqrt(max(1.0, self.innovation_ratio))
+
+    def _passes(self) -> int:
+        self._nodes_with_landmarks += self._book.count > 0
+        return EARLY_PASSES if self._nodes_with_landmarks <= EARLY_NODES else 1
+
+    def _restart_imu(self) -> None:
+        self._since.reset(self.state.bias)
+        self._since_ns = -1
+
+    def _judge(self, smoother: LagSmoother, seen: list[Seen]) -> NodeFacts:
+        """Compare landmarks with where they should be seen now, and forget those that are elsewhere."""
+        if not seen:
+            return NodeFacts()
+        camera_T_world = (self.state.pose @ self._B_T_C).inverse()
+        local = camera_T_world.map(smoother.points(one.landmark for one in seen))
+        depth = np.where(local[:, 2] > 0, local[:, 2], np.nan)
+        normalised = np.array([one.normalised for one in seen])
+        error: Array = np.linalg.norm(local[:, :2] / depth[:, None] - normalised, axis=1) / self._sigma
+        good = error < MAX_ERROR_SIGMAS  # not so for NaN, behind the camera
+        self._book.drop({one.landmark for one, is_good in zip(seen, good.tolist(), strict=True) if not is_good})
+        if not good.any():
+            return NodeFacts(landmarks=len(seen))
+        return NodeFacts(
+            landmarks=len(seen),
+            agreeing=int(np.count_nonzero(good)),
+            mre_sigmas=float(error[good].mean()),
+            depth_m=float(np.median(depth[good])),
+        )

@@ -1,0 +1,216 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The door to gtsam: a graph of poses, velocities, biases and landmarks, solved over the last seconds.
+
+It is the incremental smoother of Kaess et al., iSAM2, 2012, without what is older than the lag: that is marginalised.
+gtsam's poses err by right perturbations, rotation first, as ours do; its biases have the accelerometer first.
+"""
+
+import contextlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from companion.vio.preintegration import ImuPreintegrator
+from companion.vio.se3 import SE3, Array
+from companion.vio.types import ImuBias
+
+try:
+    import gtsam
+    from gtsam.symbol_shorthand import B, L, V, X
+except ImportError as error:
+    raise ImportError("gtsam is missing; install it with: pip install 'viso[gtsam]'") from error
+
+LAG_S: Final = 3.0
+STILL_VELOCITY_SIGMA_M_S: Final = 0.02
+MOTION: Final = 15
+_HUBER: Final = 1.345  # sigmas up to which an error counts in full
+_RELINEARIZE: Final = 0.01  # m, rad, m/s: about a pixel near by
+_ANYWHERE_M: Final = 1e4
+_NORMALISED: Final = gtsam.Cal3_S2(1.0, 1.0, 0.0, 0.0, 0.0)
+
+
+class SmootherError(Exception):
+    """The equations could not be solved; this smoother is of no use any more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """How the body moves.
+
+    Attributes:
+        pose: world_T_body.
+        velocity_w: [3] in m/s, in the world.
+        bias: of the IMU.
+    """
+
+    pose: SE3
+    velocity_w: Array
+    bias: ImuBias
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """A sighting of a landmark.
+
+    Attributes:
+        number: of the node that it was seen from.
+        landmark: its number.
+        normalised: [2], undistorted.
+    """
+
+    number: int
+    landmark: int
+    normalised: Array
+
+
+class LagSmoother:
+    """A smoother over the last seconds.
+
+    Nodes have rising numbers; each has a motion. What is added takes effect with :meth:`solve`.
+
+    Args:
+        B_T_C: from the camera into the body.
+        number, t_s: of the first node.
+        motion: there.
+        cov: [15, 15], positive, of its pose (right perturbation), velocity (world), accelerometer bias and gyro bias.
+
+    Raises:
+        SmootherError: as all methods do, when gtsam cannot do it.
+    """
+
+    def __init__(self, B_T_C: SE3, number: int, t_s: float, motion: Motion, cov: Array) -> None:
+        self._B_T_C = gtsam.Pose3(B_T_C.matrix())
+        params = gtsam.ISAM2Params()
+        params.setRelinearizeThreshold(_RELINEARIZE)
+        params.relinearizeSkip = 1
+        params.findUnusedFactorSlots = True  # else their list grows for ever
+        params.setFactorization("QR")  # a bias that hardly walks is too stiff for Cholesky's
+        self._smoother = gtsam.IncrementalFixedLagSmoother(LAG_S, params)
+        self._clear()
+        self._expect(number, t_s, motion)
+        whitener = np.linalg.inv(np.linalg.cholesky(cov))
+        pose, velocity, bias = whitener[:, :6], whitener[:, 6:9], whitener[:, 9:]
+        unit = gtsam.noiseModel.Unit.Create(MOTION)
+        prior = gtsam.JacobianFactor(X(number), pose, V(number), velocity, B(number), bias, np.zeros(MOTION), unit)
+        self._graph.add(gtsam.LinearContainerFactor(prior, self._values))
+
+    def add_node(self, number: int, t_s: float, motion: Motion, since: ImuPreintegrator) -> None:
+        """Add a node after the last one.
+
+        Args:
+            number, t_s: of the node.
+            motion: there, as expected.
+            since: the inertial data from the last node to this one.
+        """
+        last = self._last
+        self._expect(number, t_s, motion)
+        keys = X(last), V(last), X(number), V(number), B(last), B(number)
+        self._graph.add(gtsam.GalileanCombinedImuFactor(*keys, since.as_gtsam()))
+
+    def add_stillness(self) -> None:
+        """Add that the body does not move at the last node."""
+        noise = gtsam.noiseModel.Isotropic.Sigma(3, STILL_VELOCITY_SIGMA_M_S)
+        self._graph.add(gtsam.PriorFactorVector(V(self._last), np.zeros(3), noise))
+
+    def add_height(self, up_m: float, sigma_m: float) -> None:
+        """Add how high the body is in the world at the last node."""
+        east_m, north_m, _ = self._values.atPose3(X(self._last)).translation()
+        noise = _robust(gtsam.noiseModel.Diagonal.Sigmas(np.array([_ANYWHERE_M, _ANYWHERE_M, sigma_m])))
+        self._graph.add(gtsam.GPSFactor(X(self._last), np.array([east_m, north_m, up_m]), noise))
+
+    def add_landmark(self, landmark: int, position: Array, sigmas_m: Array) -> None:
+        """Add a landmark, to be seen at least once before the next solution.
+
+        Args:
+            landmark: its number; never used before.
+            position: [3] in the world, as expected.
+            sigmas_m: [3], how far from there it may be.
+        """
+        self._values.insert(L(landmark), position)
+        noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas_m)
+        self._graph.add(gtsam.PriorFactorPoint3(L(landmark), position, noise))
+
+    def add_sightings(self, sightings: Iterable[Seen], sigma: float) -> None:
+        """Add what was seen.
+
+        Args:
+            sightings: of landmarks, from nodes that are not older than the lag.
+            sigma: of a normalised coordinate.
+        """
+        noise = _robust(gtsam.noiseModel.Isotropic.Sigma(2, sigma))
+        for seen in sightings:
+            keys = X(seen.number), L(seen.landmark)
+            self._graph.add(
+                gtsam.GenericProjectionFactorCal3_S2(seen.normalised, noise, *keys, _NORMALISED, self._B_T_C)
+            )
+            self._stamps[L(seen.landmark)] = self._t_s  # a landmark older than the lag takes no more factors
+
+    def solve(self, passes: int = 1, keep: int | None = None) -> None:
+        """Take in what was added, and forget what is older than the lag.
+
+        Args:
+            passes: how often the equations are made anew, at most.
+            keep: a node whose pose is not to be forgotten for another lag.
+        """
+        if keep is not None:
+            self._stamps[X(keep)] = self._t_s
+        with _solvable():
+            self._smoother.update(self._graph, self._values, self._stamps)
+            self._clear()
+            for _ in range(passes - 1):
+                self._smoother.update()
+            self._estimate = self._smoother.calculateEstimate()
+
+    def pose(self, number: int) -> SE3:
+        """Return world_T_body at a node."""
+        with _solvable():
+            pose = self._estimate.atPose3(X(number))
+            return SE3(pose.rotation().matrix(), pose.translation())
+
+    def motion(self) -> Motion:
+        """Return how the body moves at the last node."""
+        with _solvable():
+            bias = self._estimate.atConstantBias(B(self._last))
+            velocity_w = self._estimate.atVector(V(self._last))
+            return Motion(self.pose(self._last), velocity_w, ImuBias(bias.accelerometer(), bias.gyroscope()))
+
+    def points(self, landmarks: Iterable[int]) -> Array:
+        """Return where landmarks are in the world, [N, 3]."""
+        with _solvable():
+            return np.array([self._estimate.atPoint3(L(landmark)) for landmark in landmarks]).reshape(-1, 3)
+
+    def joint_cov(self, number: int) -> Array:
+        """Return the covariance [21, 21] of the motion at the last node, as for the first, and of another's pose."""
+        last = self._last
+        keys = [X(last), V(last), B(last), X(number)]
+        with _solvable():
+            joint = self._smoother.getISAM2().jointMarginalCovariance(keys)
+            return np.block([[joint.at(row, column) for column in keys] for row in keys])
+
+    def _expect(self, number: int, t_s: float, motion: Motion) -> None:
+        self._last, self._t_s = number, t_s
+        self._values.insert(X(number), gtsam.Pose3(motion.pose.matrix()))
+        self._values.insert(V(number), motion.velocity_w)
+        self._values.insert(B(number), gtsam.imuBias.ConstantBias(motion.bias.accel, motion.bias.gyro))
+        self._stamps |= dict.fromkeys((X(number), V(number), B(number)), t_s)
+
+    def _clear(self) -> None:
+        self._graph: Any = gtsam.NonlinearFactorGraph()
+        self._values: Any = gtsam.Values()
+        self._stamps: dict[Any, Any] = {}  # s, by key
+
+
+def _robust(noise: Any) -> Any:
+    return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Huber.Create(_HUBER), noise)
+
+
+@contextlib.contextmanager
+def _solvable() -> Iterator[None]:
+    # gtsam's own classes of errors do not reach Python; a ValueError may be ours, about what is not finite.
+    try:
+        yield
+    except (RuntimeError, ValueError, IndexError) as error:
+        raise SmootherError(str(error).strip().partition("\n")[0]) from error

@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which tracked points are landmarks, which are to become some, and where those are."""
+
+import math
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from companion.klt.front_end import Sighting
+from companion.msckf.multi_state import Plane
+from companion.msckf.tracks import Tracks, padded
+from companion.msckf.triangulation import Mask, on_plane, triangulate
+from companion.smoother.lag_smoother import Seen
+from companion.vio.se3 import SE3, Array
+
+MOST_LANDMARKS: Final = 30  # at a time; more take longer and hardly help
+FEWEST_SIGHTINGS: Final = 3
+FEWEST_ON_PLANE: Final = 2
+MOST_SIGHTINGS: Final = 4  # of a landmark, in motion: tracked points wander
+FEWEST_LEFT: Final = MOST_LANDMARKS // 2  # when old ones are given up: the body may stop and show no more
+MIN_PARALLAX_RAD: Final = math.radians(1.0)
+MAX_ERROR_SIGMAS: Final = 8.0
+LANDMARK_SIGMA_M: Final = 20.0
+_MIN_DEPTH_M: Final = 1e-3
+
+_Track = dict[int, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NewLandmark:
+    """A point that is to become a landmark.
+
+    Attributes:
+        landmark: its number.
+        position: [3] in the world.
+        sigmas_m: [3], how far from there it may be.
+        sightings: of it so far, none of them used yet.
+    """
+
+    landmark: int
+    position: Array
+    sigmas_m: Array
+    sightings: tuple[Seen, ...]
+
+
+class LandmarkBook:
+    """Collects sightings of points until they can be landmarks, and remembers which they became.
+
+    Args:
+        B_T_C: from the camera into the body.
+        sigma: of a normalised coordinate.
+    """
+
+    def __init__(self, B_T_C: SE3, sigma: float) -> None:
+        self._B_T_C = B_T_C
+        self._sigma = sigma
+        self._tracks: dict[int, _Track] = {}
+        self._landmarks: dict[int, int] = {}  # by the numbers of points
+        self._next = 0
+
+    @property
+    def count(self) -> int:
+        """How many landmarks there are."""
+        return len(self._landmarks)
+
+    def forget(self) -> None:
+        """Forget all sightings and landmarks."""
+        self._tracks.clear()
+        self._landmarks.clear()
+
+    def note(self, number: int, sighting: Sighting) -> list[Seen]:
+        """Note what a node shows; return the sightings of landmarks. Points that it does not show are gone for good."""
+        before, self._tracks = self._tracks, {}
+        seen = []
+        for point, (u, v) in zip(sighting.ids.tolist(), sighting.normalised.tolist(), strict=True):
+            self._tracks[point] = before.get(point, {}) | {number: (u, v)}
+            if point in self._landmarks:
+                seen.append(Seen(number, self._landmarks[point], np.array([u, v])))
+        self._landmarks = {point: number for point, number in self._landmarks.items() if point in self._tracks}
+        return seen
+
+    def discover(self, poses: Mapping[int, SE3], plane: Plane | None) -> list[NewLandmark]:
+        """Return points that become landmarks: seen often enough, from places that are far enough apart.
+
+        Old landmarks are given up, while there is motion enough to find their points anew.
+
+        Args:
+            poses: world_T_body of nodes; sightings from others do not count.
+            plane: the ground, if all points lie on it.
+        """
+        cameras = {number: pose @ self._B_T_C for number, pose in poses.items()}
+        self._retire(cameras)
+        fewest = FEWEST_SIGHTINGS if plane is None else FEWEST_ON_PLANE
+        free = {point: _within(track, cameras) for point, track in self._tracks.items() if point not in self._landmarks}
+        # The youngest first: their points have wandered least.
+        points = sorted((point for point, track in free.items() if len(track) >= fewest), key=lambda p: len(free[p]))
+        room = MOST_LANDMARKS - len(self._landmarks)
+        if not points or room <= 0:
+            return []
+        positions, good = self._positions(_Sightings.of(cameras, [free[point] for point in points]), plane)
+        sigmas_m = np.full(3, LANDMARK_SIGMA_M)
+        if plane is not None:
+            sigmas_m[2] = plane.sigma_m
+        chosen = np.flatnonzero(good)[:room].tolist()
+        return [self._new(points[row], positions[row], sigmas_m, free[points[row]]) for row in chosen]
+
+    def drop(self, landmarks: Container[int]) -> None:
+        """Forget landmarks and what was seen of them; their points may become others."""
+        for point in [point for point, landmark in self._landmarks.items() if landmark in landmarks]:
+            del self._landmarks[point]
+            self._tracks[point] = {}
+
+    def _retire(self, cameras: Mapping[int, SE3]) -> None:
+        old = [point for point in self._landmarks if len(self._tracks[point]) >= MOST_SIGHTINGS]
+        old.sort(key=lambda point: -len(self._tracks[point]))
+        steps = [_within(dict(list(self._tracks[point].items())[-2:]), cameras) for point in old]
+        if steps:
+            moved = _Sightings.of(cameras, steps).parallax_rad() >= 0.5 * MIN_PARALLAX_RAD
+            spare = max(len(self._landmarks) - FEWEST_LEFT, 0)
+            self.drop({self._landmarks[old[row]] for row in np.flatnonzero(moved)[:spare].tolist()})
+
+    def _positions(self, seen: "_Sightings", plane: Plane | None) -> tuple[Array, Mask]:
+        rotations, places, tracks = seen.rotations, seen.places, seen.tracks
+        if plane is None:
+            points, good = triangulate(rotations, places, tracks)
+        else:
+            points, good = on_plane(rotations, places, tracks, plane.height_m)
+        local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - places)
+        ahead = (local[..., 2] > _MIN_DEPTH_M) | ~tracks.seen
+        depth = np.where(ahead & tracks.seen, local[..., 2], np.inf)
+        error = np.linalg.norm(tracks.normalised - local[..., :2] / depth[..., None], axis=-1)  # 0 for padding
+        close = error.max(axis=1) < MAX_ERROR_SIGMAS * self._sigma
+        return points, good & ahead.all(axis=1) & close & (seen.parallax_rad() >= MIN_PARALLAX_RAD)
+
+    def _new(self, point: int, position: Array, sigmas_m: Array, track: _Track) -> NewLandmark:
+        self._next += 1
+        self._landmarks[point] = self._next
+        sightings = tuple(Seen(number, self._next, np.array(seen)) for number, seen in track.items())
+        return NewLandmark(self._next, position, sigmas_m, sightings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sightings:
+    """Tracks as arrays, with the camera of each sighting: rotations [T, M, 3, 3] and places [T, M, 3], in the world."""
+
+    rotations: Array
+    places: Array
+    tracks: Tracks
+
+    @classmethod
+    def of(cls, cameras: Mapping[int, SE3], tracks: Sequence[_Track]) -> "_Sightings":
+        arrays = padded(tracks, {number: index for index, number in enumerate(cameras)})
+        rotations = np.array([camera.R for camera in cameras.values()])
+        places = np.array([camera.t for camera in cameras.values()])
+        return cls(rotations[arrays.clones], places[arrays.clones], arrays)
+
+    def parallax_rad(self) -> Array:
+        """Return the angles [T] between the first ray and the last."""
+        tracks = self.tracks
+        rays = np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
+        directions = np.einsum("tmij,tmj->tmi", self.rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+        last = directions[np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1]
+        angles: Array = np.arccos(np.clip(np.einsum("ti,ti->t", directions[:, 0], last), -1.0, 1.0))
+        return angles
+
+
+def _within(track: _Track, numbers: Container[int]) -> _Track:
+    return {number: seen for number, seen in track.items() if number in numbers}

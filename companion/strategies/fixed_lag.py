@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tracked corners, checked by E and H, in a smoother over the last seconds. Needs the extras vio and gtsam."""
+
+from typing import Final
+
+from companion.klt.keyframes import Keyframe
+from companion.msckf.aiding import stand_still
+from companion.msckf.stillness import SPAN_NS
+from companion.msckf.window_filter import WindowFilter
+from companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
+from companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from companion.vio.config import AglSource
+
+PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
+MIN_NODE_INTERVAL_NS: Final = 150_000_000
+FEWEST_LANDMARKS: Final = 8  # below that, they do not hold the position
+FEWEST_REFUSED: Final = 5  # landmarks that must have been elsewhere, and all of them, to say that something is wrong
+
+
+class FixedLag(TrackingStrategy[SmootherEstimator]):
+    """The strategy ``fixed_lag``.
+
+    Args:
+        context: what it is built from.
+    """
+
+    name = "fixed_lag"
+
+    def _start_over(self) -> None:
+        super()._start_over()
+        self._keyframe: Keyframe | None = None
+        self._number = 0  # of the last node
+        self._node_ns = 0
+        self._node = NodeFacts()  # the last one
+        self._rests = False  # the body, at the last node
+
+    def _make_estimator(self, state: WindowFilter) -> SmootherEstimator:
+        noise = self.context.config.imu_noise
+        return SmootherEstimator(state, noise, self._B_T_C, PIXEL_SIGMA / self._front.focal_px)
+
+    def _update(self, estimator: SmootherEstimator, seen: Seen) -> Outcome:
+        keyframe, t_ns = self._keyframe, seen.window.end_t_ns
+        if keyframe is not None and t_ns - self._node_ns < MIN_NODE_INTERVAL_NS:
+            return self._outcome(estimator, keyframe)
+        node = self._add_node(estimator, seen)
+        camera_rotation = estimator.state.R.dot(self._B_T_C.R)
+        is_keyframe = keyframe is None or node.begins
+        if keyframe is not None and not (is_keyframe or node.failed or self._rests):
+            is_keyframe = keyframe.is_outdated(t_ns, camera_rotation, seen.sighting, self._front.focal_px)
+        if is_keyframe:
+            self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, camera_rotation, seen.sighting)
+            estimator.set_keyframe(self._number)
+        reference = keyframe or self._keyframe
+        assert reference is not None  # the first frame is one
+        return self._outcome(estimator, reference, node, is_keyframe=is_keyframe)
+
+    def _add_node(self, estimator: SmootherEstimator, seen: Seen) -> NodeFacts:
+        state, t_ns = estimator.state, seen.window.end_t_ns
+        # Inertial data count once, though each node looks back over the same span.
+        share = min(1.0, (t_ns - self._node_ns) / SPAN_NS)
+        self._rests = self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
+        height = None
+        if self.context.config.agl_source is not AglSource.NONE:
+            height = self.heights.take(t_ns, self._ground.z_m, state.v)
+        plane = self._ground.plane(state.pose @ self._B_T_C)
+        self._number, self._node_ns = self._number + 1, t_ns
+        self._node = estimator.add_node(Node(self._number, t_ns, seen.sighting, self._rests, plane, height))
+        return self._node
+
+    def _outcome(
+        self,
+        estimator: SmootherEstimator,
+        reference: Keyframe,
+        node: NodeFacts | None = None,
+        *,
+        is_keyframe: bool = False,
+    ) -> Outcome:
+        last, state = self._node, estimator.state
+        is_next = node is not None and reference.number == self._number - 1 and not self._rests
+        floats = last.agreeing < FEWEST_LANDMARKS and not self._rests
+        return Outcome(
+            reference,
+            is_keyframe,
+            PIXEL_SIGMA * last.mre_sigmas,
+            estimator.innovation_ratio,
+            covariance_trace=_trace(state, reference.number, last.depth_m) if is_next else None,
+            is_refused=node is not None and node.landmarks >= FEWEST_REFUSED and node.agreeing == 0,
+            has_failed=node is not None and node.failed,
+            leaves_scale_open=floats or self._ground.leaves_scale_open(state),
+        )
+
+
+def _trace(state: WindowFilter, number: int, depth_m: float) -> float:
+    """Return the trace of the covariance of the translation since a node, in units of the scene's depth."""
+    return float(state.relative_to(number)[1][3:, 3:].trace()) / depth_m**2

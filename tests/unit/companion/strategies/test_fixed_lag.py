@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The smoother as a strategy: over synthetic ground, and over a recorded flight (EuRoC MH_01) where that is at hand."""
+
+import dataclasses
+import functools
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cv2")
+pytest.importorskip("gtsam")
+
+from companion.euroc import EurocRecording, load_euroc
+from companion.smoother.lag_smoother import LagSmoother, SmootherError
+from companion.strategies.fixed_lag import MIN_NODE_INTERVAL_NS
+from companion.trial import Trial, TrialFrame, run_trial
+from companion.vio.config import VioConfig
+from companion.vio.errors import StrategyNotAvailableError
+from companion.vio.health import NON_FINITE, SCALE_UNOBSERVED
+from companion.vio.types import ImuSample, VioState
+from companion.world.flight import Event, SyntheticFlight
+from companion.world.ground import generate_texture
+from companion.world.texture import GroundTexture
+
+ROOT = Path(__file__).resolve().parents[4]
+FOLDER = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data")) / "euroc_mh01_clip"
+STILL_NS = 3_500_000_000  # the end of the recording
+
+needs_recording = pytest.mark.skipif(not FOLDER.is_dir(), reason="needs the data set euroc_mh01_clip")
+
+
+@functools.cache
+def ground() -> GroundTexture:
+    return generate_texture()
+
+
+def fly(
+    duration_s: float, *, config: dict[str, Any] | None = None, flight_class: Any = SyntheticFlight, **changed: Any
+) -> Trial:
+    """Fly over the plane, with a range finder."""
+    settings = {"strategy": "fixed_lag", "scene": "planar", "agl_source": "rangefinder"} | (config or {})
+    flight = flight_class(duration_s=duration_s, texture=ground(), **changed)
+    return run_trial(flight, VioConfig(**settings), flight.warm_start())
+
+
+@functools.cache
+def plain_flight() -> Trial:
+    return fly(5.0)
+
+
+def states(trial: Trial) -> list[VioState]:
+    return [frame.update.health.state for frame in trial.frames]
+
+
+def positions(trial: Trial) -> list[list[float]]:
+    return [frame.update.output.world_T_body.t.tolist() for frame in trial.frames if frame.update.output is not None]
+
+
+def test_ground_below_is_tracked() -> None:
+    assert set(states(plain_flight())[3:]) == {VioState.TRACKING}
+
+
+def test_place_is_known_to_two_percent_of_a_short_path() -> None:
+    assert plain_flight().drift_share() < 0.02
+
+
+def test_velocity_gets_better_than_at_the_start() -> None:
+    errors = np.linalg.norm(plain_flight().velocity_errors(), axis=1)
+    assert errors[-5:].max() < 0.5 * errors[0]
+
+
+def test_relative_poses_are_as_uncertain_as_they_say() -> None:
+    assert 0.2 < plain_flight().relative_nees() < 3
+
+
+def test_innovations_are_about_as_expected() -> None:
+    assert 0.2 < plain_flight().frames[-1].update.report.innovation_ratio < 2
+
+
+def test_same_flight_same_poses() -> None:
+    assert positions(fly(2.5)) == positions(fly(2.5))
+
+
+def test_frames_between_nodes_have_outputs_too() -> None:
+    trial = fly(2.0, frame_rate_hz=15.0)
+    outputs = [frame.update.output for frame in trial.frames]
+    assert all(output is not None for output in outputs[2:])
+    keyframes_ns = [frame.update.t_ns for frame in trial.frames if is_keyframe(frame)]
+    assert min(np.diff(keyframes_ns)) >= MIN_NODE_INTERVAL_NS
+    assert np.linalg.norm(trial.position_errors(), axis=1).max() < 0.5
+
+
+def is_keyframe(frame: TrialFrame) -> bool:
+    return frame.update.output is not None and frame.update.output.is_keyframe
+
+
+def test_too_few_landmarks_are_not_tracking() -> None:
+    trial = fly(1.5, config={"scene": "general"}, frame_rate_hz=10.0)  # landmarks want three nodes, outputs two frames
+    healths = [frame.update.health for frame in trial.frames]
+    assert (healths[2].state, healths[2].reason) == (VioState.DEGRADED, SCALE_UNOBSERVED)
+    assert healths[-1].state is VioState.TRACKING
+
+
+def test_covered_lens_is_survived() -> None:
+    trial = fly(5.5, covered_s=((2.5, 3.4),))
+    covered = [frame for frame in trial.frames if 2.5 < frame.update.t_ns * 1e-9 < 3.4]
+    assert [frame.update.health.consecutive_lost for frame in covered] == [1, 2, 3]
+    assert states(trial)[-1] is VioState.TRACKING
+    assert np.linalg.norm(trial.position_errors()[-1]) < 1.0
+
+
+def failing(times: range) -> Any:
+    """Return what solves as ever but for some of the calls."""
+    solve, count = LagSmoother.solve, iter(range(10_000))
+
+    def sometimes(self: LagSmoother, *args: Any, **named: Any) -> None:
+        if next(count) in times:
+            raise SmootherError("indeterminate")
+        solve(self, *args, **named)
+
+    return sometimes
+
+
+def test_unsolvable_frame_is_a_lost_one_and_the_next_a_keyframe(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LagSmoother, "solve", failing(range(8, 9)))
+    trial = fly(4.5)
+    before, lost, after = trial.frames[7:10]
+    assert before.update.health.state is VioState.TRACKING
+    assert (lost.update.health.reason, lost.update.health.consecutive_lost) == (NON_FINITE, 1)
+    assert after.update.health.consecutive_lost == 0
+    assert (is_keyframe(lost), is_keyframe(after)) == (False, True)
+    assert states(trial)[-1] is VioState.TRACKING
+    assert np.linalg.norm(trial.position_errors(), axis=1).max() < 1.0
+
+
+def test_smoother_that_always_fails_leaves_inertial_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LagSmoother, "solve", failing(range(5, 10_000)))
+    trial = fly(3.0, config={"lost_frames_fatal": 4})
+    assert states(trial)[-1] is VioState.LOST
+    assert trial.frames[-1].update.output is None
+
+
+class GappyFlight(SyntheticFlight):
+    """A flight whose inertial data are missing for a while."""
+
+    def events(self) -> Iterator[Event]:
+        return (one for one in super().events() if not (isinstance(one, ImuSample) and 2.0e9 < one.t_ns < 2.5e9))
+
+
+def test_missing_inertial_data_are_survived() -> None:
+    trial = fly(5.0, flight_class=GappyFlight)
+    assert VioState.DEGRADED in states(trial)
+    assert states(trial)[-1] is VioState.TRACKING
+    assert np.linalg.norm(trial.position_errors()[-1]) < 2.0
+
+
+def test_missing_gtsam_tells_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("lag_smoother", "belief", "landmarks", "estimator"):
+        monkeypatch.delitem(sys.modules, f"companion.smoother.{module}", raising=False)
+    monkeypatch.delitem(sys.modules, "companion.strategies.fixed_lag", raising=False)
+    monkeypatch.setitem(sys.modules, "gtsam", None)
+    with pytest.raises(StrategyNotAvailableError, match=r"^[^\n]*pip install 'viso\[gtsam\]'$"):
+        fly(1.0)
+
+
+@functools.cache
+def recording() -> EurocRecording:
+    return load_euroc(FOLDER)
+
+
+@functools.cache
+def recorded_trial(seed: int) -> Trial:
+    return run_trial(recording(), VioConfig(strategy="fixed_lag"), recording().warm_start(seed))
+
+
+@needs_recording
+@pytest.mark.slow
+def test_recorded_flight_is_followed_to_two_centimetres() -> None:
+    errors_m = [recorded_trial(seed).absolute_error().rmse_m for seed in range(5)]
+    assert np.median(errors_m) <= 0.02
+    assert max(errors_m) <= 0.06
+
+
+@needs_recording
+@pytest.mark.slow
+def test_recorded_rest_is_rest() -> None:
+    frames = recorded_trial(0).frames
+    rest = [frame.update.output for frame in frames if frame.update.t_ns > frames[-1].update.t_ns - STILL_NS]
+    places = np.array([output.world_T_body.t for output in rest if output is not None])
+    speeds = np.array([np.linalg.norm(output.velocity_b) for output in rest if output is not None])
+    assert np.linalg.norm(places - places[0], axis=1).max() < 0.05
+    assert speeds.max() < 0.02
+
+
+@needs_recording
+@pytest.mark.slow
+def test_recorded_relative_poses_are_as_uncertain_as_they_say() -> None:
+    assert 0.2 < recorded_trial(0).relative_nees() < 3
+
+
+@needs_recording
+@pytest.mark.slow
+def test_recorded_flight_gives_the_same_poses_each_time() -> None:
+    beginning = dataclasses.replace(recording(), images=recording().images[:60])
+    config = VioConfig(strategy="fixed_lag")
+    one, other = (run_trial(beginning, config, recording().warm_start(1)) for _ in range(2))
+    assert positions(one) == positions(other)
