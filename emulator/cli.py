@@ -19,6 +19,7 @@ from emulator.commands.play import play
 from emulator.commands.replay import replay
 from emulator.commands.serve import serve
 from emulator.commands.vectors import vectors
+from emulator.commands.vio import vio
 from emulator.errors import InputError
 from emulator.log_files import LogStoreError
 from mav_handlers.links.base import LinkError
@@ -29,6 +30,7 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
     "demo": demo,
     "serve": serve,
     "replay": replay,
+    "vio": vio,
     "play": play,
     "ekf": ekf,
     "vectors": vectors,

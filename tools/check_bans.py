@@ -74,7 +74,7 @@ BANS = (
     Ban(
         CLOCK_READS,
         PACKAGES,
-        (LINKS, "emulator/realtime.py", "emulator/playing.py", "emulator/commands/bench.py"),
+        (LINKS, "emulator/realtime.py", "emulator/playing.py", "emulator/vio_live.py", "emulator/commands/bench.py"),
         "take the time as an argument",
     ),
     Ban(NETWORK, PURE, (LINKS,), "sockets and ports belong to mav_handlers/links"),

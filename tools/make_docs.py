@@ -6,17 +6,22 @@ A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`; all 
 `make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale.
 """
 
+import dataclasses
+import enum
+import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
 from companion.recorded.axes import PRESETS as AXES
 from companion.recorded.messages import FORMS
 from companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
+from companion.sources.kinds import SOURCES
+from companion.vio.config import VioConfig
 from ekf_stub.ingest_rules import RULES as FILTER_RULES
 from emulator.cli import COMMANDS as CLI_COMMANDS
 from emulator.filter_fates import basis, fate_of, is_final, why
@@ -148,6 +153,41 @@ def _presets() -> Iterator[tuple[str, ...]]:
         yield f"`{name}`", preset_title(path)
 
 
+def _sources() -> Iterator[tuple[str, ...]]:
+    for name, row in SOURCES.items():
+        yield f"`{name}`", row.summary, row.axes
+
+
+def _documented(section: Any) -> dict[str, str]:
+    """Return what the docstring of a dataclass says about each of its fields."""
+    text = inspect.getdoc(section) or ""
+    entries = re.findall(r"^    (\w[\w, ]*): ((?:.|\n        )+)", text.partition("Attributes:")[2], re.MULTILINE)
+    return {name: " ".join(what.split()) for names, what in entries for name in names.split(", ")}
+
+
+def _as_toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else f"{value:g}"
+
+
+def _config_rows(section: Any, path: str) -> Iterator[tuple[str, ...]]:
+    said = _documented(section)
+    for field in dataclasses.fields(section):
+        value = getattr(section, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from _config_rows(value, f"{path}.{field.name}")
+            continue
+        low, high = field.metadata.get("range", (None, None))
+        choices = ", ".join(f"`{one}`" for one in type(value)) if isinstance(value, enum.StrEnum) else ""
+        limits = choices if low is None else f"{low:g} to {high:g}"
+        yield f"`{path}.{field.name}`", f"`{_as_toml(value)}`", limits, said[field.name].rstrip(".")
+
+
+def _vio_config() -> Iterator[tuple[str, ...]]:
+    yield from _config_rows(VioConfig(), "vio")
+
+
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "messages": (("message", "id", "bytes", "", "content"), _messages),
     "ignored": (("message", "content"), _ignored),
@@ -163,6 +203,8 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "axes": (("--axes", "world/body", "whose they are"), _axes),
     "trajectory_formats": (("--format", "a record", "who writes it"), _trajectory_formats),
     "forms": (("--as", "what is sent"), _forms),
+    "sources": (("--source", "what it is", "axes of its IMU"), _sources),
+    "vio_config": (("key", "default", "values", "what it is"), _vio_config),
     "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
 }
 

@@ -1,0 +1,216 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all sources of recorded data have in common."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from companion.evaluation import TimedPoses
+from companion.recorded.axes import axes_matrix
+from companion.trial import Event
+from companion.vio.calibration import CalibrationError, load_calibration
+from companion.vio.config import VioConfig
+from companion.vio.frames import flu_to_frd
+from companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from companion.vio.types import (
+    CameraCalibration,
+    ImuSample,
+    NavCameraFrame,
+    Pixels,
+    WarmStartPose,
+    frame_uuid,
+)
+
+LEAD_NS: Final = 100_000_000
+"""How long before the first frame inertial data are of use."""
+
+
+class SourceError(Exception):
+    """A source that cannot be used, in one line: which file, and what is wrong with it."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(" ".join(text.split()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SourceOptions:
+    """What a source is, and how to take it.
+
+    Attributes:
+        name: of a file, a folder, a device or what else a kind of source understands.
+        calibration: file with the camera's; None for what the source brings along.
+        imu: file with inertial data, where they are not in the source.
+        imu_start_s: time of that file at which the pictures begin.
+        fps: how many frames to take a second; None for all.
+        imu_axes: where x, y and z of the IMU point, such as FLU; None for what is usual for the kind of source.
+        mounting: [3, 3], what is left to turn, from FRD axes as the letters say to the vehicle's; None for nothing.
+    """
+
+    name: str
+    calibration: Path | None = None
+    imu: Path | None = None
+    imu_start_s: float = 0.0
+    fps: float | None = None
+    imu_axes: str | None = None
+    mounting: Array | None = None
+
+    def load_calibration(self) -> CameraCalibration | None:
+        """Return the calibration that was given, or None.
+
+        Raises:
+            SourceError: if the file is none.
+        """
+        try:
+            return None if self.calibration is None else load_calibration(self.calibration)
+        except CalibrationError as error:
+            raise SourceError(str(error)) from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Data of a flight that can be played any number of times; the body is FLU, the world ENU or at least z up.
+
+    Attributes:
+        calibration: of the camera.
+        data: yields, each time from the start, what arrives in the order in which it arrives; raises SourceError.
+        poses: world_T_body as far as it is known from elsewhere; None if it is not.
+        start: the state at the first frame; None if it is not known.
+        config: what suits these data, unless told otherwise.
+        world_is_north: whether the world of ``start`` has an absolute yaw.
+        notes: what there is to know about the data, a line each.
+    """
+
+    calibration: CameraCalibration
+    data: Callable[[], Iterator[Event]]
+    poses: TimedPoses | None = None
+    start: WarmStartPose | None = None
+    config: VioConfig = field(default_factory=VioConfig)
+    world_is_north: bool = False
+    notes: tuple[str, ...] = ()
+
+    def events(self) -> Iterator[Event]:
+        """Yield the data in the order in which they arrive, from shortly before the first frame on (TrialSource)."""
+        return _since_first_frame(self.data())
+
+    def truth(self, t_ns: int) -> SE3 | None:
+        """Return world_T_body at a time, interpolated, or None where it is not known (TrialSource)."""
+        poses = self.poses
+        if poses is None or not len(poses) or not poses.t_ns[0] <= t_ns <= poses.t_ns[-1]:
+            return None
+        return poses.interpolated(np.array([t_ns])).pose(0)
+
+    def truth_velocity_w(self, t_ns: int) -> Array | None:
+        """Return None: nobody has measured it (TrialSource)."""
+        return None
+
+    def turned(self, body_R_imu: Array) -> "Recording":
+        """Return the same data in the axes of another body with the same origin.
+
+        Args:
+            body_R_imu: [3, 3], from the axes of these data to those of the new body.
+        """
+        to_body = SE3(body_R_imu, np.zeros(3))
+        calibration = dataclasses.replace(self.calibration, B_T_C=to_body @ self.calibration.B_T_C)
+        start = self.start and WarmStartPose(
+            to_body @ self.start.body_T_world, body_R_imu.dot(self.start.velocity_b), self.start.bias
+        )
+
+        def data() -> Iterator[Event]:
+            for event in self.data():
+                if isinstance(event, ImuSample):
+                    event = ImuSample(event.t_ns, body_R_imu.dot(event.accel), body_R_imu.dot(event.gyro))
+                yield event
+
+        poses = self.poses and _turned(self.poses, body_R_imu)
+        return dataclasses.replace(self, calibration=calibration, data=data, poses=poses, start=start)
+
+
+class Thinning:
+    """Chooses frames so that no more than so many a second are left.
+
+    Args:
+        fps: how many; None for all.
+        period_ns: between two frames: so much less than half early is early enough.
+    """
+
+    def __init__(self, fps: float | None, period_ns: float = 0.0) -> None:
+        self._step_ns = 0.0 if fps is None else 1e9 / fps
+        self._tolerance_ns = 0.5 * period_ns
+        self._due_ns: float | None = None
+
+    def wants(self, t_ns: int) -> bool:
+        """Tell whether to take the frame of a time, which is later than that of the one before."""
+        if self._due_ns is None:
+            self._due_ns = t_ns
+        if t_ns + self._tolerance_ns < self._due_ns:
+            return False
+        # What comes late does not bring the others nearer together.
+        self._due_ns = max(self._due_ns, t_ns - self._tolerance_ns) + self._step_ns
+        return True
+
+
+def body_rotation(letters: str, mounting: Array | None = None) -> Array:
+    """Return the matrix [3, 3] from an IMU's axes to the body's.
+
+    Args:
+        letters: where the IMU's x, y and z point, such as FLU.
+        mounting: [3, 3], what is left to turn, from FRD axes as the letters say to the vehicle's; None for nothing.
+
+    Raises:
+        ValueError: if the letters are no three perpendicular directions, or make a mirror.
+    """
+    to_frd = axes_matrix(letters)
+    if np.linalg.det(to_frd) < 0:
+        raise ValueError(f"{letters!r} are left-handed")
+    rotation: Array = flu_to_frd().dot(to_frd if mounting is None else mounting.dot(to_frd))
+    return rotation
+
+
+def in_order_of_arrival(
+    samples: Iterable[ImuSample], frames: Iterable[NavCameraFrame], camera_offset_s: float
+) -> Iterator[Event]:
+    """Yield both, each frame after the first sample that is not before it.
+
+    Args:
+        samples: in the order of time.
+        frames: in the order of time.
+        camera_offset_s: what must be added to a frame's stamp to get the samples' time.
+    """
+    offset_ns, waiting = round(camera_offset_s * 1e9), iter(samples)
+    newest_ns: int | None = None
+    for frame in frames:
+        while newest_ns is None or newest_ns < frame.capture_timestamp + offset_ns:
+            sample = next(waiting, None)
+            if sample is None:
+                break
+            newest_ns = sample.t_ns
+            yield sample
+        yield frame
+    yield from waiting
+
+
+def _since_first_frame(events: Iterator[Event]) -> Iterator[Event]:
+    early: list[Event] = []
+    for event in events:
+        if isinstance(event, NavCameraFrame):
+            first_ns = event.capture_timestamp - LEAD_NS
+            yield from (one for one in early if isinstance(one, NavCameraFrame) or one.t_ns >= first_ns)
+            yield event
+            break
+        early.append(event)
+    yield from events
+
+
+def make_frame(sequence: int, t_ns: int, pixels: Pixels, camera_id: str) -> NavCameraFrame:
+    """Return a frame with an identifier that is the same each time."""
+    return NavCameraFrame(frame_uuid(max(t_ns, 0) // 1_000_000, sequence, 0), sequence, t_ns, pixels, camera_id)
+
+
+def _turned(poses: TimedPoses, body_R_imu: Array) -> TimedPoses:
+    quats = [quat_wxyz_from_rotation(rotation_from_quat_wxyz(quat).dot(body_R_imu.T)) for quat in poses.quats_wxyz]
+    return TimedPoses(poses.t_ns, poses.positions_xyz, np.array(quats).reshape(-1, 4))

@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hands a recording over as if it happened now."""
+
+import dataclasses
+import queue
+from typing import Protocol
+
+from companion.sources.base import Recording
+from companion.trial import Event, Height
+from companion.vio.types import ImuSample, NavCameraFrame
+from companion.world.flight import HeightMeasurement
+
+
+class Sensors(Protocol):
+    """Who takes what is no picture."""
+
+    def take_imu(self, sample: ImuSample) -> None:
+        """Take what the IMU measured."""
+
+    def take_height(self, height: Height) -> None:
+        """Take a height above ground."""
+
+
+class HandedFrames:
+    """Frames that somebody else hands over (FrameSource)."""
+
+    def __init__(self) -> None:
+        self._frames: queue.SimpleQueue[NavCameraFrame | None] = queue.SimpleQueue()
+
+    def hand(self, frame: NavCameraFrame | None) -> None:
+        """Let ``read`` return a frame, or None for the end."""
+        self._frames.put(frame)
+
+    def read(self) -> NavCameraFrame | None:
+        """Wait for the next frame; None at the end."""
+        return self._frames.get()
+
+    def close(self) -> None:
+        """Let a ``read`` under way return."""
+        self._frames.put(None)
+
+
+class RecordingFeed:
+    """Hands over what a recording has, each at its time.
+
+    An inertial sample is due at its stamp, and what follows it in the recording with it.
+
+    Args:
+        recording: what to hand over.
+        sensors: gets what is no picture.
+        frames: gets the pictures.
+    """
+
+    def __init__(self, recording: Recording, sensors: Sensors, frames: HandedFrames) -> None:
+        self._events = recording.events()
+        self._sensors, self._frames = sensors, frames
+        self._next = next(self._events, None)
+        self._due_ns: int | None = None  # it has not begun
+        self._shift_ns = 0
+
+    def begin(self, start_ns: int) -> int:
+        """Let the recording begin at a time; return what that adds to its stamps, in ns."""
+        if self._next is not None:
+            self._shift_ns = start_ns - time_of(self._next)
+        self._due_ns = start_ns
+        return self._shift_ns
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more will come."""
+        return self._next is None
+
+    def next_due_ns(self) -> int | None:
+        """Return when there is something to hand over next, None before the beginning and at the end."""
+        if self._due_ns is None or self._next is None:
+            return None
+        if isinstance(self._next, ImuSample):
+            self._due_ns = max(self._due_ns, self._next.t_ns + self._shift_ns)
+        return self._due_ns
+
+    def hand_over(self, now_ns: int) -> None:
+        """Hand over what is due.
+
+        Raises:
+            SourceError: if the recording cannot be read on.
+        """
+        while self._next is not None and (due_ns := self.next_due_ns()) is not None and due_ns <= now_ns:
+            self._hand(self._next)
+            self._next = next(self._events, None)
+
+    def _hand(self, event: Event) -> None:
+        t_ns = time_of(event) + self._shift_ns
+        if isinstance(event, ImuSample):
+            self._sensors.take_imu(dataclasses.replace(event, t_ns=t_ns))
+        elif isinstance(event, NavCameraFrame):
+            self._frames.hand(dataclasses.replace(event, capture_timestamp=t_ns))
+        else:
+            self._sensors.take_height(HeightMeasurement(t_ns, event.height_m, event.sigma_m))
+
+
+def time_of(event: Event) -> int:
+    """Return the stamp of what arrived, in ns."""
+    return event.capture_timestamp if isinstance(event, NavCameraFrame) else event.t_ns

@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a visual-inertial odometry is given on the command line; all that is wrong with it is told in one line."""
+
+import dataclasses
+import logging
+from pathlib import Path
+
+from companion.evaluation import TimedPoses
+from companion.recorded.axes import parse_rotation
+from companion.recorded.readers import Source, load_trajectory
+from companion.recorded.records import TrajectoryError
+from companion.sources.base import Recording, SourceError, SourceOptions
+from companion.sources.camera import LiveCamera
+from companion.sources.kinds import open_source
+from companion.vio.config import ConfigError, VioConfig, load_config
+from companion.vio.errors import StrategyNotAvailableError
+from companion.vio.registry import build_vio_strategy
+from companion.vio.se3 import Array
+from companion.vio.telemetry import NullSink
+from companion.vio.types import CameraCalibration
+from emulator.errors import InputError
+
+
+def rotation_of(text: str) -> Array:
+    """Return the rotation matrix that ``--mounting`` gives."""
+    try:
+        return parse_rotation(text)
+    except ValueError as error:
+        raise InputError(f"--mounting: {error}") from error
+
+
+def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
+    """Open a source."""
+    try:
+        return open_source(options, kind)
+    except SourceError as error:
+        raise InputError(str(error)) from error
+
+
+def configured(source: Recording | LiveCamera, file: Path | None, strategy: str | None) -> VioConfig:
+    """Return the configuration: a file's or else what suits the source, with another strategy if one is named.
+
+    Raises:
+        InputError: if the file is none, or the strategy is not to be had.
+    """
+    try:
+        config = source.config if file is None else load_config(file)
+    except ConfigError as error:
+        raise InputError(str(error)) from error
+    config = config if strategy is None else dataclasses.replace(config, strategy=strategy)
+    _try_strategy(config, source.calibration)
+    return config
+
+
+def known_truth(source: Recording | LiveCamera, file: Path | None) -> TimedPoses | None:
+    """Return the trajectory in a file, or what the source knows."""
+    if file is None:
+        return source.poses if isinstance(source, Recording) else None
+    try:
+        trajectory = load_trajectory(Source(file))
+    except TrajectoryError as error:
+        raise InputError(str(error)) from error
+    return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
+
+
+def check_place(path: Path | None) -> None:
+    """Raise InputError if a file could not be written, as far as can be told before there is something to write."""
+    if path is not None and (path.is_dir() or not path.parent.is_dir()):
+        raise InputError(f"{path}: {'Is a directory' if path.is_dir() else 'No such file or directory'}")
+
+
+def _try_strategy(config: VioConfig, calibration: CameraCalibration) -> None:
+    # Built in vain, so that whatever is missing is told before anything is opened.
+    silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
+    try:
+        build_vio_strategy(config, calibration, lambda: 0, silent, NullSink())
+    except (ValueError, StrategyNotAvailableError) as error:
+        raise InputError(str(error)) from error

@@ -1,0 +1,38 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Without the extras everything else works, and what does not says what to install."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXTRAS = ("cv2", "gtsam", "rosbags", "matplotlib", "threadpoolctl")
+PROGRAM = f"""
+import sys
+sys.modules.update(dict.fromkeys({EXTRAS!r}))
+from emulator.cli import main
+main()
+"""
+FLIGHT = Path(__file__).parents[2] / "data" / "trajectories" / "flight.tum"
+
+
+def viso(*args: str, cwd: Path) -> tuple[int, str]:
+    """Return the exit code and the standard error of a command that finds none of the extras."""
+    command = [sys.executable, "-c", PROGRAM, *args]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
+    return done.returncode, done.stderr
+
+
+def test_trajectory_is_played(tmp_path: Path) -> None:
+    assert viso("play", str(FLIGHT), "--until", "1", "-o", "out.tlog", cwd=tmp_path) == (0, "")
+
+
+@pytest.mark.parametrize("command", [("demo", "--camera", "vio"), ("vio", "synthetic"), ("bench", "vio")])
+def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]) -> None:
+    code, err = viso(*command, cwd=tmp_path)
+    assert code == 2
+    assert err.startswith("viso: ")
+    assert "pip install 'viso[vio]'" in err
+    assert err.count("\n") == 1

@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a worker could have told about a flight straight ahead, a metre and a second a frame."""
+
+from typing import Self
+
+import numpy as np
+
+from companion.vio.config import VioConfig
+from companion.vio.se3 import SE3
+from companion.vio.strategy import FrameReport
+from companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, VioState, frame_uuid
+from companion.vio.update import VioUpdate
+from emulator.vio_log import VioLog
+
+SECOND_NS = 10**9
+STEP = SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+START = SE3(np.eye(3), np.array([0.0, 0.0, 2.0]))
+COVARIANCE = np.diag([1e-10] * 3 + [1e-2] * 3)
+
+
+class Flight:
+    """Collects updates; every frame is a keyframe."""
+
+    def __init__(self) -> None:
+        self.updates: list[VioUpdate] = []
+        self._pose = START
+
+    def init(self) -> Self:
+        """Add a frame without a state."""
+        return self._add(VioState.INIT, "waiting", None)
+
+    def fly(self, count: int, state: VioState = VioState.TRACKING) -> Self:
+        """Add frames with an output."""
+        for _ in range(count):
+            self._pose = self._pose @ STEP
+            number = len(self.updates)
+            output = VioOutput(
+                frame_uuid(number, 0, 0),
+                STEP,
+                COVARIANCE,
+                ImuBias.zero(),
+                FeatureQuality(100, 3, 5, 90, 12.5, 0.4, 0.7),
+                0,
+                frame_uuid(number - 1, 0, 0),
+                True,
+                np.array([1.0, 0.0, 0.0]),
+                self._pose,
+            )
+            self._add(state, "all clear", output)
+        return self
+
+    def lose(self) -> Self:
+        """Add a frame in LOST."""
+        return self._add(VioState.LOST, "too_few_inliers", None)
+
+    def _add(self, state: VioState, reason: str, output: VioOutput | None) -> Self:
+        number = len(self.updates)
+        report = FrameReport(resets=1, stage_ms={"track": 15.0, "total": 20.0})
+        health = VioHealth(state, 0, 0.0, reason)
+        self.updates.append(
+            VioUpdate(frame_uuid(number, 0, 0), number, number * SECOND_NS, output, health, report, dropped=2)
+        )
+        return self
+
+
+def flown(flight: Flight, config: VioConfig | None = None) -> VioLog:
+    """Return the log of a flight."""
+    log = VioLog(config or VioConfig())
+    for update in flight.updates:
+        log.take(update)
+    return log
