@@ -181,11 +181,16 @@ class Demo:
             (END_S - 2.0, lambda: command(_ARM_DISARM, 0)),
         ]
 
-    def run(self, on_progress: Callable[[float], None] = lambda _time_s: None) -> DemoResult:
-        """Run to the end and close the log.
+    def run(
+        self,
+        on_progress: Callable[[float], None] = lambda _time_s: None,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> DemoResult:
+        """Run to the end, or until told to stop, and close the log.
 
         Args:
-            on_progress: told the time in seconds since boot now and then.
+            on_progress: told the time in seconds since boot, once a second.
+            stop: asked as often.
         """
         script = self._script()
         now_us, end_us = 0, int(END_S * 1e6)
@@ -201,6 +206,8 @@ class Demo:
                 self._exchange()
                 if now_us % 1_000_000 == 0:
                     on_progress(now_us * 1e-6)
+                    if stop():
+                        break
                 now_us += LOOP_PERIOD_US
         finally:
             self.vehicle.close()

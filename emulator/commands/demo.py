@@ -2,30 +2,136 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso demo``: everything at once, without hardware."""
 
+import importlib.util
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
+from rich.table import Table
 
+from companion.vio.errors import StrategyNotAvailableError
+from emulator import demo as simulated
 from emulator.console import err, out, progress, verdict_rows
-from emulator.demo import END_S, Demo, DemoResult
 from emulator.errors import InputError
 from emulator.filter_report import aiding_rows, filter_rows, tables_of
-from emulator.log_files import LogStore
+from emulator.log_files import LogFile, LogStore
+from emulator.signals import stop_on_signal
+from emulator.vehicle import Vehicle
 
-_PLOT_HINT = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
+_PLOT_HINT: Final = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
+_SIMULATED_INSTEAD: Final = "the camera is simulated: OpenCV is missing; for a real one: pip install 'viso[vio]'"
+_NO_VIO: Final = "--camera vio: OpenCV is missing; install it with: pip install 'viso[vio]'; --camera simulated works"
+
+Text = tuple[float, str, int, str]
 
 
-def _save_plot(result: DemoResult, path: Path) -> Path | None:
-    try:
+class Camera(StrEnum):
+    """What sees the flight."""
+
+    VIO = "vio"
+    SIMULATED = "simulated"
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """What a flight has left behind.
+
+    Attributes:
+        end_s: when the flight ends, if nobody stops it, in s since boot.
+        vehicle: that has flown.
+        texts: when in s, by whom, how severe and what was said.
+        rows: for machines, besides what is told of every flight.
+        tables: for people.
+        save_plot: writes the picture; raises ModuleNotFoundError without matplotlib.
+    """
+
+    end_s: float
+    vehicle: Vehicle
+    texts: list[Text]
+    rows: Mapping[str, object]
+    tables: list[Table]
+    save_plot: Callable[[Path], None]
+
+
+@contextmanager
+def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[], bool]]]:
+    """Yield what shows the progress of a flight, and what tells whether the user wants it to end."""
+    with progress("flying", int(end_s)) as bar, stop_on_signal() as signals:
+        yield lambda time_s: bar.update(bar.task_ids[0], completed=time_s), lambda: bool(signals)
+
+
+def _fly_simulated(seed: int, log_file: LogFile) -> _Flown:
+    run = simulated.Demo(seed, lambda: log_file)
+    with _flying(simulated.END_S) as (on_progress, stop):
+        result = run.run(on_progress, stop)
+
+    def save_plot(path: Path) -> None:
         from emulator.demo_plot import save_plot
+
+        save_plot(result, path)
+
+    counts, filter_counts = run.vehicle.endpoint.verdict_counts(), run.vehicle.ahrs.ext_nav_counts
+    texts = [(time_s, "autopilot", severity, text) for time_s, severity, text in result.texts]
+    rows = {"aiding": aiding_rows(result.aiding)}
+    return _Flown(simulated.END_S, run.vehicle, texts, rows, tables_of(counts, filter_counts), save_plot)
+
+
+def _fly_vio(seed: int, log_file: LogFile) -> _Flown:
+    # These need OpenCV, without which the rest of the command line works.
+    from emulator import demo_vio
+    from emulator.loop_figures import figures_of, figures_row, figures_table
+
+    try:
+        run = demo_vio.VioDemo(seed, lambda: log_file)
+    except StrategyNotAvailableError as error:
+        raise InputError(str(error)) from error
+    with _flying(demo_vio.END_S) as (on_progress, stop):
+        run.run(on_progress, stop)
+
+    def save_plot(path: Path) -> None:
+        from emulator.loop_plot import save_plot
+
+        save_plot(run.loop, path)
+
+    figures, vehicle = figures_of(run.loop), run.loop.vehicle
+    texts = [(said.time_us * 1e-6, said.who, said.severity, said.text) for said in run.loop.record.said]
+    rows = {"loop": figures_row(figures), "aiding": aiding_rows(run.loop.watch.aiding())}
+    return _Flown(demo_vio.END_S, vehicle, texts, rows, [figures_table(figures)], save_plot)
+
+
+_FLIGHTS: Final = {Camera.VIO: _fly_vio, Camera.SIMULATED: _fly_simulated}
+
+
+def _choose(camera: Camera | None) -> Camera:
+    has_opencv = importlib.util.find_spec("cv2") is not None
+    if camera is Camera.VIO and not has_opencv:
+        raise InputError(_NO_VIO)
+    if camera is None and not has_opencv:
+        err.print(_SIMULATED_INSTEAD)
+    return camera or (Camera.VIO if has_opencv else Camera.SIMULATED)
+
+
+def _fly(camera: Camera, seed: int, log_file: LogFile) -> _Flown:
+    """Fly to the end, or as far as the user wants."""
+    flown = _FLIGHTS[camera](seed, log_file)
+    stopped_s = flown.vehicle.clock.micros64() * 1e-6
+    if stopped_s < flown.end_s - 0.5:
+        err.print(f"stopped at {stopped_s:.0f} s")
+    return flown
+
+
+def _save_plot(flown: _Flown, path: Path) -> Path | None:
+    try:
+        flown.save_plot(path)
     except ModuleNotFoundError as error:
         if error.name is None or not error.name.startswith("matplotlib"):
             raise
         err.print(_PLOT_HINT)
         return None
-    try:
-        save_plot(result, path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     return path
@@ -33,38 +139,55 @@ def _save_plot(result: DemoResult, path: Path) -> Path | None:
 
 def demo(
     seed: Annotated[int, typer.Option(help="Seed of all noise; the same seed gives the same log.", min=0)] = 1,
+    camera: Annotated[
+        Camera | None,
+        typer.Option(
+            help="What sees the flight: vio, a camera over rendered ground and an odometry (the default if OpenCV is "
+            "there), or simulated, a tracking camera with faults."
+        ),
+    ] = None,
     log_dir: Annotated[Path, typer.Option(help="Where the log and the plot go.")] = Path("logs"),
     plot: Annotated[bool, typer.Option(help="Draw what happened, if matplotlib is there.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
 ) -> None:
-    """Fly a scripted figure of eight in virtual time, seen by a simulated camera that sends ODOMETRY.
+    """Fly a survey in virtual time, navigating by what a camera sees of the ground.
 
-    The autopilot refuses to arm before the data comes, aligns its yaw, arms, and navigates by the camera: its filter, a
-    model of EKF3, fuses what it is given. It withholds low quality and the second after a reset from the filter, which
-    then follows the camera's jump; it notices a dropout; the filter's gate rejects a second of wrong places. The
-    DataFlash log holds the filter's inputs and estimates.
+    A companion computer makes odometry of rendered ground and inertial data, and sends it as ODOMETRY. The autopilot's
+    filter, a model of EKF3, fuses it: aiding starts, the vehicle arms and flies. Twice the lens is covered: two seconds
+    degrade the odometry; after six it is lost and silent, and is begun anew, which its reset counter tells. A table and
+    a picture compare truth, odometry and estimate.
+
+    With --camera simulated a tracking camera sees a figure of eight instead, with low quality, a reset, a dropout and a
+    second of wrong places. The DataFlash log holds the filter's inputs and estimates. Ctrl-C ends the flight early.
 
     Example: viso demo --seed 1
     """
+    chosen = _choose(camera)
     # Opened ahead of the run, so that a place that cannot be written to is told at once.
     log_file = LogStore(log_dir).open_next()
-    run = Demo(seed, lambda: log_file)
-    with progress("flying", int(END_S)) as bar:
-        result = run.run(lambda time_s: bar.update(bar.task_ids[0], completed=time_s))
+    flown = _fly(chosen, seed, log_file)
     if log_file.reason:
         raise InputError(log_file.reason)
-    picture = _save_plot(result, log_file.path.with_suffix(".png")) if plot else None
-    counts, filter_counts = run.vehicle.endpoint.verdict_counts(), run.vehicle.ahrs.ext_nav_counts
+    picture = _save_plot(flown, log_file.path.with_suffix(".png")) if plot else None
     if as_json:
-        texts = [{"time_s": time_s, "severity": severity, "text": text} for time_s, severity, text in result.texts]
-        files = {"log": str(log_file.path), "plot": None if picture is None else str(picture)}
-        told = {"filter": filter_rows(filter_counts), "aiding": aiding_rows(result.aiding)}
-        out.print_json(data={**files, "texts": texts, "verdicts": verdict_rows(counts), **told})
+        _print_json(flown, log_file.path, picture)
         return
-    out.print("What the autopilot said:")
-    for time_s, severity, text in result.texts:
-        out.print(f"{time_s:7.2f} s  ({severity}) {text}")
-    out.print(*tables_of(counts, filter_counts))
+    out.print("What was said:")
+    for time_s, who, severity, text in flown.texts:
+        out.print(f"{time_s:7.2f} s  {who}  ({severity}) {text}")
+    out.print(*flown.tables)
     out.print(f"log:  {log_file.path}")
     if picture is not None:
         out.print(f"plot: {picture}")
+
+
+def _print_json(flown: _Flown, log: Path, picture: Path | None) -> None:
+    keys = ("time_s", "who", "severity", "text")
+    data = {
+        "log": str(log),
+        "plot": None if picture is None else str(picture),
+        "texts": [dict(zip(keys, text, strict=True)) for text in flown.texts],
+        "verdicts": verdict_rows(flown.vehicle.endpoint.verdict_counts()),
+        "filter": filter_rows(flown.vehicle.ahrs.ext_nav_counts),
+    }
+    out.print_json(data={**data, **flown.rows})

@@ -232,14 +232,3 @@ def test_lines_for_people_are_in_columns(serve: Viso) -> None:
     first = serve("--verdicts", "text", *BY_EXT_NAV).out.splitlines()[0]
     why = r"refused: the estimator does not run yet \(not_started\)"
     assert re.fullmatch(rf" +\d+\.\d{{3}} s  filter  pose at \d+\.\d{{3}} s  {why}", first)
-
-
-# demo
-
-
-def test_demo_tells_of_the_filter(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("emulator.demo.END_S", 9.0)
-    answer = json.loads(viso("demo", "--no-plot", "--json").out)
-    assert {row["outcome"] for row in answer["filter"] if row["kind"] == "height"} == {"fused"}
-    assert [span["mode"] for span in answer["aiding"]] == ["none", "absolute"]
-    assert "What became of each sample in the filter" in viso("demo", "--no-plot").out

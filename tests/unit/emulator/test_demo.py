@@ -43,10 +43,12 @@ def ran() -> Callable[[int], Ran]:
     return cache(run)
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_log(ran: Callable[[int], Ran]) -> None:
     assert run(1).log == ran(1).log
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_log(ran: Callable[[int], Ran]) -> None:
     assert ran(2).log != ran(1).log
 

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The closed loop: a vehicle flies through a world, a companion sees it, and the vehicle navigates by the companion.
+
+All in virtual time and in one thread: the same set-up gives the same log, byte for byte.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final
+
+from companion.vio.config import AglSource, Scene, VioConfig
+from companion.world.flight import SyntheticFlight
+from emulator.filter_watch import FilterWatch
+from emulator.imu.errors import SensorErrors
+from emulator.imu.options import ImuOptions
+from emulator.imu.script import ScriptSource
+from emulator.imu.world_flight import flight_source
+from emulator.log_sink import LogSink
+from emulator.loop_record import AUTOPILOT, COMPANION, LoopRecorder
+from emulator.scheduler import Scheduler
+from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
+from emulator.vehicle_config import by_ekf3
+from emulator.virtual_companion import VirtualCompanion
+from mav_handlers.links.pair import make_pair
+from mav_handlers.wire.messages import COMMAND_LONG
+
+LOOK_PERIOD_US: Final = 50_000
+PARAMS: Final = MappingProxyType(
+    {
+        "VISO_TYPE": 1,
+        "VISO_QUAL_MIN": 10,
+        "VISO_DELAY_MS": 5,
+        "EK3_SRC1_POSXY": 6,
+        "EK3_SRC1_VELXY": 6,
+        "EK3_SRC1_POSZ": 1,
+        "EK3_SRC1_VELZ": 0,
+        "EK3_SRC1_YAW": 1,
+        "GPS1_TYPE": 0,
+        "DISARM_DELAY": 0,  # no throttle is there to be raised
+    }
+)
+SENSOR_ERRORS: Final = SensorErrors(
+    gyro_bias_deg_s=(0.1, -0.05, 0.08),
+    gyro_noise_deg_s_rthz=0.01,
+    accel_bias_m_s2=(0.02, -0.01, 0.03),
+    accel_noise_m_s2_rthz=0.002,
+    baro_noise_m=0.05,
+    compass_noise_mgauss=1.0,
+)
+
+_NS_PER_US: Final = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopSetup:
+    """What is flown, by whom.
+
+    Attributes:
+        flight: what the companion's sensors tell; at rest at its beginning, which is when the companion comes up.
+        companion_us: when that is, since the autopilot's boot.
+        config: of the companion's odometry.
+        params: the autopilot's, over those of ``PARAMS``.
+        sensor_errors: of the autopilot's own sensors.
+        seed: of the random part of those.
+    """
+
+    flight: SyntheticFlight
+    companion_us: int = 7_000_000
+    config: VioConfig = field(default_factory=lambda: VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER))
+    params: Mapping[str, float] = field(default_factory=dict)
+    sensor_errors: SensorErrors = SENSOR_ERRORS
+    seed: int = 0
+
+    def companion_time_us(self, time_us: int) -> int:
+        """Return what the companion's clock shows at a time since the autopilot's boot."""
+        return self.flight.start_ns // _NS_PER_US + time_us - self.companion_us
+
+    def boot_time_us(self, companion_us: int) -> int:
+        """Return the time since the autopilot's boot at which the companion's clock shows another."""
+        return companion_us - self.flight.start_ns // _NS_PER_US + self.companion_us
+
+
+class CompanionLoop:
+    """A vehicle and a companion, back to back.
+
+    Args:
+        setup: what is flown, by whom.
+        open_log: opens the vehicle's log.
+
+    Attributes:
+        vehicle, companion: the two.
+        watch: follows the vehicle's filter.
+        record: what has happened.
+
+    Raises:
+        StrategyNotAvailableError: if the strategy's libraries are not there.
+    """
+
+    def __init__(self, setup: LoopSetup, open_log: Callable[[], LogSink]) -> None:
+        self.setup = setup
+        self.vehicle = _make_vehicle(setup, open_log)
+        self.watch = FilterWatch(self.vehicle)
+        self._recorder = LoopRecorder(self.vehicle, self.watch)
+        self.record = self._recorder.record
+        self._scheduler = Scheduler(self.vehicle)
+        self._wire, companion_wire = make_pair((AUTOPILOT, COMPANION))
+        self._channel = self.vehicle.endpoint.open_channel(COMPANION)
+        logger = logging.Logger(COMPANION, logging.INFO)  # of its own: it is not the program's
+        logger.addHandler(self._recorder)
+        listeners = [self._recorder.take_update]
+        self.companion = VirtualCompanion(setup.flight, setup.config, companion_wire, logger, listeners)
+        self.now_us = 0
+
+    def command(self, command: int, *params: float) -> None:
+        """Send the autopilot a COMMAND_LONG over the companion's link; missing parameters are 0."""
+        seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
+        self.companion.sender.send(COMMAND_LONG(1, 1, command, 0, *seven))
+
+    def run_until(self, time_us: int) -> None:
+        """Go on to a time since the autopilot's boot."""
+        while self.now_us <= time_us:
+            self._step(self.now_us)
+            self.now_us += LOOP_PERIOD_US
+
+    def close(self) -> None:
+        """Close the vehicle's log."""
+        self.vehicle.close()
+
+    def _step(self, now_us: int) -> None:
+        self._scheduler.run_until(now_us)
+        self.watch.look()
+        if now_us % LOOK_PERIOD_US == 0:
+            self._recorder.look()
+        if now_us >= self.setup.companion_us:
+            self.companion.run(self.setup.companion_time_us(now_us))
+        while data := self._wire.receive():
+            self._scheduler.deliver(self._channel, data)
+        if output := self.vehicle.endpoint.bytes_to_send(self._channel):
+            self._wire.send(output)
+
+
+def _make_vehicle(setup: LoopSetup, open_log: Callable[[], LogSink]) -> Vehicle:
+    def make_source(options: ImuOptions) -> ScriptSource:
+        return flight_source(setup.flight.trajectory, setup.companion_us * 1e-6, options)
+
+    make_ahrs = by_ekf3(make_source, ImuOptions(errors=setup.sensor_errors, seed=setup.seed))
+    return Vehicle(VehicleConfig(make_ahrs, defaults={**PARAMS, **setup.params}, open_log=open_log))

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The demonstration with a real odometry: a survey by a camera that looks down, covered twice; virtual time."""
+
+from collections.abc import Callable
+from typing import Final
+
+from companion.world.ground import generate_texture
+from emulator.companion_loop import CompanionLoop, LoopSetup
+from emulator.log_sink import LogSink
+from emulator.survey_flight import SurveyPlan, survey_flight
+from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+
+COMPANION_S: Final = 7.0
+PLAN: Final = SurveyPlan(
+    climb_s=3.5,
+    cruise_s=9.5,
+    descent_s=31.0,
+    landed_s=36.5,
+    ramp_s=3.0,
+    height_m=20.0,
+    speed_m_s=6.0,
+    extent_m=120.0,
+    seed=5,
+)
+"""What is flown, in s from when the companion comes up."""
+
+COVERED_S: Final = ((20.0, 22.0), (25.0, 31.0))
+"""When the lens is covered, in s since boot: once for short, once for too long."""
+
+RESTART_S: Final = 31.1
+"""When the odometry is told to begin anew, from what the autopilot knows, in s since boot."""
+
+ARM_S: Final = 9.5
+DISARM_S: Final = 44.5
+END_S: Final = 45.0
+PARAMS: Final = {"LOG_DISARMED": 1, "LOG_REPLAY": 1}  # so that the filter can be run on the log
+TEXTURE_PX: Final = 1024
+TEXTURE_METRES_PER_PIXEL: Final = 0.1
+
+_RUN_PREARM_CHECKS: Final = 401
+_ARM_DISARM: Final = 400
+
+
+def demo_setup(seed: int) -> LoopSetup:
+    """Return what the demonstration flies; the seed is that of all noise."""
+    covered_s = tuple((start_s - COMPANION_S, end_s - COMPANION_S) for start_s, end_s in COVERED_S)
+    texture = generate_texture(size_px=TEXTURE_PX, metres_per_pixel=TEXTURE_METRES_PER_PIXEL)
+    flight = survey_flight(PLAN, END_S - COMPANION_S, seed=seed, texture=texture, covered_s=covered_s)
+    return LoopSetup(flight=flight, companion_us=round(COMPANION_S * 1e6), params=PARAMS, seed=seed)
+
+
+class VioDemo:
+    """One run of the demonstration.
+
+    Args:
+        seed: of all noise; the same seed gives the same log, byte for byte.
+        open_log: opens the log.
+
+    Attributes:
+        loop: the vehicle, the companion and what has happened.
+
+    Raises:
+        StrategyNotAvailableError: if the odometry's libraries are not there.
+        ModuleNotFoundError: if the renderer's are not.
+    """
+
+    def __init__(self, seed: int, open_log: Callable[[], LogSink]) -> None:
+        self.loop = CompanionLoop(demo_setup(seed), open_log)
+
+    def _script(self) -> list[tuple[float, Callable[[], None]]]:
+        loop, companion = self.loop, self.loop.companion
+        origin = SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000)
+        return [
+            (COMPANION_S, lambda: loop.command(_RUN_PREARM_CHECKS)),
+            (COMPANION_S + 1.5, lambda: companion.sender.send(origin)),
+            (ARM_S, lambda: loop.command(_ARM_DISARM, 1)),
+            (RESTART_S, companion.start_from),
+            (DISARM_S, lambda: loop.command(_ARM_DISARM, 0)),
+        ]
+
+    def run(
+        self,
+        on_progress: Callable[[float], None] = lambda _time_s: None,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Run to the end, or until told to stop, and close the log.
+
+        Args:
+            on_progress: told the time in seconds since boot, once a second.
+            stop: asked as often.
+        """
+        script = [*((time_s, act) for time_s, act in self._script() if time_s < END_S), (END_S, lambda: None)]
+        try:
+            for time_s, act in script:
+                if not self._run_until(time_s, on_progress, stop):
+                    return
+                act()
+        finally:
+            self.loop.close()
+
+    def _run_until(self, time_s: float, on_progress: Callable[[float], None], stop: Callable[[], bool]) -> bool:
+        second = int(self.loop.now_us * 1e-6) + 1
+        while second <= time_s:
+            self.loop.run_until(second * 1_000_000)
+            on_progress(second)
+            if stop():
+                return False
+            second += 1
+        self.loop.run_until(round(time_s * 1e6))
+        return True

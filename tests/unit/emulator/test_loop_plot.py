@@ -1,0 +1,29 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A closed loop's picture can be drawn, of whatever has happened."""
+
+from pathlib import Path
+
+from emulator.companion_loop import CompanionLoop
+from emulator.log_sink import MemoryLog
+from emulator.loop_plot import save_plot
+from tests.unit.emulator.closed_loop import hop, make_setup
+
+
+def test_plot_is_a_picture(tmp_path: Path) -> None:
+    save_plot(hop(), tmp_path / "loop.png")
+    assert (tmp_path / "loop.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_loop_that_has_not_begun_can_be_drawn(tmp_path: Path) -> None:
+    loop = CompanionLoop(make_setup(7.0), MemoryLog)
+    loop.run_until(100_000)
+    save_plot(loop, tmp_path / "loop.png")
+    assert (tmp_path / "loop.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_loop_that_was_stopped_halfway_can_be_drawn(tmp_path: Path) -> None:
+    loop = CompanionLoop(make_setup(12.0, covered_s=[(7.8, 11.0)]), MemoryLog)
+    loop.run_until(8_000_000)
+    save_plot(loop, tmp_path / "loop.png")
+    assert (tmp_path / "loop.png").read_bytes().startswith(b"\x89PNG")
