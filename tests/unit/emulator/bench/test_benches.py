@@ -8,12 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from companion.vio.types import VioState
+from companion.world.ground import generate_texture
 from ekf_stub.ingest_rules import FUSED
 from emulator.bench import ekf_step
 from emulator.bench.full_vehicle import WARM_UP_MESSAGES, FullVehicle
 from emulator.bench.measure import measure
 from emulator.bench.odometry import PERIOD_US, odometry_at
 from emulator.bench.table import BENCHES
+from emulator.bench.vio_flight import FlownStrategy
 from emulator.log_files import LogStore
 from mav_handlers.handlers.vision import odometry_frames_accepted
 
@@ -22,6 +25,7 @@ PARTS = {
     "endpoint": {"ATTITUDE, not acted on", "TIMESYNC, answered", "ODOMETRY with covariance"},
     "port": {"MAV", "IntelT265"},
     "ekf_step": {ekf_step.NO_STEP, ekf_step.STEP, ekf_step.FUSING_STEP},
+    "vio": {"640x480", "5472x3648, BGR"},
     "codec": {"ODOMETRY to bytes", "bytes to ODOMETRY"},
 }
 
@@ -67,3 +71,12 @@ def test_odometry_is_what_the_autopilot_takes() -> None:
     message = odometry_at(1_000_000)
     assert odometry_frames_accepted(message)
     assert not math.isnan(message.pose_covariance[0])
+
+
+@pytest.mark.parametrize("enlargement", [1, 2])
+def test_strategy_of_the_bench_tracks(enlargement: int) -> None:
+    flown = FlownStrategy(generate_texture(), 320, 240, enlargement)
+    for _ in range(5):
+        flown.run(lambda: 0.0)
+    health = flown.strategy.health_snapshot()
+    assert (health.state, health.consecutive_lost) == (VioState.TRACKING, 0)

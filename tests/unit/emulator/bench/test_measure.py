@@ -67,6 +67,11 @@ def test_typical_cost_is_that_of_the_median_round() -> None:
     assert only_figure([one(0.0), one(5.0), one(1.0), one(3.0), one(2.0), one(4.0)]).typical_cost_us == 3e6
 
 
+def test_slow_cost_is_that_of_the_round_that_95_percent_do_not_exceed() -> None:
+    rounds = [one(0.0), *[one(float(cost)) for cost in range(20, 0, -1)]]
+    assert only_figure(rounds, seconds=19 * 3.0).slow_cost_us == 19e6
+
+
 def test_turns_compare_with_the_calibration_loop() -> None:
     # The loop takes a second on this clock, between its two readings.
     assert only_figure([one(3.0)]).turns == pytest.approx(3.0 * CALIBRATION_TURNS)
