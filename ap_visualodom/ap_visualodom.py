@@ -18,6 +18,7 @@ from ap_visualodom.ap_visualodom_backend import AP_VisualOdom_Backend
 from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
 from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
 from ap_visualodom.ports import Ahrs, RecordSink, TextSink
+from ap_visualodom.release import REFERENCE, VisualOdomRelease
 from ap_visualodom.var_info import GROUP_PREFIX, VAR_INFO
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ap_visualodom.visualodom_type import VisualOdom_Type
@@ -47,6 +48,7 @@ class AP_VisualOdom:
         logger: where log records go.
         clock: time since boot.
         errors: where internal errors go.
+        release: which release to be, where they differ.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class AP_VisualOdom:
         logger: RecordSink,
         clock: Clock,
         errors: InternalErrorSink,
+        release: VisualOdomRelease = REFERENCE,
     ) -> None:
         self.params = params
         self.ahrs = ahrs
@@ -65,6 +68,7 @@ class AP_VisualOdom:
         self.logger = logger
         self.clock = clock
         self.errors = errors
+        self.release = release
         self._driver: AP_VisualOdom_Backend | None = None
 
     def init(self) -> None:

@@ -159,12 +159,11 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         self._align_yaw = True
 
     def align_position_to_ahrs(self, align_xy: bool, align_z: bool) -> None:
-        """Align position at the next pose; overwrites an earlier request.
+        """Align position at the next pose, if the release does; overwrites an earlier request.
 
         Source: AP_VisualOdom_IntelT265.h, align_position_to_ahrs(bool, bool).
         """
-        self._align_posxy = align_xy
-        self._align_posz = align_z
+        self._align_posxy, self._align_posz = self._frontend.release.axes_to_align(align_xy, align_z)
 
     def align_yaw_to_ahrs(self, position: Vector3f, attitude: Quaternion) -> bool:
         """Align yaw with the AHRS, unless it is our own yaw that the AHRS follows or it has none yet.

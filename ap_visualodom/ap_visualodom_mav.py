@@ -31,7 +31,7 @@ class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
         Source: AP_VisualOdom_MAV::handle_pose_estimate.
         """
         frontend = self._frontend
-        pos = pos * frontend.get_pos_scale()
+        pos = frontend.release.mav_position(pos * frontend.get_pos_scale())
         posErr = constrain_float(posErr, frontend.get_pos_noise(), POS_ERR_MAX_M, frontend.errors, line=33)
         angErr = constrain_float(angErr, frontend.get_yaw_noise(), ANG_ERR_MAX_RAD, frontend.errors, line=34)
         self._quality = quality

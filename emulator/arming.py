@@ -10,6 +10,7 @@ from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.param import ParamGroup
 from ap_core.sinks import TextSink
+from emulator.release_parameters import REFERENCE, ParameterRelease
 
 PREARM_DISPLAY_PERIOD_MS: Final = 30_000
 PREARM_CHANGE_DISPLAY_MS: Final = 4000
@@ -36,8 +37,8 @@ class ArmMethod(IntEnum):
 class Check(NamedTuple):
     """One check, and what says its failure or None.
 
-    ``bit`` is its bit in ARMING_CHECK; 0 for a check that is always made, ANY_CHECK for one that is made unless all
-    are switched off.
+    ``bit`` is its bit in ARMING_CHECK, and in ARMING_SKIPCHK; 0 for a check that is always made, ANY_CHECK for one that
+    is made unless all are switched off.
     """
 
     bit: int
@@ -81,13 +82,23 @@ class Arming:
         texts: where failures are told.
         log: where changes are logged.
         clock: time since boot.
+        release: how the group says what is checked.
 
     Attributes:
         armed: whether the vehicle is armed.
         passed: whether the pre-arm checks passed when they were made the last time.
     """
 
-    def __init__(self, checks: CheckLists, params: ParamGroup, texts: TextSink, log: ArmLog, clock: Clock) -> None:
+    def __init__(
+        self,
+        checks: CheckLists,
+        params: ParamGroup,
+        texts: TextSink,
+        log: ArmLog,
+        clock: Clock,
+        release: ParameterRelease = REFERENCE,
+    ) -> None:
+        self._release = release
         self._checks = checks
         self._params = params
         self._texts = texts
@@ -100,8 +111,8 @@ class Arming:
         self.passed = False
 
     def enabled_checks(self) -> int:
-        """Return ARMING_CHECK."""
-        return self._params.get_int("CHECK")
+        """Return the checks to make, as ARMING_CHECK has them: bit 0 is all."""
+        return self._release.enabled_checks(self._params.get_int(self._release.arming_check))
 
     def is_enabled(self, bit: int) -> bool:
         """Tell whether the check with a bit is to be made."""

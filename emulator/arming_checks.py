@@ -16,7 +16,7 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.gps_sample import GpsSample
-from emulator.arming import ANY_CHECK, CHECK_ALL, Check, CheckLists
+from emulator.arming import ANY_CHECK, Check, CheckLists
 from emulator.estimates import Estimates
 from emulator.logger import Logger
 from emulator.modes import Mode, ModeNumber
@@ -45,6 +45,7 @@ class CheckedThings:
         has_home: tells whether home is set.
         mode: returns the flight mode.
         gps: returns the newest solution of the GPS; None without a GPS.
+        is_enabled: tells whether the check with a bit is to be made.
     """
 
     params: ParamTable
@@ -59,6 +60,7 @@ class CheckedThings:
     has_home: Callable[[], bool]
     mode: Callable[[], Mode]
     gps: Callable[[], GpsSample | None]
+    is_enabled: Callable[[int], bool]
 
 
 class ArmingChecks:
@@ -91,9 +93,6 @@ class ArmingChecks:
             ),
         )
 
-    def _is_enabled(self, bit: int) -> bool:
-        return bool(self._things.params.get_int("ARMING_CHECK") & (CHECK_ALL | bit))
-
     def system_initialised(self) -> str | None:
         """Booting is over."""
         return None if self._things.is_initialised() else "System not initialised"
@@ -113,7 +112,7 @@ class ArmingChecks:
 
     def gps(self) -> str | None:
         """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
-        if not (self._things.mode().requires_position and self._is_enabled(CHECK_GPS)):
+        if not (self._things.mode().requires_position and self._things.is_enabled(CHECK_GPS)):
             return self.position()
         solution = self._things.gps()
         return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
@@ -201,4 +200,4 @@ class ArmingChecks:
         logger = self._things.logger
         logger.update(True, self._things.params)
         failed = not logger.is_open and logger.failure is not None
-        return "Logging not started" if failed and self._is_enabled(CHECK_LOGGING) else None
+        return "Logging not started" if failed and self._things.is_enabled(CHECK_LOGGING) else None

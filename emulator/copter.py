@@ -22,6 +22,7 @@ from emulator.home import Home
 from emulator.landing import Landing
 from emulator.logger import Logger
 from emulator.modes import FlightModes, ModeReason
+from emulator.release_parameters import REFERENCE, ParameterRelease
 from emulator.vehicle_config import VehicleAhrs
 from emulator.vehicle_log import VehicleLog
 from mav_handlers.mission import Mission
@@ -38,6 +39,7 @@ class CopterParts:
         is_initialised: tells whether booting is over.
         is_downloading: tells whether a client is downloading a log.
         on_mode: called when the mode has changed.
+        release: which parameters there are.
     """
 
     clock: Clock
@@ -52,6 +54,7 @@ class CopterParts:
     is_initialised: Callable[[], bool]
     is_downloading: Callable[[], bool]
     on_mode: Callable[[], None]
+    release: ParameterRelease = REFERENCE
 
 
 class Copter:
@@ -78,7 +81,8 @@ class Copter:
         self.modes = FlightModes(self, parts.texts, parts.log)
         self.landing = Landing(parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current)
         checks = ArmingChecks(self._checked_things()).lists()
-        self.arming = Arming(checks, parts.params.group("ARMING_"), parts.texts, parts.log, parts.clock)
+        group = parts.params.group("ARMING_")
+        self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
         self.disarmed_us: int | None = None
 
     def _make_ekf_check(self) -> EkfCheck:
@@ -108,6 +112,7 @@ class Copter:
             has_home=self.has_home,
             mode=lambda: self.modes.current,
             gps=parts.gps,
+            is_enabled=lambda bit: self.arming.is_enabled(bit),
         )
 
     def _aids_relative_position(self) -> bool:

@@ -1,25 +1,56 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The firmware that the emulator claims to be."""
+"""The releases of the firmware that the emulator can be: one row each, with all that it does otherwise than others."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
+
+from ap_core.log_structure import LogStructure
+from ap_visualodom import release as visual_odom
+from ap_visualodom.release import VisualOdomRelease
+from ekf_stub.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
+from emulator import release_parameters as params
+from emulator.release_parameters import ParameterRelease
+from mav_handlers import release as endpoint
+from mav_handlers.covariance import pose_errors, root_of_sum
+from mav_handlers.endpoint_params import MAV_NAMES, SYSID_NAMES
+from mav_handlers.release import EndpointRelease, tell_origin_after_texts
+
+OFFICIAL: Final = 255
+"""FIRMWARE_VERSION_TYPE of what is released; 0 is development."""
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """A release: its texts and version numbers.
+    """A release: its texts, version numbers and what it does where releases differ.
 
-    ``sw_version`` packs major, minor, patch and type (0 development) as AUTOPILOT_VERSION wants it.
+    Attributes:
+        name: as ``--firmware`` takes it.
+        date: when it came out, or of the master that it is: year and month.
+        version_text: how it introduces itself.
+        source_hash: 8 hex digits of its revision.
+        major, minor, patch: version numbers.
+        release_type: FIRMWARE_VERSION_TYPE, 0 development to 255 official.
+        visual_odom: what AP_VisualOdom does.
+        endpoint: what the MAVLink endpoint does.
+        event_order: the replay records of an event that both filters know, in their order.
+        params: which parameters there are.
     """
 
     name: str
+    date: str
     version_text: str
     source_hash: str
     major: int
     minor: int
     patch: int
     release_type: int
+    visual_odom: VisualOdomRelease
+    endpoint: EndpointRelease
+    event_order: tuple[LogStructure, LogStructure]
+    params: ParameterRelease
 
     @property
     def banner(self) -> str:
@@ -28,8 +59,57 @@ class Firmware:
 
     @property
     def sw_version(self) -> int:
-        """Return AUTOPILOT_VERSION.flight_sw_version."""
+        """Return AUTOPILOT_VERSION.flight_sw_version: major, minor, patch and type, a byte each."""
         return self.major << 24 | self.minor << 16 | self.patch << 8 | self.release_type
 
 
-REFERENCE: Final = Firmware("4.7-dev", "ArduCopter V4.7.0-dev", "2b361bde", 4, 7, 0, 0)
+REFERENCE: Final = Firmware(
+    "4.7-dev",
+    "2025-10",
+    "ArduCopter V4.7.0-dev",
+    "2b361bde",
+    4,
+    7,
+    0,
+    0,
+    visual_odom.REFERENCE,
+    endpoint.REFERENCE,
+    EKF2_BEFORE_EKF3,
+    params.REFERENCE,
+)
+"""The release that is meant where none is named."""
+
+STABLE_4_6: Final = Firmware(
+    "4.6",
+    "2025-05",
+    "ArduCopter V4.6.3",
+    "3fc7011a",
+    4,
+    6,
+    3,
+    OFFICIAL,
+    visual_odom.REFERENCE,
+    replace(endpoint.REFERENCE, params=SYSID_NAMES),
+    EKF2_BEFORE_EKF3,
+    params.UP_TO_4_6,
+)
+
+FEBRUARY_2026: Final = Firmware(
+    "2026-02",
+    "2026-02",
+    "ArduCopter V4.7.0-dev",
+    "2f511151",
+    4,
+    7,
+    0,
+    0,
+    VisualOdomRelease(visual_odom.no_axes, visual_odom.position_with_correction),
+    EndpointRelease(root_of_sum, pose_errors, True, tell_origin_after_texts, MAV_NAMES),
+    EKF3_BEFORE_EKF2,
+    params.FEBRUARY_2026,
+)
+
+PROFILES: Final[Mapping[str, Firmware]] = MappingProxyType(
+    {profile.name: profile for profile in (STABLE_4_6, REFERENCE, FEBRUARY_2026)}
+)
+"""The releases by the names that ``--firmware`` takes, the oldest first."""

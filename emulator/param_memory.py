@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from ap_core.param import ParamTable
+from emulator.param_conversion import NO_RENAMES, Renames, carry_over
 
 
 class StoredParams(Protocol):
     """Keeps parameters over a restart."""
 
-    def restore(self, params: ParamTable) -> None:
-        """Give a vehicle's parameters their stored values."""
+    def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
+        """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
 
     def save_if_changed(self, values: Mapping[str, float]) -> bool:
         """Keep what a restart has to remember, by name; tell whether anything was new."""
@@ -24,9 +25,9 @@ class MemoryParamStore:
     def __init__(self) -> None:
         self._values: dict[str, float] = {}
 
-    def restore(self, params: ParamTable) -> None:
-        """Give a vehicle's parameters their stored values."""
-        params.load_stored(self._values)
+    def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
+        """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
+        params.load_stored(carry_over(self._values, params, renames).values)
 
     def save_if_changed(self, values: Mapping[str, float]) -> bool:
         """Keep what a restart has to remember, by name; tell whether anything was new."""

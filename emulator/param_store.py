@@ -17,6 +17,7 @@ from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned, to_f32
 from emulator.atomic_file import remove_stale_drafts, replace_file
 from emulator.errors import InputError
+from emulator.param_conversion import NO_RENAMES, Renames, carry_over
 
 _log = logging.getLogger(__name__)
 
@@ -68,8 +69,10 @@ class ParamStore:
         remove_stale_drafts(self._path)
         return dict(self._saved)
 
-    def restore(self, params: ParamTable) -> None:
+    def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
         """Give a vehicle's parameters their stored values; names it does not know are logged, and kept in the file.
+
+        What an earlier release has stored under another name is carried over, and kept under the old name as well.
 
         Raises:
             ParamStoreError: if the file cannot be read, is damaged, or has a value that its parameter cannot take.
@@ -80,9 +83,10 @@ class ParamStore:
             if param is not None and param.canonical_name == name and not _fits(value, param.type):
                 raise ParamStoreError(f"{self._path}:{line_number}: {name} cannot be {value}")
         values = self._loaded(found)
-        self.unknown = {name: values[name] for name in params.load_stored(values)}
-        if self.unknown:
-            _log.warning("%s: unknown parameters, kept in the file: %s", self._path, ", ".join(self.unknown))
+        unknown = params.load_stored(carry_over(values, params, renames).values)
+        self.unknown = {name: value for name, value in values.items() if name in unknown or name in renames}
+        if unknown:
+            _log.warning("%s: unknown parameters, kept in the file: %s", self._path, ", ".join(unknown))
 
     def save_if_changed(self, values: Mapping[str, float]) -> bool:
         """Write the file if it is to hold anything else than at the last load or save; tell whether it was written.

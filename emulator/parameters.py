@@ -4,7 +4,8 @@
 
 Types, defaults and order: ArduCopter/Parameters.cpp, AP_Vehicle/AP_Vehicle.cpp and the ``var_info`` tables of
 AP_Stats, AP_Logger, AP_SerialManager and GCS_MAVLink. ``copter_parameters``, ``sensor_parameters`` and
-``ekf3_parameters`` hold the others; AP_VisualOdom brings its own.
+``ekf3_parameters`` hold the others, ``release_parameters`` those that depend on the release; AP_VisualOdom brings its
+own.
 
 The firmware's count of SERIALn_ differs by board. Here there are those that every flight board has: USB and two
 telemetry ports.
@@ -14,18 +15,16 @@ from collections.abc import Sequence
 from typing import Final
 
 from ap_core.param_group import ParamGroup
-from ap_core.param_info import ParamFlag, ParamInfo, ParamType
+from ap_core.param_info import ParamInfo, ParamType
 from emulator import copter_parameters as copter
 from emulator import sensor_parameters as sensors
 from emulator.ekf3_parameters import make_ekf3_group
+from emulator.release_parameters import REFERENCE, ParameterRelease
 
 INT8: Final = ParamType.INT8
 INT16: Final = ParamType.INT16
 INT32: Final = ParamType.INT32
 FLOAT: Final = ParamType.FLOAT
-
-MAX_LINKS: Final = 8
-"""How many MAVLink links the firmware can have (GCS_MAVLink.h, MAVLINK_COMM_NUM_BUFFERS)."""
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
 _LOG_DISARMED: Final = {0: "No", 1: "Yes", 2: "Not with USB", 3: "Yes, discarded if never armed"}
@@ -86,50 +85,21 @@ def _baud(number: int) -> ParamInfo:
     return ParamInfo(f"{number}_BAUD", INT32, 57, f"Speed of port {number}, in thousands of baud", values=_BAUD)
 
 
-def _serial_options(number: int) -> ParamInfo:
-    return ParamInfo(f"{number}_OPTIONS", INT32, 0, f"Wiring of port {number}, a bit each", reboot_required=True)
+def _serial_options(number: int, kind: ParamType) -> ParamInfo:
+    return ParamInfo(f"{number}_OPTIONS", kind, 0, f"Wiring of port {number}, a bit each", reboot_required=True)
 
 
-_SERIAL: Final = (
-    ParamInfo("0_BAUD", INT32, 115, "Speed of the USB port, in thousands of baud", values=_BAUD),
-    ParamInfo("0_PROTOCOL", INT8, 2, "Protocol of the USB port", values=_CONSOLE_PROTOCOL, reboot_required=True),
-    _protocol(1),
-    _baud(1),
-    _protocol(2),
-    _baud(2),
-    _serial_options(1),
-    _serial_options(2),
-)
-
-_MAV: Final = (
-    ParamInfo("_SYSID", INT16, 1, "System id of this vehicle", "", (1.0, 255.0)),
-    ParamInfo("_GCS_SYSID", INT16, 255, "System id of the ground station in charge", "", (1.0, 255.0)),
-    ParamInfo("_OPTIONS", INT16, 0, "Bits: 0 obey only the ground station in charge"),
-    ParamInfo("_TELEM_DELAY", INT8, 0, "Silence of telemetry radios after start-up", "s", (0.0, 30.0)),
-)
-
-STREAM_NAMES: Final = (
-    "_RAW_SENS",
-    "_EXT_STAT",
-    "_RC_CHAN",
-    "_RAW_CTRL",
-    "_POSITION",
-    "_EXTRA1",
-    "_EXTRA2",
-    "_EXTRA3",
-    "_PARAMS",
-    "_ADSB",
-)
-"""Row names of the stream rates of a link, in the order of the firmware's streams."""
-
-_MAV_LINK: Final = (
-    *(
-        ParamInfo(name, INT16, 0, "Rate of this stream group", "Hz", (0.0, 50.0), reboot_required=True)
-        for name in STREAM_NAMES
-    ),
-    ParamInfo("_OPTIONS", INT16, 0, "Bits: 1 forward nothing, 2 ignore stream requests", reboot_required=True),
-    ParamInfo("_OPTIONSCNV", INT8, 0, "Whether options of older firmware were taken over", flags=ParamFlag.HIDDEN),
-)
+def _serial(options: ParamType) -> tuple[ParamInfo, ...]:
+    return (
+        ParamInfo("0_BAUD", INT32, 115, "Speed of the USB port, in thousands of baud", values=_BAUD),
+        ParamInfo("0_PROTOCOL", INT8, 2, "Protocol of the USB port", values=_CONSOLE_PROTOCOL, reboot_required=True),
+        _protocol(1),
+        _baud(1),
+        _protocol(2),
+        _baud(2),
+        _serial_options(1, options),
+        _serial_options(2, options),
+    )
 
 
 def _top_level(rows: Sequence[ParamInfo]) -> ParamGroup:
@@ -140,34 +110,28 @@ def _object(prefix: str, rows: Sequence[ParamInfo], top_level_prefix: str) -> Pa
     return ParamGroup(prefix, rows, top_level_prefix=top_level_prefix)
 
 
-def make_link_group(number: int) -> ParamGroup:
-    """Return the parameters of one MAVLink link, numbered from 1.
-
-    Raises:
-        ValueError: the firmware has no parameters for a link of that number.
-    """
-    if not 1 <= number <= MAX_LINKS:
-        raise ValueError(f"link {number}: there are parameters for links 1 to {MAX_LINKS}")
-    return _object(f"MAV{number}", _MAV_LINK, "MAV")
-
-
-def make_groups(number_of_links: int, visual_odom: ParamGroup | None = None) -> list[ParamGroup]:
+def make_groups(
+    number_of_links: int, visual_odom: ParamGroup | None = None, release: ParameterRelease = REFERENCE
+) -> list[ParamGroup]:
     """Return fresh groups with default values for a vehicle, in list order.
 
     Args:
         number_of_links: how many MAVn_ groups there are, one for each open link.
         visual_odom: AP_VisualOdom's group, which is put where the firmware lists it.
+        release: whose parameters.
 
     Raises:
         ValueError: more links than the firmware has parameters for.
     """
     return [
         _top_level(copter.FORMAT_VERSION),
+        _top_level(release.early),
         _top_level(copter.MODES),
-        _object("ARMING_", copter.ARMING, "ARMING_"),
+        _object("ARMING_", release.arming, "ARMING_"),
         _top_level(copter.FAILSAFE),
         _object("COMPASS_", sensors.COMPASS, "COMPASS_"),
         _object("INS", sensors.INS, "INS"),
+        *release.early_links(number_of_links),
         _object("AHRS_", sensors.AHRS, "AHRS_"),
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
@@ -176,13 +140,12 @@ def make_groups(number_of_links: int, visual_odom: ParamGroup | None = None) -> 
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),
         make_ekf3_group(),
         _object("FLOW", sensors.FLOW, "FLOW"),
-        _object("", copter.FRAME_CLASS, ""),
+        _object("", (*release.second_table, *copter.FRAME_CLASS), ""),
         *(_object(f"RC{stick}_", copter.RC_CHANNEL, "") for stick in range(1, copter.NUMBER_OF_STICKS + 1)),
         _object("", copter.LATE_FAILSAFE, ""),
         *([] if visual_odom is None else [visual_odom]),
         _object("STAT", _STAT, ""),
         _object("LOG", _LOG, ""),
-        _object("SERIAL", _SERIAL, ""),
-        _object("MAV", _MAV, "MAV"),
-        *(make_link_group(number) for number in range(1, number_of_links + 1)),
+        _object("SERIAL", _serial(release.port_options), ""),
+        *release.late_links(number_of_links),
     ]

@@ -2,24 +2,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameter values from files and from the command line."""
 
+import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ap_core.param import ParamTable
 from ap_core.parm_file import ParmFileError, parse_parm
 from ap_visualodom.ap_visualodom import make_params
 from emulator.errors import InputError
+from emulator.firmware import REFERENCE, Firmware
+from emulator.param_conversion import NO_RENAMES, Renames, carry_over, name_here
 from emulator.parameters import make_groups
+from emulator.release_parameters import ALL_RENAMES
 from emulator.text_files import read_text
 
-
-def _known_parameters(links: int) -> ParamTable:
-    return ParamTable(make_groups(links, make_params()))
+_log = logging.getLogger(__name__)
 
 
-def load_parm_file(path: Path, table: ParamTable, *, allow_unknown: bool) -> dict[str, float]:
-    """Return the values of a .parm file by name.
+def _known_parameters(links: int, firmware: Firmware = REFERENCE) -> ParamTable:
+    return ParamTable(make_groups(links, make_params(), firmware.params))
+
+
+def _hint(name: str, table: ParamTable) -> str:
+    other = name_here(name, table, ALL_RENAMES)
+    return "" if other is None else f", which this firmware calls {other}"
+
+
+def load_parm_file(
+    path: Path, table: ParamTable, *, allow_unknown: bool, renames: Renames = NO_RENAMES
+) -> dict[str, float]:
+    """Return the values of a .parm file by name; those of an earlier release are converted, and that is logged.
+
+    Args:
+        path: the file.
+        table: the parameters that there are.
+        allow_unknown: pass over names that no parameter has.
+        renames: what the firmware calls otherwise than earlier ones.
 
     Raises:
         InputError: naming file, line and text, for a bad line or, unless allowed, a name that no parameter has.
@@ -31,44 +50,78 @@ def load_parm_file(path: Path, table: ParamTable, *, allow_unknown: bool) -> dic
         raise InputError(str(error)) from error
     values = {}
     for line in lines:
-        if table.find(line.name) is not None:
+        if table.find(line.name) is not None or line.name in renames:
             values[line.name] = float(line.value)
         elif not allow_unknown:
+            hint = _hint(line.name, table)
             raise InputError(
-                f"{path}:{line.line_number}: unknown parameter: {line.name!r} (--allow-unknown passes over it)"
+                f"{path}:{line.line_number}: unknown parameter: {line.name!r}{hint} (--allow-unknown passes over it)"
             )
-    return values
+    carried = carry_over(values, table, renames)
+    if carried.conversions:
+        _log.warning("%s: of an earlier release: %s", path, ", ".join(map(str, carried.conversions)))
+    if carried.lost:
+        _log.warning("%s: for links that are not there: %s", path, ", ".join(carried.lost))
+    return carried.values
 
 
-def parse_assignment(text: str, table: ParamTable) -> tuple[str, float]:
+def parse_assignment(text: str, table: ParamTable, option: str = "--param") -> tuple[str, float]:
     """Return canonical name and value of ``NAME=VALUE``.
+
+    Args:
+        text: what was given.
+        table: the parameters that there are.
+        option: by which it was given, for the error.
 
     Raises:
         InputError: if it has another form, or no parameter has that name.
     """
     try:
-        (line,) = parse_parm(text, "--param")
+        (line,) = parse_parm(text, option)
     except (ParmFileError, ValueError) as error:
-        raise InputError(f"--param {text!r}: not NAME=VALUE with a finite number") from error
+        raise InputError(f"{option} {text!r}: not NAME=VALUE with a finite number") from error
     found = table.find(line.name)
     if found is None:
-        raise InputError(f"--param {text!r}: unknown parameter {line.name}")
+        raise InputError(f"{option} {text!r}: unknown parameter {line.name}{_hint(line.name, table)}")
     if math.isnan(found.value):
-        raise InputError(f"--param {text!r}: {line.name} is a vector: set its _X, _Y or _Z")
+        raise InputError(f"{option} {text!r}: {line.name} is a vector: set its _X, _Y or _Z")
     return found.canonical_name, float(line.value)
 
 
+def parse_assignments(
+    texts: Sequence[str], option: str, *, links: int, firmware: Firmware = REFERENCE
+) -> dict[str, float]:
+    """Return the values of several ``NAME=VALUE`` by canonical name; of one name the last counts.
+
+    Raises:
+        InputError: for the first that cannot be used.
+    """
+    table = _known_parameters(links, firmware)
+    return dict(parse_assignment(text, table, option) for text in texts)
+
+
+def needing_reboot(names: Iterable[str], *, links: int, firmware: Firmware = REFERENCE) -> list[str]:
+    """Return those of some parameters that take effect at the next boot only."""
+    rows = {slot.name: slot.row for group in _known_parameters(links, firmware).groups for slot in group.slots}
+    return [name for name in names if name in rows and rows[name].reboot_required]
+
+
 def load_settings(
-    files: Sequence[Path], assignments: Sequence[str], *, links: int, allow_unknown: bool = False
+    files: Sequence[Path],
+    assignments: Sequence[str],
+    *,
+    links: int,
+    allow_unknown: bool = False,
+    firmware: Firmware = REFERENCE,
 ) -> Mapping[str, float]:
     """Return parameter values from defaults files, then from assignments, which win.
 
     Raises:
         InputError: for anything that cannot be used.
     """
-    table = _known_parameters(links)
+    table = _known_parameters(links, firmware)
     values: dict[str, float] = {}
     for path in files:
-        values.update(load_parm_file(path, table, allow_unknown=allow_unknown))
+        values.update(load_parm_file(path, table, allow_unknown=allow_unknown, renames=firmware.params.renames))
     values.update(parse_assignment(text, table) for text in assignments)
     return values

@@ -3,32 +3,51 @@
 """From a pose covariance to the two errors that the firmware uses."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
-from ap_core.fmath import cbrtf, f32
+from ap_core.fmath import cbrtf, f32, sqrtf
 
 _POSITION: Final = (0, 6, 11)
 _ATTITUDE: Final = (15, 18, 20)
 _ZERO: Final = f32(0)
 
+ErrorFormula = Callable[[np.float32, np.float32, np.float32], np.float32]
+"""Makes one error (m or rad) of three variances (m^2 or rad^2)."""
 
-def _cube_root_of_squares(covariance: Sequence[float], diagonal: tuple[int, int, int]) -> np.float32:
-    i, j, k = diagonal
-    a, b, c = f32(covariance[i]), f32(covariance[j]), f32(covariance[k])
+
+def cube_root_of_squares(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
+    """Return the cube root of the sum of squared variances, which is no standard deviation.
+
+    Source: GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_common_vision_position_estimate_data, up to 2025.
+    """
     return cbrtf(a * a + b * b + c * c)
 
 
-def pose_errors(covariance: Sequence[float]) -> tuple[np.float32, np.float32]:
-    """Return (posErr, angErr) from the 21 elements of the upper triangle.
+def root_of_sum(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
+    """Return the root of the sum of variances: the standard deviation of the distance; NaN for a negative sum.
 
-    The firmware takes the cube root of the sum of squared variances, which is no standard deviation. A first element
-    that is NaN means that there is no covariance: both errors are 0 then.
+    Source: the same functions, in the master of February 2026.
+    """
+    return sqrtf(a + b + c)
 
-    Source: GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_common_vision_position_estimate_data.
+
+def pose_errors(
+    covariance: Sequence[float], formula: ErrorFormula = cube_root_of_squares
+) -> tuple[np.float32, np.float32]:
+    """Return (posErr, angErr) from the 21 elements of the upper triangle, by the release's formula.
+
+    A first element that is NaN means that there is no covariance: both errors are 0 then.
     """
     if math.isnan(covariance[0]):
         return _ZERO, _ZERO
-    return _cube_root_of_squares(covariance, _POSITION), _cube_root_of_squares(covariance, _ATTITUDE)
+    with np.errstate(all="ignore"):
+        pos_err, ang_err = (formula(*(f32(covariance[index]) for index in axes)) for axes in (_POSITION, _ATTITUDE))
+    return pos_err, ang_err
+
+
+def no_errors(_covariance: Sequence[float], _formula: ErrorFormula) -> tuple[np.float32, np.float32]:
+    """Return errors of 0, whatever a covariance says: of a message whose covariance the release does not read."""
+    return _ZERO, _ZERO

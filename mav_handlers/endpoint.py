@@ -13,6 +13,7 @@ from ap_core.param_cache import FromParams
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.channel import Channel, TransmitReserve
 from mav_handlers.context import Context
+from mav_handlers.endpoint_params import OPTION_PRIVATE
 from mav_handlers.ftp import FtpReply, FtpServer
 from mav_handlers.handlers import HANDLERS
 from mav_handlers.handlers.clocks import send_timesync
@@ -22,6 +23,7 @@ from mav_handlers.param_reads import NO_INDEX, ParamReads
 from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
 from mav_handlers.routing import RADIO_MESSAGES, RouteTable
+from mav_handlers.senders import gps_global_origin
 from mav_handlers.sending import Sending
 from mav_handlers.signing import SigningState
 from mav_handlers.signing_verdicts import signing_verdict
@@ -40,8 +42,6 @@ from mav_handlers.wire.targets import target_fields
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
 UNKNOWN_NAME: Final = "UNKNOWN"
-OPTION_PRIVATE: Final = 1 << 1
-OPTION_ONLY_GCS: Final = 1 << 0
 _MAV_SEVERITY_INFO: Final = 6
 
 
@@ -72,17 +72,19 @@ class MavEndpoint:
     def __init__(self, vehicle: VehiclePort, message_intervals: Mapping[int, Mapping[int, int]] | None = None) -> None:
         self._vehicle = vehicle
         self._message_intervals = message_intervals or {}
-        self._system_id = FromParams(vehicle.params, lambda: u8(vehicle.params.get_int("MAV_SYSID")))
+        params, names = vehicle.params, vehicle.release.params
+        self._system_id = FromParams(params, lambda: u8(params.get_int(names.system_id)))
         self._only_gcs = FromParams(
-            vehicle.params, lambda: vehicle.params.get_int("MAV_OPTIONS") & OPTION_ONLY_GCS != 0
+            params, lambda: params.get_int(names.only_ground_station) & names.only_ground_station_bits != 0
         )
         self._private = self._private_of_channels()
         self.channels: list[Channel] = []
         self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
         self._echoes: deque[ParamEcho] = deque()
         self._has_polled = False
+        self._texts_go_first = False
         self._reserve = TransmitReserve()
-        self.param_reads = ParamReads()
+        self.param_reads = ParamReads(tells_errors=vehicle.release.tells_param_errors)
         self.radio = RadioLink()
         self._sending = Sending(vehicle, self.param_reads, self.radio)
         self.routes = RouteTable()
@@ -124,6 +126,7 @@ class MavEndpoint:
         channel.bytes_received += len(data)
         while (received := channel.codec.next_received()) is not None:
             self._dispatch(channel, received, now_us, now_us if read_us is None else read_us)
+        self._send_first_texts()
 
     def _dispatch(self, channel: Channel, received: Received | BadData, now_us: int, read_us: int) -> None:
         if isinstance(received, BadData):
@@ -176,7 +179,7 @@ class MavEndpoint:
 
     def _refuse(self, header: Header) -> Verdict | None:
         if self._only_gcs():
-            admitted = (self._system_id(), self._vehicle.params.get_int("MAV_GCS_SYSID"))
+            admitted = (self._system_id(), self._vehicle.params.get_int(self._vehicle.release.params.ground_station_id))
             if header.system_id not in admitted and header.name not in RADIO_MESSAGES:
                 return NOT_ACCEPTED
         return None
@@ -199,6 +202,26 @@ class MavEndpoint:
     def request_message(self, channel: Channel, name: str) -> None:
         """Queue a message to be sent once at the next poll."""
         channel.requested.add(name)
+
+    def request_message_everywhere(self, name: str) -> None:
+        """Queue a message to be sent once at the next poll, on every link."""
+        for channel in self._open_channels():
+            self.request_message(channel, name)
+
+    def send_origin(self, channel: Channel, now_us: int) -> None:
+        """Send GPS_GLOBAL_ORIGIN at once, if there is an origin."""
+        reply = gps_global_origin(self._vehicle, channel, now_us)
+        if reply is not None:
+            channel.send(reply)
+
+    def send_texts_first(self) -> None:
+        """Send the texts that wait when the bytes at hand have been dealt with, ahead of what the next poll sends."""
+        self._texts_go_first = True
+
+    def _send_first_texts(self) -> None:
+        if self._texts_go_first:
+            self._texts_go_first = False
+            self._vehicle.texts.service(self._open_channels())
 
     def echo_parameters(self, echoes: Iterable[ParamEcho]) -> None:
         """Queue the echoes of a changed parameter for every active link."""
@@ -230,6 +253,7 @@ class MavEndpoint:
         system_id = self._system_id()
         for channel in self.channels:
             channel.codec.system_id = system_id
+        self._send_first_texts()
         self._send_echoes()
         self._send_home()
         if self.ftp.busy:
@@ -251,7 +275,7 @@ class MavEndpoint:
         return [channel for channel in self.channels if channel.open]
 
     def _options(self, index: int) -> int:
-        return self._vehicle.params.get_int(f"MAV{index + 1}_OPTIONS")
+        return self._vehicle.release.params.link_options(self._vehicle.params, index)
 
     def _private_of_channels(self) -> FromParams[list[bool]]:
         return FromParams(
@@ -268,9 +292,8 @@ class MavEndpoint:
 
     def _send_home(self) -> None:
         if self._vehicle.take_home_changed():
-            for channel in self._open_channels():
-                self.request_message(channel, "HOME_POSITION")
-                self.request_message(channel, "GPS_GLOBAL_ORIGIN")
+            for name in ("HOME_POSITION", "GPS_GLOBAL_ORIGIN"):
+                self.request_message_everywhere(name)
 
     def _send_echoes(self) -> None:
         while self._echoes:

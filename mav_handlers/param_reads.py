@@ -12,22 +12,25 @@ from typing import Final
 from ap_core.cint import u16
 from ap_core.param import Param, ParamTable
 from mav_handlers.channel import Channel
-from mav_handlers.wire.messages import PARAM_REQUEST_READ, PARAM_VALUE
+from mav_handlers.wire.messages import PARAM_ERROR, PARAM_REQUEST_READ, PARAM_VALUE
 
 NO_INDEX: Final = 65535
+BY_NAME: Final = -1
 READ_QUEUE_LENGTH: Final = 20
 REPLY_QUEUE_LENGTH: Final = 5
+MAV_PARAM_ERROR_DOES_NOT_EXIST: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
 class _Read:
     channel: Channel
+    sender: tuple[int, int]
     request: PARAM_REQUEST_READ
 
 
 def find_requested(params: ParamTable, request: PARAM_REQUEST_READ) -> Param | None:
     """Return the parameter that is asked for: by name with index -1, else by index."""
-    if request.param_index == -1:
+    if request.param_index == BY_NAME:
         return params.find(request.param_id)
     return params.by_index(u16(request.param_index))
 
@@ -38,11 +41,16 @@ def param_value(param: Param, name: str, count: int, index: int) -> PARAM_VALUE:
 
 
 class ParamReads:
-    """Requests that wait to be looked up, one every millisecond, and replies that wait for a link's parameter turn."""
+    """Requests that wait to be looked up, one every millisecond, and replies that wait for a link's parameter turn.
 
-    def __init__(self) -> None:
+    Args:
+        tells_errors: whether PARAM_ERROR answers a request for what there is not; else nothing does.
+    """
+
+    def __init__(self, *, tells_errors: bool = False) -> None:
+        self._tells_errors = tells_errors
         self._reads: deque[_Read] = deque()
-        self._replies: deque[tuple[Channel, PARAM_VALUE]] = deque()
+        self._replies: deque[tuple[Channel, PARAM_VALUE | PARAM_ERROR]] = deque()
         self._looked_up_ms = 0
 
     @property
@@ -50,13 +58,18 @@ class ParamReads:
         """The number of requests not yet looked up."""
         return len(self._reads)
 
-    def request(self, channel: Channel, request: PARAM_REQUEST_READ, now_us: int) -> bool:
-        """Queue a request; False when 20 wait already. A link without room starts to keep some for parameters."""
+    def request(
+        self, channel: Channel, request: PARAM_REQUEST_READ, now_us: int, sender: tuple[int, int] = (0, 0)
+    ) -> bool:
+        """Queue a request of a system and component; False when 20 wait already.
+
+        A link without room starts to keep some for parameters.
+        """
         if len(self._reads) >= READ_QUEUE_LENGTH:
             return False
         if not channel.has_space_for(PARAM_VALUE):
             channel.reserve.start(now_us)
-        self._reads.append(_Read(channel, request))
+        self._reads.append(_Read(channel, sender, request))
         return True
 
     def look_up(self, params: ParamTable, now_us: int) -> None:
@@ -68,10 +81,16 @@ class ParamReads:
             turns -= 1
 
     def _look_up_one(self, params: ParamTable, read: _Read) -> None:
-        found = find_requested(params, read.request)
+        request = read.request
+        found = find_requested(params, request)
         if found is not None:
-            value = param_value(found, found.name, params.count, u16(read.request.param_index))
+            value = param_value(found, found.name, params.count, u16(request.param_index))
             self._replies.append((read.channel, value))
+        elif self._tells_errors:
+            # What is asked for by its index has no name.
+            name = request.param_id if request.param_index == BY_NAME else ""
+            error = PARAM_ERROR(*read.sender, name, request.param_index, MAV_PARAM_ERROR_DOES_NOT_EXIST)
+            self._replies.append((read.channel, error))
 
     def send(self, now_us: int) -> bool:
         """Send all replies, five at most, each to whoever asked, and tell whether there were any.
@@ -82,7 +101,7 @@ class ParamReads:
         while self._replies:
             channel, reply = self._replies[0]
             if channel.open:
-                if not channel.has_space_for(PARAM_VALUE):
+                if not channel.has_space_for(type(reply)):
                     channel.reserve.start(now_us)
                     break
                 channel.send(reply)

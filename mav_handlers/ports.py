@@ -21,6 +21,7 @@ from ekf_stub.gps_sample import GpsSample
 from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.mission import Mission
+from mav_handlers.release import EndpointRelease
 from mav_handlers.signing import KeyStore
 from mav_handlers.statustext import StatusTextQueue
 from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
@@ -148,6 +149,10 @@ class VehiclePort(Protocol):
     visual_odom: AP_VisualOdom
     internal_errors: InternalErrors
     signing_store: KeyStore
+
+    @property
+    def release(self) -> EndpointRelease:
+        """Which release the endpoint is to be, where they differ."""
 
     @property
     def ahrs(self) -> AhrsPort:

@@ -79,5 +79,5 @@ class Sending:
             channel.heartbeat_sent_us = now_us
 
     def _is_delayed(self, now_us: int) -> bool:
-        # MAV_TELEM_DELAY counts "seconds" of 1024 ms.
-        return (now_us // 1000) >> 10 < self.vehicle.params.get_int("MAV_TELEM_DELAY")
+        # The delay counts "seconds" of 1024 ms.
+        return (now_us // 1000) >> 10 < self.vehicle.params.get_int(self.vehicle.release.params.telem_delay)

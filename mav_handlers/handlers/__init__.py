@@ -135,6 +135,7 @@ IGNORED: Final[frozenset[type[m.Message]]] = frozenset(
         m.MISSION_ACK,
         m.MISSION_CURRENT,
         m.NAV_CONTROLLER_OUTPUT,
+        m.PARAM_ERROR,
         m.PARAM_VALUE,
         m.POWER_STATUS,
         m.RAW_IMU,

@@ -10,7 +10,6 @@ from ap_core.cint import int_of_float
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.ports import Location, OriginResult
-from mav_handlers.senders import gps_global_origin
 from mav_handlers.verdicts import HANDLED, ORIGIN_REFUSED
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 
@@ -19,16 +18,14 @@ MAX_LNG: Final = 1_800_000_000
 
 
 def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
-    """Set the EKF origin and tell the requester; everybody is told when home follows."""
+    """Set the EKF origin and tell of it as the release does; everybody is told when home follows."""
     if abs(location.lat) > MAX_LAT or abs(location.lng) > MAX_LNG:
         return OriginResult.INVALID
     if location.lat == 0 and location.lng == 0 and location.alt_cm == 0:
         return OriginResult.INVALID
     result = ctx.vehicle.set_origin(location)
     if result is OriginResult.SET:
-        reply = gps_global_origin(ctx.vehicle, ctx.channel, ctx.now_us)
-        if reply is not None:
-            ctx.channel.send(reply)
+        ctx.vehicle.release.tell_origin(ctx)
     return result
 
 

@@ -7,6 +7,7 @@ from typing import Final
 from ap_core.cint import i16
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
+from mav_handlers.endpoint_params import OPTION_NO_STREAM_REQUESTS
 from mav_handlers.intervals import ADSB_GROUP, set_interval, stream_interval_ms
 from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
@@ -21,7 +22,6 @@ from mav_handlers.wire.messages import (
 )
 
 STREAM_ALL: Final = 0
-OPTION_NO_STREAM_REQUESTS: Final = 1 << 2
 
 
 def handle_heartbeat(_ctx: Context, _message: HEARTBEAT) -> Verdict:
@@ -32,7 +32,7 @@ def handle_heartbeat(_ctx: Context, _message: HEARTBEAT) -> Verdict:
 def handle_statustext(ctx: Context, message: STATUSTEXT) -> Verdict:
     """Log somebody else's text, with its origin (GCS_MAVLINK::handle_statustext)."""
     header = ctx.header
-    if header.system_id == ctx.vehicle.params.get_int("MAV_GCS_SYSID"):
+    if header.system_id == ctx.vehicle.params.get_int(ctx.vehicle.release.params.ground_station_id):
         prefix = "GCS:"
     else:
         prefix = f"SRC={header.system_id}/{header.component_id}:"
@@ -60,12 +60,12 @@ def handle_request_data_stream(ctx: Context, message: REQUEST_DATA_STREAM) -> Ve
 
 
 def _options(ctx: Context) -> int:
-    return ctx.vehicle.params.get_int(f"MAV{ctx.channel.index + 1}_OPTIONS")
+    return ctx.vehicle.release.params.link_options(ctx.vehicle.params, ctx.channel.index)
 
 
 def _set_rate(ctx: Context, group: tuple[str, tuple[str, ...]], rate_hz: int) -> None:
     suffix, names = group
-    ctx.vehicle.params.set(f"MAV{ctx.channel.index + 1}{suffix}", rate_hz)
+    ctx.vehicle.params.set(ctx.vehicle.release.params.stream_rate(ctx.channel.index, suffix), rate_hz)
     for name in names:
         set_interval(ctx.channel, name, stream_interval_ms(rate_hz), ctx.now_us)
 

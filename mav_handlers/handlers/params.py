@@ -10,9 +10,12 @@ from ap_core.param import ParamOutcome
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.param_pump import start_param_list
-from mav_handlers.param_reads import NO_INDEX, find_requested
+from mav_handlers.param_reads import BY_NAME, MAV_PARAM_ERROR_DOES_NOT_EXIST, NO_INDEX, find_requested
 from mav_handlers.verdicts import HANDLED, PARAM_NOT_FINITE, PARAM_QUEUE_FULL, PARAM_READ_ONLY, PARAM_UNKNOWN
-from mav_handlers.wire.messages import PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE
+from mav_handlers.wire.messages import PARAM_ERROR, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE
+
+MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE: Final = 2
+MAV_PARAM_ERROR_PERMISSION_DENIED: Final = 3
 
 _MAV_SEVERITY_WARNING: Final = 4
 
@@ -25,8 +28,12 @@ def handle_param_request_list(ctx: Context, _message: PARAM_REQUEST_LIST) -> Ver
 
 
 def handle_param_request_read(ctx: Context, message: PARAM_REQUEST_READ) -> Verdict:
-    """Queue a read; unknown parameters wait in the queue as well, and get no reply (handle_param_request_read)."""
-    if not ctx.endpoint.param_reads.request(ctx.channel, message, ctx.now_us):
+    """Queue a read; unknown parameters wait in the queue as well, to get no reply or PARAM_ERROR.
+
+    Source: GCS_MAVLINK::handle_param_request_read.
+    """
+    sender = ctx.header.system_id, ctx.header.component_id
+    if not ctx.endpoint.param_reads.request(ctx.channel, message, ctx.now_us, sender):
         return PARAM_QUEUE_FULL
     return PARAM_UNKNOWN if find_requested(ctx.vehicle.params, message) is None else HANDLED
 
@@ -36,12 +43,15 @@ def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
     params = ctx.vehicle.params
     result = params.set_from_mavlink(message.param_id, np.float32(message.param_value))
     if result.outcome is ParamOutcome.UNKNOWN:
+        _tell_error(ctx, message, MAV_PARAM_ERROR_DOES_NOT_EXIST)
         return PARAM_UNKNOWN
     if result.outcome is ParamOutcome.NOT_FINITE:
+        _tell_error(ctx, message, MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)
         return PARAM_NOT_FINITE
     if result.outcome is ParamOutcome.READ_ONLY:
         text = f"Param write denied ({message.param_id})"
         ctx.vehicle.texts.send_text(_MAV_SEVERITY_WARNING, text)
+        _tell_error(ctx, message, MAV_PARAM_ERROR_PERMISSION_DENIED)
         for echo in result.echoes:
             reply = PARAM_VALUE(echo.name, float(echo.value), echo.wire_type, params.count, NO_INDEX)
             ctx.channel.send(reply)
@@ -50,3 +60,10 @@ def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
     ctx.vehicle.log.parameter(message.param_id, result.value)
     ctx.endpoint.echo_parameters(result.echoes)
     return HANDLED
+
+
+def _tell_error(ctx: Context, message: PARAM_SET, error: int) -> None:
+    """Tell the sender why its parameter was not set, in a release that does (GCS_MAVLINK::send_param_error)."""
+    if ctx.vehicle.release.tells_param_errors and ctx.channel.has_space_for(PARAM_ERROR):
+        ids = ctx.header.system_id, ctx.header.component_id
+        ctx.channel.send(PARAM_ERROR(*ids, message.param_id, BY_NAME, error))

@@ -31,16 +31,13 @@ from mav_handlers.wire.messages import (
 MAV_FRAME_BODY_FRD: Final = 12
 MAV_FRAME_LOCAL_FRD: Final = 20
 
-_NO_ERROR: Final = f32(0)
-
 _EulerPose = VISION_POSITION_ESTIMATE | GLOBAL_VISION_POSITION_ESTIMATE | VICON_POSITION_ESTIMATE
 
 
 def handle_vision_position_estimate(ctx: Context, message: _EulerPose) -> Verdict:
     """Take a pose with Euler angles; VICON_POSITION_ESTIMATE has no reset counter, none of them a quality."""
-    with np.errstate(all="ignore"):
-        timestamp_ms = ctx.correct_time_ms(type(message), message.usec)
-        posErr, angErr = pose_errors(message.covariance)
+    timestamp_ms = ctx.correct_time_ms(type(message), message.usec)
+    posErr, angErr = pose_errors(message.covariance, ctx.vehicle.release.error_formula)
     reset_counter = 0 if isinstance(message, VICON_POSITION_ESTIMATE) else message.reset_counter
     return ctx.vehicle.visual_odom.handle_pose_estimate_euler(
         message.usec,
@@ -55,15 +52,17 @@ def handle_vision_position_estimate(ctx: Context, message: _EulerPose) -> Verdic
 
 
 def handle_att_pos_mocap(ctx: Context, message: ATT_POS_MOCAP) -> Verdict:
-    """Take a pose with a quaternion; its covariance is ignored."""
+    """Take a pose with a quaternion; what its covariance is good for depends on the release."""
     timestamp_ms = ctx.correct_time_ms(ATT_POS_MOCAP, message.time_usec)
+    release = ctx.vehicle.release
+    posErr, angErr = release.mocap_errors(message.covariance, release.error_formula)
     return ctx.vehicle.visual_odom.handle_pose_estimate(
         message.time_usec,
         timestamp_ms,
         Vector3f(message.x, message.y, message.z),
         Quaternion(*message.q),
-        _NO_ERROR,
-        _NO_ERROR,
+        posErr,
+        angErr,
         0,
         0,
     )
@@ -79,8 +78,8 @@ def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
     if not odometry_frames_accepted(message):
         return ODOMETRY_FRAMES
     q = Quaternion(*message.q)
+    posErr, angErr = pose_errors(message.pose_covariance, ctx.vehicle.release.error_formula)
     with np.errstate(all="ignore"):
-        posErr, angErr = pose_errors(message.pose_covariance)
         vel = q.rotate_vector(Vector3f(message.vx, message.vy, message.vz))
     timestamp_ms = ctx.correct_time_ms(ODOMETRY, message.time_usec)
     visual_odom = ctx.vehicle.visual_odom

@@ -94,5 +94,5 @@ def autopilot_version(vehicle: VehiclePort, channel: Channel, _now_us: int) -> A
 
 def _uid2(vehicle: VehiclePort) -> tuple[int, ...]:
     # FIRMWARE PARITY: the simulator's uid2 names the machine that it runs on.
-    name = f"viso-{vehicle.params.get_int('MAV_SYSID'):012d}"
+    name = f"viso-{vehicle.params.get_int(vehicle.release.params.system_id):012d}"
     return tuple(name.encode("ascii").ljust(UID2_BYTES, b"\0"))

@@ -176,6 +176,15 @@ class Codec:
     def system_id(self, value: int) -> None:
         self._mav.srcSystem = value
 
+    @property
+    def sequence(self) -> int:
+        """Sequence number of the next outgoing frame, 0..255."""
+        return int(self._mav.seq)
+
+    @sequence.setter
+    def sequence(self, value: int) -> None:
+        self._mav.seq = value
+
     def feed(self, data: bytes) -> None:
         """Add received bytes; ``next_received`` then gives what is whole."""
         if self._mav.buf_index > _COMPACT_ABOVE_BYTES:

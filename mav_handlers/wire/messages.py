@@ -107,6 +107,17 @@ class PARAM_SET(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class PARAM_ERROR(Message):
+    """Why a parameter was not read or set (MAV_PARAM_ERROR); by name with index -1."""
+
+    target_system: int
+    target_component: int
+    param_id: str
+    param_index: int
+    error: int
+
+
+@dataclass(frozen=True, slots=True)
 class GPS_RAW_INT(Message):
     """What a GPS says: degE7, mm, dilutions x 100 (65535 unknown), cm/s, centidegrees; accuracies in mm and mm/s."""
 

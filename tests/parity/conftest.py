@@ -25,10 +25,12 @@ DATA = Path(__file__).parent.parent / "data"
 class Replayed:
     """What the firmware made of a capture, and what we make of it.
 
-    ``header`` is the capture's first line, ``recorded`` the others; ``ours`` the lines of ``--records``, ``texts`` and
-    ``acks`` what the vehicle sent, ``log`` its DataFlash log.
+    ``name`` is the capture's, after that of its release where that is not the reference; ``header`` is its first line,
+    ``recorded`` the others; ``ours`` the lines of ``--records``, ``texts`` and ``acks`` what the vehicle sent, ``log``
+    its DataFlash log.
     """
 
+    name: str
     header: dict[str, Any]
     recorded: list[dict[str, Any]]
     ours: list[dict[str, Any]]
@@ -73,18 +75,23 @@ def run_viso_replay(args: list[str]) -> tuple[dict[str, Any], bytes]:
 
 @pytest.fixture(scope="session")
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Replayed]:
-    """Return a function that replays a capture by its name; with the firmware's attitude where that log is kept."""
+    """Return a function that replays a capture by its name; with the firmware's attitude where that log is kept.
+
+    A name such as ``2026-02/mav`` has a release before it, which the vehicle then is.
+    """
     folder = tmp_path_factory.mktemp("replayed")
 
     @cache
     def run(name: str) -> Replayed:
-        capture, attitude = DATA / "captures" / f"{name}.jsonl.gz", DATA / "logs" / f"{name}.BIN.xz"
-        log, records = folder / f"{name}.BIN", folder / f"{name}.jsonl.gz"
+        release, _, stem = name.rpartition("/")
+        capture, attitude = (DATA / release / kind for kind in (f"captures/{stem}.jsonl.gz", f"logs/{stem}.BIN.xz"))
+        log, records = (folder / f"{release}{stem}{ending}" for ending in (".BIN", ".jsonl.gz"))
         args = [str(capture), "--log", str(log), "--records", str(records)]
+        args += ["--firmware", release] if release else []
         args += ["--ahrs", str(attitude)] if attitude.exists() else []
         outcome, sent = run_viso_replay(args)
         texts = [(text["time_us"], text["severity"], text["text"]) for text in outcome["texts"]]
         header, *recorded = read_lines(capture)
-        return Replayed(header, recorded, read_lines(records), texts, command_acks(sent), log)
+        return Replayed(name, header, recorded, read_lines(records), texts, command_acks(sent), log)
 
     return run

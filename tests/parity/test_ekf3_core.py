@@ -23,6 +23,9 @@ from tests.parity.behaviours.logs import LOGS, Recordings, recordings_of_run
 Array = npt.NDArray[np.float64]
 
 NAMES: Final = sorted(ekf_targets.log_name(path) for path in LOGS.glob("*.BIN.xz"))
+LEFT_TO_THE_LONG_RUN: Final = {"flight_mav_extyaw", "flight_t265", "prearm", "t265", "voxl"}
+"""The usual run has one like each of them; the others are replayed there anyway, to look for behaviours."""
+
 SHORTEST: Final = "bench_no_yaw_source"
 SAME_FRAME_S: Final = 0.03
 WORST: Final = {
@@ -42,7 +45,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
     return recordings_of_run(tmp_path_factory)
 
 
-@pytest.fixture(params=NAMES)
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.slow if name in LEFT_TO_THE_LONG_RUN else ()) for name in NAMES]
+)
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

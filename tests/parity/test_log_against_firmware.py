@@ -21,14 +21,12 @@ from pymavlink.DFReader import DFReader_binary
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
 
-LOGS = Path(__file__).parent.parent / "data" / "logs"
-CAPTURES = LOGS.parent / "captures"
+DATA = Path(__file__).parent.parent / "data"
 # Benches of the estimator have no capture.
-KEPT = sorted(
-    name
-    for name in (path.name.removesuffix(".BIN.xz") for path in LOGS.glob("*.BIN.xz"))
-    if (CAPTURES / f"{name}.jsonl.gz").exists()
-)
+NAMES = (path.name.removesuffix(".BIN.xz") for path in (DATA / "logs").glob("*.BIN.xz"))
+KEPT = sorted(name for name in NAMES if (DATA / "captures" / f"{name}.jsonl.gz").exists())
+LATER = "2026-02/t265"
+"""A log of another release, which stands before its name."""
 
 TYPES = ("VISP", "VISV", "REPH", "REVH", "RVOH")
 # The corrected time, whichever way the record calls it; the read may be up to a loop before the handling.
@@ -91,14 +89,15 @@ def firmware_log(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pa
 
     @cache
     def unpack(name: str) -> Path:
-        path = folder / f"{name}.BIN"
-        path.write_bytes(lzma.decompress((LOGS / f"{name}.BIN.xz").read_bytes()))
+        release, _, stem = name.rpartition("/")
+        path = folder / f"{release}{stem}.BIN"
+        path.write_bytes(lzma.decompress((DATA / release / "logs" / f"{stem}.BIN.xz").read_bytes()))
         return path
 
     return unpack
 
 
-@pytest.fixture(scope="session", params=KEPT)
+@pytest.fixture(scope="session", params=[*KEPT, LATER])
 def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> tuple[Rows, Rows]:
     """Return the firmware's records and ours, of one log after the other; the tests of each come together."""
     return rows_of(firmware_log(request.param)), rows_of(replayed(request.param).log)

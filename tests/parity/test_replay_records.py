@@ -25,9 +25,12 @@ from ekf_stub.replay_log import ReplayLog
 from ekf_stub.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
 from ekf_stub.replay_vehicle import SensorSet, VehicleFrame
 from ekf_stub.sensors import Sensors
+from emulator.firmware import PROFILES, REFERENCE, Firmware
 
-LOGS = Path(__file__).parent.parent / "data" / "logs"
-NAMES = sorted(path.name.removesuffix(".BIN.xz") for path in LOGS.glob("*.BIN.xz"))
+DATA = Path(__file__).parent.parent / "data"
+NAMES = sorted(path.name.removesuffix(".BIN.xz") for path in (DATA / "logs").glob("*.BIN.xz"))
+LATER: Final = "2026-02/t265"
+"""A log of another release: its folder, and its name there."""
 
 STRUCTURES: Final = {structure.name: structure for structure in (*LOG_STRUCTURE_OF_FRAMES, RVOH, REPH, REVH, RBOH)}
 REDUCED: Final = {"RISI", "RBRI", "RMGI"}  # to the first instance, their last field
@@ -61,9 +64,9 @@ def frames_of(rows: Sequence[Row]) -> list[Sequence[Row]]:
 class Estimator:
     """Gives a log what an estimator of the firmware was given, by its own replay records."""
 
-    def __init__(self) -> None:
+    def __init__(self, firmware: Firmware = REFERENCE) -> None:
         self.rows: list[Row] = []
-        self.log = ReplayLog(self, lambda: True, FITTED)
+        self.log = ReplayLog(self, lambda: True, FITTED, event_order=firmware.event_order)
         self._given: dict[str, Any] = {}
         self._mag: tuple[int, Any] | None = None
         self._initialised = False
@@ -136,19 +139,33 @@ def replay_rows(rows: Sequence[Row]) -> list[Row]:
 def frames() -> Callable[[str], list[Sequence[Row]]]:
     @cache
     def read(name: str) -> list[Sequence[Row]]:
-        return frames_of(list(rows_of(lzma.decompress((LOGS / f"{name}.BIN.xz").read_bytes()))))
+        release, _, stem = name.rpartition("/")
+        return frames_of(list(rows_of(lzma.decompress((DATA / release / "logs" / f"{stem}.BIN.xz").read_bytes()))))
 
     return read
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_records_and_their_order_are_the_firmwares(name: str, frames: Callable[[str], list[Sequence[Row]]]) -> None:
-    estimator = Estimator()
-    for frame in frames(name):
+def recorded_and_ours(frames: list[Sequence[Row]], firmware: Firmware = REFERENCE) -> tuple[list[Row], list[Row]]:
+    estimator = Estimator(firmware)
+    for frame in frames:
         estimator.run(frame)
-    assert len(frames(name)) > FRAMES_OF_10_S
-    recorded = replay_rows([row for frame in frames(name) for row in frame])
-    ours = replay_rows(estimator.rows)
+    assert len(frames) > FRAMES_OF_10_S
+    return replay_rows([row for frame in frames for row in frame]), replay_rows(estimator.rows)
+
+
+def firmware_of(name: str) -> Firmware:
+    return PROFILES[name.partition("/")[0]] if "/" in name else REFERENCE
+
+
+@pytest.mark.parametrize("name", [*NAMES, LATER])
+def test_records_and_their_order_are_the_firmwares(name: str, frames: Callable[[str], list[Sequence[Row]]]) -> None:
+    recorded, ours = recorded_and_ours(frames(name), firmware_of(name))
     # The RFRF of the last frame waits for another.
     assert ours == recorded[: len(ours)]
     assert [name for name, _ in recorded[len(ours) :]] in ([], ["RFRF"])
+
+
+def test_another_release_logs_events_in_another_order(frames: Callable[[str], list[Sequence[Row]]]) -> None:
+    recorded, ours = recorded_and_ours(frames(LATER))
+    different = {name for (name, before), (_, after) in zip(recorded, ours, strict=False) if before != after}
+    assert different == {"REV2", "REV3"}

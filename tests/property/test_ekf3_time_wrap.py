@@ -258,7 +258,8 @@ def assert_same(one: Voyage, other: Voyage, within: float = 0.0) -> None:
     [
         *(("flight", wrap_s) for wrap_s in (6, 10, 23)),
         *(("pose", wrap_s) for wrap_s in (5, 10)),
-        *(("nothing", 10), ("nothing but a compass", 10), ("no odometry", 45), ("odometry", 46), ("GPS", 46)),
+        *(("nothing", 10), ("nothing but a compass", 10)),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in (("no odometry", 45), ("odometry", 46), ("GPS", 46))),
         *(("forced reset", wrap_s) for wrap_s in (6, 15)),
     ],
 )

@@ -206,13 +206,13 @@ class FilterMachine(RuleBasedStateMachine):
 def test_filter_stands_whatever_it_is_given() -> None:
     run_state_machine_as_test(
         FilterMachine,
-        settings=settings(max_examples=100, stateful_step_count=30, deadline=None, derandomize=True),
+        settings=settings(max_examples=50, stateful_step_count=30, deadline=None, derandomize=True),
     )
 
 
 @pytest.mark.slow
 def test_filter_stands_whatever_it_is_given_for_longer() -> None:
-    run_state_machine_as_test(FilterMachine, settings=settings(max_examples=250, stateful_step_count=60, deadline=None))
+    run_state_machine_as_test(FilterMachine, settings=settings(max_examples=150, stateful_step_count=60, deadline=None))
 
 
 # Long runs

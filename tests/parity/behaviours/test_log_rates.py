@@ -25,6 +25,7 @@ def rate_hz(log: Log, name: str, core: int = 0) -> float:
     return (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
 
 
+@pytest.mark.slow
 def test_42_estimates_are_logged_at_10_hz_and_variances_every_half_second(
     recordings: Recordings, make_parked: "MakeParked"
 ) -> None:

@@ -13,7 +13,8 @@ from ap_core.param import Param, ParamGroup, ParamInfo, ParamTable, ParamType
 from ap_visualodom.ap_visualodom import make_params
 from emulator.param_memory import MemoryParamStore, StoredParams
 from emulator.param_store import ParamStore
-from emulator.parameters import MAX_LINKS, STREAM_NAMES, make_groups
+from emulator.parameters import make_groups
+from emulator.release_parameters import MAX_LINKS, STREAM_NAMES
 from emulator.vehicle import Vehicle, VehicleConfig
 
 LOG = Path(__file__).parents[2] / "data" / "logs" / "flight_t265.BIN.xz"

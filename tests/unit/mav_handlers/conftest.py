@@ -4,6 +4,7 @@
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import pytest
@@ -12,8 +13,10 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
 from ekf_stub.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
+from emulator.firmware import PROFILES, REFERENCE, Firmware
 from emulator.log_sink import MemoryLog
 from emulator.scheduler import Scheduler
+from emulator.testing.copies import Copies
 from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
 from emulator.vehicle_config import bench
 from mav_handlers.channel import Channel
@@ -35,6 +38,8 @@ class SpyAhrs(RememberedCalls):
         self._ahrs = ahrs
 
     def __getattr__(self, name: str) -> Any:
+        if name == "_ahrs":  # a copy in the making
+            raise AttributeError(name)
         return getattr(self._ahrs, name)
 
     def writeExtNavData(self, *args: Any) -> None:
@@ -115,10 +120,17 @@ class Bench:
         params: values that count as defaults.
         bauds: one for each link.
         version: of MAVLink on all links.
+        firmware: which release the vehicle is.
     """
 
     def __init__(
-        self, params: dict[str, float], bauds: Sequence[int | None] = (None,), *, version: int = 2, until_ms: int
+        self,
+        params: dict[str, float],
+        bauds: Sequence[int | None] = (None,),
+        *,
+        version: int = 2,
+        until_ms: int,
+        firmware: Firmware = REFERENCE,
     ) -> None:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
@@ -127,7 +139,9 @@ class Bench:
             spies.append(SpyAhrs(bench()(parts)))
             return cast("VehicleAhrs", spies[-1])
 
-        config = VehicleConfig(make_ahrs, links=len(bauds), defaults=params, open_log=lambda: self.log)
+        config = VehicleConfig(
+            make_ahrs, links=len(bauds), defaults=params, open_log=lambda: self.log, firmware=firmware
+        )
         self.vehicle = Vehicle(config)
         self.ahrs = spies[0]
         self.endpoint = self.vehicle.endpoint
@@ -196,11 +210,25 @@ def make_bench() -> MakeBench:
     """Return a function that makes a vehicle from parameters given by keyword; it has run for 5 s by default."""
 
     def make(
-        *, bauds: Sequence[int | None] = (None,), version: int = 2, until_ms: int = SETTLED_MS, **params: float
+        *,
+        bauds: Sequence[int | None] = (None,),
+        version: int = 2,
+        until_ms: int = SETTLED_MS,
+        firmware: Firmware = REFERENCE,
+        **params: float,
     ) -> Bench:
-        return Bench({"VISO_TYPE": 1, **params}, bauds, version=version, until_ms=until_ms)
+        return settled(tuple(bauds), version, until_ms, firmware.name, **params).make()
 
     return make
+
+
+@cache
+def settled(
+    bauds: tuple[int | None, ...], version: int, until_ms: int, firmware: str, **params: float
+) -> Copies[Bench]:
+    """Return a vehicle that has run for a while; settling takes ten times as long as copying."""
+    values = {"VISO_TYPE": 1, **params}
+    return Copies(Bench(values, bauds, version=version, until_ms=until_ms, firmware=PROFILES[firmware]))
 
 
 @pytest.fixture(name="bench")

@@ -487,6 +487,7 @@ def test_source_sets_are_chosen_by_218_and_42007(bench: "Bench", client: "Client
     assert [event["Id"] for event in bench.logged("EV") if 85 <= int(event["Id"]) <= 87] == [86, 87, 85]
 
 
+@pytest.mark.slow
 def test_pre_arm_failures_repeat_after_30_s_and_changes_are_told_after_4_s(make_bench: "MakeBench") -> None:
     bench = make_bench(until_ms=0)
     client = bench.client

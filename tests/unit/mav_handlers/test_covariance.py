@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mav_handlers.covariance import pose_errors
+from mav_handlers.covariance import no_errors, pose_errors, root_of_sum
 
 POSITION = (0, 6, 11)
 ATTITUDE = (15, 18, 20)
@@ -78,3 +78,36 @@ def test_error_is_the_cube_root_of_the_sum_of_squares(a: float, b: float, c: flo
 @given(a=VARIANCES, b=VARIANCES, c=VARIANCES)
 def test_errors_are_float32(a: float, b: float, c: float) -> None:
     assert {type(error) for error in pose_errors(covariance({0: a, 6: b, 20: c}))} == {np.float32}
+
+
+# The formula of the master of February 2026
+
+
+def later_errors(values: dict[int, float]) -> tuple[float, float]:
+    pos_err, ang_err = pose_errors(covariance(values), root_of_sum)
+    return float(pos_err), float(ang_err)
+
+
+def test_later_error_is_the_standard_deviation_of_the_distance() -> None:
+    assert later_errors({0: 3, 6: 4, 11: 9, 15: 0.25, 18: 0.75, 20: 8}) == (4, 3)
+
+
+def test_later_error_of_no_covariance_is_zero() -> None:
+    assert later_errors({0: math.nan, 6: 4, 15: 9}) == (0, 0)
+
+
+@pytest.mark.parametrize("index", [6, 11])
+def test_later_error_of_a_negative_sum_is_nan(index: int) -> None:
+    pos_err, ang_err = later_errors({0: 1, index: -2, 15: 4})
+    assert math.isnan(pos_err)
+    assert ang_err == 2
+
+
+def test_later_error_is_summed_from_left_to_right_in_float32() -> None:
+    # The small one is lost beside the large one, which the last then takes away.
+    assert later_errors({0: 1, 6: 2**25, 11: -(2**25)})[0] == 0
+    assert later_errors({0: 2**25, 6: -(2**25), 11: 1})[0] == 1
+
+
+def test_message_without_errors_has_none_whatever_its_covariance() -> None:
+    assert [float(error) for error in no_errors(covariance({0: 3, 15: 4}), root_of_sum)] == [0.0, 0.0]

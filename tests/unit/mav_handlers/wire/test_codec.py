@@ -174,6 +174,12 @@ class TestEncode:
         assert codec.system_id == 42
         assert only(codec.encode(BEAT)).header.system_id == 42
 
+    def test_sequence_number_may_be_chosen_and_goes_on_from_there(self) -> None:
+        codec = Codec(1, 1)
+        codec.sequence = 254
+        assert [only(codec.encode(BEAT)).header.sequence for _ in range(3)] == [254, 255, 0]
+        assert codec.sequence == 1
+
     @pytest.mark.parametrize("version", [0, 3])
     def test_other_versions_are_refused(self, version: int) -> None:
         with pytest.raises(ValueError, match="versions 1 and 2"):

@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The option that chooses which firmware to be."""
+
+from typing import Annotated
+
+import typer
+
+from emulator.errors import InputError
+from emulator.firmware import PROFILES, REFERENCE, Firmware
+
+FirmwareOption = Annotated[
+    str, typer.Option("--firmware", help=f"The firmware to be: {', '.join(PROFILES)}.", metavar="PROFILE")
+]
+DEFAULT_FIRMWARE = REFERENCE.name
+
+
+def firmware_of(name: str, option: str = "--firmware") -> Firmware:
+    """Return a profile by its name.
+
+    Args:
+        name: what was given.
+        option: by which it was given, for the error.
+
+    Raises:
+        InputError: there is no such profile.
+    """
+    if name not in PROFILES:
+        raise InputError(f"{option} {name}: no such profile; there are {', '.join(PROFILES)}")
+    return PROFILES[name]

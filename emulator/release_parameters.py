@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parameters that releases name, type or place otherwise than others: those of links, ids and arming checks.
+
+Types, defaults and order: ArduCopter/Parameters.cpp, GCS_MAVLink/GCS_MAVLink_Parameters.cpp and AP_Arming.cpp of each.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.param_group import ParamGroup
+from ap_core.param_info import ParamFlag, ParamInfo, ParamType
+from emulator import copter_parameters as copter
+from emulator.param_conversion import NO_RENAMES, Rename, Renames, skip_instead_of_check
+
+INT8: Final = ParamType.INT8
+INT16: Final = ParamType.INT16
+INT32: Final = ParamType.INT32
+
+MAX_LINKS: Final = 8
+"""How many MAVLink links the firmware can have (GCS_MAVLink.h, MAVLINK_COMM_NUM_BUFFERS)."""
+
+SR_LINKS: Final = 7
+"""How many links have parameters in 4.6, open or not; more only where there are more links here."""
+
+CHECKS_TO_SKIP: Final = (1 << 21) - 2
+"""The bits of all checks in ARMING_SKIPCHK."""
+
+LinkGroups = Callable[[int], list[ParamGroup]]
+"""Takes the number of links, returns the groups."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRelease:
+    """Which parameters a release has where releases differ.
+
+    Attributes:
+        early: top-level entries that follow FORMAT_VERSION.
+        early_links: groups that precede AHRS_.
+        second_table: rows of the vehicle's second table that precede FRAME_CLASS.
+        late_links: groups that end the list.
+        port_options: type of SERIALn_OPTIONS.
+        arming: the ARMING_ group.
+        arming_check: which of its rows says what is checked.
+        enabled_checks: takes that row's value, returns the checks to make as ARMING_CHECK has them; bit 0 is all.
+        renames: what earlier releases call otherwise.
+    """
+
+    early: Sequence[ParamInfo]
+    early_links: LinkGroups
+    second_table: Sequence[ParamInfo]
+    late_links: LinkGroups
+    port_options: ParamType
+    arming: Sequence[ParamInfo]
+    arming_check: str
+    enabled_checks: Callable[[int], int]
+    renames: Renames
+
+
+_MAV: Final = (
+    ParamInfo("_SYSID", INT16, 1, "System id of this vehicle", "", (1.0, 255.0)),
+    ParamInfo("_GCS_SYSID", INT16, 255, "System id of the ground station in charge", "", (1.0, 255.0)),
+    ParamInfo("_OPTIONS", INT16, 0, "Bits: 0 obey only the ground station in charge"),
+    ParamInfo("_TELEM_DELAY", INT8, 0, "Silence of telemetry radios after start-up", "s", (0.0, 30.0)),
+)
+
+STREAM_NAMES: Final = (
+    "_RAW_SENS",
+    "_EXT_STAT",
+    "_RC_CHAN",
+    "_RAW_CTRL",
+    "_POSITION",
+    "_EXTRA1",
+    "_EXTRA2",
+    "_EXTRA3",
+    "_PARAMS",
+    "_ADSB",
+)
+"""Row names of the stream rates of a link, in the order of the firmware's streams."""
+
+_STREAMS: Final = tuple(
+    ParamInfo(name, INT16, 0, "Rate of this stream group", "Hz", (0.0, 50.0), reboot_required=True)
+    for name in STREAM_NAMES
+)
+_MAV_LINK: Final = (
+    *_STREAMS,
+    ParamInfo("_OPTIONS", INT16, 0, "Bits: 1 forward nothing, 2 ignore stream requests", reboot_required=True),
+    ParamInfo("_OPTIONSCNV", INT8, 0, "Whether options of older firmware were taken over", flags=ParamFlag.HIDDEN),
+)
+
+
+def _no_links(_number_of_links: int) -> list[ParamGroup]:
+    return []
+
+
+def _check_links(number_of_links: int) -> None:
+    if number_of_links > MAX_LINKS:
+        raise ValueError(f"link {number_of_links}: there are parameters for links 1 to {MAX_LINKS}")
+
+
+def _mav_links(number_of_links: int) -> list[ParamGroup]:
+    _check_links(number_of_links)
+    prefixes = (f"MAV{number}" for number in range(1, number_of_links + 1))
+    links = (ParamGroup(prefix, _MAV_LINK, top_level_prefix="MAV") for prefix in prefixes)
+    return [ParamGroup("MAV", _MAV, top_level_prefix="MAV"), *links]
+
+
+# Up to 4.6
+
+_SYSID: Final = (
+    ParamInfo("SYSID_THISMAV", INT16, 1, "System id of this vehicle", "", (1.0, 255.0)),
+    ParamInfo("SYSID_MYGCS", INT16, 255, "System id of the ground station in charge", "", (1.0, 255.0)),
+    ParamInfo("TELEM_DELAY", INT8, 0, "Silence of telemetry radios after start-up", "s", (0.0, 30.0)),
+)
+_SYSID_ENFORCE: Final = (
+    ParamInfo("SYSID_ENFORCE", INT8, 0, "Obey only the ground station in charge", values={0: "No", 1: "Yes"}),
+)
+
+
+def _sr_links(number_of_links: int) -> list[ParamGroup]:
+    _check_links(number_of_links)
+    prefixes = (f"SR{index}" for index in range(max(SR_LINKS, number_of_links)))
+    return [ParamGroup(prefix, _STREAMS, top_level_prefix=prefix) for prefix in prefixes]
+
+
+# What is checked before arming
+
+
+def checks_to_make(value: int) -> int:
+    """Return ARMING_CHECK as it is."""
+    return value
+
+
+def checks_not_skipped(value: int) -> int:
+    """Return the checks that ARMING_SKIPCHK leaves (AP_Arming::get_enabled_checks)."""
+    return ~value & CHECKS_TO_SKIP
+
+
+_SKIPCHK: Final = ParamInfo(
+    "SKIPCHK", INT32, 0, "Which checks arming does without, bits: 10 logging, 18 visual odometry, ...; -1 all"
+)
+_ARMING_LATER: Final = (*(row for row in copter.ARMING if row.name != "CHECK"), _SKIPCHK)
+
+# How what is stored is carried over
+
+
+def _renamed_streams() -> Iterator[tuple[str, Rename]]:
+    for index in range(MAX_LINKS):
+        for row in STREAM_NAMES:
+            yield f"SR{index}{row}", Rename(f"MAV{index + 1}{row}")
+
+
+RENAMES_OF_4_7: Final[Renames] = {
+    "SYSID_THISMAV": Rename("MAV_SYSID"),
+    "SYSID_MYGCS": Rename("MAV_GCS_SYSID"),
+    "SYSID_ENFORCE": Rename("MAV_OPTIONS"),
+    "TELEM_DELAY": Rename("MAV_TELEM_DELAY"),
+    **dict(_renamed_streams()),
+}
+ALL_RENAMES: Final[Renames] = {**RENAMES_OF_4_7, "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check)}
+"""Those of all releases."""
+
+
+REFERENCE: Final = ParameterRelease(
+    (), _no_links, (), _mav_links, INT32, copter.ARMING, "CHECK", checks_to_make, RENAMES_OF_4_7
+)
+"""The master of October 2025."""
+
+UP_TO_4_6: Final = ParameterRelease(
+    _SYSID, _sr_links, _SYSID_ENFORCE, _no_links, INT16, copter.ARMING, "CHECK", checks_to_make, NO_RENAMES
+)
+
+FEBRUARY_2026: Final = ParameterRelease(
+    (), _no_links, (), _mav_links, INT32, _ARMING_LATER, "SKIPCHK", checks_not_skipped, ALL_RENAMES
+)

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings of a later release are reproduced as that release, and are seen to differ as any other."""
+
+import gzip
+import json
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from ap_visualodom.log_structure import VISP
+from emulator import ekf_targets
+from emulator.ekf_comparison import compare
+from emulator.ekf_replay import replay_ekf
+from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from emulator.replay import Replay
+from emulator.streams import read_stream
+from emulator.vectors import count_differences, recompute_text
+from emulator.vehicle import Vehicle, VehicleConfig
+
+LABELS: Final = {label: index for index, label in enumerate(VISP.fields, 1)}
+LATER = Path(__file__).parent.parent / "data" / "2026-02"
+REFERENCE_VECTORS = LATER.parent / "vectors" / "visual_odom.jsonl.gz"
+SCENARIOS, STEPS = 306, 41113
+CHUNKS = 3
+BAUD = 115200
+OTHERS = [profile for profile in PROFILES.values() if profile is not FEBRUARY_2026]
+
+
+@cache
+def scenarios(path: Path = LATER / "vectors" / "visual_odom.jsonl.gz") -> tuple[str, ...]:
+    with gzip.open(path, "rt", encoding="utf-8") as file:
+        return tuple(file)
+
+
+def differences(lines: tuple[str, ...], firmware: Firmware) -> tuple[int, int]:
+    """Return the numbers of steps, and of steps that come out otherwise."""
+    recomputed = ((line, recompute_text(line, firmware.visual_odom)) for line in lines)
+    counts = [count_differences(json.loads(line), json.loads(ours)) for line, ours in recomputed]
+    return sum(steps for steps, _ in counts), sum(different for _, different in counts)
+
+
+def test_scenarios_are_complete() -> None:
+    assert len(scenarios()) == SCENARIOS
+    assert sum(len(json.loads(line)["steps"]) for line in scenarios()) == STEPS
+
+
+@pytest.mark.parametrize("chunk", range(CHUNKS))
+def test_scenarios_come_out_as_the_release_has_them(chunk: int) -> None:
+    steps, different = differences(scenarios()[chunk::CHUNKS], FEBRUARY_2026)
+    assert steps > STEPS // 4
+    assert different == 0
+
+
+@pytest.mark.parametrize("firmware", OTHERS, ids=lambda one: one.name)
+def test_scenarios_come_out_otherwise_as_another_release(firmware: Firmware) -> None:
+    with_alignment = tuple(line for line in scenarios()[:40] if '"align_position"' in line)
+    assert differences(with_alignment, firmware)[1] > 50
+
+
+def test_scenarios_of_the_mav_backend_are_those_of_all_releases() -> None:
+    lines = tuple(line for line in scenarios() if json.loads(line)["params"]["TYPE"] == 1)[:10]
+    assert [differences(lines, firmware)[1] for firmware in PROFILES.values()] == [0, 0, 0]
+
+
+def test_scenarios_of_the_reference_are_those_of_4_6_and_not_of_the_later_one() -> None:
+    lines = tuple(line for line in scenarios(REFERENCE_VECTORS)[:40] if '"align_position"' in line)
+    found = {name: differences(lines, firmware)[1] for name, firmware in PROFILES.items()}
+    assert found[STABLE_4_6.name] == found[REFERENCE.name] == 0
+    assert found[FEBRUARY_2026.name] > 50
+
+
+# Captures; that they are reproduced is tested with the others.
+
+
+def errors_differ(capture: Path, count: int, firmware: Firmware) -> bool:
+    """Tell whether the errors of any of the first messages come out otherwise than recorded."""
+    stream = read_stream(capture, 0)
+    vehicle = Vehicle(VehicleConfig(defaults=stream.params, firmware=firmware))
+    replay = Replay(vehicle, replace(stream, messages=stream.messages[:count]), BAUD)
+    ours = [errors_of(message.as_dict()["out"]) for message in replay.run()]
+    with gzip.open(capture, "rt", encoding="utf-8") as file:
+        recorded = [errors_of(json.loads(line)["out"]) for line in islice(file, 1, 1 + count)]
+    assert len(recorded) == len(ours) == count
+    return recorded != ours
+
+
+def errors_of(records: Any) -> list[list[str]]:
+    return [record[LABELS["PErr"] : LABELS["AErr"] + 1] for record in records if record[0] == VISP.name]
+
+
+@pytest.mark.parametrize(("name", "count"), [("mav", 130), ("mocap_covariance", 70), ("t265", 110)])
+def test_captures_come_out_as_their_release_alone_has_them(name: str, count: int) -> None:
+    capture = LATER / "captures" / f"{name}.jsonl.gz"
+    differ = {firmware for firmware in PROFILES if errors_differ(capture, count, PROFILES[firmware])}
+    assert differ == {STABLE_4_6.name, REFERENCE.name}
+
+
+@pytest.mark.parametrize(("name", "count"), [("mav", 130), ("mocap", 160), ("t265", 110)])
+def test_captures_of_the_reference_come_out_otherwise_as_the_later_release(name: str, count: int) -> None:
+    capture = LATER.parent / "captures" / f"{name}.jsonl.gz"
+    differ = {firmware for firmware in PROFILES if errors_differ(capture, count, PROFILES[firmware])}
+    assert differ == {FEBRUARY_2026.name}
+
+
+@pytest.mark.slow
+def test_filter_says_what_the_later_release_said_over_its_log() -> None:
+    log = LATER / "logs" / "t265.BIN.xz"
+    comparison = compare(replay_ekf(log).until(ekf_targets.end_s(log)), bench=False)
+    assert comparison.records > 300
+    assert [check for check in comparison.checks if not check.passed] == []
