@@ -14,6 +14,7 @@ from typing import Final
 from companion.vio.config import AglSource, Scene, VioConfig
 from companion.world.flight import SyntheticFlight
 from emulator.filter_watch import FilterWatch
+from emulator.firmware import REFERENCE, Firmware
 from emulator.imu.errors import SensorErrors
 from emulator.imu.options import ImuOptions
 from emulator.imu.script import ScriptSource
@@ -65,6 +66,7 @@ class LoopSetup:
         params: the autopilot's, over those of ``PARAMS``.
         sensor_errors: of the autopilot's own sensors.
         seed: of the random part of those.
+        firmware: which release the autopilot is.
     """
 
     flight: SyntheticFlight
@@ -73,6 +75,7 @@ class LoopSetup:
     params: Mapping[str, float] = field(default_factory=dict)
     sensor_errors: SensorErrors = SENSOR_ERRORS
     seed: int = 0
+    firmware: Firmware = REFERENCE
 
     def companion_time_us(self, time_us: int) -> int:
         """Return what the companion's clock shows at a time since the autopilot's boot."""
@@ -147,4 +150,5 @@ def _make_vehicle(setup: LoopSetup, open_log: Callable[[], LogSink]) -> Vehicle:
         return flight_source(setup.flight.trajectory, setup.companion_us * 1e-6, options)
 
     make_ahrs = by_ekf3(make_source, ImuOptions(errors=setup.sensor_errors, seed=setup.seed))
-    return Vehicle(VehicleConfig(make_ahrs, defaults={**PARAMS, **setup.params}, open_log=open_log))
+    params = {**PARAMS, **setup.params}
+    return Vehicle(VehicleConfig(make_ahrs, defaults=params, open_log=open_log, firmware=setup.firmware))

@@ -7,6 +7,7 @@ from typing import Final
 
 from companion.world.ground import generate_texture
 from emulator.companion_loop import CompanionLoop, LoopSetup
+from emulator.firmware import REFERENCE, Firmware
 from emulator.log_sink import LogSink
 from emulator.survey_flight import SurveyPlan, survey_flight
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
@@ -42,12 +43,13 @@ _RUN_PREARM_CHECKS: Final = 401
 _ARM_DISARM: Final = 400
 
 
-def demo_setup(seed: int) -> LoopSetup:
+def demo_setup(seed: int, firmware: Firmware = REFERENCE) -> LoopSetup:
     """Return what the demonstration flies; the seed is that of all noise."""
     covered_s = tuple((start_s - COMPANION_S, end_s - COMPANION_S) for start_s, end_s in COVERED_S)
     texture = generate_texture(size_px=TEXTURE_PX, metres_per_pixel=TEXTURE_METRES_PER_PIXEL)
     flight = survey_flight(PLAN, END_S - COMPANION_S, seed=seed, texture=texture, covered_s=covered_s)
-    return LoopSetup(flight=flight, companion_us=round(COMPANION_S * 1e6), params=PARAMS, seed=seed)
+    companion_us = round(COMPANION_S * 1e6)
+    return LoopSetup(flight=flight, companion_us=companion_us, params=PARAMS, seed=seed, firmware=firmware)
 
 
 class VioDemo:
@@ -56,6 +58,7 @@ class VioDemo:
     Args:
         seed: of all noise; the same seed gives the same log, byte for byte.
         open_log: opens the log.
+        firmware: which release the autopilot is.
 
     Attributes:
         loop: the vehicle, the companion and what has happened.
@@ -65,8 +68,8 @@ class VioDemo:
         ModuleNotFoundError: if the renderer's are not.
     """
 
-    def __init__(self, seed: int, open_log: Callable[[], LogSink]) -> None:
-        self.loop = CompanionLoop(demo_setup(seed), open_log)
+    def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:
+        self.loop = CompanionLoop(demo_setup(seed, firmware), open_log)
 
     def _script(self) -> list[tuple[float, Callable[[], None]]]:
         loop, companion = self.loop, self.loop.companion

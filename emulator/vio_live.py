@@ -136,7 +136,7 @@ class LiveVio:
         Args:
             stop: tells whether to end before that.
             delay_s: how long to wait before the first frame.
-            until_s: when to end, since the first frame of a camera; a recording ends by itself.
+            until_s: when to end with a camera, since the start; a recording ends by itself.
 
         Raises:
             SourceError: if the recording cannot be read on.

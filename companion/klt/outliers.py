@@ -75,15 +75,18 @@ def check(
     disparity_px = float(np.median(known_px)) if len(known_px) else 0.0
     if len(known_px) and disparity_px < NO_PARALLAX_PX:
         return Agreement(error_px < _ROTATION_SLACK * threshold_px, Model.ROTATION, disparity_px)
-    return _fitted(before, after, threshold_px / focal_px, disparity_px, planar=planar)
+    # In pixels: OpenCV's homography is not found among numbers as small as normalised coordinates.
+    return _fitted(focal_px * before, focal_px * after, focal_px, threshold_px, disparity_px, planar=planar)
 
 
-def _fitted(before: Array, after: Array, threshold: float, disparity_px: float, *, planar: bool) -> Agreement:
-    homography = _homography(before, after, threshold)
+def _fitted(
+    before_px: Array, after_px: Array, focal_px: float, threshold_px: float, disparity_px: float, *, planar: bool
+) -> Agreement:
+    homography = _homography(before_px, after_px, threshold_px)
     # A known plane needs no second model, unless there is none.
-    essential = None if planar and homography is not None else _essential(before, after, threshold)
+    essential = None if planar and homography is not None else _essential(before_px, after_px, focal_px, threshold_px)
     if essential is None and homography is None:
-        return Agreement(np.zeros(len(before), np.bool_), None, disparity_px)
+        return Agreement(np.zeros(len(before_px), np.bool_), None, disparity_px)
     kept = 0 if homography is None else np.count_nonzero(homography)
     if homography is not None and (essential is None or kept >= PLANAR_SHARE * np.count_nonzero(essential)):
         return Agreement(homography, Model.HOMOGRAPHY, disparity_px)
@@ -91,16 +94,17 @@ def _fitted(before: Array, after: Array, threshold: float, disparity_px: float, 
     return Agreement(essential, Model.ESSENTIAL, disparity_px)
 
 
-def _homography(before: Array, after: Array, threshold: float) -> Mask | None:
+def _homography(before_px: Array, after_px: Array, threshold_px: float) -> Mask | None:
     model, mask = cv2.findHomography(
-        before, after, cv2.USAC_MAGSAC, threshold, maxIters=_ITERATIONS, confidence=_CONFIDENCE
+        before_px, after_px, cv2.USAC_MAGSAC, threshold_px, maxIters=_ITERATIONS, confidence=_CONFIDENCE
     )
     return _inliers(model, mask)
 
 
-def _essential(before: Array, after: Array, threshold: float) -> Mask | None:
+def _essential(before_px: Array, after_px: Array, focal_px: float, threshold_px: float) -> Mask | None:
+    camera = np.diag([focal_px, focal_px, 1.0])
     model, mask = cv2.findEssentialMat(
-        before, after, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, threshold, maxIters=_ITERATIONS
+        before_px, after_px, camera, cv2.USAC_MAGSAC, _CONFIDENCE, threshold_px, maxIters=_ITERATIONS
     )
     return _inliers(model, mask)
 

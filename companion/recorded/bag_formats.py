@@ -70,7 +70,7 @@ def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
     Raises:
         TrajectoryError: if the bag cannot be read, rosbags is missing, or the topic is not clear; one line.
     """
-    with _one_line_errors(path):
+    with one_line_errors(path, TrajectoryError):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
@@ -85,16 +85,22 @@ def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
 
 
 @contextmanager
-def _one_line_errors(path: Path) -> Iterator[None]:
+def one_line_errors(path: Path, error_type: type[Exception]) -> Iterator[None]:
+    """Turn whatever reading a bag raises into one line that names the file.
+
+    Args:
+        path: of the bag.
+        error_type: what to raise; such an error from within passes as it is.
+    """
     try:
         yield
-    except TrajectoryError:
+    except error_type:
         raise
     except ModuleNotFoundError as error:
-        raise TrajectoryError(f"{path}: {MISSING_EXTRA}") from error
+        raise error_type(f"{path}: {MISSING_EXTRA}") from error
     except Exception as error:  # what damage makes rosbags and what is below it raise has no common base
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise TrajectoryError(f"{path}: not a readable bag: {reason[:LONGEST_REASON]}") from error
+        raise error_type(f"{path}: not a readable bag: {reason[:LONGEST_REASON]}") from error
 
 
 def _choose(path: Path, connections: list[Any], topic: str | None) -> list[Any]:

@@ -19,6 +19,7 @@ from companion.vio.frames import flu_to_frd
 from companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 from companion.vio.types import (
     CameraCalibration,
+    ImuBias,
     ImuSample,
     NavCameraFrame,
     Pixels,
@@ -82,7 +83,6 @@ class Recording:
         start: the state at the first frame; None if it is not known.
         config: what suits these data, unless told otherwise.
         world_is_north: whether the world of ``start`` has an absolute yaw.
-        notes: what there is to know about the data, a line each.
     """
 
     calibration: CameraCalibration
@@ -91,7 +91,6 @@ class Recording:
     start: WarmStartPose | None = None
     config: VioConfig = field(default_factory=VioConfig)
     world_is_north: bool = False
-    notes: tuple[str, ...] = ()
 
     def events(self) -> Iterator[Event]:
         """Yield the data in the order in which they arrive, from shortly before the first frame on (TrialSource)."""
@@ -114,11 +113,10 @@ class Recording:
         Args:
             body_R_imu: [3, 3], from the axes of these data to those of the new body.
         """
+        if np.array_equal(body_R_imu, np.eye(3)):
+            return self
         to_body = SE3(body_R_imu, np.zeros(3))
         calibration = dataclasses.replace(self.calibration, B_T_C=to_body @ self.calibration.B_T_C)
-        start = self.start and WarmStartPose(
-            to_body @ self.start.body_T_world, body_R_imu.dot(self.start.velocity_b), self.start.bias
-        )
 
         def data() -> Iterator[Event]:
             for event in self.data():
@@ -126,7 +124,8 @@ class Recording:
                     event = ImuSample(event.t_ns, body_R_imu.dot(event.accel), body_R_imu.dot(event.gyro))
                 yield event
 
-        poses = self.poses and _turned(self.poses, body_R_imu)
+        poses = self.poses and _turned_poses(self.poses, body_R_imu)
+        start = self.start and _turned_start(self.start, to_body)
         return dataclasses.replace(self, calibration=calibration, data=data, poses=poses, start=start)
 
 
@@ -194,6 +193,11 @@ def in_order_of_arrival(
     yield from waiting
 
 
+def make_frame(sequence: int, t_ns: int, pixels: Pixels, camera_id: str) -> NavCameraFrame:
+    """Return a frame with an identifier that is the same each time."""
+    return NavCameraFrame(frame_uuid(max(t_ns, 0) // 1_000_000, sequence, 0), sequence, t_ns, pixels, camera_id)
+
+
 def _since_first_frame(events: Iterator[Event]) -> Iterator[Event]:
     early: list[Event] = []
     for event in events:
@@ -206,11 +210,16 @@ def _since_first_frame(events: Iterator[Event]) -> Iterator[Event]:
     yield from events
 
 
-def make_frame(sequence: int, t_ns: int, pixels: Pixels, camera_id: str) -> NavCameraFrame:
-    """Return a frame with an identifier that is the same each time."""
-    return NavCameraFrame(frame_uuid(max(t_ns, 0) // 1_000_000, sequence, 0), sequence, t_ns, pixels, camera_id)
-
-
-def _turned(poses: TimedPoses, body_R_imu: Array) -> TimedPoses:
+def _turned_poses(poses: TimedPoses, body_R_imu: Array) -> TimedPoses:
     quats = [quat_wxyz_from_rotation(rotation_from_quat_wxyz(quat).dot(body_R_imu.T)) for quat in poses.quats_wxyz]
     return TimedPoses(poses.t_ns, poses.positions_xyz, np.array(quats).reshape(-1, 4))
+
+
+def _turned_start(start: WarmStartPose, to_body: SE3) -> WarmStartPose:
+    turn, covariance = to_body.R, start.covariance
+    if covariance is not None:
+        turns = np.eye(15)  # position and velocity are the world's
+        turns[:3, :3] = turns[9:12, 9:12] = turns[12:, 12:] = turn
+        covariance = turns.dot(covariance).dot(turns.T)
+    bias = ImuBias(turn.dot(start.bias.accel), turn.dot(start.bias.gyro))
+    return WarmStartPose(to_body @ start.body_T_world, turn.dot(start.velocity_b), bias, covariance)

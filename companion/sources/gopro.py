@@ -42,7 +42,7 @@ class Telemetry:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class _Part:
     """A stream's rows in a payload, and when that begins and ends in the video."""
 
     start_s: float
@@ -75,8 +75,8 @@ def read_telemetry(path: Path) -> Telemetry:
         raise SourceError(f"{path}: not the telemetry of a GoPro, or a damaged one: {error}") from error
 
 
-def _parts(payloads: Sequence[Payload]) -> dict[str, list[Part]]:
-    found: dict[str, list[Part]] = {key: [] for key in _COLUMNS}
+def _parts(payloads: Sequence[Payload]) -> dict[str, list[_Part]]:
+    found: dict[str, list[_Part]] = {key: [] for key in _COLUMNS}
     for payload in payloads:
         for stream in streams_of(payload.data):
             if stream.key not in found or not len(stream.rows):
@@ -85,11 +85,11 @@ def _parts(payloads: Sequence[Payload]) -> dict[str, list[Part]]:
             if rows.shape[1] < _COLUMNS[stream.key] or not np.isfinite(rows).all():
                 raise GpmfError(f"{stream.key}: columns missing, or not finite")
             end_s = payload.start_s + payload.duration_s
-            found[stream.key].append(Part(payload.start_s, end_s, dataclasses.replace(stream, rows=rows)))
+            found[stream.key].append(_Part(payload.start_s, end_s, dataclasses.replace(stream, rows=rows)))
     return found
 
 
-def _samples(accel_parts: list[Part], gyro_parts: list[Part]) -> Iterator[ImuSample]:
+def _samples(accel_parts: list[_Part], gyro_parts: list[_Part]) -> Iterator[ImuSample]:
     """Yield samples at the times of the accelerometer, with the mean of the gyro's around each."""
     accel_s, accel = _times(accel_parts), _flu(accel_parts)
     gyro_s, gyro = _times(gyro_parts), _flu(gyro_parts)
@@ -107,7 +107,7 @@ def _samples(accel_parts: list[Part], gyro_parts: list[Part]) -> Iterator[ImuSam
         yield ImuSample(round(t_s * 1e9), force, rate)
 
 
-def _times(parts: list[Part]) -> Array:
+def _times(parts: list[_Part]) -> Array:
     """Return the time of each row: the rate is the camera's clock's, as steady as that, the start the video's."""
     counts = np.array([len(part.stream.rows) for part in parts])
     totals = [part.stream.total for part in parts]
@@ -127,7 +127,7 @@ def _times(parts: list[Part]) -> Array:
     return times
 
 
-def _flu(parts: list[Part]) -> Array:
+def _flu(parts: list[_Part]) -> Array:
     letters = parts[0].stream.axes or DEFAULT_AXES
     if sorted(letters.upper()) != ["X", "Y", "Z"]:
         raise GpmfError(f"axes {letters!r}")
@@ -138,7 +138,7 @@ def _flu(parts: list[Part]) -> Array:
     return flu
 
 
-def _drone(attitudes: list[Part], positions: list[Part]) -> DroneTrack | None:
+def _drone(attitudes: list[_Part], positions: list[_Part]) -> DroneTrack | None:
     if not attitudes or not positions:
         return None
     spans = [(part.start_s, part.end_s, part.stream.rows[0, 0], part.stream.rows[-1, 0]) for part in positions]
@@ -148,5 +148,5 @@ def _drone(attitudes: list[Part], positions: list[Part]) -> DroneTrack | None:
         raise GpmfError(str(error)) from error
 
 
-def _rows(parts: list[Part]) -> Array:
+def _rows(parts: list[_Part]) -> Array:
     return np.concatenate([part.stream.rows for part in parts])

@@ -11,6 +11,8 @@ from typing import BinaryIO, Final
 from companion.sources.base import SourceError
 
 LARGEST_INDEX_BYTES: Final = 1 << 28
+MOST_SAMPLES: Final = 1_000_000
+"""Of a track with a sample a second, as telemetry has."""
 _LONG_SIZE, _TO_THE_END = 1, 0
 
 
@@ -60,7 +62,7 @@ def _payloads(file: BinaryIO, entry: bytes) -> list[Payload]:
         if media is None or table is None or bytes(_required(table, b"stsd")[12:16]) != entry:
             continue
         lengths = _lengths(_required(table, b"stsz"), size)
-        offsets = _offsets(table, len(lengths))
+        offsets = _offsets(table, lengths)
         return [
             Payload(start_s, duration_s, _read(file, offset, length, size))
             for offset, length, (start_s, duration_s) in zip(offsets, lengths, _times(media, table), strict=False)
@@ -133,6 +135,8 @@ def _rows(body: memoryview, form: str, skip: int = 4) -> Iterator[tuple[int, ...
 
 def _lengths(body: memoryview, size: int) -> list[int]:
     fixed, count = struct.unpack_from(">II", body, 4)
+    if count > MOST_SAMPLES:
+        raise _DamagedError(f"{count} samples")
     if not fixed:
         return [row[0] for row in _rows(body, ">I", 8)]
     if fixed * count > size:
@@ -140,18 +144,18 @@ def _lengths(body: memoryview, size: int) -> list[int]:
     return [fixed] * count
 
 
-def _offsets(table: memoryview, count: int) -> Iterator[int]:
+def _offsets(table: memoryview, lengths: list[int]) -> Iterator[int]:
     """Yield where each sample begins: samples lie in chunks, each right after the one before."""
     short = _find(table, b"stco")
     chunks = list(_rows(short, ">I") if short is not None else _rows(_required(table, b"co64"), ">Q"))
     runs = list(_rows(_required(table, b"stsc"), ">III"))
-    lengths = iter(_lengths(_required(table, b"stsz"), 1 << 62)[:count])
+    left = iter(lengths)
     for number, (offset,) in enumerate(chunks, 1):
         while len(runs) > 1 and runs[1][0] <= number:
             runs.pop(0)
         for _ in range(runs[0][1] if runs else 0):
             yield offset
-            length = next(lengths, None)
+            length = next(left, None)
             if length is None:
                 return
             offset += length

@@ -15,17 +15,17 @@ from rich.table import Column, Table
 
 from companion.clock import OffsetClock
 from companion.odometry.encoding import CovarianceEncoding
-from companion.recorded.axes import PRESETS, FrameChange, parse_axes, parse_rotation
+from companion.recorded.axes import PRESETS, FrameChange, parse_rotation
 from companion.recorded.engine import Playback, RecordedEngine
-from companion.recorded.messages import FORMS, Form
+from companion.recorded.messages import FORMS
 from companion.recorded.player import Player, Text
-from companion.recorded.readers import FORMATS, Source, load_trajectory
-from companion.recorded.records import TrajectoryError
-from companion.recorded.trajectory import RecordedTrajectory
+from companion.recorded.readers import FORMATS, Source
 from emulator.console import err, out
 from emulator.errors import InputError
+from emulator.option_checks import within
 from emulator.playing import LinkPlay, write_telemetry_log
 from emulator.signals import stop_on_signal
+from emulator.trajectory_files import axes_of, form_of, left_out, load
 from mav_handlers.links import open_link
 
 DEFAULT_LINK: Final = "tcp:127.0.0.1:5760"
@@ -33,27 +33,13 @@ LONGEST_S: Final = 4e9
 LONGEST_DELAY_S: Final = 86_400.0
 
 
-def _within(option: str, value: float | None, low: float, high: float) -> None:
-    if value is not None and not low <= value <= high:
-        raise InputError(f"{option} {value:g}: not between {low:g} and {high:g}")
-
-
 def _frame_change(axes: str, mounting: str, yaw_deg: float, from_zero: bool, scale: float) -> FrameChange:
-    try:
-        matrices = parse_axes(axes)
-    except ValueError as error:
-        raise InputError(f"--axes: {error}") from error
+    matrices = axes_of(axes)
     try:
         rotation = parse_rotation(mounting)
     except ValueError as error:
         raise InputError(f"--mounting: {error}") from error
     return FrameChange(*matrices, rotation, math.radians(yaw_deg), from_zero, scale)
-
-
-def _form(name: str) -> Form:
-    if name not in FORMS:
-        raise InputError(f"--as {name}: there are {', '.join(FORMS)}")
-    return FORMS[name]
 
 
 def _sigmas(text: str) -> tuple[float, float] | None:
@@ -63,19 +49,9 @@ def _sigmas(text: str) -> tuple[float, float] | None:
         position_m, angle_deg = map(float, text.split(","))
     except ValueError:
         raise InputError(f"--sigma {text}: neither METRES,DEGREES nor none") from None
-    _within("--sigma", position_m, 0, 1e3)
-    _within("--sigma", angle_deg, 0, 180)
+    within("--sigma", position_m, 0, 1e3)
+    within("--sigma", angle_deg, 0, 180)
     return position_m, math.radians(angle_deg)
-
-
-def _load(source: Source, format_name: str | None) -> RecordedTrajectory:
-    try:
-        trajectory = load_trajectory(source, format_name)
-    except TrajectoryError as error:
-        raise InputError(str(error)) from error
-    for reason, count in trajectory.left_out.items():
-        err.print(f"note: {source.path}: {count} with {reason}")
-    return trajectory
 
 
 def _table(sent: Mapping[str, int]) -> Table:
@@ -171,16 +147,19 @@ def play(
         ("--speedup", speedup, 0.01, 1000),
         ("--wait", wait, 0, LONGEST_S),
     ):
-        _within(option, value, low, high)
+        within(option, value, low, high)
     if master is not None and output is not None:
         raise InputError("--master and --output: one of the two")
     if loop and output is not None and until is None:
         raise InputError("--loop: a log without an end needs --until")
     start_us, latency_us, clock = int(delay * 1e6), int(latency * 1e3), OffsetClock(int(stamp_offset * 1e6))
-    playback = Playback(_form(form), speed, loop, start_us, latency_us, clock, quality, encoding)
+    playback = Playback(form_of(form), speed, loop, start_us, latency_us, clock, quality, encoding)
     change = _frame_change(axes, mounting, yaw, from_zero, scale)
     sigmas = None if sigma is None else _sigmas(sigma)
-    recorded = _load(Source(trajectory_file, topic, times), format_name)
+    source = Source(trajectory_file, topic, times)
+    recorded = load(source, format_name)
+    for line in left_out(source, recorded):
+        err.print(f"note: {line}")
     trajectory = change.apply(recorded.without_velocities() if differentiate else recorded)
     if sigma is not None:
         trajectory = trajectory.with_sigmas(sigmas)

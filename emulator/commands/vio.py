@@ -20,6 +20,7 @@ from companion.vio.registry import STRATEGIES
 from companion.vio.types import VioState
 from emulator.console import err, out
 from emulator.errors import InputError
+from emulator.option_checks import within
 from emulator.signals import stop_on_signal
 from emulator.text_files import write_text
 from emulator.vio_inputs import check_place, configured, known_truth, opened, rotation_of
@@ -30,11 +31,6 @@ from emulator.vio_tables import live_table, summary_table
 LONGEST_S: Final = 4e9
 _LOST: Final = 1
 _PLOT_HINT: Final = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
-
-
-def _within(option: str, value: float | None, low: float, high: float) -> None:
-    if value is not None and not low <= value <= high:
-        raise InputError(f"{option} {value:g}: not between {low:g} and {high:g}")
 
 
 def _is_paced(source: Recording | LiveCamera, master: str | None, realtime: bool | None) -> bool:
@@ -107,11 +103,11 @@ def vio(
 
     Example: viso vio synthetic --until 5
     """
-    _within("--fps", fps, 0.1, 1000)
-    _within("--imu-start", imu_start, -LONGEST_S, LONGEST_S)
-    _within("--wait", wait, 0, LONGEST_S)
-    _within("--delay", delay, 0, 86_400)
-    _within("--until", until, 0, LONGEST_S)
+    within("--fps", fps, 0.1, 1000)
+    within("--imu-start", imu_start, -LONGEST_S, LONGEST_S)
+    within("--wait", wait, 0, LONGEST_S)
+    within("--delay", delay, 0, 86_400)
+    within("--until", until, 0, LONGEST_S)
     for path in (save_trajectory, plot, events):
         check_place(path)
     options = SourceOptions(source_name, calibration, imu, imu_start, fps, imu_axes, rotation_of(mounting))

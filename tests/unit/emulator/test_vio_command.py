@@ -33,7 +33,6 @@ from tests.unit.emulator.command_line import Outcome, Viso, failed_with
 
 ROOT = Path(__file__).resolve().parents[3]
 CLIP = ROOT.parent / "shared" / "data" / "euroc_mh01_clip"
-KARMA = ROOT.parent / "shared" / "data" / "karma_flight" / "karma.mp4"
 PAGE = ROOT / "docs" / "companion.md"
 REASONS = (
     *(health.NO_MODEL, health.INNOVATION_REFUSED, health.TOO_FEW_INLIERS, health.FEW_INLIERS, health.LOW_COVERAGE),
@@ -266,13 +265,6 @@ def test_recorded_clip_is_followed(viso: Viso) -> None:
     assert told["frames"] == 30
     assert told["ate_m"] < 0.05
     assert told["ended"] in ("TRACKING", "DEGRADED")
-
-
-@pytest.mark.skipif(not KARMA.exists(), reason=f"{KARMA.parent.name} is not there")
-def test_film_of_a_drone_is_followed(viso: Viso) -> None:
-    told = json.loads(viso("vio", KARMA, "--fps", "3.33", "--until", "6", "--json").out)
-    assert told["tracked_median"] >= 150
-    assert "LOST" not in told["states"]
 
 
 # The page about it

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What recordings share: order of arrival, thinning, the axes of the body, the truth."""
 
+import dataclasses
 import itertools
 from collections.abc import Iterator
 
@@ -52,7 +53,7 @@ def recording() -> Recording:
         yield from (sample(0), frame(1), sample(2))
 
     poses = TimedPoses(np.array([0, 10]), np.array([[0, 0, 0], [2, 4, 6.0]]), np.array([[1, 0, 0, 0]] * 2))
-    start = WarmStartPose(SE3.identity(), np.array([3.0, 0, 0]), ImuBias.zero())
+    start = WarmStartPose(SE3.identity(), np.array([3.0, 0, 0]), ImuBias(np.array([0.1, 0.2, 0.3]), np.arange(3.0)))
     return Recording(calibration(), data, poses, start)
 
 
@@ -162,12 +163,31 @@ def test_turning_keeps_what_does_not_depend_on_the_axes() -> None:
     assert plain.start is not None
     assert turned.start is not None
     # Where the camera is in the world, and how fast it moves there, is the same.
-    for one, other in ((plain, turned),):
-        pairs = [(each.start, each.calibration) for each in (one, other)]
-        poses = [start.body_T_world.inverse() @ camera.B_T_C for start, camera in pairs if start is not None]
-        np.testing.assert_allclose(poses[0].matrix(), poses[1].matrix(), atol=1e-12)
+    cameras = [
+        (start.body_T_world.inverse() @ one.calibration.B_T_C).matrix()
+        for start, one in ((plain.start, plain), (turned.start, turned))
+    ]
+    np.testing.assert_allclose(cameras[0], cameras[1], atol=1e-12)
+    np.testing.assert_allclose(turned.start.bias.accel, turn @ plain.start.bias.accel)
+    np.testing.assert_allclose(turned.start.bias.gyro, turn @ plain.start.bias.gyro)
     velocities = [start.body_T_world.R.T @ start.velocity_b for start in (plain.start, turned.start)]
     np.testing.assert_allclose(velocities[0], velocities[1], atol=1e-12)
+
+
+def test_turning_keeps_what_is_known_of_the_start() -> None:
+    sigmas = np.arange(1.0, 16.0)
+    start = WarmStartPose(SE3.identity(), np.zeros(3), ImuBias.zero(), np.diag(sigmas**2))
+    turned = dataclasses.replace(recording(), start=start).turned(body_rotation("URF")).start
+    assert turned is not None
+    assert turned.covariance is not None
+    # x, y, z become what was z, y, x in the body; the world's stay.
+    expected = [3, 2, 1, 4, 5, 6, 7, 8, 9, 12, 11, 10, 15, 14, 13]
+    np.testing.assert_allclose(turned.covariance, np.diag(np.array(expected, np.float64) ** 2), atol=1e-12)
+
+
+def test_nothing_is_lost_where_there_is_nothing_to_turn() -> None:
+    plain = recording()
+    assert plain.turned(np.eye(3)) is plain
 
 
 def test_turning_turns_the_true_attitude() -> None:

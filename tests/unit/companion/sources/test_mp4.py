@@ -14,6 +14,8 @@ from tests.unit.companion.sources.gopro_maker import box, movie
 
 PAYLOADS = [b"first", b"second one", b"3"]
 
+STSZ = b"stsz" + bytes(8) + (3).to_bytes(4, "big")
+
 
 def written(tmp_path: Path, data: bytes) -> Path:
     path = tmp_path / "film.mp4"
@@ -55,6 +57,7 @@ def test_last_box_may_go_on_to_the_end(tmp_path: Path) -> None:
         (movie(PAYLOADS).replace(b"stsz", b"none"), "no MP4, or a damaged one: no stsz"),
         (movie(PAYLOADS).replace(b"stco", b"none"), "no MP4, or a damaged one: no co64"),
         (box(b"moov", bytes(3)), None),
+        (movie(PAYLOADS).replace(STSZ, b"stsz" + bytes(7) + b"\x01" + b"\xff" * 4), "no MP4, or a damaged one: 42949"),
     ],
 )
 def test_damage_is_told_in_one_line(tmp_path: Path, data: bytes, complaint: str | None) -> None:
