@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bags of ROS 1 and ROS 2, MCAP among them, through rosbags (the extra ``bags``).
+
+A topic may be missing from a bag, but not all of them. Odometry (or a stamped pose) is in ENU unless said to be in NED;
+``CameraInfo`` and ``NavSatFix`` are as ROS has them, and the others are JSON in ``std_msgs/String``, as
+``companion.landmarks.inputs.json_lines`` describes it.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from companion.landmarks.inputs.base import (
+    LARGEST_M,
+    LARGEST_S,
+    Clock,
+    InputFileError,
+    Refused,
+    counted,
+    not_null_island,
+)
+from companion.landmarks.inputs.json_lines import JsonReader
+from companion.landmarks.inputs.poses import pose_from_enu, pose_from_ned, rotation_of_quat
+from companion.landmarks.types import CameraInfo, Event, GeodeticPoint, GlobalFix
+from companion.recorded.bag_formats import one_line_errors
+
+STRING: Final = "std_msgs/msg/String"
+POSES: Final = frozenset(
+    {"nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"}
+)
+CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
+FIX: Final = "sensor_msgs/msg/NavSatFix"
+
+
+@dataclass(frozen=True, slots=True)
+class BagTopics:
+    """The names of the topics that are read; an empty one is not.
+
+    Attributes:
+        odometry: poses of the vehicle.
+        landmarks, observations, aircraft_observations: JSON; any record may come on any of them.
+        camera_info: intrinsics.
+        aircraft: state vectors as JSON.
+        estimated_position: of the receiver, as JSON.
+        fix, raw_fix: of the vehicle, above the ellipsoid.
+    """
+
+    odometry: str = "/mavros/local_position/odom"
+    landmarks: str = "/vo/landmarks"
+    observations: str = "/vo/landmark_observations"
+    aircraft_observations: str = ""
+    camera_info: str = "/stereo/left/camera_info"
+    aircraft: str = "/adsb/adsb_aircraft_state_vectors_node/aircraft_state_vectors"
+    estimated_position: str = "/adsb/rtl_adsb_decoder_node/estimated_position"
+    fix: str = "/mavros/global_position/global"
+    raw_fix: str = "/mavros/global_position/raw/fix"
+
+    def types(self) -> Mapping[str, frozenset[str]]:
+        """Return which types are read from which topic."""
+        strings = (
+            self.landmarks,
+            self.observations,
+            self.aircraft_observations,
+            self.aircraft,
+            self.estimated_position,
+        )
+        types = {name: frozenset({STRING}) for name in strings}
+        types |= {self.odometry: POSES, self.camera_info: frozenset({CAMERA_INFO})}
+        types |= {self.fix: frozenset({FIX}), self.raw_fix: frozenset({FIX})}
+        return {name: kinds for name, kinds in types.items() if name}
+
+
+class BagFile:
+    """A bag.
+
+    Args:
+        path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
+        topics: their names; None for the usual ones.
+        odometry_is_ned: whether odometry is in NED, with its body FRD.
+
+    Attributes:
+        refused: by reason.
+        clock: of the stamps; messages without one have the time at which they were recorded.
+    """
+
+    clock: Final = Clock.STAMPED
+
+    def __init__(self, path: Path, topics: BagTopics | None = None, *, odometry_is_ned: bool = False) -> None:
+        self._path = path
+        self._types = (topics or BagTopics()).types()
+        self._is_ned = odometry_is_ned
+        self._json = JsonReader()
+        self.refused: Counter[str] = self._json.refused
+        self._readers: Mapping[str, Callable[[float, Any], list[Event]]] = {
+            STRING: lambda bag_s, message: self._json.take(message.data, bag_s),
+            CAMERA_INFO: self._camera_info,
+            FIX: self._fix,
+            **dict.fromkeys(POSES, self._pose),
+        }
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the bag tells. Raises InputFileError if it cannot be read, or has none of the topics."""
+        with one_line_errors(self._path, InputFileError):
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
+
+            # Old bags of ROS 2 do not hold their types.
+            with AnyReader([self._path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                for connection, time_ns, data in reader.messages(self._chosen(reader.connections)):
+                    message = reader.deserialize(data, connection.msgtype)
+                    events: list[Event] = []
+                    with counted(self.refused):
+                        events = self._readers[connection.msgtype](time_ns * 1e-9, message)
+                    yield from events
+
+    def _chosen(self, connections: list[Any]) -> list[Any]:
+        chosen = [c for c in connections if c.msgtype in self._types.get(c.topic, ())]
+        if not chosen:
+            there = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in connections})) or "none at all"
+            raise InputFileError(f"{self._path}: none of the topics that are read; there are: {there}")
+        return chosen
+
+    def _pose(self, bag_s: float, message: Any) -> list[Event]:
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        at, quat = pose.position, pose.orientation
+        attitude = rotation_of_quat((quat.w, quat.x, quat.y, quat.z))
+        make = pose_from_ned if self._is_ned else pose_from_enu
+        return [make(_time_s(bag_s, message), (at.x, at.y, at.z), attitude)]
+
+    def _camera_info(self, bag_s: float, message: Any) -> list[Event]:
+        # ROS 1 has its name in upper case.
+        fx_px, _, cx_px, _, fy_px, cy_px, *_ = map(float, message.k if hasattr(message, "k") else message.K)
+        size = int(message.width), int(message.height)
+        return [CameraInfo(_time_s(bag_s, message), *size, fx_px, fy_px, cx_px, cy_px)]
+
+    def _fix(self, bag_s: float, message: Any) -> list[Event]:
+        if message.status.status < 0:
+            raise Refused("a fix that is none")
+        not_null_island(message.latitude, message.longitude)
+        if not abs(message.altitude) <= LARGEST_M:
+            raise Refused("a fix without a height")
+        point = GeodeticPoint(float(message.latitude), float(message.longitude), float(message.altitude))
+        return [GlobalFix(_time_s(bag_s, message), point)]
+
+
+def _time_s(bag_s: float, message: Any) -> float:
+    stamp = message.header.stamp
+    t_s = (int(stamp.sec) + int(stamp.nanosec) * 1e-9) or bag_s
+    if not abs(t_s) <= LARGEST_S:
+        raise Refused("time is out of range")
+    return t_s

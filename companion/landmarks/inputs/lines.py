@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Text, a record a line: from files, from iterators, and out of the bytes of a stream."""
+
+import gzip
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Final, TextIO
+
+from companion.landmarks.inputs.base import Clock, InputFileError, LineReader
+from companion.landmarks.types import Event
+
+LONGEST_LINE_BYTES: Final = 1 << 20
+_GZIP_MAGIC: Final = b"\x1f\x8b"
+_PROBE_BYTES: Final = 4096
+
+
+def read_lines(lines: Iterable[str], reader: LineReader, now_s: Callable[[], float] | None = None) -> Iterator[Event]:
+    """Yield what lines tell, as they come.
+
+    Args:
+        lines: of a socket, a pipe, a test.
+        reader: of their format.
+        now_s: tells when a line arrives; None if that means nothing, as with a file.
+    """
+    for line in lines:
+        yield from reader.take(line, None if now_s is None else now_s())
+
+
+class TextFile:
+    """A file, plain or gzip, whose lines a reader understands.
+
+    Args:
+        path: its name.
+        reader: of its format.
+        whole: whether the file is one record, with line ends inside.
+    """
+
+    def __init__(self, path: Path, reader: LineReader, *, whole: bool = False) -> None:
+        self._path = path
+        self._reader = reader
+        self._whole = whole
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What the reader refused."""
+        return self._reader.refused
+
+    @property
+    def clock(self) -> Clock:
+        """What times count from."""
+        return self._reader.clock
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the file tells. Raises InputFileError if it cannot be read or is not text."""
+        lines = file_lines(self._path)
+        yield from read_lines(["".join(lines)] if self._whole else lines, self._reader)
+
+
+def file_lines(path: Path) -> Iterator[str]:
+    """Yield the lines of a text file, plain or gzip; bytes that are no UTF-8 become replacement characters.
+
+    Raises:
+        InputFileError: if it cannot be read, or is not text at all.
+    """
+    number = 0
+    try:
+        with _opened(path) as file:
+            for number, line in enumerate(file, 1):
+                if "\0" in line:
+                    raise InputFileError(f"{path}:{number}: not a text file")
+                yield line
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise InputFileError(f"{path}:{number + 1}: damaged gzip file: {error}") from error
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}") from error
+
+
+def _opened(path: Path) -> TextIO:
+    with path.open("rb") as probe:
+        packed = probe.read(len(_GZIP_MAGIC)) == _GZIP_MAGIC
+    if packed:
+        return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
+    return path.open(encoding="utf-8-sig", errors="replace")
+
+
+class LineSplitter:
+    """Cuts the bytes of a stream into lines; what never ends is thrown away after a mebibyte.
+
+    Attributes:
+        overlong: how often that happened.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.overlong = 0
+
+    def feed(self, data: bytes) -> list[str]:
+        """Return the lines that these bytes complete, without their ends."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST_LINE_BYTES:
+            self._rest = b""
+            self.overlong += 1
+        return [line.decode("utf-8", "replace").rstrip("\r") for line in lines]

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Innovations: where something was seen less where the pose predicts it, in pixels."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.landmarks.observation import (
+    AIRCRAFT_NEAREST_M,
+    LANDMARK_NEAREST_M,
+    Projection,
+    camera_centre,
+    project,
+)
+from companion.landmarks.types import AircraftState, Camera, Detection, Detections, Landmark, VehiclePose
+from companion.vio.se3 import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Innovation:
+    """Of one landmark or aircraft.
+
+    Attributes:
+        id: the landmark's, or the aircraft's address.
+        predicted_u_px, predicted_v_px: by the pose.
+        observed_u_px, observed_v_px: in the picture.
+        in_image: whether the prediction is inside the picture.
+        range_m: horizontal distance of a landmark from the camera, of an aircraft from the vehicle.
+    """
+
+    id: str
+    predicted_u_px: float
+    predicted_v_px: float
+    observed_u_px: float
+    observed_v_px: float
+    in_image: bool
+    range_m: float
+
+    @property
+    def du_px(self) -> float:
+        """Observed less predicted, to the right."""
+        return self.observed_u_px - self.predicted_u_px
+
+    @property
+    def dv_px(self) -> float:
+        """Observed less predicted, down."""
+        return self.observed_v_px - self.predicted_v_px
+
+
+@dataclass(frozen=True, slots=True)
+class Residuals:
+    """Of one picture; all ids are in the order of the detections.
+
+    Attributes:
+        t_s: when the picture was taken.
+        innovations: of what was seen, is known and has a prediction.
+        unmatched: ids that were seen, but are not known.
+        not_projected: ids that were seen and are known, but are not ahead of the camera, or their height is not known.
+        duplicates: ids that were seen more than once; only the first of each counts.
+    """
+
+    t_s: float
+    innovations: tuple[Innovation, ...]
+    unmatched: tuple[str, ...] = ()
+    not_projected: tuple[str, ...] = ()
+    duplicates: tuple[str, ...] = ()
+
+
+def first_of_each(detections: Sequence[Detection]) -> tuple[dict[str, Detection], tuple[str, ...]]:
+    """Return the first detection of each id, and the ids that have more than one."""
+    first: dict[str, Detection] = {}
+    again: dict[str, None] = {}
+    for detection in detections:
+        if first.setdefault(detection.id, detection) is not detection:
+            again[detection.id] = None
+    return first, tuple(again)
+
+
+def landmark_residuals(
+    camera: Camera, pose: VehiclePose, landmarks: Sequence[Landmark], detections: Detections
+) -> Residuals:
+    """Compare the landmarks of a picture with their prediction.
+
+    Args:
+        camera: the camera.
+        pose: of the vehicle when the picture was taken.
+        landmarks: what is known, each id once.
+        detections: what was seen.
+    """
+    xyz = np.array([(one.x_m, one.y_m, one.z_m) for one in landmarks]).reshape(-1, 3)
+    projection = project(camera, pose, xyz, LANDMARK_NEAREST_M)
+    across = xyz[:, :2] - camera_centre(camera, pose)[:2]
+    ranges_m = np.hypot(across[:, 0], across[:, 1]).tolist()
+    ids = [landmark.id for landmark in landmarks]
+    return _residuals(detections.t_s, detections.landmarks, ids, projection, ranges_m)
+
+
+def aircraft_points(states: Sequence[AircraftState], odometry: VehiclePose) -> Array:
+    """Return where aircraft are, ENU [N, 3] in m with z NaN where the altitude is not known.
+
+    East and north count from the vehicle, as odometry has it. Up is that of the state, above the ground that the
+    camera's height counts from: no reference altitude is added.
+    """
+    rows = [
+        (odometry.x_m + state.east_m, odometry.y_m + state.north_m, np.nan if state.up_m is None else state.up_m)
+        for state in states
+    ]
+    return np.array(rows).reshape(-1, 3)
+
+
+def aircraft_residuals(
+    camera: Camera,
+    pose: VehiclePose,
+    states: Sequence[AircraftState],
+    detections: Detections,
+    odometry: VehiclePose | None = None,
+) -> Residuals:
+    """Compare the aircraft of a picture with their prediction.
+
+    Args:
+        camera: the camera.
+        pose: the one that predicts.
+        states: the aircraft around the vehicle when the picture was taken.
+        detections: what was seen.
+        odometry: where the aircraft's east and north count from; None if that is ``pose``.
+    """
+    points = aircraft_points(states, pose if odometry is None else odometry)
+    projection = project(camera, pose, points, AIRCRAFT_NEAREST_M)
+    ids, ranges_m = [state.report.icao for state in states], [state.range_m for state in states]
+    return _residuals(detections.t_s, detections.aircraft, ids, projection, ranges_m)
+
+
+def _residuals(
+    t_s: float, seen: Sequence[Detection], ids: Sequence[str], projection: Projection, ranges_m: Sequence[float]
+) -> Residuals:
+    first, duplicates = first_of_each(seen)
+    places = {name: index for index, name in enumerate(ids)}
+    predicted, in_image = projection.uv_px.tolist(), projection.in_image.tolist()
+    innovations, unmatched, not_projected = [], [], []
+    for name, one in first.items():
+        at = places.get(name)
+        if at is None:
+            unmatched.append(name)
+            continue
+        u_px, v_px = predicted[at]
+        if math.isnan(u_px):
+            not_projected.append(name)
+        else:
+            innovations.append(Innovation(name, u_px, v_px, one.u_px, one.v_px, in_image[at], ranges_m[at]))
+    return Residuals(t_s, tuple(innovations), tuple(unmatched), tuple(not_projected), duplicates)

@@ -1,0 +1,388 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The inputs of ``viso landmarks`` that go on: links, standard input, and files that are still written to."""
+
+import json
+import os
+import select
+import stat
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final, Protocol
+
+from companion.landmarks.inputs.base import FileReader, InputFileError
+from companion.landmarks.inputs.dump1090 import Dump1090Reader
+from companion.landmarks.inputs.files import InputOptions, open_file
+from companion.landmarks.inputs.lines import LineSplitter, TextFile
+from companion.landmarks.inputs.sbs1 import Sbs1Reader
+from companion.landmarks.inputs.vehicle import MavlinkStream
+from companion.landmarks.types import Event
+from companion.odometry.inbound import stream_requests
+from companion.sender import HEARTBEAT_PERIOD_US, MAV_AUTOPILOT_INVALID, MAV_TYPE_ONBOARD_CONTROLLER
+from emulator.errors import InputError
+from emulator.landmarks_inputs import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
+from mav_handlers.links import open_link
+from mav_handlers.links.base import Link
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import HEARTBEAT
+
+NOW_S: Final = time.time
+"""Arrivals are by the time of day, which receivers of ADS-B and telemetry logs have as well."""
+LONGEST_WAIT_S: Final = 0.1
+"""How long to wait at once, so that a signal is heeded soon."""
+CHUNK_BYTES: Final = 1 << 16
+RATES_HZ: Final = {"ATTITUDE": 20.0, "LOCAL_POSITION_NED": 20.0, "GLOBAL_POSITION_INT": 5.0}
+_REQUEST_PERIOD_S: Final = 5.0
+
+
+class Source(Protocol):
+    """Something that tells events as they come.
+
+    Attributes:
+        name: as the user has given it.
+        is_over: whether nothing will follow.
+    """
+
+    name: str
+    is_over: bool
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was of no use, by reason."""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on, -1 if there is none."""
+
+    def poll(self, now_s: float) -> list[Event]:
+        """Return what has come since the last time, without waiting."""
+
+    def finish(self, now_s: float) -> list[Event]:
+        """Return what a last, unfinished line tells."""
+
+
+def standard_lines(descriptor: int, stop: Callable[[], bool]) -> Iterator[str]:
+    """Yield the lines of a descriptor to its end, or until it is enough."""
+    splitter = LineSplitter()
+    while not stop():
+        if not select.select([descriptor], [], [], LONGEST_WAIT_S)[0]:
+            continue
+        data = os.read(descriptor, CHUNK_BYTES)
+        if not data:
+            break
+        yield from splitter.feed(data)
+    yield from splitter.feed(b"\n")
+
+
+class LineSource:
+    """Lines of a descriptor: a pipe, or a file that grows.
+
+    Args:
+        name: as the user has given it.
+        descriptor: open for reading; it stays open.
+        utc_offset_s: of BaseStation lines.
+    """
+
+    def __init__(self, name: str, descriptor: int, utc_offset_s: float = 0.0) -> None:
+        self.name = name
+        self.is_over = False
+        self._descriptor = descriptor
+        self._grows = name != STANDARD_INPUT
+        self._splitter = LineSplitter()
+        self._lines = AnyLines(utc_offset_s)
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was of no use, by reason."""
+        return self._lines.refused
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on; files cannot be waited on."""
+        is_file = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        return -1 if is_file or self.is_over else self._descriptor
+
+    def poll(self, now_s: float) -> list[Event]:
+        """Return what has come."""
+        events: list[Event] = []
+        while not self.is_over and select.select([self._descriptor], [], [], 0)[0]:
+            data = os.read(self._descriptor, CHUNK_BYTES)
+            if not data:
+                self.is_over = not self._grows
+                break
+            events += [event for line in self._splitter.feed(data) for event in self._lines.take(line, now_s)]
+        return events
+
+    def finish(self, now_s: float) -> list[Event]:
+        """Return what the last line tells, if it has no end."""
+        return [event for line in self._splitter.feed(b"\n") for event in self._lines.take(line, now_s)]
+
+
+class _LinkSource:
+    """What both kinds of links share."""
+
+    is_over = False
+
+    def __init__(self, name: str, link: Link) -> None:
+        self.name = name
+        self._link = link
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return self._link.fileno()
+
+    def _received(self) -> Iterator[bytes]:
+        while data := self._link.receive():
+            yield data
+
+
+class SbsLink(_LinkSource):
+    """BaseStation lines on a link."""
+
+    def __init__(self, name: str, link: Link, utc_offset_s: float = 0.0) -> None:
+        super().__init__(name, link)
+        self._splitter = LineSplitter()
+        self._reader = Sbs1Reader(utc_offset_s)
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was of no use, by reason."""
+        return self._reader.refused
+
+    def poll(self, now_s: float) -> list[Event]:
+        """Return what has come."""
+        lines = (line for data in self._received() for line in self._splitter.feed(data))
+        return [event for line in lines for event in self._reader.take(line, now_s)]
+
+    def finish(self, now_s: float) -> list[Event]:
+        """Return what the last line tells, if it has no end."""
+        return [event for line in self._splitter.feed(b"\n") for event in self._reader.take(line, now_s)]
+
+
+class VehicleLink(_LinkSource):
+    """An autopilot on a link, which is asked for what is needed."""
+
+    def __init__(self, name: str, link: Link) -> None:
+        super().__init__(name, link)
+        self._stream = MavlinkStream()
+        self._codec = Codec(system_id=255, component_id=0)
+        self._beat_s = self._request_s = -float("inf")
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was of no use, by reason."""
+        return self._stream.refused
+
+    def poll(self, now_s: float) -> list[Event]:
+        """Return what has come, and send what is due."""
+        if now_s - self._beat_s >= HEARTBEAT_PERIOD_US * 1e-6:
+            self._beat_s = now_s
+            self._link.send(
+                self._codec.encode(HEARTBEAT(MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
+            )
+        if now_s - self._request_s >= _REQUEST_PERIOD_S:
+            self._request_s = now_s
+            for request in stream_requests(RATES_HZ):
+                self._link.send(self._codec.encode(request))
+        return [event for data in self._received() for event in self._stream.feed(data, now_s)]
+
+    def finish(self, now_s: float) -> list[Event]:
+        """Return nothing: half a frame tells nothing."""
+        return []
+
+
+class WholeFile:
+    """A file that is read once, from its beginning to its end."""
+
+    def __init__(self, name: str, reader: FileReader) -> None:
+        self.name = name
+        self.is_over = False
+        self._reader = reader
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was of no use, by reason."""
+        return self._reader.refused
+
+    def fileno(self) -> int:
+        """Return -1: there is nothing to wait for."""
+        return -1
+
+    def poll(self, now_s: float) -> list[Event]:
+        """Return all of it, the first time."""
+        if self.is_over:
+            return []
+        self.is_over = True
+        try:
+            return list(self._reader.events())
+        except InputFileError as error:
+            raise InputError(str(error)) from error
+
+    def finish(self, now_s: float) -> list[Event]:
+        """Return nothing more."""
+        return []
+
+
+class Snapshots:
+    """A snapshot of dump1090 that is written anew again and again."""
+
+    def __init__(self, path: Path) -> None:
+        self.name = str(path)
+        self.is_over = False
+        self._path = path
+        self._reader = Dump1090Reader()
+        self._last: tuple[int, int, int] | None = None
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was of no use, by reason."""
+        return self._reader.refused
+
+    def fileno(self) -> int:
+        """Return -1: a file cannot be waited on."""
+        return -1
+
+    def poll(self, now_s: float) -> list[Event]:
+        """Return what is new, if the file has changed."""
+        try:
+            now = self._path.stat()
+            mark = now.st_ino, now.st_mtime_ns, now.st_size
+            if mark == self._last:
+                return []
+            text = self._path.read_text(encoding="utf-8", errors="replace")
+        except OSError:  # between the old and the new one there may be none
+            return []
+        self._last = mark
+        return self._reader.take(text, now_s)
+
+    def finish(self, now_s: float) -> list[Event]:
+        """Return nothing more."""
+        return []
+
+
+class Live:
+    """All inputs, as they go on.
+
+    Args:
+        names: of links, files, or ``-``.
+        options: of the files.
+        standard_input: its descriptor.
+        now_s: tells when something arrives.
+
+    Raises:
+        InputError: if a file cannot be read.
+        LinkError: if a link cannot be opened.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        options: InputOptions,
+        standard_input: Callable[[], int],
+        now_s: Callable[[], float] = NOW_S,
+    ) -> None:
+        self._now_s = now_s
+        self._stack = ExitStack()
+        self._sources: list[Source] = []
+        with ExitStack() as undo:
+            undo.callback(self._stack.close)
+            self._sources += [self._opened(name, options, standard_input) for name in names]
+            undo.pop_all()
+
+    def __enter__(self) -> "Live":
+        return self
+
+    def __exit__(self, *_args: object) -> None:
+        self._stack.close()
+
+    def events(self, stop: Callable[[], bool], until_s: float | None = None) -> Iterator[Event]:
+        """Yield what comes until it is enough, or all is over; then what had come by then, to the last line.
+
+        Args:
+            stop: tells whether it is enough.
+            until_s: how long to go on.
+
+        Raises:
+            InputError: if a file cannot be read on.
+        """
+        end_s = None if until_s is None else self._now_s() + until_s
+        while not stop() and (end_s is None or self._now_s() < end_s):
+            events = self._polled()
+            yield from events
+            if all(source.is_over for source in self._sources):
+                break
+            if not events:
+                self._wait()
+        yield from self._polled()
+        for source in self._sources:
+            yield from source.finish(self._now_s())
+
+    def refused(self) -> Mapping[str, Mapping[str, int]]:
+        """Return what was of no use so far, by input and reason."""
+        return {source.name: dict(source.refused) for source in self._sources if source.refused}
+
+    def _polled(self) -> list[Event]:
+        return [event for source in self._sources for event in source.poll(self._now_s())]
+
+    def _wait(self) -> None:
+        descriptors = [source.fileno() for source in self._sources]
+        select.select([descriptor for descriptor in descriptors if descriptor >= 0], [], [], LONGEST_WAIT_S)
+
+    def _opened(self, name: str, options: InputOptions, standard_input: Callable[[], int]) -> Source:
+        if name == STANDARD_INPUT:
+            return LineSource(name, standard_input(), options.utc_offset_s)
+        if name.startswith(SBS_SCHEME):
+            link = self._link(f"tcp:{name.removeprefix(SBS_SCHEME)}")
+            return SbsLink(name, link, options.utc_offset_s)
+        if is_live(name):
+            return VehicleLink(name, self._link(name))
+        return self._file(name, options)
+
+    def _link(self, name: str) -> Link:
+        link = open_link(name)
+        self._stack.callback(link.close)
+        return link
+
+    def _file(self, name: str, options: InputOptions) -> Source:
+        path = Path(name)
+        try:
+            if path.is_file() and not path.stat().st_size:
+                return self._lines(path, options)
+            reader = open_file(path, options)
+            if not isinstance(reader, TextFile):
+                return WholeFile(name, reader)
+            text = path.read_text(encoding="utf-8", errors="replace")
+        except InputFileError as error:
+            raise InputError(str(error)) from error
+        except OSError as error:
+            raise InputError(f"{name}: {error.strerror or error}") from error
+        if _is_snapshot(text):
+            return Snapshots(path)
+        return WholeFile(name, reader) if _is_one_record(text) else self._lines(path, options)
+
+    def _lines(self, path: Path, options: InputOptions) -> Source:
+        try:
+            descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from error
+        self._stack.callback(os.close, descriptor)
+        return LineSource(str(path), descriptor, options.utc_offset_s)
+
+
+def _is_snapshot(text: str) -> bool:
+    record = _record(text)
+    return isinstance(record, dict) and "now" in record and "aircraft" in record
+
+
+def _is_one_record(text: str) -> bool:
+    """Tell whether a file is one record over several lines."""
+    return _record(text) is not None and len([line for line in text.splitlines() if line.strip()]) > 1
+
+
+def _record(text: str) -> object:
+    try:
+        record: object = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return record

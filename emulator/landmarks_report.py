@@ -1,0 +1,241 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What ``viso landmarks`` tells: innovations as rows, and what they amount to for people and for machines."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from rich.table import Column, Table
+
+from companion.landmarks.fit import PoseErrors
+from companion.landmarks.residuals import Innovation
+from companion.landmarks.scene import Scene
+from companion.landmarks.statistics import InnovationStatistics, Summary
+
+MOST_ROWS: Final = 20
+"""Of single landmarks or aircraft in a table; machines get all."""
+CSV_COLUMNS: Final = (
+    "t_s",
+    "picture",
+    "pose",
+    "kind",
+    "id",
+    "observed_u_px",
+    "observed_v_px",
+    "predicted_u_px",
+    "predicted_v_px",
+    "du_px",
+    "dv_px",
+    "in_image",
+    "range_m",
+    "seen",
+)
+_AGREES_SIGMAS: Final = 3.0
+_LEAST_SIGMA: Final = 1e-4
+_UNTOLD: Final = "the data do not tell"
+
+
+def scene_row(scene: Scene) -> dict[str, Any]:
+    """Return the innovations of a scene for JSON.
+
+    An aircraft with ``seen`` false was not detected: its innovation is the difference of the two poses.
+    """
+    landmarks, aircraft = scene.landmark_residuals, scene.aircraft_residuals
+    return {
+        "t_s": scene.t_s,
+        "picture": scene.number,
+        "pose": scene.situation.label,
+        "innovations": [_innovation(one) for one in landmarks.innovations],
+        "aircraft": [_innovation(one, seen=seen) for one, seen in _of_aircraft(scene)],
+        "unmatched": [*landmarks.unmatched, *aircraft.unmatched],
+        "not_projected": [*landmarks.not_projected, *aircraft.not_projected],
+        "duplicates": [*landmarks.duplicates, *aircraft.duplicates],
+    }
+
+
+def csv_rows(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    """Yield the innovations of a scene, with the columns of ``CSV_COLUMNS``."""
+    head = (scene.t_s, scene.number, scene.situation.label)
+    for one in scene.landmark_residuals.innovations:
+        yield (*head, "landmark", *_innovation(one).values(), True)
+    for one, seen in _of_aircraft(scene):
+        yield (*head, "aircraft", *_innovation(one).values(), seen)
+
+
+def live_line(scene: Scene) -> str:
+    """Return one line on a scene."""
+    innovations = scene.landmark_residuals.innovations
+    parts = [f"{scene.t_s:.2f} s #{scene.number} [{scene.situation.label}]", f"{len(innovations)} landmarks"]
+    if innovations:
+        count = len(innovations)
+        du_px, dv_px = (sum(one.du_px for one in innovations), sum(one.dv_px for one in innovations))
+        parts.append(f"{du_px / count:+.1f} {dv_px / count:+.1f} px in the mean")
+    if scene.aircraft:
+        parts.append(f"{len(scene.aircraft)} aircraft")
+    return ", ".join(parts)
+
+
+def errors_row(errors: PoseErrors) -> dict[str, Any]:
+    """Return a fit for JSON: angles in degrees, times in ms; null where the data do not tell."""
+    return {
+        "yaw_offset_deg": _scaled(errors.yaw_offset_rad, math.degrees(1)),
+        "yaw_sigma_deg": _scaled(errors.yaw_sigma_rad, math.degrees(1)),
+        "pitch_trim_deg": _scaled(errors.pitch_trim_rad, math.degrees(1)),
+        "pitch_sigma_deg": _scaled(errors.pitch_sigma_rad, math.degrees(1)),
+        "delay_ms": _scaled(errors.delay_s, 1e3),
+        "delay_sigma_ms": _scaled(errors.delay_sigma_s, 1e3),
+        "used": errors.used,
+        "rejected": errors.rejected,
+        "rms_px": errors.rms_px,
+    }
+
+
+def summary_row(summary: Summary) -> dict[str, Any]:
+    """Return statistics for JSON."""
+    return {
+        "pictures": summary.pictures,
+        **_statistics(summary.overall),
+        "per_id": {name: _statistics(its) for name, its in summary.per_id.items()},
+        "unmatched": dict(summary.unmatched),
+        "not_projected": dict(summary.not_projected),
+        "duplicates": dict(summary.duplicates),
+    }
+
+
+def summary_table(kind: str, summary: Summary) -> Table:
+    """Return the statistics of landmarks or aircraft as a table."""
+    numbers = [Column(name, justify="right") for name in ("count", "mean, px", "median, px", "spread, px")]
+    table = Table(kind, *numbers, title=f"{summary.pictures} pictures: observed less predicted, u and v")
+    table.add_row("all", *_cells(summary.overall))
+    for name, its in list(summary.per_id.items())[:MOST_ROWS]:
+        table.add_row(name, *_cells(its))
+    rest = len(summary.per_id) - MOST_ROWS
+    if rest > 0:
+        table.add_row(f"and {rest} more")
+    return table
+
+
+def oddities(summary: Summary) -> Iterator[str]:
+    """Yield lines on what had no innovation."""
+    for what, counts in (
+        ("seen, but not known", summary.unmatched),
+        ("seen, but not ahead of the camera, or of unknown height", summary.not_projected),
+        ("seen twice in a picture; the first counts", summary.duplicates),
+    ):
+        if counts:
+            names = [f"{name} ({count} times)" for name, count in list(counts.items())[:MOST_ROWS]]
+            more = f" and {len(counts) - MOST_ROWS} more" if len(counts) > MOST_ROWS else ""
+            yield f"{what}: {', '.join(names)}{more}"
+
+
+def fit_lines(errors: PoseErrors) -> Iterator[str]:
+    """Yield what a fit says, in sentences."""
+    if not errors.used:
+        yield f"no fit: {errors.rejected} observations of known landmarks with poses around them are too few"
+        return
+    yield f"heading: {_heading(errors)}"
+    yield f"mounting: {_mounting(errors)}"
+    yield f"time: {_delay(errors)}"
+    used, rejected = errors.used, errors.rejected
+    yield f"from {used} observations, {rejected} left out; {errors.rms_px:.2f} px rms are left"
+
+
+def _heading(errors: PoseErrors) -> str:
+    if errors.yaw_offset_rad is None or errors.yaw_sigma_rad is None:
+        return _UNTOLD
+    off_deg, sigma_deg = math.degrees(errors.yaw_offset_rad), math.degrees(errors.yaw_sigma_rad)
+    if abs(off_deg) <= _AGREES_SIGMAS * sigma_deg:
+        return f"right, within {sigma_deg:.1g} deg"
+    side = "left of" if off_deg > 0 else "right of"
+    makes_up = f"heading_offset_deg {_rounded(off_deg, sigma_deg):+} makes up"
+    return f"your heading is off by {_measured(off_deg, sigma_deg)} deg: the true one is {side} it ({makes_up})"
+
+
+def _mounting(errors: PoseErrors) -> str:
+    if errors.pitch_trim_rad is None or errors.pitch_sigma_rad is None:
+        return _UNTOLD
+    off_deg, sigma_deg = math.degrees(errors.pitch_trim_rad), math.degrees(errors.pitch_sigma_rad)
+    if abs(off_deg) <= _AGREES_SIGMAS * sigma_deg:
+        return f"right, within {sigma_deg:.1g} deg"
+    side = "higher" if off_deg > 0 else "lower"
+    makes_up = f"{_rounded(off_deg, sigma_deg):+} on pitch_trim_deg makes up"
+    return f"the camera looks {_measured(off_deg, sigma_deg)} deg {side} than believed ({makes_up})"
+
+
+def _delay(errors: PoseErrors) -> str:
+    if errors.delay_s is None or errors.delay_sigma_s is None:
+        return f"{_UNTOLD}: a vehicle that stands still shows no delay"
+    off_ms, sigma_ms = 1e3 * errors.delay_s, 1e3 * errors.delay_sigma_s
+    if abs(off_ms) <= _AGREES_SIGMAS * sigma_ms:
+        return f"right, within {sigma_ms:.1g} ms"
+    side = "late" if off_ms > 0 else "early"
+    return f"the stamps of the pictures are {_measured(off_ms, sigma_ms)} ms {side}"
+
+
+def _measured(value: float, sigma: float) -> str:
+    """Return the size of a value with its sigma, to the digits that this leaves it."""
+    digits = _digits(sigma)
+    return f"{abs(value):.{digits}f} +- {sigma:.{digits}f}"
+
+
+def _rounded(value: float, sigma: float) -> float:
+    return round(value, _digits(sigma))
+
+
+def _digits(sigma: float) -> int:
+    return min(max(-math.floor(math.log10(max(sigma, _LEAST_SIGMA))), 0), 4)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def _innovation(one: Innovation, **more: Any) -> dict[str, Any]:
+    return {
+        "id": one.id,
+        "observed_u_px": one.observed_u_px,
+        "observed_v_px": one.observed_v_px,
+        "predicted_u_px": one.predicted_u_px,
+        "predicted_v_px": one.predicted_v_px,
+        "du_px": one.du_px,
+        "dv_px": one.dv_px,
+        "in_image": one.in_image,
+        "range_m": one.range_m,
+        **more,
+    }
+
+
+def _of_aircraft(scene: Scene) -> Iterator[tuple[Innovation, bool]]:
+    """Yield the innovations of aircraft that were seen, then of those whose actual place is that of raw odometry."""
+    yield from ((one, True) for one in scene.aircraft_residuals.innovations)
+    for mark in scene.aircraft:
+        if not mark.seen and mark.predicted is not None and mark.actual is not None:
+            yield Innovation(mark.id, *mark.predicted, *mark.actual, mark.in_image, mark.range_m), False
+
+
+def _statistics(its: InnovationStatistics) -> dict[str, Any]:
+    if not its.count:
+        return {"count": 0}
+    pairs = {"mean": its.mean, "median": its.median, "spread": its.spread, "robust_spread": its.robust_spread}
+    return {"count": its.count, **{f"{name}_px": list(pair) for name, pair in pairs.items()}}
+
+
+def _cells(its: InnovationStatistics) -> tuple[str, ...]:
+    if not its.count:
+        return ("0", "-", "-", "-")
+    mean, median = (f"{u:+.2f} {v:+.2f}" for u, v in (its.mean, its.median))
+    return str(its.count), mean, median, f"{its.spread[0]:.2f} {its.spread[1]:.2f}"
+
+
+def refusals(refused: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
+    """Yield a line for each input and reason why parts of it were of no use."""
+    for name, reasons in refused.items():
+        for reason, count in sorted(reasons.items()):
+            yield f"note: {name}: {count} left out: {reason}"
+
+
+def drops(dropped: Mapping[str, int]) -> Iterator[str]:
+    """Yield a line for each reason why events were of no use."""
+    for reason, count in sorted(dropped.items()):
+        yield f"note: {count} left out: {reason}"

@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run of ``viso landmarks``: events in; rows, pictures and figures out."""
+
+import csv
+import json
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final, TextIO
+
+from companion.landmarks.aircraft import state_vectors_record
+from companion.landmarks.fit import PoseErrors, fit_pose_errors
+from companion.landmarks.residuals import Residuals
+from companion.landmarks.scene import Scene
+from companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
+from companion.landmarks.statistics import Summary, summarise
+from companion.landmarks.types import Event
+from emulator.errors import InputError
+from emulator.landmarks_report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
+
+LINE_PERIOD_S: Final = 1.0
+_ROUNDING_S: Final = 1e-6
+
+Sink = Callable[[Scene], None]
+Draw = Callable[[Scene], bytes]
+
+
+class Run:
+    """Takes events, tells its sinks each scene, and keeps what the figures at the end need.
+
+    Args:
+        session: makes the scenes.
+        watch: estimates the receiver's position; None for no estimate.
+        sinks: told of each scene.
+        records: where state vectors and estimates go, each as a line of JSON; None for nowhere.
+
+    Attributes:
+        last: the newest scene; None before the first.
+        estimate: the newest record of the receiver's position; None without any.
+    """
+
+    def __init__(
+        self, session: Session, watch: ReceiverWatch | None, sinks: tuple[Sink, ...], records: TextIO | None = None
+    ) -> None:
+        self.session = session
+        self._watch = watch
+        self._sinks = sinks
+        self._records = records
+        self._landmarks: deque[Residuals] = deque(maxlen=MOST_PICTURES)
+        self._aircraft: deque[Residuals] = deque(maxlen=MOST_PICTURES)
+        self.last: Scene | None = None
+        self.estimate: Mapping[str, Any] | None = None
+
+    def take(self, event: Event) -> None:
+        """Take what happened."""
+        estimate = None if self._watch is None else self._watch.take(event)
+        if estimate is not None:
+            position, self.estimate = estimate
+            self.session.take(position)
+            self._record(self.estimate)
+        for scene in self.session.take(event):
+            self._show(scene)
+
+    def finish(self) -> None:
+        """Take no more: show the pictures that were still waiting for a pose."""
+        for scene in self.session.finish():
+            self._show(scene)
+
+    def summaries(self) -> dict[str, Summary]:
+        """Return the statistics of landmarks and aircraft."""
+        return {"landmark": summarise(self._landmarks), "aircraft": summarise(self._aircraft)}
+
+    def fit(self) -> PoseErrors:
+        """Return which errors would explain the innovations of the landmarks."""
+        session = self.session
+        return fit_pose_errors(session.camera, session.poses, session.landmarks, session.pictures)
+
+    def row(self) -> dict[str, Any]:
+        """Return the figures for JSON."""
+        return {
+            "scenes": self.session.scenes,
+            **{name: summary_row(summary) for name, summary in self.summaries().items()},
+            "fit": errors_row(self.fit()),
+            "estimate": self.estimate,
+            "dropped": dict(self.session.dropped),
+        }
+
+    def _show(self, scene: Scene) -> None:
+        self.last = scene
+        if scene.has_detections:
+            self._landmarks.append(scene.landmark_residuals)
+            self._aircraft.append(scene.aircraft_residuals)
+        for sink in self._sinks:
+            sink(scene)
+        if self._records is not None:
+            self._record(_state_vectors(scene))
+
+    def _record(self, record: Mapping[str, Any] | None) -> None:
+        if self._records is not None and record is not None:
+            self._records.write(json.dumps(record) + "\n")
+
+
+def _state_vectors(scene: Scene) -> dict[str, Any] | None:
+    situation = scene.situation
+    if situation.origin is None:
+        return None
+    return state_vectors_record(scene.t_s, situation.origin, situation.odometry, situation.states)
+
+
+def csv_sink(file: TextIO) -> Sink:
+    """Return what writes innovations as CSV, its head at once."""
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    return lambda scene: writer.writerows(csv_rows(scene))
+
+
+def json_sink(write: Callable[[str], None]) -> Sink:
+    """Return what writes innovations, an object a picture."""
+
+    def show(scene: Scene) -> None:
+        row = scene_row(scene)
+        if scene.has_detections or row["aircraft"]:
+            write(json.dumps(row))
+
+    return show
+
+
+def line_sink(write: Callable[[str], None]) -> Sink:
+    """Return what writes a line a second of the input's time."""
+    last_s: list[float] = []
+
+    def show(scene: Scene) -> None:
+        if not last_s or not 0 <= scene.t_s - last_s[0] < LINE_PERIOD_S - _ROUNDING_S:
+            last_s[:] = [scene.t_s]
+            write(live_line(scene))
+
+    return show
+
+
+class Frames:
+    """Writes pictures for a video, at most five a second of the input's time.
+
+    Args:
+        folder: made if it is not there.
+        draw: returns the PNG of a scene.
+
+    Attributes:
+        count: how many were written.
+
+    Raises:
+        InputError: if the folder cannot be made.
+    """
+
+    def __init__(self, folder: Path, draw: Draw) -> None:
+        self._folder = folder
+        self._draw = draw
+        self._last_s: float | None = None
+        self.count = 0
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: {error.strerror or error}") from error
+
+    def __call__(self, scene: Scene) -> None:
+        """Take a scene. Raises InputError if its picture cannot be written."""
+        if self._last_s is not None and 0 <= scene.t_s - self._last_s < PICTURE_PERIOD_S - _ROUNDING_S:
+            return
+        self._last_s = scene.t_s
+        self.count += 1
+        write_bytes(self._folder / f"frame_{self.count:06d}.png", self._draw(scene))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file. Raises InputError if that cannot be done."""
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
