@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Faults of what goes with the estimate: frames, quality, covariance, and numbers that are none."""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, Final, cast
+
+from companion.faults.fault import ContentFault, Moment
+from companion.faults.parameters import parameter
+from companion.faults.vision import VISION_TYPES
+from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA
+
+_COVARIANCES: Final = ("covariance", "pose_covariance", "velocity_covariance")
+# An upper triangle of 6 x 6 row by row, or all of 3 x 3.
+_DIAGONALS: Final = {21: (0, 6, 11, 15, 18, 20), 9: (0, 4, 8)}
+_FLOATS: Final = frozenset(
+    item.name for cls in VISION_TYPES for item in fields(cast(Any, cls)) if item.type in (float, tuple[float, ...])
+)
+
+
+@dataclass(slots=True)
+class FrameIds(ContentFault):
+    """ODOMETRY names other frames than LOCAL_FRD (20) and BODY_FRD (12), the one pair that the firmware takes.
+
+    Attributes:
+        frame_id: of the pose (MAV_FRAME); 1 is LOCAL_NED.
+        child_frame_id: of the velocity (MAV_FRAME); 8 is BODY_NED.
+    """
+
+    lasts: ClassVar[bool] = True
+    frame_id: int = parameter(1, 0, 255)
+    child_frame_id: int = parameter(8, 0, 255)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Replace the ids."""
+        if not isinstance(message, ODOMETRY):
+            return None
+        return replace(message, frame_id=self.frame_id, child_frame_id=self.child_frame_id)
+
+
+@dataclass(slots=True)
+class Quality(ContentFault):
+    """The quality of ODOMETRY, or the confidence of a change, follows a sequence, over and over.
+
+    Attributes:
+        values: in turn; -1 failed, 0 unknown, 1 to 100.
+        hold_s: how long each holds; 0 for one message each.
+    """
+
+    lasts: ClassVar[bool] = True
+    values: tuple[int, ...] = parameter((0,), -128, 127)
+    hold_s: float = parameter(0.0, 0.0, 1e6)
+    _count: int = field(default=0, init=False, repr=False)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Replace the quality."""
+        if isinstance(message, ODOMETRY):
+            return replace(message, quality=self._next(moment))
+        if isinstance(message, VISION_POSITION_DELTA):
+            return replace(message, confidence=float(self._next(moment)))
+        return None
+
+    def _next(self, moment: Moment) -> int:
+        turn = int(moment.since_s / self.hold_s) if self.hold_s else self._count
+        self._count += 1
+        return self.values[turn % len(self.values)]
+
+
+@dataclass(slots=True)
+class NotANumber(ContentFault):
+    """Fields are NaN.
+
+    Attributes:
+        fields: their names, as the message definition has them; all elements of an array.
+    """
+
+    fields: tuple[str, ...] = parameter(("x", "y", "z"))
+
+    def __post_init__(self) -> None:
+        ContentFault.__post_init__(self)
+        unknown = [name for name in self.fields if name not in _FLOATS]
+        if unknown:
+            raise ValueError(f"fields: no message has a number {unknown[0]!r}; there are {', '.join(sorted(_FLOATS))}")
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Replace the numbers."""
+        names = [name for name in self.fields if hasattr(message, name)]
+        return replace(message, **{name: _nan_like(getattr(message, name)) for name in names}) if names else None
+
+
+def _nan_like(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
+    return (math.nan,) * len(value) if isinstance(value, tuple) else math.nan
+
+
+@dataclass(slots=True)
+class Covariance(ContentFault):
+    """Every covariance has one number on its diagonal and 0 elsewhere.
+
+    Attributes:
+        variance: that number; nan for a covariance that is unknown, whose first element alone is NaN.
+    """
+
+    lasts: ClassVar[bool] = True
+    variance: float = parameter(0.0, -1e30, 1e30, nan=True)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Replace the covariances."""
+        names = [name for name in _COVARIANCES if hasattr(message, name)]
+        return replace(message, **{name: self._of(len(getattr(message, name))) for name in names}) if names else None
+
+    def _of(self, count: int) -> tuple[float, ...]:
+        places = (0,) if math.isnan(self.variance) else _DIAGONALS[count]
+        return tuple(self.variance if place in places else 0.0 for place in range(count))

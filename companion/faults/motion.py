@@ -1,0 +1,309 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Faults of the estimate: where the vehicle is, how it is turned and how fast it moves.
+
+Axes are those of the message's local frame, x, y, z; for SITL's parameters they are north, east, down.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+from companion.faults.fault import ContentFault, Moment
+from companion.faults.parameters import parameter
+from companion.faults.poses import (
+    Vector,
+    attitude_of,
+    cross,
+    has_euler_angles,
+    has_quaternion,
+    plus,
+    position_of,
+    times,
+    turned,
+    turned_about_origin,
+    with_body_velocity_added,
+    with_position,
+    with_velocity_added,
+    with_yaw_added,
+)
+from companion.faults.stamps import stamp_of, with_stamp
+from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+
+FAR_M = 1e7
+FAST_M_S = 1e6
+
+
+def _moved(message: Any, by: Vector) -> Any:
+    position = position_of(message)
+    return None if position is None else with_position(message, plus(position, by))
+
+
+def _gauss(moment: Moment, sd: float) -> Vector:
+    return moment.random.gauss(0.0, sd), moment.random.gauss(0.0, sd), moment.random.gauss(0.0, sd)
+
+
+@dataclass(slots=True)
+class PositionGlitch(ContentFault):
+    """The position is off.
+
+    Attributes:
+        x_m, y_m, z_m: by how much.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_GLIT_X, _Y, _Z"
+    x_m: float = parameter(0.0, -FAR_M, FAR_M)
+    y_m: float = parameter(0.0, -FAR_M, FAR_M)
+    z_m: float = parameter(0.0, -FAR_M, FAR_M)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Move the position."""
+        return _moved(message, (self.x_m, self.y_m, self.z_m))
+
+
+@dataclass(slots=True)
+class VelocityGlitch(ContentFault):
+    """The velocity is off; that of ODOMETRY, in the body frame, by as much in the local frame.
+
+    Attributes:
+        x_m_s, y_m_s, z_m_s: by how much.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_VGLI_X, _Y, _Z"
+    x_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
+    y_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
+    z_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Add to the velocity."""
+        return with_velocity_added(message, (self.x_m_s, self.y_m_s, self.z_m_s))
+
+
+@dataclass(slots=True)
+class PositionNoise(ContentFault):
+    """The position is noisy on each axis.
+
+    Attributes:
+        sd_m: standard deviation.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_P_SD"
+    lasts: ClassVar[bool] = True
+    sd_m: float = parameter(0.1, 0.0, FAR_M)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Move the position by chance."""
+        return _moved(message, _gauss(moment, self.sd_m))
+
+
+@dataclass(slots=True)
+class VelocityNoise(ContentFault):
+    """The velocity is noisy on each axis.
+
+    Attributes:
+        sd_m_s: standard deviation.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_V_SD"
+    lasts: ClassVar[bool] = True
+    sd_m_s: float = parameter(0.1, 0.0, FAST_M_S)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Add to the velocity by chance."""
+        return with_velocity_added(message, _gauss(moment, self.sd_m_s))
+
+
+@dataclass(slots=True)
+class SensorPlace(ContentFault):
+    """The camera is not where the autopilot takes it to be: position, and velocity of ODOMETRY, are of another point.
+
+    Attributes:
+        x_m, y_m, z_m: of the camera on the vehicle: forward, right, down.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_POS_X, _Y, _Z"
+    lasts: ClassVar[bool] = True
+    x_m: float = parameter(0.0, -100.0, 100.0)
+    y_m: float = parameter(0.0, -100.0, 100.0)
+    z_m: float = parameter(0.0, -100.0, 100.0)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Tell of the camera's place what was told of the vehicle's."""
+        attitude, offset = attitude_of(message), (self.x_m, self.y_m, self.z_m)
+        if attitude is None:
+            return None
+        if isinstance(message, ODOMETRY):
+            rates = message.rollspeed, message.pitchspeed, message.yawspeed
+            if all(map(math.isfinite, rates)):  # NaN for unknown
+                message = with_body_velocity_added(message, cross(rates, offset))
+        return _moved(message, turned(attitude, offset))
+
+
+@dataclass(slots=True)
+class FrameYaw(ContentFault):
+    """The local frame is turned about its origin: what lies north is reported as if north were elsewhere.
+
+    Attributes:
+        yaw_deg: of the local frame, clockwise; yaw is less by as much.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_YAW"
+    lasts: ClassVar[bool] = True
+    yaw_deg: float = parameter(90.0, -360.0, 360.0)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Turn position, velocity and attitude."""
+        return turned_about_origin(message, -math.radians(self.yaw_deg))
+
+
+@dataclass(slots=True)
+class YawError(ContentFault):
+    """The yaw is off, the position is not.
+
+    Attributes:
+        yaw_deg: by how much, clockwise.
+    """
+
+    sitl: ClassVar[str] = "SIM_VICON_YAWERR"
+    yaw_deg: float = parameter(20.0, -360.0, 360.0)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Turn the attitude."""
+        return with_yaw_added(message, math.radians(self.yaw_deg))
+
+
+@dataclass(slots=True)
+class Drift(ContentFault):
+    """Position and yaw drift away; the velocity says nothing of it.
+
+    Attributes:
+        x_m_s, y_m_s, z_m_s: how fast the position drifts.
+        yaw_deg_s: how fast the yaw drifts, clockwise.
+    """
+
+    lasts: ClassVar[bool] = True
+    x_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
+    y_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
+    z_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
+    yaw_deg_s: float = parameter(0.0, -3600.0, 3600.0)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Move and turn by what has come together."""
+        moved = _moved(message, times(moment.since_s, (self.x_m_s, self.y_m_s, self.z_m_s)))
+        if moved is None or not self.yaw_deg_s:
+            return moved
+        return with_yaw_added(moved, math.radians(self.yaw_deg_s) * moment.since_s)
+
+
+@dataclass(slots=True)
+class Scale(ContentFault):
+    """Positions, velocities and changes of position are too large or too small, as of a monocular odometry.
+
+    Attributes:
+        factor: 1000 for millimetres.
+    """
+
+    lasts: ClassVar[bool] = True
+    factor: float = parameter(1.1, -1e6, 1e6)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Multiply."""
+        if isinstance(message, VISION_POSITION_DELTA):
+            return replace(message, position_delta=tuple(self.factor * delta for delta in message.position_delta))
+        if isinstance(message, ODOMETRY):
+            vx, vy, vz = times(self.factor, (message.vx, message.vy, message.vz))
+            message = replace(message, vx=vx, vy=vy, vz=vz)
+        elif not isinstance(message, VISION_SPEED_ESTIMATE) and position_of(message) is None:
+            return None
+        return with_position(message, times(self.factor, (message.x, message.y, message.z)))
+
+
+@dataclass(slots=True)
+class Frozen(ContentFault):
+    """The estimate stands still: what the first message said is said again and again, with stamps that go on."""
+
+    lasts: ClassVar[bool] = True
+    _first: dict[type, Any] = field(default_factory=dict, init=False, repr=False)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Repeat the first of the same type."""
+        stamp_us = stamp_of(message)
+        if stamp_us is None:
+            return None
+        return with_stamp(self._first.setdefault(type(message), message), stamp_us)
+
+
+@dataclass(slots=True)
+class Reset(ContentFault):
+    """The odometry begins anew: the local frame is turned about its origin and shifted, and the reset counter says so.
+
+    Attributes:
+        x_m, y_m, z_m: how far positions jump.
+        yaw_deg: how far everything turns, clockwise.
+        count: what is added to the reset counter; 0 for a reset that is kept secret.
+    """
+
+    lasts: ClassVar[bool] = True
+    x_m: float = parameter(0.0, -FAR_M, FAR_M)
+    y_m: float = parameter(0.0, -FAR_M, FAR_M)
+    z_m: float = parameter(0.0, -FAR_M, FAR_M)
+    yaw_deg: float = parameter(0.0, -360.0, 360.0)
+    count: int = parameter(1, 0, 255)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Turn, shift and count."""
+        after: Any = None
+        if position_of(message) is not None or isinstance(message, VISION_SPEED_ESTIMATE):
+            after = turned_about_origin(message, math.radians(self.yaw_deg)) if self.yaw_deg else message
+            after = _moved(after, (self.x_m, self.y_m, self.z_m)) or after
+        if after is not None and hasattr(after, "reset_counter"):
+            after = replace(after, reset_counter=(after.reset_counter + self.count) % 256)
+        return after
+
+
+@dataclass(slots=True)
+class Degrees(ContentFault):
+    """Roll, pitch and yaw, or their changes, are in degrees."""
+
+    lasts: ClassVar[bool] = True
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Convert the angles."""
+        if isinstance(message, VISION_POSITION_DELTA):
+            return replace(message, angle_delta=tuple(map(math.degrees, message.angle_delta)))
+        if not has_euler_angles(message):
+            return None
+        roll, pitch, yaw = map(math.degrees, (message.roll, message.pitch, message.yaw))
+        return replace(message, roll=roll, pitch=pitch, yaw=yaw)
+
+
+def _changed_quat(message: Any, change: Callable[[tuple[float, ...]], tuple[float, ...]]) -> Any:
+    return replace(message, q=change(message.q)) if has_quaternion(message) else None
+
+
+@dataclass(slots=True)
+class QuatXyzw(ContentFault):
+    """The quaternion is in the order x, y, z, w, as in ROS, in place of w, x, y, z."""
+
+    lasts: ClassVar[bool] = True
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Change the order."""
+        return _changed_quat(message, lambda q: (*q[1:], q[0]))
+
+
+@dataclass(slots=True)
+class QuatNorm(ContentFault):
+    """The quaternion has another length than 1.
+
+    Attributes:
+        norm: its length.
+    """
+
+    lasts: ClassVar[bool] = True
+    norm: float = parameter(0.5, 0.0, 1e6)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Multiply."""
+        return _changed_quat(message, lambda q: tuple(self.norm * element for element in q))

@@ -1,0 +1,160 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Position, attitude and velocity in the messages of external navigation, and how to turn them.
+
+Quaternions are w, x, y, z and turn the body into the local frame; angles are in rad. Numbers need not be finite.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any, Final
+
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    ODOMETRY,
+    VICON_POSITION_ESTIMATE,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+)
+
+Vector = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+_EULER: Final = (VISION_POSITION_ESTIMATE, GLOBAL_VISION_POSITION_ESTIMATE, VICON_POSITION_ESTIMATE)
+_POSED: Final = (*_EULER, ATT_POS_MOCAP, ODOMETRY)
+
+
+def plus(first: Vector, second: Vector) -> Vector:
+    """Return the sum."""
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+
+
+def times(factor: float, vector: Vector) -> Vector:
+    """Return the vector, scaled."""
+    return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+def cross(first: Vector, second: Vector) -> Vector:
+    """Return the cross product."""
+    (a, b, c), (x, y, z) = first, second
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+def product(first: Quat, second: Quat) -> Quat:
+    """Return the quaternion that turns as the second, then as the first."""
+    (a, b, c, d), (w, x, y, z) = first, second
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
+
+
+def inverse(quat_wxyz: Quat) -> Quat:
+    """Return the turn back, of a unit quaternion."""
+    w, x, y, z = quat_wxyz
+    return w, -x, -y, -z
+
+
+def turned(quat_wxyz: Quat, vector: Vector) -> Vector:
+    """Return the vector, turned by a unit quaternion."""
+    _, x, y, z = product(product(quat_wxyz, (0.0, *vector)), inverse(quat_wxyz))
+    return x, y, z
+
+
+def yaw_quat(yaw_rad: float) -> Quat:
+    """Return a turn about the vertical axis."""
+    return math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
+
+
+def quat_from_euler(roll: float, pitch: float, yaw: float) -> Quat:
+    """Return the attitude of angles in the order yaw, pitch, roll; NaN of infinite ones."""
+    if not (math.isfinite(roll) and math.isfinite(pitch) and math.isfinite(yaw)):
+        return math.nan, math.nan, math.nan, math.nan
+    about_y = math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0
+    about_x = math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0
+    return product(product(yaw_quat(yaw), about_y), about_x)
+
+
+def euler_from_quat(quat_wxyz: Quat) -> Vector:
+    """Return roll, pitch and yaw of a unit quaternion."""
+    w, x, y, z = quat_wxyz
+    sine = 2.0 * (w * y - z * x)
+    pitch = math.copysign(math.pi / 2, sine) if abs(sine) >= 1.0 else math.asin(sine)
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return roll, pitch, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def position_of(message: Any) -> Vector | None:
+    """Return the position in m, in the axes of the message; None if it has none."""
+    return (message.x, message.y, message.z) if isinstance(message, _POSED) else None
+
+
+def with_position(message: Any, position: Vector) -> Any:
+    """Return a message that has a position with another."""
+    x, y, z = position
+    return replace(message, x=x, y=y, z=z)
+
+
+def has_euler_angles(message: Any) -> bool:
+    """Tell whether the attitude is in roll, pitch and yaw."""
+    return isinstance(message, _EULER)
+
+
+def has_quaternion(message: Any) -> bool:
+    """Tell whether the attitude is in a quaternion."""
+    return isinstance(message, ODOMETRY | ATT_POS_MOCAP)
+
+
+def attitude_of(message: Any) -> Quat | None:
+    """Return the attitude, None if the message has none."""
+    if has_euler_angles(message):
+        return quat_from_euler(message.roll, message.pitch, message.yaw)
+    return tuple(message.q) if has_quaternion(message) else None
+
+
+def with_attitude(message: Any, quat_wxyz: Quat) -> Any:
+    """Return a message that has an attitude with another."""
+    if has_quaternion(message):
+        return replace(message, q=quat_wxyz)
+    roll, pitch, yaw = euler_from_quat(quat_wxyz)
+    return replace(message, roll=roll, pitch=pitch, yaw=yaw)
+
+
+def with_yaw_added(message: Any, yaw_rad: float) -> Any:
+    """Return the message with its attitude turned about the vertical axis, None if it has none."""
+    if has_euler_angles(message):
+        yaw = message.yaw + yaw_rad
+        return replace(message, yaw=math.remainder(yaw, math.tau) if math.isfinite(yaw) else yaw)
+    if not has_quaternion(message):
+        return None
+    return replace(message, q=product(yaw_quat(yaw_rad), tuple(message.q)))
+
+
+def with_velocity_added(message: Any, vel_local: Vector) -> Any:
+    """Return the message with a velocity, in m/s in the local frame, added to its own; None if it has none."""
+    if isinstance(message, VISION_SPEED_ESTIMATE):
+        x, y, z = plus((message.x, message.y, message.z), vel_local)
+        return replace(message, x=x, y=y, z=z)
+    if not isinstance(message, ODOMETRY):
+        return None
+    q: Any = message.q
+    return with_body_velocity_added(message, turned(inverse(q), vel_local))
+
+
+def with_body_velocity_added(message: ODOMETRY, vel_body: Vector) -> ODOMETRY:
+    """Return the message with a velocity, in m/s in the body frame, added to its own."""
+    vx, vy, vz = plus((message.vx, message.vy, message.vz), vel_body)
+    return replace(message, vx=vx, vy=vy, vz=vz)
+
+
+def turned_about_origin(message: Any, yaw_rad: float) -> Any:
+    """Return the message as of a local frame that is turned about its origin, None if that makes no difference."""
+    turn = yaw_quat(yaw_rad)
+    if isinstance(message, VISION_SPEED_ESTIMATE):
+        x, y, z = turned(turn, (message.x, message.y, message.z))
+        return replace(message, x=x, y=y, z=z)
+    position = position_of(message)
+    return None if position is None else with_position(with_yaw_added(message, yaw_rad), turned(turn, position))

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recorded streams in and out of the injector."""
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from companion.faults import TimedFrame
+from emulator.errors import InputError
+from emulator.streams import Stream, read_stream
+from emulator.text_files import write_text
+from mav_handlers.links import TlogError, TlogWriter, read_tlog
+from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
+
+TLOG: Final = (".tlog", ".tlog.gz")
+CAPTURE: Final = (".jsonl", ".jsonl.gz")
+_MARKERS: Final = (bytes([STX_V1]), bytes([STX_V2]))
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A recorded stream.
+
+    Attributes:
+        frames: with their times in us, as the file has them.
+        stream: what else is known of it; None of a telemetry log.
+        notes: what the file holds beside frames.
+    """
+
+    frames: tuple[TimedFrame, ...]
+    stream: Stream | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a telemetry log, or any other stream that can be replayed.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    if not path.name.lower().endswith(TLOG):
+        stream = read_stream(path, 0)
+        return Recording(tuple(_timed(stream)), stream, stream.notes)
+    try:
+        reader = read_tlog(path)
+        frames = tuple((entry.time_us, entry.data) for entry in reader)
+    except TlogError as error:
+        raise InputError(str(error)) from error
+    notes = []
+    if reader.skipped_bytes:
+        notes.append(f"{path}: {reader.skipped_bytes} damaged bytes passed over")
+    if reader.truncated:
+        notes.append(f"{path}: the last entry is cut short, {reader.truncated_bytes} bytes")
+    return Recording(frames, notes=tuple(notes))
+
+
+def _timed(stream: Stream) -> Iterator[TimedFrame]:
+    # A time that is not known is taken to be that of the message before.
+    time_us = next((message.arrival_us for message in stream.messages if message.arrival_us is not None), 0)
+    for message in stream.messages:
+        time_us = time_us if message.arrival_us is None else message.arrival_us
+        yield time_us, message.frame
+
+
+def check_output(path: Path, source: Path) -> None:
+    """Check that a stream can be written to a file of this name.
+
+    Raises:
+        InputError: naming the file.
+    """
+    name = path.name.lower()
+    if not name.endswith((*TLOG, *CAPTURE)):
+        raise InputError(f"{path}: neither a telemetry log (.tlog) nor a capture (.jsonl, .jsonl.gz)")
+    if name.endswith(CAPTURE) and source.name.lower().endswith(TLOG):
+        raise InputError(f"{path}: a telemetry log has no parameters, which a capture needs; write a .tlog")
+    if path.resolve() == source.resolve():
+        raise InputError(f"{path}: the file that is read")
+
+
+def write_recording(path: Path, frames: Iterable[TimedFrame], recording: Recording) -> int:
+    """Write a stream in the form that the file's name tells; return how many pieces a .tlog cannot hold.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    stream = recording.stream
+    if stream is None or not path.name.lower().endswith(CAPTURE):
+        return _write_tlog(path, frames, 0 if stream is None else YEAR_2000_US)
+    with write_text(path) as file:
+        file.write(json.dumps({"name": stream.name, "params": dict(stream.params)}) + "\n")
+        for time_us, frame in frames:
+            file.write(json.dumps({"arrival_us": time_us, "msg": frame.hex()}) + "\n")
+    return 0
+
+
+def _write_tlog(path: Path, frames: Iterable[TimedFrame], epoch_us: int) -> int:
+    left_out = 0
+    try:
+        with TlogWriter(path) as log:
+            for time_us, frame in frames:
+                if frame[:1] in _MARKERS:
+                    log.write(epoch_us + time_us, frame)
+                else:
+                    left_out += 1
+    except TlogError as error:
+        raise InputError(str(error)) from error
+    return left_out

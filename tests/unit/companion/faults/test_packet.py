@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames by their headers, and frames packed again."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.faults.packet import NO_FRAME, PassedOver, decode, pack, read_packet
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import HEARTBEAT
+from tests.unit.companion.faults.rig import BEAT, decoded, encoded, every_kind, odometry, passed_over, position
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_header_says_what_the_codec_says(version: int) -> None:
+    for frame in encoded(BEAT, position(), component_id=7, version=version):
+        header, packet = decoded(frame)[0], read_packet(frame)
+        assert packet.key == (header.system_id, header.component_id, header.message_id)
+        assert (packet.name, packet.version, packet.sequence) == (header.name, version, header.sequence)
+
+
+@given(st.binary(max_size=60))
+def test_anything_else_is_no_frame_or_unknown(data: bytes) -> None:
+    packet = read_packet(data)
+    assert packet.frame == data
+    assert packet.name == NO_FRAME or len(data) >= 8
+
+
+def test_decoded_and_packed_again_is_the_same_frame() -> None:
+    codec = Codec(9, 8)
+    for number in range(300):
+        frame = codec.encode(every_kind()[number % 7])
+        assert pack(decode(read_packet(frame))).frame == frame
+
+
+def test_version_1_stays_without_its_extensions() -> None:
+    (frame,) = encoded(position(reset_counter=7), version=1)
+    packet = decode(read_packet(frame))
+    assert pack(packet).frame == frame
+
+
+@pytest.mark.parametrize(("frame", "reason"), [
+    (encoded(odometry())[0][:-1] + b"?", "damaged"),
+    (b"\xfd\x00\x00\x00\x00\x01\x01\xff\xff\xff\x00\x00", "content not known"),
+    (encoded(odometry())[0] + b"more", "damaged"),
+    (b"\xfe", "damaged"),
+    (b"", "damaged"),
+])  # fmt: skip
+def test_what_cannot_be_decoded_is_passed_over(frame: bytes, reason: str) -> None:
+    assert passed_over("kind: sender_id", frame) == {reason: 1}
+
+
+def test_number_that_does_not_fit_is_passed_over() -> None:
+    frame = encoded(position(x=3e38))[0]
+    assert passed_over("kind: scale, factor: 1000", frame) == {"does not fit its field": 1}
+
+
+def test_message_without_content_cannot_be_packed() -> None:
+    with pytest.raises(PassedOver, match="content not known"):
+        pack(read_packet(encoded(BEAT)[0]))
+
+
+def test_packing_keeps_ids_and_sequence_number() -> None:
+    codec = Codec(33, 44)
+    frames = [codec.encode(BEAT) for _ in range(258)]
+    packet = decode(read_packet(frames[257]))
+    header, message = decoded(pack(replace(packet, message=HEARTBEAT(1, 2, 3, 4, 5, 3))).frame)
+    assert (header.system_id, header.component_id, header.sequence, message.type) == (33, 44, 1, 1)
