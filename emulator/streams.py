@@ -1,143 +1,114 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recorded MAVLink streams: captures (.jsonl, .jsonl.gz) and telemetry logs (.tlog)."""
+"""Recorded streams of every kind: a new one is a file in ``stream_kinds`` and a row here."""
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 from emulator.errors import InputError
-from emulator.text_files import read_lines
-from mav_handlers.links.tlog import TlogError, read_tlog
+from emulator.stream_kinds.capture import CAPTURE_BAUD, read_capture
+from emulator.stream_kinds.flight_log import read_flight_log
+from emulator.stream_kinds.stream import MAX_GAP_US, Stream, StreamMessage
+from emulator.stream_kinds.telemetry_log import read_telemetry_log
+from emulator.stream_kinds.trajectory import TrajectoryOptions, read_trajectory
 
-# The recording simulator applied this rate to its TCP port.
-CAPTURE_BAUD: Final = 115200
-MAX_PARAMETER: Final = 3.4e38  # of binary32
-# A vehicle runs through the silence between two messages; a damaged stamp would have it run for years.
-MAX_GAP_US: Final = 86_400_000_000
+__all__ = [
+    "CAPTURE_BAUD",
+    "MAX_GAP_US",
+    "STREAM_KINDS",
+    "Stream",
+    "StreamKind",
+    "StreamMessage",
+    "TrajectoryOptions",
+    "kind_of",
+    "read_capture",
+    "read_flight_log",
+    "read_stream",
+    "read_telemetry_log",
+    "read_trajectory",
+]
+
+TRAJECTORY: Final = "trajectory"
+_AS_A_TRAJECTORY: Final = TrajectoryOptions()
 
 
-@dataclass(frozen=True, slots=True)
-class StreamMessage:
-    """A frame, and when the autopilot handled it in us since boot; None when that is not known."""
+class StreamKind(NamedTuple):
+    """A kind of recorded streams.
 
-    arrival_us: int | None
-    frame: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Stream:
-    """A recorded stream.
-
-    ``shared_arrival`` tells that messages with the same arrival time were waiting together, and that one which made no
-    record carries its predecessor's time.
+    Attributes:
+        endings: of the names of its files, in small letters.
+        content: what it holds.
+        params: where the parameters come from.
+        read: reads a file, given the time in us from boot to the first message where the file has none since boot.
     """
 
-    name: str
-    messages: tuple[StreamMessage, ...]
-    params: Mapping[str, float] = field(default_factory=dict)
-    baud: int | None = None
-    shared_arrival: bool = False
-    notes: tuple[str, ...] = ()
+    endings: tuple[str, ...]
+    content: str
+    params: str
+    read: Callable[[Path, int, TrajectoryOptions], Stream]
 
 
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_PARAMETER:
-        raise ValueError(f"not a finite number: {value!r}")
-    return float(value)
+STREAM_KINDS: Final[Mapping[str, StreamKind]] = MappingProxyType(
+    {
+        "capture": StreamKind(
+            (".jsonl", ".jsonl.gz"),
+            "a conversation with the firmware: a line that describes it, a line a message",
+            "its first line",
+            lambda path, _lead_us, _options: read_capture(path),
+        ),
+        "telemetry log": StreamKind(
+            (".tlog", ".tlog.gz"),
+            "frames with the time of day, from a ground station or `viso play`",
+            "",
+            lambda path, lead_us, _options: read_telemetry_log(path, lead_us),
+        ),
+        "DataFlash log": StreamKind(
+            (".bin", ".bin.xz"),
+            "the autopilot's own log: messages are rebuilt from VISP, VISV and VISO",
+            "PARM",
+            lambda path, _lead_us, _options: read_flight_log(path),
+        ),
+        TRAJECTORY: StreamKind(
+            (".tum", ".txt", ".csv", ".bag", ".mcap", ".db3"),
+            "poses of an odometry or a motion capture, in any format of `viso play`; the folder of a bag as well",
+            "",
+            read_trajectory,
+        ),
+    }
+)
 
 
-def _header(line: object) -> tuple[str, dict[str, float]]:
-    if not isinstance(line, dict) or not isinstance(line.get("params"), dict):
-        raise ValueError("the first line of a capture is an object with 'name' and 'params'")
-    params = {str(name): _number(value) for name, value in line["params"].items()}
-    return str(line.get("name", "")), params
+def kind_of(path: Path, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> str:
+    """Return the name of the kind of a file, by the ending of its name.
 
-
-def _message(line: object) -> StreamMessage:
-    if not isinstance(line, dict) or "msg" not in line:
-        raise ValueError("a message is an object with 'arrival_us' and 'msg'")
-    arrival_us = line.get("arrival_us")
-    if arrival_us is not None and (isinstance(arrival_us, bool) or not isinstance(arrival_us, int) or arrival_us < 0):
-        raise ValueError(f"'arrival_us' is not a time: {arrival_us!r}")
-    if not isinstance(line["msg"], str):
-        raise ValueError("'msg' is not text in hex")
-    return StreamMessage(arrival_us, bytes.fromhex(line["msg"]))
-
-
-def read_capture(path: Path) -> Stream:
-    """Read a capture: a line that describes it, then a line a message.
+    A folder is a bag, and what has a format of trajectories given is a trajectory.
 
     Raises:
-        InputError: naming the file, the line and what is wrong with it.
+        InputError: if it is of no kind known, or options are given that it has no use for.
     """
-    header: tuple[str, dict[str, float]] | None = None
-    messages: list[StreamMessage] = []
-    latest_us = 0
-    for number, text in read_lines(path):
-        try:
-            line = json.loads(text)
-            if header is None:
-                header = _header(line)
-                continue
-            message = _message(line)
-            if message.arrival_us is not None:
-                if message.arrival_us < latest_us:
-                    raise ValueError(f"'arrival_us' runs backwards: {message.arrival_us} after {latest_us}")
-                if message.arrival_us - latest_us > MAX_GAP_US:
-                    raise ValueError(f"'arrival_us' leaps over more than a day: {message.arrival_us} after {latest_us}")
-                latest_us = message.arrival_us
-            messages.append(message)
-        except json.JSONDecodeError as error:
-            raise InputError(f"{path}:{number}: not JSON: {error.msg} in column {error.colno}") from error
-        except RecursionError as error:
-            raise InputError(f"{path}:{number}: nested too deeply") from error
-        except ValueError as error:
-            raise InputError(f"{path}:{number}: {error}") from error
-    if header is None:
-        raise InputError(f"{path}: an empty capture")
-    return Stream(header[0], tuple(messages), header[1], CAPTURE_BAUD, shared_arrival=True)
+    name = path.name.lower()
+    found = next((kind for kind, row in STREAM_KINDS.items() if name.endswith(row.endings)), None)
+    if found is None and (path.is_dir() or options.format_name is not None):
+        found = TRAJECTORY
+    if found is None:
+        known = ", ".join(f"{kind} ({', '.join(row.endings)})" for kind, row in STREAM_KINDS.items())
+        raise InputError(f"{path}: by its ending no recorded stream; there are: {known}")
+    if found != TRAJECTORY and options != _AS_A_TRAJECTORY:
+        raise InputError(f"{path}: --as, --format, --topic, --times, --axes and --rate are for trajectories")
+    return found
 
 
-def read_telemetry_log(path: Path, lead_us: int) -> Stream:
-    """Read a .tlog; its first message comes ``lead_us`` after the vehicle's boot.
-
-    Messages whose stamp runs backwards are handled at the time of their predecessor.
-
-    Raises:
-        InputError: if the file cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
-    """
-    try:
-        reader = read_tlog(path)
-        entries = list(reader)
-    except TlogError as error:
-        raise InputError(str(error)) from error
-    messages, latest_us = [], lead_us
-    for number, entry in enumerate(entries, 1):
-        time_us = lead_us + entry.time_us - entries[0].time_us
-        if time_us - latest_us > MAX_GAP_US:
-            raise InputError(f"{path}: entry {number}: more than a day after the one before")
-        latest_us = max(latest_us, time_us)
-        messages.append(StreamMessage(latest_us, entry.data))
-    notes = []
-    if reader.skipped_bytes:
-        notes.append(f"{path}: {reader.skipped_bytes} damaged bytes passed over")
-    if reader.truncated:
-        notes.append(f"{path}: the last entry is cut short")
-    return Stream(path.stem, tuple(messages), notes=tuple(notes))
-
-
-def read_stream(path: Path, lead_us: int) -> Stream:
+def read_stream(path: Path, lead_us: int, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> Stream:
     """Read a recorded stream of a known kind, by the ending of its name.
+
+    Args:
+        path: the file, or the folder of a bag.
+        lead_us: from boot to the first message, where the recording does not tell the time since boot.
+        options: how to take a trajectory.
 
     Raises:
         InputError: if the kind is unknown or the file cannot be read.
     """
-    name = path.name.lower()
-    if name.endswith((".tlog", ".tlog.gz")):
-        return read_telemetry_log(path, lead_us)
-    if name.endswith((".jsonl", ".jsonl.gz")):
-        return read_capture(path)
-    raise InputError(f"{path}: neither a capture (.jsonl, .jsonl.gz) nor a telemetry log (.tlog)")
+    return STREAM_KINDS[kind_of(path, options)].read(path, lead_us, options)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from emulator.errors import InputError
-from emulator.streams import CAPTURE_BAUD, StreamMessage, read_stream
+from emulator.streams import CAPTURE_BAUD, STREAM_KINDS, StreamMessage, TrajectoryOptions, kind_of, read_stream
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
 
@@ -135,7 +135,44 @@ def test_ending_is_recognised_in_capitals(tmp_path: Path) -> None:
     assert len(read_stream(path, 0).messages) == 1
 
 
-@pytest.mark.parametrize("name", ["flight.BIN", "flight", "flight.json", "jsonl"])
+@pytest.mark.parametrize(("name", "kind"), [
+    ("flight.jsonl", "capture"),
+    ("flight.jsonl.gz", "capture"),
+    ("flight.tlog.gz", "telemetry log"),
+    ("00000001.BIN", "DataFlash log"),
+    ("flight.bin.xz", "DataFlash log"),
+    ("poses.tum", "trajectory"),
+    ("00.txt", "trajectory"),
+    ("vio.csv", "trajectory"),
+    ("flight.bag", "trajectory"),
+    ("flight.mcap", "trajectory"),
+    ("flight.db3", "trajectory"),
+])  # fmt: skip
+def test_kind_is_known_by_the_ending(name: str, kind: str) -> None:
+    assert kind_of(Path(name)) == kind
+
+
+def test_folder_is_a_bag(tmp_path: Path) -> None:
+    assert kind_of(tmp_path) == "trajectory"
+
+
+def test_file_with_a_format_of_trajectories_is_one() -> None:
+    assert kind_of(Path("poses"), TrajectoryOptions(format_name="tum")) == "trajectory"
+
+
+@pytest.mark.parametrize("name", ["flight", "flight.json", "jsonl", "flight.xz"])
 def test_other_kind_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"^{name}: neither a capture"):
+    with pytest.raises(InputError, match=rf"^{name}: by its ending no recorded stream; there are: capture \(\.jsonl"):
         read_stream(Path(name), 0)
+
+
+@pytest.mark.parametrize("name", ["flight.tlog", "flight.jsonl", "flight.BIN"])
+def test_options_of_trajectories_are_refused_for_others(name: str) -> None:
+    with pytest.raises(InputError, match=rf"^{name}: --as, .*--rate are for trajectories"):
+        read_stream(Path(name), 0, TrajectoryOptions(axes="ned_frd"))
+
+
+def test_every_kind_says_what_it_is() -> None:
+    endings = [ending for row in STREAM_KINDS.values() for ending in row.endings]
+    assert len(endings) == len(set(endings))
+    assert all(row.content for row in STREAM_KINDS.values())

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``viso doctor``: what the autopilot would do with a stream, and what to change."""
+
+import json
+import math
+import time
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from emulator.console import err, out, progress
+from emulator.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from emulator.doctor.live import LinkRecorder
+from emulator.doctor.outputs import as_json, as_junit, as_sarif
+from emulator.doctor.summary import summarise
+from emulator.doctor.terminal import count_text, finding_lines, summary_lines, summary_table
+from emulator.doctor.vehicle_data import vehicle_of_log
+from emulator.errors import InputError
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from emulator.presets import PRESET_HELP, preset_files
+from emulator.settings import load_settings
+from emulator.signals import stop_on_signal
+from emulator.streams import Stream, read_stream
+from emulator.text_files import write_text
+from mav_handlers.links import LINKS, open_link
+
+EXIT_FINDINGS: Final = 1
+_LONGEST_S: Final = 86_400.0
+
+
+def doctor(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="A recording that viso replay reads, or a link to listen to, such as udpin:0.0.0.0:14550.",
+            metavar="FILE_OR_LINK",
+        ),
+    ],
+    fail_on: Annotated[Severity, typer.Option(help="Exit with 1 if there is a finding as bad as this.")] = (
+        Severity.ERROR
+    ),
+    as_json_text: Annotated[bool, typer.Option("--json", help="Print findings and summary as JSON.")] = False,
+    sarif: Annotated[Path | None, typer.Option(help="Write findings here as SARIF 2.1.0.", metavar="FILE")] = None,
+    junit: Annotated[Path | None, typer.Option(help="Write findings here as JUnit XML.", metavar="FILE")] = None,
+    seconds: Annotated[float, typer.Option(help="How long to listen to a link.")] = 20.0,
+    preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
+    defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
+    param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
+    allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+    attitude: Annotated[
+        Path | None, typer.Option(help="Take the vehicle's own attitude from this log (.BIN, .BIN.xz).", metavar="LOG")
+    ] = None,
+    baud: Annotated[
+        int | None,
+        typer.Option(help="Rate of the UART whose transport time is modelled, 0 for none; captures default to 115200."),
+    ] = None,
+    heading: Annotated[
+        float, typer.Option(help="Where the vehicle points at first in degrees, if nothing tells its attitude.")
+    ] = 0.0,
+    lead: Annotated[float, typer.Option(help="Seconds from boot to the first message, if the file does not tell.")] = (
+        30.0
+    ),
+) -> None:
+    """Tell what the autopilot would do with a stream of external navigation, and what to change.
+
+    The stream is tried on the autopilot in virtual time, on a vehicle that moves as it says. Parameters are those
+    given, else those found in the recording, else a set-up that fits the stream. What the autopilot itself says in the
+    recording, its attitude above all, is held against the stream. Each finding has a code, which the page on the doctor
+    explains.
+
+    Exit code 1: there is an error (see --fail-on). Example: viso doctor tests/data/captures/voxl.jsonl.gz
+    """
+    if not 0 <= lead <= 4e9:
+        raise InputError(f"--lead {lead:g}: not a time in seconds")
+    if not 0 < seconds <= _LONGEST_S:
+        raise InputError(f"--seconds {seconds:g}: not between 0 and a day")
+    if not math.isfinite(heading):
+        raise InputError(f"--heading {heading}: not an angle in degrees")
+    files = [*preset_files(preset), *(defaults or [])]
+    profile = firmware_of(firmware)
+    params = load_settings(files, param or [], links=1, allow_unknown=allow_unknown, firmware=profile)
+    stream = (
+        _listen(source, seconds, int(lead * 1e6)) if _is_link(source) else read_stream(Path(source), int(lead * 1e6))
+    )
+    rate = (stream.baud if baud is None else baud) or None
+    if rate is not None and rate < 0:
+        raise InputError(f"--baud {baud}: not a rate")
+    heading_rad = math.remainder(math.radians(heading), 2 * math.pi)
+    options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=profile)
+    evidence = _examine(stream, _with_log(options, attitude, Path(source)))
+    findings = diagnose(evidence, RULES)
+    if sarif is not None:
+        _write(sarif, json.dumps(as_sarif(source, _version(), RULES, findings), indent=1) + "\n")
+    if junit is not None:
+        _write(junit, as_junit(source, RULES, findings, fail_on))
+    if as_json_text:
+        out.print_json(data=as_json(evidence, summarise(evidence), findings))
+    else:
+        _print(evidence, findings)
+    if any(finding.severity.at_least(fail_on) for finding in findings):
+        raise typer.Exit(EXIT_FINDINGS)
+
+
+def _is_link(source: str) -> bool:
+    scheme, colon, _ = source.partition(":")
+    return not Path(source).is_file() and (source.startswith("/dev/") or (bool(colon) and scheme in LINKS))
+
+
+def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
+    link = open_link(connection)
+    try:
+        recorder = LinkRecorder(link, lead_us, time.monotonic)
+        with stop_on_signal() as signals, progress(f"listening to {connection}", int(seconds)) as bar:
+            recorder.run(
+                seconds, lambda: bool(signals), lambda passed_s: bar.update(bar.task_ids[0], completed=passed_s)
+            )
+    finally:
+        link.close()
+    return recorder.stream()
+
+
+def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherOptions:
+    """Return options with the vehicle's attitude and height of a log, of the source itself if that is one."""
+    attitude, height = vehicle_of_log(source if log is None else log)
+    if log is not None and attitude is None:
+        raise InputError(f"{log}: not a DataFlash log with ATT records")
+    return replace(options, attitude=attitude, height=height)
+
+
+def _examine(stream: Stream, options: GatherOptions) -> Evidence:
+    with progress("trying the stream", len(stream.messages)) as bar:
+        return gather(stream, options, lambda fed: bar.update(bar.task_ids[0], completed=fed))
+
+
+def _print(evidence: Evidence, findings: list[Finding]) -> None:
+    for note in evidence.notes:
+        err.print(f"note: {note}")
+    for finding in findings:
+        for line in finding_lines(finding, out.width if out.is_terminal else None):
+            out.print(line)
+    summary = summarise(evidence)
+    if summary.outcomes:
+        out.print(summary_table(summary))
+    for sentence in summary_lines(summary):
+        out.print(sentence)
+    out.print(f"{evidence.name}: {count_text(findings)}")
+
+
+def _write(path: Path, text: str) -> None:
+    with write_text(path) as file:
+        file.write(text)
+
+
+def _version() -> str:
+    try:
+        return version("viso")
+    except PackageNotFoundError:
+        return "unknown"

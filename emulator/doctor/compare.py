@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A stream's attitude against the vehicle's own: delay and axes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import quaternion
+
+from ap_core.internal_error import InternalErrors
+from ap_core.rotations import quaternion_from_rotation
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.tracks import Floats, Ints, Poses
+from emulator.doctor.vehicle_data import AttitudeSeries
+from emulator.estimators.delay import Delay, estimate_delay
+from emulator.estimators.orientation import Orientation, WorldAxes, estimate_orientation, estimate_world_axes
+from emulator.estimators.turning import quats_of_euler
+
+ALIGNING_TYPES: Final = (2, 3)
+_FEWEST: Final = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """What the vehicle's own attitude says about a stream's; types 2 and 3 have VISO_ORIENT taken off before.
+
+    Attributes:
+        poses: of the stream.
+        delay: since the stamps that the autopilot makes of the stream's; the filter subtracts VISO_DELAY_MS from those.
+        since_arrival: likewise, of the times of arrival.
+        orientation: of the stream's body.
+        world: of the stream's world.
+    """
+
+    poses: Poses
+    delay: Delay
+    since_arrival: Delay
+    orientation: Orientation
+    world: WorldAxes
+
+
+def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
+    """Return attitudes with VISO_ORIENT taken off, as types 2 and 3 do (AP_VisualOdom_IntelT265::rotate_attitude)."""
+    if orient == 0 or viso_type not in ALIGNING_TYPES:
+        return quat_wxyz
+    back = quaternion_from_rotation(orient, InternalErrors()).inverse()
+    turn = quaternion.quaternion(*map(float, back.to_wxyz()))
+    turned: Floats = quaternion.as_float_array(quaternion.as_quat_array(quat_wxyz) * turn)
+    return turned
+
+
+def _corrected_us(poses: Poses, messages: Mapping[int, SeenMessage]) -> Ints:
+    """Return the times that the autopilot gives to poses (CTimeMS); that of arrival where it made no record."""
+    times = poses.track.arrival_us.copy()
+    for index, number in enumerate(poses.track.numbers.tolist()):
+        for name, values in messages[number].records:
+            if name == "VISP" and isinstance(values[2], int):
+                times[index] = values[2] * 1000
+    return times
+
+
+def _usable(time_us: Ints, quat_wxyz: Floats) -> tuple[Ints, Floats]:
+    """Return what is finite, of about unit length, and in order of time."""
+    with np.errstate(all="ignore"):
+        norm = np.linalg.norm(quat_wxyz, axis=1)
+    fine = np.isfinite(norm) & (np.abs(norm - 1) < 0.1)
+    time_us, quat_wxyz = time_us[fine], quat_wxyz[fine] / norm[fine, None]
+    time_us, first = np.unique(time_us, return_index=True)
+    return time_us, quat_wxyz[first]
+
+
+def compare(
+    poses: Sequence[Poses],
+    messages: Sequence[SeenMessage],
+    attitude: AttitudeSeries | None,
+    params: Mapping[str, float],
+) -> tuple[Comparison, ...]:
+    """Return what the vehicle's own attitude says about each track of poses."""
+    if attitude is None or len(attitude) < _FEWEST:
+        return ()
+    by_number = {one.number: one for one in messages}
+    vehicle_us, vehicle_quats = _usable(attitude.time_us, quats_of_euler(attitude.euler_rad))
+    viso_type, orient = int(params.get("VISO_TYPE", 0)), int(params.get("VISO_ORIENT", 0))
+    found = []
+    for one in poses:
+        quats = oriented(one.quat_wxyz, viso_type, orient)
+        time_us, quats = _usable(_corrected_us(one, by_number), quats)
+        if len(time_us) < _FEWEST:
+            continue
+        delay = estimate_delay(time_us, quats, vehicle_us, vehicle_quats)
+        lag_ms = delay.delay_ms if delay.enough_motion else 0.0
+        orientation = estimate_orientation(time_us, quats, vehicle_us, vehicle_quats, delay_ms=lag_ms)
+        world = estimate_world_axes(
+            time_us, quats, vehicle_us, vehicle_quats, body_axes=orientation.axes, delay_ms=lag_ms
+        )
+        arrived_us, as_sent = _usable(one.track.arrival_us, one.quat_wxyz)
+        since_arrival = estimate_delay(arrived_us, as_sent, vehicle_us, vehicle_quats)
+        found.append(Comparison(one, delay, since_arrival, orientation, world))
+    return tuple(found)

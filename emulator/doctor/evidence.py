@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that the rules may look at."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from emulator.doctor.compare import Comparison
+from emulator.doctor.motion import Motion
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.tracks import Poses, Track, Velocities
+from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
+from emulator.filter_watch import AidingSpan, Innovations
+from emulator.firmware import Firmware
+from mav_handlers.handlers import VISION_MESSAGES
+
+__all__ = ["Assumed", "Evidence", "SeenMessage"]
+
+EXTNAV: Final = 6
+SOURCE_NAMES: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
+
+
+@dataclass(frozen=True, slots=True)
+class Assumed:
+    """A parameter that nobody told, and why it is taken to be so."""
+
+    name: str
+    value: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A stream, and what the autopilot made of it in virtual time.
+
+    Attributes:
+        name: of the stream.
+        firmware: the release that it was tried on.
+        messages: all of them, the autopilot's own included.
+        tracks: stamped messages of external navigation by sender and type.
+        poses, velocities: what they say.
+        motions: path and velocities of each sender, side by side.
+        attitude, height: the vehicle's by its own account, if there is one.
+        comparisons: what that says about the stream's attitude.
+        params: every parameter at boot, defaults included.
+        known_params: names of those that the stream, a file or the command line told.
+        assumed: parameters that were assumed.
+        changes: parameters that changed within the stream.
+        texts: what the emulated autopilot said: time in us since boot, severity, text.
+        vehicle_texts: what the autopilot in the stream said, likewise.
+        aiding: by what the filter navigated, a model's opinion.
+        innovations: by kind of sample, likewise.
+        end_us: when the stream ends, us since boot.
+        notes: on how the stream was read.
+        vision: the messages that carry external navigation.
+    """
+
+    name: str
+    firmware: Firmware
+    messages: tuple[SeenMessage, ...]
+    tracks: tuple[Track, ...]
+    poses: tuple[Poses, ...]
+    velocities: tuple[Velocities, ...]
+    motions: tuple[Motion, ...]
+    attitude: AttitudeSeries | None
+    height: HeightSeries | None
+    comparisons: tuple[Comparison, ...]
+    params: Mapping[str, float]
+    known_params: frozenset[str]
+    assumed: tuple[Assumed, ...]
+    changes: tuple[ParamChange, ...]
+    texts: tuple[tuple[int, int, str], ...]
+    vehicle_texts: tuple[tuple[int, int, str], ...]
+    aiding: tuple[AidingSpan, ...]
+    innovations: Mapping[str, Innovations]
+    end_us: int
+    notes: tuple[str, ...]
+    vision: tuple[SeenMessage, ...]
+
+    def param(self, name: str) -> float:
+        """Return a parameter's value at boot; 0 of one that this autopilot lacks."""
+        return float(self.params.get(name, 0.0))
+
+    def source(self, name: str, number: int = 1) -> int:
+        """Return what a source set takes POSXY, VELXY, POSZ, VELZ or YAW from."""
+        return int(self.param(f"EK3_SRC{number}_{name}"))
+
+    @property
+    def system_id(self) -> int:
+        """The vehicle's own system id at boot."""
+        return int(self.param(self.firmware.endpoint.params.system_id))
+
+    @property
+    def ground_station_id(self) -> int:
+        """The system id of the ground station in charge, at boot."""
+        return int(self.param(self.firmware.endpoint.params.ground_station_id))
+
+    @property
+    def viso_type(self) -> int:
+        """VISO_TYPE at boot."""
+        return int(self.param("VISO_TYPE"))
+
+    @property
+    def has_compass(self) -> bool:
+        """Whether there is a compass, and in use."""
+        return self.param("COMPASS_ENABLE") != 0 and self.param("COMPASS_USE") != 0
+
+    @property
+    def sends_pose(self) -> bool:
+        """Whether any message carries a pose."""
+        return bool(self.poses)
+
+
+def vision_of(messages: tuple[SeenMessage, ...]) -> tuple[SeenMessage, ...]:
+    """Return the messages that carry external navigation."""
+    kinds = tuple(VISION_MESSAGES)
+    return tuple(one for one in messages if isinstance(one.message, kinds))

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the doctor can find, and what it has found."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from emulator.doctor.evidence import Evidence
+
+NUMBERS_SHOWN: Final = 5
+
+
+class Severity(StrEnum):
+    """How bad a finding is.
+
+    ERROR: external navigation cannot work, or what it says is wrong. WARNING: it works worse than it could, or at times
+    only. NOTE: good to know.
+    """
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+    @property
+    def rank(self) -> int:
+        """0 is the worst."""
+        return list(Severity).index(self)
+
+    def at_least(self, other: "Severity") -> bool:
+        """Tell whether it is as bad as another, or worse."""
+        return self.rank <= other.rank
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A rule's evidence.
+
+    Attributes:
+        text: what was seen, in a sentence without its full stop.
+        numbers: of the messages that show it, from 1; all of them.
+        start_us, end_us: when it was seen, us since the autopilot's boot; None where time says nothing.
+        fix: what to do in this very case, in place of the rule's general advice.
+        severity: if it is less than the rule's.
+    """
+
+    text: str
+    numbers: Sequence[int] = ()
+    start_us: int | None = None
+    end_us: int | None = None
+    fix: str | None = None
+    severity: Severity | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Something that can be wrong.
+
+    Attributes:
+        code: stable, such as XN3-02; family, then number.
+        severity: at its worst.
+        title: what is wrong, in a few words.
+        firmware: what the autopilot does about it, in a sentence or two.
+        source: where in the firmware that is decided: file and function.
+        fix: what to change.
+        check: finds it; must not raise whatever the stream.
+        is_model: whether it rests on what the filter, a model of EKF3, makes of samples.
+    """
+
+    code: str
+    severity: Severity
+    title: str
+    firmware: str
+    source: str
+    fix: str
+    check: Callable[["Evidence"], Iterable[Sighting]]
+    is_model: bool = False
+
+    @property
+    def family(self) -> str:
+        """The code without its number."""
+        return self.code.partition("-")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A rule that applies, and why; fields as those of ``Rule`` and ``Sighting``."""
+
+    code: str
+    severity: Severity
+    title: str
+    evidence: str
+    firmware: str
+    source: str
+    fix: str
+    is_model: bool
+    message_numbers: tuple[int, ...]
+    start_us: int | None
+    end_us: int | None
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the finding for machine-readable output."""
+        return {
+            "code": self.code,
+            "severity": self.severity.value,
+            "title": self.title,
+            "evidence": self.evidence,
+            "firmware": self.firmware,
+            "source": self.source,
+            "fix": self.fix,
+            "model": self.is_model,
+            "messages": list(self.message_numbers),
+            "start_us": self.start_us,
+            "end_us": self.end_us,
+        }
+
+
+def make_finding(rule: Rule, sighting: Sighting) -> Finding:
+    """Return what a rule has found."""
+    return Finding(
+        rule.code,
+        sighting.severity or rule.severity,
+        rule.title,
+        sighting.text,
+        rule.firmware,
+        rule.source,
+        sighting.fix or rule.fix,
+        rule.is_model,
+        tuple(int(number) for number in sighting.numbers),
+        None if sighting.start_us is None else int(sighting.start_us),
+        None if sighting.end_us is None else int(sighting.end_us),
+    )
+
+
+def diagnose(evidence: "Evidence", rules: Iterable[Rule]) -> list[Finding]:
+    """Return what rules find, worst first, then by code."""
+    with np.errstate(all="ignore"):  # streams hold NaN and infinity
+        findings = [make_finding(rule, sighting) for rule in rules for sighting in rule.check(evidence)]
+    return sorted(findings, key=lambda finding: (finding.severity.rank, finding.code))
+
+
+def numbers_text(numbers: Sequence[int]) -> str:
+    """Return message numbers in words: the first few, and how many there are."""
+    if not numbers:
+        return ""
+    shown = ", ".join(str(number) for number in numbers[:NUMBERS_SHOWN])
+    noun = "message" if len(numbers) == 1 else "messages"
+    more = f", … ({len(numbers)} in all)" if len(numbers) > NUMBERS_SHOWN else ""
+    return f"{noun} {shown}{more}"

@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tries a stream on the autopilot in virtual time, and keeps all that the rules want to know."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.compare import compare
+from emulator.doctor.evidence import Assumed, Evidence, vision_of
+from emulator.doctor.motion import motions_of
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.settle import settle
+from emulator.doctor.tracks import pose_tracks, stamped_tracks, velocity_tracks
+from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
+from emulator.errors import InputError
+from emulator.filter_watch import FilterWatch
+from emulator.firmware import REFERENCE, Firmware
+from emulator.imu.follow import FollowSource
+from emulator.imu.options import ImuOptions
+from emulator.replay import Replay, ReplayedMessage
+from emulator.streams import Stream
+from emulator.vehicle import Vehicle, VehicleConfig
+from emulator.vehicle_config import by_ekf3
+from mav_handlers.endpoint import MessageEvent
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.wire.codec import Codec, Received
+
+_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
+
+
+def _ignore(_count: int) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True, slots=True)
+class GatherOptions:
+    """How to try a stream.
+
+    Attributes:
+        params: parameters that the user gives; they win over those of the stream.
+        baud: rate of the link's transport-time model; None for a link without delay.
+        attitude, height: the vehicle's, where something else than the stream tells it.
+        heading_rad: where the vehicle points at first, if its attitude is not known.
+        firmware: which release to try it on.
+    """
+
+    params: Mapping[str, float] = field(default_factory=dict)
+    baud: int | None = None
+    attitude: AttitudeSeries | None = None
+    height: HeightSeries | None = None
+    heading_rad: float = 0.0
+    firmware: Firmware = REFERENCE
+
+
+class _Trial:
+    """A vehicle that follows a stream, and what it said and did."""
+
+    def __init__(
+        self, stream: Stream, params: Mapping[str, float], baud: int | None, heading_rad: float, firmware: Firmware
+    ) -> None:
+        make_ahrs = by_ekf3(FollowSource, ImuOptions(heading_rad=heading_rad))
+        try:
+            self.vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, firmware=firmware))
+        except ValueError as error:
+            raise InputError(f"{stream.name}: {error}") from error
+        self.params = {slot.name: float(slot.value) for group in self.vehicle.params.groups for slot in group.slots}
+        self.watch = FilterWatch(self.vehicle)
+        self.texts: list[tuple[int, int, str]] = []
+        self._events: list[MessageEvent] = []
+        self.vehicle.texts.on_text.append(self._take_text)
+        self._replay = Replay(self.vehicle, stream, baud, self.watch)
+        self._tell_replay = self.vehicle.endpoint.on_event
+        self.vehicle.endpoint.on_event = self._take_event
+
+    def _take_text(self, severity: int, text: str) -> None:
+        self.texts.append((self.vehicle.clock.micros64(), severity, text))
+
+    def _take_event(self, event: MessageEvent) -> None:
+        self._events.append(event)
+        if self._tell_replay is not None:
+            self._tell_replay(event)
+
+    def run(self, on_progress: Callable[[int], None]) -> tuple[SeenMessage, ...]:
+        replayed = list(self._replay.run(on_progress))
+        self.vehicle.close()
+        return tuple(
+            _seen(number, event, message)
+            for number, (event, message) in enumerate(zip(self._events, replayed, strict=True), 1)
+        )
+
+
+def _seen(number: int, event: MessageEvent, message: ReplayedMessage) -> SeenMessage:
+    header = event.header
+    return SeenMessage(
+        number,
+        event.now_us,
+        0 if header is None else header.system_id,
+        0 if header is None else header.component_id,
+        0 if header is None else header.sequence,
+        0 if header is None else header.version,
+        event.name,
+        event.message,
+        b"" if header is None else header.frame,
+        event.verdict,
+        message.records,
+        message.samples or (),
+    )
+
+
+def _names_in(stream: Stream) -> set[str]:
+    codec, names = Codec(0, 0), set()
+    for message in stream.messages:
+        codec.feed(message.frame)
+        while (received := codec.next_received()) is not None:
+            if isinstance(received, Received):
+                names.add(received.header.name)
+    return names & _NAMES
+
+
+def _first_heading(attitude: AttitudeSeries | None, otherwise_rad: float) -> float:
+    return otherwise_rad if attitude is None else float(attitude.euler_rad[0, 2])
+
+
+def gather(
+    stream: Stream, options: GatherOptions | None = None, on_progress: Callable[[int], None] = _ignore
+) -> Evidence:
+    """Try a stream on a vehicle that moves as it says, and return what came of it.
+
+    Args:
+        stream: what is sent, and perhaps what the autopilot said meanwhile.
+        options: how to try it.
+        on_progress: told the number of messages fed so far.
+
+    Raises:
+        InputError: a parameter has a value that it cannot take.
+    """
+    options = options or GatherOptions()
+    told = listen(stream)
+    attitude = told.attitude if options.attitude is None else options.attitude
+    params, assumed = settle(stream, told, options.params, _names_in(stream), options.firmware)
+    heading_rad = _first_heading(attitude, options.heading_rad)
+    trial = _Trial(stream, params, options.baud, heading_rad, options.firmware)
+    with np.errstate(all="ignore"):  # streams hold NaN and infinity
+        messages = trial.run(on_progress)
+        return _evidence(stream, options, told, attitude, frozenset(params), assumed, trial, messages)
+
+
+def _evidence(
+    stream: Stream,
+    options: GatherOptions,
+    told: VehicleData,
+    attitude: AttitudeSeries | None,
+    params: frozenset[str],
+    assumed: tuple[Assumed, ...],
+    trial: _Trial,
+    messages: tuple[SeenMessage, ...],
+) -> Evidence:
+    vision = vision_of(messages)
+    poses, velocities = pose_tracks(vision), velocity_tracks(vision)
+    return Evidence(
+        name=stream.name,
+        firmware=options.firmware,
+        messages=messages,
+        tracks=stamped_tracks(vision),
+        poses=poses,
+        velocities=velocities,
+        motions=motions_of(poses, velocities),
+        attitude=attitude,
+        height=options.height or told.height,
+        comparisons=compare(poses, vision, attitude, trial.params),
+        params=trial.params,
+        known_params=params - {one.name for one in assumed},
+        assumed=assumed,
+        changes=told.changes,
+        texts=tuple(trial.texts),
+        vehicle_texts=told.texts,
+        aiding=tuple(trial.watch.aiding()),
+        innovations=dict(trial.watch.innovations),
+        end_us=messages[-1].arrival_us if messages else 0,
+        notes=stream.notes,
+        vision=vision,
+    )

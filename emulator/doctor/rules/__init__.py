@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All rules, a file a family; a new rule is a function and a row in its family's table."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from emulator.doctor.findings import Rule
+from emulator.doctor.rules import (
+    alignment,
+    frames,
+    numbers,
+    outcome,
+    parameters,
+    rate,
+    resets,
+    sizes,
+    timing,
+    transport,
+)
+
+FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "XN1": "Transport",
+        "XN2": "Frames and axes",
+        "XN3": "Time",
+        "XN4": "Rate",
+        "XN5": "Numbers",
+        "XN6": "Resets and quality",
+        "XN7": "Parameters",
+        "XN8": "Alignment",
+        "XN9": "What the filter makes of it",
+    }
+)
+
+_TABLES: Final = (transport, frames, timing, rate, numbers, sizes, resets, parameters, alignment, outcome)
+
+RULES: Final[tuple[Rule, ...]] = tuple(
+    sorted((rule for table in _TABLES for rule in table.RULES), key=lambda rule: rule.code)
+)
+"""All rules in order of their codes."""

@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN8: does the stream's frame agree with the vehicle's attitude, and would it be aligned?"""
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.compare import ALIGNING_TYPES, oriented
+from emulator.doctor.evidence import EXTNAV, Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.stamps import FEWEST
+from emulator.doctor.tracks import Floats, Poses, euler_of_quat
+from emulator.doctor.words import at
+
+_ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
+_SHIFTED: Final = "VisOdom: yaw shifted"
+_LIMIT_RAD: Final = math.radians(10)
+
+
+def _shifted(evidence: Evidence) -> Iterator[Sighting]:
+    for time_us, _, text in evidence.texts:
+        if text.startswith(_SHIFTED):
+            known = "" if evidence.attitude is not None else ", if the vehicle points north at first"
+            yield Sighting(f'at {at(time_us)} it would say "{text}"{known}', start_us=time_us, end_us=time_us)
+
+
+def _refused(evidence: Evidence) -> Iterator[Sighting]:
+    if evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") == EXTNAV and evidence.sends_pose:
+        yield Sighting(f"VISO_TYPE is {evidence.viso_type}, and EK3_SRC1_YAW is 6 (ExtNav)")
+
+
+def _waits_for_ever(evidence: Evidence) -> Iterator[Sighting]:
+    if (
+        evidence.viso_type in ALIGNING_TYPES
+        and evidence.source("YAW") != EXTNAV
+        and not evidence.has_compass
+        and evidence.sends_pose
+    ):
+        yield Sighting(
+            f"VISO_TYPE is {evidence.viso_type}, EK3_SRC1_YAW is {evidence.source('YAW')}, and there is no compass"
+        )
+
+
+def _at_same_time(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats] | None:
+    if evidence.attitude is None or len(poses.track) < FEWEST:
+        return None
+    told, vehicle = euler_of_quat(poses.quat_wxyz), evidence.attitude.at(poses.track.arrival_us)
+    fine = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
+    return (told[fine], vehicle[fine]) if np.count_nonzero(fine) >= FEWEST else None
+
+
+def _mean_angle(angles: Floats) -> tuple[float, float]:
+    """Return mean and spread of angles in rad, wrapped."""
+    vector = complex(np.mean(np.exp(1j * angles)))
+    return math.atan2(vector.imag, vector.real), math.sqrt(max(0.0, -2 * math.log(max(abs(vector), 1e-9))))
+
+
+def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
+    if evidence.viso_type != 1:
+        return
+    for poses in evidence.poses:
+        pair = _at_same_time(evidence, poses)
+        if pair is None:
+            continue
+        mean, spread = _mean_angle(pair[0][:, 2] - pair[1][:, 2])
+        if abs(mean) > _LIMIT_RAD and spread < _LIMIT_RAD:
+            uses_compass = evidence.source("YAW") != EXTNAV
+            yield Sighting(
+                f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own",
+                poses.track.numbers.tolist(),
+                int(poses.track.arrival_us[0]),
+                int(poses.track.arrival_us[-1]),
+                severity=None if uses_compass else Severity.NOTE,
+            )
+
+
+def _tilted(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        if evidence.attitude is None or len(poses.track) < FEWEST:
+            continue
+        is_aligned = evidence.viso_type in ALIGNING_TYPES
+        quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
+        told, vehicle = euler_of_quat(quats), evidence.attitude.at(poses.track.arrival_us)
+        fine = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
+        if np.count_nonzero(fine) < FEWEST:
+            continue
+        down_told, down_vehicle = _down(told[fine]), _down(vehicle[fine])
+        angle = np.arccos(np.clip(np.sum(down_told * down_vehicle, axis=1), -1, 1))
+        middle = float(np.median(angle))
+        if middle > _LIMIT_RAD:
+            yield Sighting(
+                f"{poses.track.sender}: roll and pitch are {math.degrees(middle):.0f} deg from the vehicle's own",
+                poses.track.numbers.tolist(),
+                int(poses.track.arrival_us[0]),
+                int(poses.track.arrival_us[-1]),
+                severity=None if is_aligned else Severity.WARNING,
+            )
+
+
+def _down(euler_rad: Floats) -> Floats:
+    """Return the world's down in body axes."""
+    roll, pitch = euler_rad[:, 0], euler_rad[:, 1]
+    return np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
+
+
+def _not_aligned(evidence: Evidence) -> Iterator[Sighting]:
+    aligns = evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") != EXTNAV and evidence.has_compass
+    if aligns and evidence.poses and not any(text.startswith(_SHIFTED) for _, _, text in evidence.texts):
+        yield Sighting(f"the stream ends at {at(evidence.end_us)}, before the AHRS has settled, 20 s after it started")
+
+
+def _switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
+    may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in (2, 3))
+    aligns = any(evidence.firmware.visual_odom.axes_to_align(True, True))
+    if evidence.viso_type in ALIGNING_TYPES and evidence.sends_pose and may_switch and not aligns:
+        yield Sighting(
+            f"VISO_TYPE is {evidence.viso_type}, a later source set takes positions from external navigation, and the "
+            f"firmware is {evidence.firmware.name}"
+        )
+
+
+RULES: Final = (
+    Rule(
+        "XN8-01",
+        Severity.NOTE,
+        "The camera's frame is turned to north",
+        "Once the AHRS has settled, types 2 and 3 turn the camera's frame so that its yaw agrees, and say so.",
+        _ALIGN,
+        "Nothing, if the shift is what you expect: by how much the camera's frame is turned.",
+        _shifted,
+    ),
+    Rule(
+        "XN8-02",
+        Severity.NOTE,
+        "Alignment is refused",
+        "With yaw from external navigation the camera's yaw is the vehicle's heading, and nothing is aligned: north is "
+        "where the camera's x axis points.",
+        _ALIGN,
+        "Start with the vehicle facing north, or accept that headings are relative; else EK3_SRC1_YAW 1 with a "
+        "compass.",
+        _refused,
+    ),
+    Rule(
+        "XN8-03",
+        Severity.ERROR,
+        "Alignment never happens",
+        "Types 2 and 3 wait for a yaw that comes from a compass, for ever; the camera's frame stays as it is, against "
+        "whatever yaw the filter has.",
+        _ALIGN,
+        "Enable a compass, or set EK3_SRC1_YAW to 6.",
+        _waits_for_ever,
+    ),
+    Rule(
+        "XN8-04",
+        Severity.ERROR,
+        "The stream's frame is turned",
+        "Type 1 aligns nothing: with yaw from a compass positions and velocities point another way than the vehicle "
+        "does, and it circles instead of holding its place.",
+        "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
+        "Turn the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
+        _turned_frame,
+    ),
+    Rule(
+        "XN8-05",
+        Severity.ERROR,
+        "Roll and pitch differ from the vehicle's",
+        "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but "
+        "the velocity of ODOMETRY is turned by a wrong attitude.",
+        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+        "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the "
+        "camera's.",
+        _tilted,
+    ),
+    Rule(
+        "XN8-06",
+        Severity.NOTE,
+        "Too short for alignment",
+        "Types 2 and 3 align the yaw 20 s after the AHRS has started, and not before.",
+        _ALIGN,
+        "Wait for the text VisOdom: yaw shifted before arming.",
+        _not_aligned,
+    ),
+    Rule(
+        "XN8-07",
+        Severity.WARNING,
+        "A switch of sources will jump",
+        "While another source is active, other releases move the camera's position along with the vehicle's, so that a "
+        "switch is smooth. This one has lost that: position is aligned in no backend.",
+        "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::align_position_to_ahrs",
+        "Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
+        _switch_jumps,
+    ),
+)

@@ -1,0 +1,344 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN2: frames of reference and axes."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from emulator.doctor.compare import Comparison
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
+from emulator.doctor.tracks import Floats, Poses
+from emulator.doctor.words import seen_in, share
+from mav_handlers.verdicts import ODOMETRY_FRAMES
+from mav_handlers.wire.messages import ODOMETRY
+
+_FITS: Final = 0.9
+_BETTER: Final = 0.01
+_LEAST_HEADING_RAD: Final = math.radians(8)
+_LEAST_CLIMB_M: Final = 0.5
+_MIRRORED: Final = -0.7
+_FRAMES: Final = {
+    0: "GLOBAL",
+    1: "LOCAL_NED",
+    4: "LOCAL_ENU",
+    7: "LOCAL_OFFSET_NED",
+    8: "BODY_NED",
+    9: "BODY_OFFSET_NED",
+    12: "BODY_FRD",
+    13: "BODY_FLU (old)",
+    14: "MOCAP_NED (old)",
+    15: "MOCAP_ENU (old)",
+    16: "VISION_NED (old)",
+    17: "VISION_ENU (old)",
+    18: "ESTIM_NED (old)",
+    19: "ESTIM_ENU (old)",
+    20: "LOCAL_FRD",
+    21: "LOCAL_FLU",
+}
+_ENU: Final = frozenset({4, 15, 17, 19, 21})
+_NED: Final = frozenset({1, 7, 14, 16, 18, 20})
+_BODY_FRD: Final = frozenset({8, 12})
+
+
+def _fix_of_frames(frame_id: int, child_id: int) -> str:
+    """Return what a sender of these frames has to do."""
+    if frame_id == child_id == 20:
+        return (
+            "Only the label of the velocity is wrong if it is in body axes: set child_frame_id to 12. Older VOXL "
+            "software labels it so; there velocities are in local axes, so turn them by the inverse of q, or update it."
+        )
+    if frame_id in _ENU or child_id in (13, 21):
+        return (
+            "As the ids say, data are in ROS axes (ENU, FLU): change them to (y, x, -z) in the world and "
+            "(x, -y, -z) in the body, q with them, then set frame_id 20 and child_frame_id 12. MAVROS does it: publish "
+            "to its odometry/out topic rather than making the message yourself."
+        )
+    if frame_id in _NED and child_id in _BODY_FRD:
+        return (
+            "Data can stay as they are: set frame_id 20 and child_frame_id 12. PX4 takes LOCAL_NED as well, "
+            "ArduPilot does not."
+        )
+    if frame_id in _NED and child_id in _NED | {0}:
+        return (
+            "Turn the velocity into body axes by the inverse of q, then set frame_id 20 and child_frame_id 12. "
+            "Bridges written for PX4 or for older MAVROS send such pairs."
+        )
+    return "Set frame_id 20 (MAV_FRAME_LOCAL_FRD) and child_frame_id 12 (MAV_FRAME_BODY_FRD), with data to match."
+
+
+def _name(frame: int) -> str:
+    return f"{frame} ({_FRAMES.get(frame, 'unknown')})"
+
+
+def _wrong_frames(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.verdict is ODOMETRY_FRAMES]
+    pairs = Counter(
+        (one.message.frame_id, one.message.child_frame_id) for one in found if isinstance(one.message, ODOMETRY)
+    )
+    total = sum(one.name == "ODOMETRY" for one in evidence.vision)
+    for (frame_id, child_id), count in pairs.most_common():
+        of_pair = [
+            one
+            for one in found
+            if isinstance(one.message, ODOMETRY)
+            and (one.message.frame_id, one.message.child_frame_id) == (frame_id, child_id)
+        ]
+        text = f"{share(count, total)} ODOMETRY with frame_id {_name(frame_id)} and child_frame_id {_name(child_id)}"
+        sighting = seen_in(text, of_pair)
+        yield Sighting(
+            sighting.text, sighting.numbers, sighting.start_us, sighting.end_us, _fix_of_frames(frame_id, child_id)
+        )
+
+
+def _scaled(motion: Motion, velocities: Floats) -> Floats:
+    speed = typical_speed(velocities)
+    return velocities * (typical_speed(motion.path) / speed) if speed > 0 else velocities
+
+
+def _is_comparable(motion: Motion) -> bool:
+    return motion.is_enough and typical_speed(motion.told) > 0.02 * min(LEAST_SPEED, typical_speed(motion.path))
+
+
+def _sighting_of(motion: Motion, text: str, fix: str | None = None) -> Sighting:
+    return Sighting(text, motion.numbers.tolist(), int(motion.arrival_us[0]), int(motion.arrival_us[-1]), fix)
+
+
+class _Mixed(NamedTuple):
+    """A way in which velocities fit the path: which rule it is for, how well they fit, and in words."""
+
+    code: str
+    correlation: float
+    text: str
+    fix: str | None = None
+
+
+def _as_used(motion: Motion) -> float:
+    return agreement(motion.path, _scaled(motion, motion.used)).correlation
+
+
+def _frame_mix(motion: Motion) -> _Mixed:
+    """Return how velocities fit if they are not turned as the autopilot does."""
+    is_body = motion.velocity_sender.name == "ODOMETRY"
+    other = agreement(motion.path, _scaled(motion, motion.told if is_body else motion.turned)).correlation
+    where = "local" if is_body else "body"
+    fix = (
+        "Turn the velocity into the body's axes by the inverse of q."
+        if is_body
+        else "Turn the velocity by the attitude into the axes of the positions."
+    )
+    return _Mixed("XN2-03", other, f"the velocity fits the path only if it is in {where} axes", fix)
+
+
+def _axes_mix(motion: Motion) -> Iterator[_Mixed]:
+    """Yield how velocities fit if axes are mixed up, in the local frame or in the body's."""
+    axes, fit = best_axes(motion.path, _scaled(motion, motion.used))
+    if not axes.is_identity:
+        text = f"the path fits velocities if their north, east, down are taken as {axes.text}"
+        yield _Mixed("XN2-04", fit.correlation, text)
+    if motion.velocity_sender.name == "ODOMETRY":
+        axes, fit = best_axes(motion.path_body, _scaled(motion, motion.told))
+        if not axes.is_identity:
+            text = f"the path fits velocities if their forward, right, down are taken as {axes.text}"
+            yield _Mixed("XN2-04", fit.correlation, text)
+
+
+def _heading_mix(motion: Motion) -> Iterator[_Mixed]:
+    """Yield how velocities fit if they are turned about the vertical, and not by a right angle."""
+    angle, correlation = heading_between(motion.path, motion.used)
+    if abs(math.remainder(angle, math.pi / 2)) > _LEAST_HEADING_RAD:
+        text = f"velocities have to be turned by {math.degrees(angle):.0f} deg to fit the path"
+        yield _Mixed("XN2-05", correlation, text)
+
+
+def _mix_up(motion: Motion) -> _Mixed | None:
+    """Return the simplest of the ways in which velocities fit the path well; None if they fit as they are, or never."""
+    if not _is_comparable(motion):
+        return None
+    used = _as_used(motion)
+    best: _Mixed | None = None
+    for mixed in (_frame_mix(motion), *_heading_mix(motion), *_axes_mix(motion)):
+        if mixed.correlation > max(_FITS, used + _BETTER, 0.0 if best is None else best.correlation + _BETTER):
+            best = mixed
+    return best
+
+
+def _mixed_as(evidence: Evidence, code: str) -> Iterator[Sighting]:
+    for motion in evidence.motions:
+        mixed = _mix_up(motion)
+        if mixed is not None and mixed.code == code:
+            text = f"{motion.velocity_sender} against {motion.pose_sender.name}: {mixed.text}"
+            fit = f"(correlation {mixed.correlation:.2f}, as the autopilot reads them {_as_used(motion):.2f})"
+            yield _sighting_of(motion, f"{text} {fit}", mixed.fix)
+
+
+def _velocity_frame(evidence: Evidence) -> Iterator[Sighting]:
+    yield from _mixed_as(evidence, "XN2-03")
+
+
+def _velocity_axes(evidence: Evidence) -> Iterator[Sighting]:
+    yield from _mixed_as(evidence, "XN2-04")
+
+
+def _velocity_heading(evidence: Evidence) -> Iterator[Sighting]:
+    yield from _mixed_as(evidence, "XN2-05")
+
+
+def _whole(poses: Poses, text: str, fix: str | None = None) -> Sighting:
+    arrivals = poses.track.arrival_us
+    return Sighting(text, poses.track.numbers.tolist(), int(arrivals[0]), int(arrivals[-1]), fix)
+
+
+def _is_ros(compared: Comparison) -> bool:
+    """Tell whether an attitude is of an FLU body in a world whose z is up."""
+    orientation, world = compared.orientation, compared.world
+    return orientation.enough_motion and orientation.name == "FLU" and world.sufficient and world.is_up
+
+
+def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
+    for compared in evidence.comparisons:
+        if _is_ros(compared):
+            sender = compared.poses.track.sender
+            yield _whole(
+                compared.poses,
+                f"{sender}: against the vehicle's own attitude the body is FLU, and the world {compared.world.name} "
+                f"(correlation {compared.orientation.choice.correlation:.2f})",
+            )
+
+
+def _mounting(evidence: Evidence) -> Iterator[Sighting]:
+    for compared in evidence.comparisons:
+        orientation = compared.orientation
+        if not orientation.enough_motion or orientation.axes.is_identity or _is_ros(compared):
+            continue
+        rotation = orientation.axes.rotation
+        number = "" if rotation is None else f"{int(rotation)} ({rotation.name})"
+        is_obeyed = evidence.viso_type in (2, 3) and evidence.param("VISO_ORIENT") == 0 and rotation is not None
+        by_code = "turn the attitude in the sender: " + orientation.text
+        yield _whole(
+            compared.poses,
+            f"{compared.poses.track.sender}: against the vehicle's own attitude the axes point {orientation.name} "
+            f"rather than FRD: {orientation.text} (correlation {orientation.choice.correlation:.2f}, next best "
+            f"{orientation.choice.second_correlation:.2f})",
+            f"Set VISO_ORIENT to {number}, or {by_code}."
+            if is_obeyed
+            else f"{by_code[0].upper()}{by_code[1:]}; or use VISO_TYPE 2 with VISO_ORIENT {number}.",
+        )
+
+
+def _world_up(evidence: Evidence) -> Iterator[Sighting]:
+    for compared in evidence.comparisons:
+        world = compared.world
+        tilted = world.sufficient and world.axes.signed_axes[2] != 3
+        if compared.orientation.enough_motion and tilted and not _is_ros(compared):
+            yield _whole(
+                compared.poses,
+                f"{compared.poses.track.sender}: against the vehicle's own attitude the stream's world is {world.name}",
+            )
+
+
+def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
+    if evidence.height is None:
+        return
+    for poses in evidence.poses:
+        there = evidence.height.at(poses.track.arrival_us)
+        down = poses.pos_m[:, 2]
+        fine = np.isfinite(there) & np.isfinite(down)
+        if np.count_nonzero(fine) < 20 or np.ptp(there[fine]) < _LEAST_CLIMB_M or np.std(down[fine]) == 0:
+            continue
+        correlation = float(np.corrcoef(there[fine], down[fine])[0, 1])
+        if correlation < _MIRRORED:
+            climbed = float(np.ptp(there[fine]))
+            yield _whole(
+                poses,
+                f"{poses.track.sender}: z grows as the vehicle climbs, over {climbed:.1f} m (correlation "
+                f"{correlation:.2f})",
+            )
+
+
+RULES: Final = (
+    Rule(
+        "XN2-01",
+        Severity.ERROR,
+        "ODOMETRY in frames that are not taken",
+        "Only frame_id 20 (LOCAL_FRD) with child_frame_id 12 (BODY_FRD) is taken. Anything else is dropped: no log, no "
+        "sign of life, no text.",
+        ODOMETRY_FRAMES.rule.source,
+        "Set frame_id 20 and child_frame_id 12, with data to match.",
+        _wrong_frames,
+    ),
+    Rule(
+        "XN2-02",
+        Severity.ERROR,
+        "Attitude in ROS axes",
+        "Attitude is taken as that of a body FRD in a world whose z is down; with ROS axes (FLU in ENU) pitch and yaw "
+        "are the other way round.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+        "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
+        "MAVROS does it for you.",
+        _ros_axes,
+    ),
+    Rule(
+        "XN2-03",
+        Severity.ERROR,
+        "Velocity in the wrong frame",
+        "The velocity of ODOMETRY is in the body frame and is turned by q; that of VISION_SPEED_ESTIMATE is in the "
+        "frame of the positions and is taken as it is.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_vision_speed_estimate",
+        "Send the velocity in the frame that the message asks for.",
+        _velocity_frame,
+    ),
+    Rule(
+        "XN2-04",
+        Severity.ERROR,
+        "Axes of path and velocities mixed up",
+        "Both are taken as x forward or north, y right or east, z down. The filter gets two measurements that "
+        "contradict each other.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+        "Apply the same change of axes to positions, velocities and attitude.",
+        _velocity_axes,
+    ),
+    Rule(
+        "XN2-05",
+        Severity.WARNING,
+        "Attitude turned against the path",
+        "The attitude's yaw turns the velocity of ODOMETRY, and is the vehicle's heading with EK3_SRC1_YAW 6: flown "
+        "paths bend, and at more than some 30 degrees the vehicle circles.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+        "Attitude and position must be of one frame: look for a yaw that is set or aligned for one of them only, or "
+        "for a camera that points another way than the attitude says.",
+        _velocity_heading,
+    ),
+    Rule(
+        "XN2-06",
+        Severity.ERROR,
+        "Attitude of the camera, not of the vehicle",
+        "Type 1 takes the attitude for the vehicle's; types 2 and 3 turn it by VISO_ORIENT.",
+        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
+        "Set VISO_ORIENT, or turn the attitude in the sender.",
+        _mounting,
+    ),
+    Rule(
+        "XN2-07",
+        Severity.ERROR,
+        "The stream's world is not z down",
+        "Attitudes and positions are taken for such of a world with z down.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+        "Turn positions and attitude into a world with x forward or north, y right or east, z down.",
+        _world_up,
+    ),
+    Rule(
+        "XN2-08",
+        Severity.ERROR,
+        "Height upside down",
+        "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
+        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+        "Send -z, and with it the other axes and the attitude of a world with z down.",
+        _height_mirrored,
+    ),
+)

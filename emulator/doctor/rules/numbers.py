@@ -1,0 +1,284 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN5: the numbers themselves: units, NaN, covariances."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.stamps import FEWEST
+from emulator.doctor.tracks import Bools, Floats, Poses
+from emulator.doctor.words import at, of_track
+
+_DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
+_INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
+_CLAMP: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
+_DIAGONAL_POSITION: Final = (0, 6, 11)
+_DIAGONAL_ANGLE: Final = (15, 18, 20)
+_MOST_POSITION_M: Final = 100.0
+_MOST_ANGLE_RAD: Final = 1.5
+_HUGE_POSITION_M: Final = 10.0
+_MOST_RADIANS: Final = 6.4
+_NORM_TOLERANCE: Final = 0.02
+_FROZEN_US: Final = 500_000
+_LEAP_M: Final = 0.2
+_BRAKES_AT_MOST: Final = 20.0  # m/s^2
+
+
+def _nan_position(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        mask = np.isnan(poses.pos_m).any(axis=1)
+        if mask.any():
+            yield of_track("have NaN in the position", poses.track, mask)
+
+
+def _nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        mask = np.isnan(poses.quat_wxyz).any(axis=1)
+        if mask.any():
+            yield of_track("have NaN in the attitude", poses.track, mask)
+
+
+def _nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
+    for velocities in evidence.velocities:
+        mask = np.isnan(velocities.told).any(axis=1)
+        if mask.any():
+            yield of_track("have NaN in the velocity", velocities.track, mask)
+
+
+def _infinite(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        mask = np.isinf(np.column_stack((poses.pos_m, poses.quat_wxyz))).any(axis=1)
+        if poses.euler_rad is not None:
+            mask |= np.isinf(poses.euler_rad).any(axis=1)
+        if mask.any():
+            yield of_track("have infinity in the pose", poses.track, mask)
+    for velocities in evidence.velocities:
+        mask = np.isinf(velocities.told).any(axis=1)
+        if mask.any():
+            yield of_track("have infinity in the velocity", velocities.track, mask)
+
+
+def _norm(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        if poses.euler_rad is None:
+            norm = np.linalg.norm(poses.quat_wxyz, axis=1)
+            mask = np.isfinite(norm) & (np.abs(norm - 1) > _NORM_TOLERANCE)
+            if mask.any():
+                low, high = norm[mask].min(), norm[mask].max()
+                yield of_track(f"have a quaternion of length {low:.3g} to {high:.3g}", poses.track, mask)
+
+
+def _degrees(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        if poses.euler_rad is not None:
+            largest = np.abs(poses.euler_rad)
+            mask = ((largest > _MOST_RADIANS) & (largest < 1e6)).any(axis=1)
+            if mask.any():
+                most = float(largest[mask].max())
+                yield of_track(f"have angles beyond a full turn, up to {most:.1f} rad", poses.track, mask)
+
+
+def _posErr(covariance: Floats, diagonal: tuple[int, ...]) -> Floats:
+    return np.asarray(np.cbrt(np.sum(covariance[:, diagonal] ** 2, axis=1)), dtype=np.float64)
+
+
+def _is_given(poses: Poses) -> Bools:
+    if poses.covariance is None:
+        return np.zeros(len(poses.track), dtype=np.bool_)
+    given = ~np.isnan(poses.covariance[:, 0])
+    return np.asarray(given & (np.nan_to_num(poses.covariance) != 0).any(axis=1), dtype=np.bool_)
+
+
+def _no_covariance(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        mask = ~_is_given(poses)
+        if mask.any():
+            why = "a covariance that is ignored" if poses.covariance is None else "a covariance of zeros or NaN"
+            floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
+            yield of_track(f"have {why}: the EKF gets {floors[0]:.2g} m and {floors[1]:.2g} rad", poses.track, mask)
+
+
+def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        given = _is_given(poses)
+        for name, diagonal, unit in (
+            ("VISO_POS_M_NSE", _DIAGONAL_POSITION, "m"),
+            ("VISO_YAW_M_NSE", _DIAGONAL_ANGLE, "rad"),
+        ):
+            if poses.covariance is None or not given.any():
+                continue
+            floor, error = evidence.param(name), _posErr(poses.covariance, diagonal)
+            mask = given & (error < floor)
+            if mask.any():
+                variances = np.clip(poses.covariance[mask][:, diagonal], 0, None)
+                sigma = float(np.median(np.sqrt(variances.max(axis=1))))
+                taken = float(np.median(error[mask]))
+                yield of_track(
+                    f"say {sigma:.2g} {unit} (largest sigma), of which the firmware makes {taken:.2g} and raises it to "
+                    f"{name} {floor:.2g}",
+                    poses.track,
+                    mask,
+                )
+
+
+def _nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        if poses.covariance is None:
+            continue
+        used = poses.covariance[:, (*_DIAGONAL_POSITION, *_DIAGONAL_ANGLE)]
+        mask = ~np.isnan(used[:, 0]) & np.isnan(used[:, 1:]).any(axis=1)
+        if mask.any():
+            yield of_track("have NaN behind a first element that is a number", poses.track, mask)
+
+
+def _huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        if poses.covariance is None:
+            continue
+        for diagonal, most, limit, unit in (
+            (_DIAGONAL_POSITION, _HUGE_POSITION_M, _MOST_POSITION_M, "m"),
+            (_DIAGONAL_ANGLE, _MOST_ANGLE_RAD, _MOST_ANGLE_RAD, "rad"),
+        ):
+            error = _posErr(poses.covariance, diagonal)
+            mask = _is_given(poses) & (error > most)
+            if mask.any():
+                in_effect = min(float(np.median(error[mask])), limit)
+                yield of_track(f"have a covariance that means {in_effect:.3g} {unit} to the EKF", poses.track, mask)
+
+
+def _frozen(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        track = poses.track
+        if len(track) < FEWEST:
+            continue
+        same = (np.diff(poses.pos_m, axis=0) == 0).all(axis=1) & (np.diff(poses.quat_wxyz, axis=0) == 0).all(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            length = int(track.arrival_us[last] - track.arrival_us[first])
+            if length >= _FROZEN_US and _is_in_motion(poses, int(first), int(last)):
+                yield Sighting(
+                    f"{track.sender}: in full motion the pose stops for {length * 1e-6:.1f} s at "
+                    f"{at(int(track.arrival_us[first]))}, the same to the last bit",
+                    track.numbers[first : last + 1].tolist(),
+                    int(track.arrival_us[first]),
+                    int(track.arrival_us[last]),
+                )
+
+
+def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
+    """Tell whether the pose stops as no vehicle can, or goes on elsewhere."""
+    start, end = max(0, first - 1), min(len(poses.track) - 1, last + 1)
+    time_s = max(float(poses.track.arrival_us[first] - poses.track.arrival_us[start]) * 1e-6, 5e-3)
+    speed = float(np.linalg.norm(poses.pos_m[first] - poses.pos_m[start])) / time_s
+    leap = float(np.linalg.norm(poses.pos_m[end] - poses.pos_m[last]))
+    return (start < first and speed / time_s > _BRAKES_AT_MOST) or leap > _LEAP_M
+
+
+RULES: Final = (
+    Rule(
+        "XN5-01",
+        Severity.ERROR,
+        "NaN in the position",
+        "The EKF ignores the whole sample, its yaw included; health and the log count it all the same.",
+        _INGEST,
+        "Do not send poses that are not known; or send ODOMETRY with quality -1 and the last good pose.",
+        _nan_position,
+    ),
+    Rule(
+        "XN5-02",
+        Severity.ERROR,
+        "NaN in the attitude",
+        "The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, for it is turned by q.",
+        _INGEST,
+        "Send the attitude that belongs to the position.",
+        _nan_attitude,
+    ),
+    Rule(
+        "XN5-03",
+        Severity.ERROR,
+        "NaN in the velocity",
+        "The EKF ignores the velocity.",
+        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavVelData",
+        "If no velocity is known, send VISION_POSITION_ESTIMATE, and set EK3_SRC1_VELXY and VELZ to 0.",
+        _nan_velocity,
+    ),
+    Rule(
+        "XN5-04",
+        Severity.ERROR,
+        "Infinite numbers",
+        "Nothing at the EKF's door tests for infinity; what a filter makes of it cannot be foretold.",
+        _INGEST,
+        "Do not send what was divided by zero.",
+        _infinite,
+    ),
+    Rule(
+        "XN5-05",
+        Severity.ERROR,
+        "Quaternion not of length one",
+        "It is not normalised: angles come out wrong, and the velocity of an ODOMETRY changes in size and direction. "
+        "With all zeros the velocity is not turned at all.",
+        "AP_Math/quaternion.cpp, Quaternion::operator*",
+        "Normalise q; its order is w, x, y, z, while ROS has x, y, z, w.",
+        _norm,
+    ),
+    Rule(
+        "XN5-06",
+        Severity.ERROR,
+        "Angles look like degrees",
+        "Roll, pitch and yaw are taken for rad: the attitude is meaningless.",
+        _DECODE,
+        "Convert to rad.",
+        _degrees,
+    ),
+    Rule(
+        "XN5-08",
+        Severity.NOTE,
+        "No covariance",
+        "Without one the errors count as 0 and are raised to the floors, always.",
+        _CLAMP,
+        "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for.",
+        _no_covariance,
+    ),
+    Rule(
+        "XN5-09",
+        Severity.NOTE,
+        "Noise floors hide the covariance",
+        "The firmware takes the cube root of the sum of squared variances, which is not a standard deviation and "
+        "smaller for small errors, and raises it to the floor.",
+        _CLAMP,
+        "If the source's figures are to count, lower the floor; mind the cube root.",
+        _hidden_by_floor,
+    ),
+    Rule(
+        "XN5-10",
+        Severity.ERROR,
+        "NaN inside the covariance",
+        "Only a first element of NaN means that there is none. Elsewhere it makes an error of half the limit (50.1 m, "
+        "0.85 rad) and the internal error 0x400: arming is refused until reboot.",
+        "AP_Math.cpp, constrain_value_line",
+        "Set the first element to NaN, or all to 0.",
+        _nan_covariance,
+    ),
+    Rule(
+        "XN5-11",
+        Severity.WARNING,
+        "Covariance so large that samples hardly count",
+        "Errors are limited to 100 m and 1.5 rad, and weigh next to nothing from 10 m on.",
+        _CLAMP,
+        "Look whether variances are in m^2 and rad^2.",
+        _huge_covariance,
+    ),
+    Rule(
+        "XN5-13",
+        Severity.WARNING,
+        "Pose freezes in motion",
+        "The samples are taken as they are: the filter is told that the vehicle has stopped.",
+        _INGEST,
+        "Do not repeat the last pose when tracking is lost: send quality -1, or nothing.",
+        _frozen,
+    ),
+)

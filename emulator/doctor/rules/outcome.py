@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN9: what the filter, a model of EKF3, makes of it."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ap_core.verdict import Outcome
+from ekf_stub.aiding import AidingMode
+from ekf_stub.ingest_rules import OVERWRITTEN, SUPERSEDED
+from emulator.doctor.evidence import EXTNAV, Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.stamps import time_base_us
+from emulator.doctor.tracks import Floats
+from emulator.doctor.words import at, share
+from emulator.filter_fates import Fate, fate_of
+from emulator.filter_watch import UNITS
+
+_CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
+_FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
+_READY_US: Final = 8_000_000
+_REJECTED_SHARE: Final = 0.05
+_FEWEST_REJECTED: Final = 5
+_LOST_SHARE: Final = 0.2
+_WARNING: Final = 4  # MAV_SEVERITY
+_MOST_TEXTS: Final = 10
+_ACCELERATION_OVER_S: Final = 0.2
+_HARD: Final = 5.0  # m/s^2
+_IMPOSSIBLE: Final = 30.0
+_BEFORE_US: Final = 3_000_000
+_GATE_US: Final = 500_000
+_CONCERNS: Final = ("VisOdom", "EKF", "AHRS", "Position", "aiding", "Internal")
+
+
+def _aiding_from(evidence: Evidence) -> int | None:
+    return next((span.start_us for span in evidence.aiding if span.mode is not AidingMode.NONE), None)
+
+
+def _accepted(evidence: Evidence) -> list[SeenMessage]:
+    return [one for one in evidence.vision if one.verdict.outcome is Outcome.ACCEPTED]
+
+
+def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
+    start_us = _aiding_from(evidence)
+    if start_us is not None:
+        mode = next(span.mode for span in evidence.aiding if span.start_us == start_us)
+        yield Sighting(f"it would navigate by {mode.value} aiding from {at(start_us)} on", start_us=start_us)
+
+
+def _never_aids(evidence: Evidence) -> Iterator[Sighting]:
+    accepted = _accepted(evidence)
+    wants = EXTNAV in (evidence.source("POSXY"), evidence.source("VELXY"))
+    if accepted and wants and _aiding_from(evidence) is None:
+        is_short = evidence.end_us < _READY_US
+        yield Sighting(
+            f"{len(accepted)} messages are accepted, and to the end, {at(evidence.end_us)}, the filter does not use "
+            "them to navigate",
+            start_us=accepted[0].arrival_us,
+            end_us=evidence.end_us,
+            severity=Severity.NOTE if is_short else None,
+        )
+
+
+def _stops(evidence: Evidence) -> Iterator[Sighting]:
+    stops = [
+        after.start_us
+        for before, after in zip(evidence.aiding, evidence.aiding[1:], strict=False)
+        if before.mode is not AidingMode.NONE and after.mode is AidingMode.NONE
+    ]
+    if stops:
+        often = "once" if len(stops) == 1 else f"{len(stops)} times"
+        yield Sighting(f"it would stop aiding {often}, first at {at(stops[0])}", start_us=stops[0], end_us=stops[-1])
+
+
+def _rejected(evidence: Evidence) -> Iterator[Sighting]:
+    tested: Counter[str] = Counter()
+    rejected: dict[str, list[SeenMessage]] = {}
+    for one in evidence.vision:
+        for sample in one.samples:
+            for fate in sample.fates:
+                kind, what = fate.outcome.kind, fate_of(fate.outcome.rule)
+                tested[kind] += what in (Fate.FUSED, Fate.REJECTED, Fate.RESET)
+                if what is Fate.REJECTED:
+                    rejected.setdefault(kind, []).append(one)
+    for kind, messages in sorted(rejected.items()):
+        if len(messages) >= _FEWEST_REJECTED and len(messages) > _REJECTED_SHARE * tested[kind]:
+            worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
+            hard = _accelerates(evidence, messages)
+            why = ", where the path accelerates harder than the model's vehicle can follow" if hard else ""
+            yield Sighting(
+                f"{share(len(messages), tested[kind])} {kind} samples would be rejected, from "
+                f"{at(messages[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off",
+                [one.number for one in messages],
+                messages[0].arrival_us,
+                messages[-1].arrival_us,
+                severity=Severity.NOTE if hard else None,
+            )
+
+
+def _accelerates(evidence: Evidence, messages: list[SeenMessage]) -> bool:
+    """Tell whether the path, without a jump, is too hard for the imagined vehicle before the first of some messages."""
+    start_us, end_us = messages[0].arrival_us - _BEFORE_US, messages[0].arrival_us + _GATE_US
+    for poses in evidence.poses:
+        time_s: Floats = np.asarray(time_base_us(poses.track) * 1e-6, dtype=np.float64)
+        every = max(1, int(np.searchsorted(time_s, time_s[0] + _ACCELERATION_OVER_S)))
+        if len(time_s) <= 2 * every:
+            continue
+        size = _accelerations(time_s, poses.pos_m, every)
+        arrival_us = poses.track.arrival_us[every:-every]
+        near = size[(arrival_us > start_us) & (arrival_us < end_us)]
+        near = near[np.isfinite(near)]
+        if len(near) and _HARD < near.max() < _IMPOSSIBLE:
+            return True
+    return False
+
+
+def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
+    """Return the size of the acceleration in m/s^2 between three of N poses that are ``every`` apart."""
+    before = np.maximum(time_s[every:-every] - time_s[: -2 * every], 1e-3)[:, None]
+    after = np.maximum(time_s[2 * every :] - time_s[every:-every], 1e-3)[:, None]
+    behind = (pos_m[every:-every] - pos_m[: -2 * every]) / before
+    ahead = (pos_m[2 * every :] - pos_m[every:-every]) / after
+    return np.asarray(np.linalg.norm(2 * (ahead - behind) / (before + after), axis=1), dtype=np.float64)
+
+
+def _lost(evidence: Evidence) -> Iterator[Sighting]:
+    offered: Counter[str] = Counter()
+    lost: dict[str, list[SeenMessage]] = {}
+    for one in evidence.vision:
+        for sample in one.samples:
+            offered[sample.kind] += 1
+            if any(fate.outcome.rule in (OVERWRITTEN, SUPERSEDED) for fate in sample.fates):
+                lost.setdefault(sample.kind, []).append(one)
+    for kind, messages in sorted(lost.items()):
+        if len(messages) >= _FEWEST_REJECTED and len(messages) > _LOST_SHARE * offered[kind]:
+            yield Sighting(
+                f"{share(len(messages), offered[kind])} {kind} samples would be lost unused in the filter's buffer",
+                [one.number for one in messages],
+                messages[0].arrival_us,
+                messages[-1].arrival_us,
+            )
+
+
+def _said(evidence: Evidence) -> Iterator[Sighting]:
+    told = [
+        (time_us, text)
+        for time_us, severity, text in evidence.vehicle_texts
+        if severity <= _WARNING and any(word in text for word in _CONCERNS)
+    ]
+    for text, count in Counter(text for _, text in told).most_common(_MOST_TEXTS):
+        time_us = next(when for when, what in told if what == text)
+        often = "" if count == 1 else f", {count} times"
+        yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{often}', start_us=time_us)
+
+
+RULES: Final = (
+    Rule(
+        "XN9-01",
+        Severity.NOTE,
+        "Navigation by external navigation begins",
+        "The EKF says that it is using external nav data, and flags its position as good.",
+        _CONTROL,
+        "Nothing.",
+        _would_aid,
+        is_model=True,
+    ),
+    Rule(
+        "XN9-02",
+        Severity.ERROR,
+        "The filter would never use it",
+        "It stays in constant position mode: no position, no modes that need one, no arming in them.",
+        _CONTROL,
+        "See the other findings; the filter needs poses with EK3_SRC1_POSXY 6, and a source of yaw.",
+        _never_aids,
+        is_model=True,
+    ),
+    Rule(
+        "XN9-03",
+        Severity.ERROR,
+        "The filter would stop using it",
+        "It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts.",
+        _CONTROL,
+        "See the findings about gaps, jumps and sources.",
+        _stops,
+        is_model=True,
+    ),
+    Rule(
+        "XN9-04",
+        Severity.WARNING,
+        "The filter would reject samples",
+        "A sample further off than its gate allows is not used; 7 s of that without velocities, and position is reset.",
+        _FUSE,
+        "See the findings about jumps, frames, scale and time; gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and "
+        "YAW_I_GATE.",
+        _rejected,
+        is_model=True,
+    ),
+    Rule(
+        "XN9-05",
+        Severity.NOTE,
+        "The filter would lose samples",
+        "Of samples that come due in one step only the last is used, and a full buffer loses its oldest.",
+        "EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
+        "Send evenly, not in bursts, and less than 50 a second.",
+        _lost,
+        is_model=True,
+    ),
+    Rule(
+        "XN9-06",
+        Severity.NOTE,
+        "Your autopilot said so itself",
+        "A text of the autopilot in the stream, not of the model.",
+        "GCS_MAVLink/GCS.cpp, GCS::send_textv",
+        "See the findings that belong to it.",
+        _said,
+    ),
+)

@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN4: how often messages come, and how often the filter takes one."""
+
+import itertools
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.ingest_rules import TOO_SOON
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.stamps import FEWEST
+from emulator.doctor.tracks import Track
+from emulator.doctor.words import at, share
+
+_HEALTHY_US: Final = 300_000
+_FRESH_US: Final = 500_000
+_POSITION_LOST_US: Final = 7_000_000
+_GATE_US: Final = 20_000
+_HEALTH: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy"
+_INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
+_SECOND_US: Final = 1_000_000
+
+
+def _taken(evidence: Evidence) -> list[SeenMessage]:
+    return [one for one in evidence.vision if one.is_taken]
+
+
+def _gaps(evidence: Evidence) -> list[tuple[SeenMessage, SeenMessage, int]]:
+    """Return neighbours between which the sensor was unhealthy for a time, and their distance in us."""
+    taken = _taken(evidence)
+    pairs = itertools.pairwise(taken)
+    return [(a, b, b.arrival_us - a.arrival_us) for a, b in pairs if b.arrival_us - a.arrival_us >= _HEALTHY_US]
+
+
+def _is_slow(evidence: Evidence) -> bool:
+    taken = _taken(evidence)
+    if len(taken) < FEWEST:
+        return False
+    return float(np.median(np.diff([one.arrival_us for one in taken]))) >= 250_000
+
+
+def _too_slow(evidence: Evidence) -> Iterator[Sighting]:
+    if _is_slow(evidence):
+        taken = _taken(evidence)
+        interval = float(np.median(np.diff([one.arrival_us for one in taken])))
+        text = f"{1e6 / interval:.1f} messages a second, {interval / 1000:.0f} ms apart"
+        yield Sighting(text, [one.number for one in taken], taken[0].arrival_us, taken[-1].arrival_us)
+
+
+def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[Sighting]:
+    gaps = [gap for gap in _gaps(evidence) if least_us <= gap[2] < most_us]
+    if not gaps:
+        return
+    before, _, _ = gaps[0]
+    longest = max(length for _, _, length in gaps)
+    count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
+    yield Sighting(
+        f"{count}, the longest of {longest / 1000:.0f} ms, the first from {at(before.arrival_us)} on",
+        [after.number for _, after, _ in gaps],
+        before.arrival_us,
+        gaps[-1][1].arrival_us,
+    )
+
+
+def _short_gaps(evidence: Evidence) -> Iterator[Sighting]:
+    if not _is_slow(evidence):
+        yield from _gaps_between(evidence, _HEALTHY_US, _FRESH_US)
+
+
+def _long_gaps(evidence: Evidence) -> Iterator[Sighting]:
+    if not _is_slow(evidence):
+        yield from _gaps_between(evidence, _FRESH_US, _POSITION_LOST_US)
+
+
+def _lost_position(evidence: Evidence) -> Iterator[Sighting]:
+    yield from _gaps_between(evidence, _POSITION_LOST_US, 1 << 62)
+
+
+def _samples(evidence: Evidence, kind: str) -> tuple[list[SeenMessage], list[SeenMessage]]:
+    """Return the messages with samples of a kind, and those whose sample was refused for coming too soon."""
+    offered, refused = [], []
+    for one in evidence.vision:
+        of_kind = [sample for sample in one.samples if sample.kind == kind]
+        if of_kind:
+            offered.append(one)
+        if any(fate.outcome.rule is TOO_SOON for sample in of_kind for fate in sample.fates):
+            refused.append(one)
+    return offered, refused
+
+
+def _median_interval_us(track: Track) -> float:
+    return float(np.median(np.diff(track.arrival_us))) if len(track) > 1 else np.inf
+
+
+def _too_fast(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        interval = _median_interval_us(track)
+        if len(track) < FEWEST or not 0 < interval < _GATE_US - 500:
+            continue
+        kind = "velocity" if track.sender.name == "VISION_SPEED_ESTIMATE" else "pose"
+        offered, refused = _samples(evidence, kind)
+        if refused:
+            text = f"{track.sender}: {1e6 / interval:.0f} messages a second; {share(len(refused), len(offered))}"
+            yield Sighting(f"{text} {kind} samples were refused", [one.number for one in refused])
+
+
+def _refused(evidence: Evidence) -> Iterator[Sighting]:
+    fast = any(0 < _median_interval_us(track) < _GATE_US - 500 for track in evidence.tracks)
+    for kind in () if fast else ("pose", "velocity"):
+        offered, refused = _samples(evidence, kind)
+        if len(offered) >= FEWEST and len(refused) > 0.05 * len(offered):
+            yield Sighting(
+                f"{share(len(refused), len(offered))} {kind} samples came less than 20 ms after the one before",
+                [one.number for one in refused],
+                refused[0].arrival_us,
+                refused[-1].arrival_us,
+            )
+
+
+def _twice_the_same(evidence: Evidence) -> Iterator[Sighting]:
+    for kind, tracks in (
+        ("pose", [poses.track for poses in evidence.poses]),
+        ("velocity", [velocities.track for velocities in evidence.velocities]),
+    ):
+        seconds = [set((track.arrival_us // _SECOND_US).tolist()) for track in tracks]
+        for index in range(1, len(tracks)):
+            both = seconds[0] & seconds[index]
+            if len(both) > 0.5 * min(len(seconds[0]), len(seconds[index])) and len(both) >= 3:
+                one, other = tracks[0].sender, tracks[index].sender
+                yield Sighting(f"{one} and {other} both carry the {kind}", tracks[index].numbers.tolist())
+
+
+def _slowish(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        interval = _median_interval_us(track)
+        if len(track) >= FEWEST and 100_000 < interval < 250_000:
+            yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages a second", track.numbers.tolist())
+
+
+RULES: Final = (
+    Rule(
+        "XN4-01",
+        Severity.ERROR,
+        "Too few messages",
+        "The sensor is healthy for 300 ms after a message; at less than 4 a second it is unhealthy every time one is a "
+        "little late, arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
+        _HEALTH,
+        "Send 10 to 50 messages a second.",
+        _too_slow,
+    ),
+    Rule(
+        "XN4-02",
+        Severity.NOTE,
+        "More messages than the filter takes",
+        "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 a second is the most.",
+        _INGEST,
+        "Send 30 to 50 messages a second; more only fills the link.",
+        _too_fast,
+    ),
+    Rule(
+        "XN4-03",
+        Severity.WARNING,
+        "Gaps of more than 300 ms",
+        "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS goes out, and arming fails.",
+        _HEALTH,
+        "Look what stops the sender: a slow frame, a full link, a garbage collector. Keep sending, with quality -1, "
+        "while tracking is lost.",
+        _short_gaps,
+    ),
+    Rule(
+        "XN4-04",
+        Severity.WARNING,
+        "Gaps of more than half a second",
+        "The sensor is unhealthy; with EK3_SRC1_POSZ 6 height falls back to the barometer after 500 ms, and is set to "
+        "the first sample afterwards without a test.",
+        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+        "As for shorter gaps; with EK3_SRC1_POSZ 1 height does not depend on the camera.",
+        _long_gaps,
+    ),
+    Rule(
+        "XN4-05",
+        Severity.ERROR,
+        "Gaps of more than seven seconds",
+        "After 7 s without a position the filter gives up position (the vehicle's failsafe acts), after 15 s without "
+        "anything it stops aiding.",
+        "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
+        "Find out what ended the stream. The sender must come back by itself.",
+        _lost_position,
+    ),
+    Rule(
+        "XN4-06",
+        Severity.WARNING,
+        "Samples come in pairs",
+        "Samples less than 20 ms after the one before, by their corrected times, are dropped, whichever is better.",
+        _INGEST,
+        "Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 a second.",
+        _refused,
+    ),
+    Rule(
+        "XN4-07",
+        Severity.WARNING,
+        "Two messages carry the same measurement",
+        "Both are taken for samples of one sensor; of each pair that is less than 20 ms apart the second is dropped.",
+        _INGEST,
+        "Send either ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE.",
+        _twice_the_same,
+    ),
+    Rule(
+        "XN4-08",
+        Severity.NOTE,
+        "Few messages",
+        "It works, but between samples the filter relies on inertial data alone.",
+        _INGEST,
+        "Send 10 to 50 messages a second if the source allows it.",
+        _slowish,
+    ),
+)

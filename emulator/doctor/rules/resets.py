@@ -1,0 +1,413 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN6: jumps, reset counters and quality."""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ap_visualodom.verdicts import QUALITY_BELOW_MIN
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.stamps import FEWEST, time_base_us
+from emulator.doctor.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
+from emulator.doctor.words import at, seen_in, share
+from mav_handlers.wire.messages import ODOMETRY
+
+_RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
+_CONSUME: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::should_consume_sensor_data"
+_GATE: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
+_BASE_M: Final = 0.5
+_ACCELERATION: Final = 20.0
+_TURN: Final = 17.0  # rad/s^2
+_BASE_RAD: Final = math.radians(10)
+_FASTEST: Final = 20.0
+_NO_JUMP_M: Final = 0.05
+_NO_JUMP_RAD: Final = math.radians(2)
+_LONGEST_S: Final = 1.0
+_NEIGHBOURS: Final = 2
+_ALIGNED: Final = "VisOdom: yaw shifted"
+_ALIGNED_WITHIN_US: Final = 100_000
+_TYPE_T265: Final = 2
+_TYPE_VOXL: Final = 3
+
+
+class _Steps(NamedTuple):
+    """How far each pose but the first is from where the one before led one to expect it.
+
+    Attributes:
+        position_m: off by.
+        yaw_rad: change of yaw.
+        turn_rad: off by.
+        dt_s: since the one before.
+        counter_changed: whether the reset counter did.
+        usual_m: the median of ``position_m``.
+    """
+
+    position_m: Floats
+    yaw_rad: Floats
+    turn_rad: Floats
+    dt_s: Floats
+    counter_changed: Bools
+    usual_m: float
+
+
+def _steps(poses: Poses) -> _Steps:
+    time_s = time_base_us(poses.track) * 1e-6
+    dt = np.diff(time_s)
+    step = np.diff(poses.pos_m, axis=0)
+    speed = step / np.maximum(dt, 1e-3)[:, None]
+    size = np.linalg.norm(speed, axis=1, keepdims=True)
+    speed = np.where(size > _FASTEST, speed * (_FASTEST / size), speed)
+    before = np.vstack([np.zeros((1, 3)), speed[:-1]])
+    off = np.linalg.norm(step - np.nan_to_num(before) * dt[:, None], axis=1)
+    alone = np.linalg.norm(step, axis=1)
+    off = np.minimum(off, alone)
+    yaw = np.diff(euler_of_quat(poses.quat_wxyz)[:, 2])
+    turn = np.arctan2(np.sin(yaw), np.cos(yaw))
+    usual = median_of(off)
+    turn_before = np.concatenate([[0.0], turn[:-1]])
+    turn_off = np.minimum(np.abs(np.arctan2(np.sin(turn - turn_before), np.cos(turn - turn_before))), np.abs(turn))
+    return _Steps(off, turn, turn_off, dt, np.diff(poses.reset_counter) != 0, usual)
+
+
+def _jumped(steps: _Steps) -> Bools:
+    allowed = np.maximum(_BASE_M, 8 * steps.usual_m) + 0.5 * _ACCELERATION * np.minimum(steps.dt_s, 2.0) ** 2
+    return np.asarray(steps.position_m > allowed, dtype=np.bool_)
+
+
+def _turned(steps: _Steps, poses: Poses) -> Bools:
+    pitch = np.abs(euler_of_quat(poses.quat_wxyz)[1:, 1])
+    level = pitch < math.radians(60)  # yaw means little in a nose dive
+    allowed = _BASE_RAD + 0.5 * _TURN * np.minimum(steps.dt_s, 0.5) ** 2
+    return np.asarray(level & (steps.turn_rad > allowed), dtype=np.bool_)
+
+
+def _at_steps(poses: Poses, mask: Bools, text: str) -> Sighting:
+    chosen = np.flatnonzero(mask) + 1
+    arrivals = poses.track.arrival_us[chosen]
+    first = f"the first at {at(int(arrivals[0]))}"
+    return Sighting(
+        f"{poses.track.sender}: {text}, {first}",
+        poses.track.numbers[chosen].tolist(),
+        int(arrivals[0]),
+        int(arrivals[-1]),
+    )
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+class _Resets(NamedTuple):
+    """Which steps of a track jump, turn, or change the counter; and of these, which belong together."""
+
+    steps: _Steps
+    jumped: Bools
+    turned: Bools
+    changed: Bools
+    shifted: Bools
+
+
+def _resets(poses: Poses) -> _Resets:
+    steps = _steps(poses)
+    jumped, turned, changed = _jumped(steps), _turned(steps, poses), steps.counter_changed
+    leaps = jumped | turned
+    # A counter that changes on quiet ground, and a leap without one just before or behind it.
+    alone, bare = changed & ~leaps, leaps & ~changed
+    shifted = np.zeros(len(changed), dtype=np.bool_)
+    for index in np.flatnonzero(alone):
+        near = slice(max(0, index - _NEIGHBOURS), index + _NEIGHBOURS + 1)
+        if bare[near].any():
+            shifted[index] = True
+            shifted[near] |= bare[near]
+    return _Resets(steps, jumped, turned, changed, shifted)
+
+
+def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
+    aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_ALIGNED)]
+    for poses in evidence.poses:
+        if len(poses.track) < FEWEST:
+            continue
+        resets = _resets(poses)
+        # A DataFlash log holds what the autopilot made of poses: they jump where it aligned them.
+        arrival_us = poses.track.arrival_us[1:]
+        by_autopilot = np.zeros(len(arrival_us), dtype=np.bool_)
+        for time_us in aligned_us:
+            by_autopilot |= np.abs(arrival_us - time_us) < _ALIGNED_WITHIN_US
+        leaps = ~by_autopilot | resets.changed
+        yield poses, resets._replace(jumped=resets.jumped & leaps, turned=resets.turned & leaps)
+
+
+def _jump_without_counter(evidence: Evidence) -> Iterator[Sighting]:
+    for poses, resets in _tracks(evidence):
+        mask = resets.jumped & ~resets.changed & ~resets.shifted
+        if mask.any():
+            largest = float(resets.steps.position_m[mask].max())
+            often = _often(int(mask.sum()))
+            yield _at_steps(
+                poses, mask, f"the position jumps {often}, by up to {largest:.1f} m, and reset_counter stays"
+            )
+
+
+def _turn_without_counter(evidence: Evidence) -> Iterator[Sighting]:
+    for poses, resets in _tracks(evidence):
+        mask = resets.turned & ~resets.changed & ~resets.shifted
+        if mask.any():
+            largest = math.degrees(float(np.abs(resets.steps.yaw_rad[mask]).max()))
+            yield _at_steps(poses, mask, f"the yaw jumps {_often(int(mask.sum()))}, by up to {largest:.0f} deg")
+
+
+def _counter_shifted(evidence: Evidence) -> Iterator[Sighting]:
+    for poses, resets in _tracks(evidence):
+        mask = resets.shifted & resets.changed
+        if mask.any() and not _counter_flaps(poses):
+            often = _often(int(mask.sum()))
+            yield _at_steps(poses, mask, f"reset_counter changes {often} a message or two before or behind the jump")
+
+
+def _counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
+    for poses, resets in _tracks(evidence):
+        if _counter_flaps(poses):
+            continue
+        steps = resets.steps
+        near = max(_NO_JUMP_M, 3 * steps.usual_m)
+        quiet = (steps.position_m < near) & (steps.turn_rad < _NO_JUMP_RAD) & (steps.dt_s < _LONGEST_S)
+        mask = np.asarray(resets.changed & quiet & ~resets.shifted, dtype=np.bool_)
+        if mask.any():
+            yield _at_steps(poses, mask, f"reset_counter changes {_often(int(mask.sum()))}, and the pose goes on")
+
+
+def _counter_flaps(poses: Poses) -> bool:
+    changes = int(np.count_nonzero(np.diff(poses.reset_counter)))
+    return changes >= 5 and changes > 0.5 * max(poses.track.span_s, 1.0)
+
+
+def _counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
+    seen = [one for one in evidence.vision if isinstance(one.message, POSE_TYPES)]
+    if len(seen) < FEWEST:
+        return
+    counters = [int(getattr(one.message, "reset_counter", 0)) for one in seen]
+    changed = [one for one, a, b in zip(seen[1:], counters, counters[1:], strict=False) if a != b]
+    span_s = max((seen[-1].arrival_us - seen[0].arrival_us) * 1e-6, 1.0)
+    if len(changed) >= 5 and len(changed) > 0.5 * span_s:
+        yield seen_in(f"reset_counter changes {len(changed)} times in {span_s:.1f} s", changed)
+
+
+def _first_counter(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        first = int(poses.reset_counter[0])
+        if first != 0:
+            track = poses.track
+            severity = Severity.WARNING if evidence.viso_type == _TYPE_VOXL else Severity.NOTE
+            yield Sighting(
+                f"{track.sender}: the first message has reset_counter {first}",
+                [int(track.numbers[0])],
+                int(track.arrival_us[0]),
+                int(track.arrival_us[0]),
+                severity=severity,
+            )
+
+
+def _odometry(evidence: Evidence) -> list[tuple[SeenMessage, int]]:
+    return [(one, one.message.quality) for one in evidence.vision if isinstance(one.message, ODOMETRY)]
+
+
+def _quality_wraps(evidence: Evidence) -> Iterator[Sighting]:
+    odometry = _odometry(evidence)
+    found = [(one, quality) for one, quality in odometry if quality < -1 or quality > 100]
+    if found:
+        worst = min(quality for _, quality in found)
+        meant = f" ({worst + 256} before it was cut to a byte?)" if worst < 0 else ""
+        yield seen_in(
+            f"{share(len(found), len(odometry))} ODOMETRY have a quality outside -1..100, such as {worst}{meant}",
+            [one for one, _ in found],
+        )
+
+
+def _gate_against_none(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.verdict is QUALITY_BELOW_MIN and one.name != "ODOMETRY"]
+    for name in sorted({one.name for one in found}):
+        of_name = [one for one in found if one.name == name]
+        minimum = evidence.param("VISO_QUAL_MIN")
+        yield seen_in(
+            f"{len(of_name)} {name} withheld: their quality counts as 0, VISO_QUAL_MIN is {minimum:.0f}", of_name
+        )
+
+
+def _gate_closed(evidence: Evidence) -> Iterator[Sighting]:
+    odometry = _odometry(evidence)
+    found = [one for one, quality in odometry if one.verdict is QUALITY_BELOW_MIN and quality != -1]
+    if found:
+        minimum = evidence.param("VISO_QUAL_MIN")
+        yield seen_in(
+            f"{share(len(found), len(odometry))} ODOMETRY withheld: quality below VISO_QUAL_MIN {minimum:.0f}", found
+        )
+
+
+def _failed(evidence: Evidence) -> Iterator[Sighting]:
+    odometry = _odometry(evidence)
+    found = [one for one, quality in odometry if quality == -1]
+    if found and not any(one.verdict is QUALITY_BELOW_MIN for one in found):
+        yield seen_in(
+            f"{share(len(found), len(odometry))} ODOMETRY say that tracking failed (quality -1), and none is withheld",
+            found,
+        )
+    elif found:
+        severity = Severity.WARNING if len(found) > 0.1 * len(odometry) else Severity.NOTE
+        sighting = seen_in(
+            f"{share(len(found), len(odometry))} ODOMETRY say that tracking failed (quality -1) and are withheld", found
+        )
+        yield Sighting(sighting.text, sighting.numbers, sighting.start_us, sighting.end_us, severity=severity)
+
+
+def _quality_never_set(evidence: Evidence) -> Iterator[Sighting]:
+    odometry = _odometry(evidence)
+    if len(odometry) >= FEWEST and all(quality == 0 for _, quality in odometry):
+        yield seen_in("every ODOMETRY has quality 0, which stands for unknown", [one for one, _ in odometry])
+
+
+def _poses_apart(evidence: Evidence) -> Iterator[Sighting]:
+    """Find two senders of poses whose positions lie apart at the same time."""
+    for index in range(1, len(evidence.poses)):
+        one, other = evidence.poses[0], evidence.poses[index]
+        if len(one.track) < FEWEST or len(other.track) < FEWEST:
+            continue
+        first, last = one.track.arrival_us[0], one.track.arrival_us[-1]
+        inside = (other.track.arrival_us >= first) & (other.track.arrival_us <= last)
+        if np.count_nonzero(inside) < FEWEST:
+            continue
+        times = other.track.arrival_us[inside]
+        there = np.column_stack([np.interp(times, one.track.arrival_us, one.pos_m[:, axis]) for axis in range(3)])
+        apart = median_of(np.linalg.norm(there - other.pos_m[inside], axis=1))
+        if apart > _BASE_M:
+            yield Sighting(
+                f"{one.track.sender} and {other.track.sender} are {apart:.1f} m apart",
+                other.track.numbers[inside].tolist(),
+                int(times[0]),
+                int(times[-1]),
+            )
+
+
+RULES: Final = (
+    Rule(
+        "XN6-01",
+        Severity.WARNING,
+        "Position jumps without a reset",
+        "The samples are rejected by the gate for 7 s, then the filter resets to them; with velocities that pass it "
+        "never does, and horizontal position counts as lost after 10 s.",
+        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
+        "Count up reset_counter whenever the map was re-localised or tracking started anew; filter single outliers.",
+        _jump_without_counter,
+    ),
+    Rule(
+        "XN6-02",
+        Severity.WARNING,
+        "Yaw jumps without a reset",
+        "With EK3_SRC1_YAW 6 a yaw beyond the gate is rejected in flight for ever, there is no recovery; and a reset "
+        "counter would not help, for it never resets yaw.",
+        "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw",
+        "Keep the yaw of the frame over a re-localisation, and shift the position alone.",
+        _turn_without_counter,
+    ),
+    Rule(
+        "XN6-03",
+        Severity.WARNING,
+        "Reset counter changes without a jump",
+        "Type 1 resets the filter to the sample, which is harmless; type 2 ignores the camera for more than a "
+        "second, type 3 aligns it anew.",
+        _CONSUME,
+        "Change reset_counter with the first message behind a jump, and only then.",
+        _counter_without_jump,
+    ),
+    Rule(
+        "XN6-04",
+        Severity.ERROR,
+        "Reset counter changes all the time",
+        "Type 1 resets the filter with every change, type 2 ignores everything, for it waits for a second without a "
+        "change, and type 3 aligns anew with every change.",
+        _CONSUME,
+        "reset_counter is not a counter of messages; and messages without one count as 0, so do not mix them with "
+        "others.",
+        _counter_always_changes,
+    ),
+    Rule(
+        "XN6-05",
+        Severity.WARNING,
+        "First reset counter is not 0",
+        "The autopilot starts from 0 and takes the first message for a reset: type 2 ignores the first second, type "
+        "3 says VisOdom: reset and maps the first position to 0.",
+        _RESET,
+        "Start at 0, or bear with it: it happens once.",
+        _first_counter,
+    ),
+    Rule(
+        "XN6-06",
+        Severity.WARNING,
+        "Quality outside its range",
+        "The field is a signed byte: what is above 127 arrives as a negative number, and is below every VISO_QUAL_MIN.",
+        _GATE,
+        "Send -1 for failed, 0 for unknown, else 1 to 100.",
+        _quality_wraps,
+    ),
+    Rule(
+        "XN6-07",
+        Severity.ERROR,
+        "Quality gate against messages without a quality",
+        "Only ODOMETRY carries a quality; every other message counts as 0, and with VISO_QUAL_MIN above 0 none of them "
+        "reaches the filter.",
+        _GATE,
+        "Set VISO_QUAL_MIN to 0, or send ODOMETRY.",
+        _gate_against_none,
+    ),
+    Rule(
+        "XN6-08",
+        Severity.WARNING,
+        "Samples withheld for their quality",
+        "Samples below VISO_QUAL_MIN do not reach the filter; they count for health all the same.",
+        _GATE,
+        "Improve the light and texture that the camera sees; or lower VISO_QUAL_MIN if the source's figures mean less.",
+        _gate_closed,
+    ),
+    Rule(
+        "XN6-09",
+        Severity.WARNING,
+        "Tracking failed",
+        "Quality -1 means failed; with VISO_QUAL_MIN at 0 or above such samples are withheld, at -1 they are fused.",
+        _GATE,
+        "Keep VISO_QUAL_MIN at 0 or above.",
+        _failed,
+    ),
+    Rule(
+        "XN6-10",
+        Severity.NOTE,
+        "Quality is never told",
+        "0 passes a VISO_QUAL_MIN of 0; the gate can do nothing with it.",
+        _GATE,
+        "Fill in quality, 1 to 100, and -1 while tracking is lost; MAVROS leaves it at 0.",
+        _quality_never_set,
+    ),
+    Rule(
+        "XN6-11",
+        Severity.ERROR,
+        "Two poses that contradict each other",
+        "Both are taken for one camera's: the filter is pulled to and fro, and rejects one or both.",
+        "AP_VisualOdom.cpp, AP_VisualOdom::handle_pose_estimate",
+        "Send one of them.",
+        _poses_apart,
+    ),
+    Rule(
+        "XN6-12",
+        Severity.WARNING,
+        "Reset counter and jump do not come together",
+        "Type 3 maps the message with the new counter to where the camera was: if the jump comes a message later, the "
+        "whole of it stays. Type 1 resets the filter to a sample from before the jump, and rejects what follows.",
+        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::handle_voxl_camera_reset_jump",
+        "Change reset_counter with the first message behind the jump: look for a counter that is not read together "
+        "with the pose.",
+        _counter_shifted,
+    ),
+)

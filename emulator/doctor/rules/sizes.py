@@ -1,0 +1,202 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN5: sizes of positions and velocities, held against each other."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.motion import Agreement, Motion, agreement, typical_speed
+from emulator.doctor.stamps import FEWEST, time_base_us
+from emulator.doctor.tracks import Poses, median_of
+from emulator.doctor.words import at, of_track
+
+_DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
+_SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
+_FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
+_FITS: Final = 0.9
+_SCALE_TOLERANCE: Final = 0.07
+_UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
+_FASTEST: Final = 60.0  # m/s that a vehicle with a camera may be thought to fly
+_GLITCH: Final = 2.0  # m/s
+
+
+def _scaled_fit(motion: Motion) -> Agreement | None:
+    """Return the fit with the scale taken out first, so that outliers are told by the right size."""
+    speed, path = typical_speed(motion.used), typical_speed(motion.path)
+    if not motion.is_enough or speed < 1e-4 or path < 1e-4:
+        return None
+    ratio = path / speed
+    scale, correlation = agreement(motion.path, motion.used * ratio)
+    return Agreement(scale * ratio, correlation)
+
+
+def _sighting_of(text: str, motion: Motion, fix: str | None = None) -> Sighting:
+    arrivals = motion.arrival_us
+    return Sighting(text, motion.numbers.tolist(), int(arrivals[0]), int(arrivals[-1]), fix)
+
+
+def _wrong_length_unit(evidence: Evidence) -> Iterator[Sighting]:
+    told = set()
+    for motion in evidence.motions:
+        fit = _scaled_fit(motion)
+        for factor, unit in _UNITS:
+            if fit is not None and fit.correlation > 0.7 and 0.7 < fit.scale / factor < 1.4:
+                told.add(motion.pose_sender)
+                yield _sighting_of(
+                    f"{motion.pose_sender}: the path is {fit.scale:.3g} times what velocities say: "
+                    f"positions look like {unit}",
+                    motion,
+                )
+    for poses in evidence.poses:
+        speed = _path_speed(poses)
+        if poses.track.sender not in told and speed > _FASTEST:
+            numbers = poses.track.numbers.tolist()
+            yield Sighting(f"{poses.track.sender}: positions change by {speed:.0f} m in a second", numbers)
+
+
+def _path_speed(poses: Poses) -> float:
+    """Return the median speed of a path in m/s over steps of a quarter of a second, where it moves at all."""
+    time_s = time_base_us(poses.track) * 1e-6
+    last = np.searchsorted(time_s, time_s + 0.25)
+    first = np.flatnonzero(last < len(time_s))
+    last = last[first]
+    step = np.linalg.norm(poses.pos_m[last] - poses.pos_m[first], axis=1) / (time_s[last] - time_s[first])
+    step = step[np.isfinite(step)]
+    return float(np.median(step)) if len(step) >= FEWEST else 0.0
+
+
+def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
+    for motion in evidence.motions:
+        fit = _scaled_fit(motion)
+        if fit is None or fit.correlation < _FITS:
+            continue
+        if abs(fit.scale - 1) > _SCALE_TOLERANCE and 0.1 < fit.scale < 10:
+            scale = evidence.param("VISO_SCALE") / fit.scale
+            yield _sighting_of(
+                f"{motion.pose_sender}: the path is {fit.scale:.3f} times as long as velocities of "
+                f"{motion.velocity_sender.name} say (correlation {fit.correlation:.3f})",
+                motion,
+                f"If velocities are right, set VISO_SCALE to {scale:.3f}, or correct the source; else correct them.",
+            )
+
+
+def _no_speed(evidence: Evidence) -> Iterator[Sighting]:
+    for motion in evidence.motions:
+        path, used = typical_speed(motion.path), typical_speed(motion.used)
+        if motion.is_enough and used < 0.02 * min(path, 1.0):
+            yield _sighting_of(
+                f"{motion.velocity_sender}: velocity stays 0 while the path moves at {path:.2f} m/s", motion
+            )
+
+
+def _velocity_glitches(evidence: Evidence) -> Iterator[Sighting]:
+    for velocities in evidence.velocities:
+        told, track = velocities.used, velocities.track
+        if len(track) < FEWEST:
+            continue
+        between = 0.5 * (told[:-2] + told[2:])
+        off = np.linalg.norm(told[1:-1] - between, axis=1)
+        sides = np.linalg.norm(told[2:] - told[:-2], axis=1)
+        usual = median_of(off)
+        mask = np.zeros(len(track), dtype=np.bool_)
+        mask[1:-1] = (off > max(_GLITCH, 10 * usual)) & (sides < 0.5 * off)
+        if mask.any():
+            yield of_track(f"have a velocity that is up to {np.max(off[mask[1:-1]]):.1f} m/s off", track, mask)
+
+
+def _velocity_off(evidence: Evidence) -> Iterator[Sighting]:
+    """Find stretches in which velocities leave the path by far, though they fit elsewhere."""
+    for motion in evidence.motions:
+        if len(motion.numbers) < FEWEST:
+            continue
+        fit = agreement(motion.path, motion.used)
+        off = np.linalg.norm(motion.path - motion.used, axis=1)
+        usual = float(np.median(off))
+        mask = off > max(_GLITCH, 6 * usual)
+        mask &= np.linalg.norm(motion.used, axis=1) > 2 * np.linalg.norm(motion.path, axis=1) + 1
+        if usual < 0.5 and 3 <= np.count_nonzero(mask) < 0.5 * len(mask) and fit.scale > 0:
+            chosen = np.flatnonzero(mask)
+            start, end = int(motion.arrival_us[chosen[0]]), int(motion.arrival_us[chosen[-1]])
+            worst = float(off[mask].max())
+            yield Sighting(
+                f"{motion.velocity_sender}: velocity leaves the path by up to {worst:.1f} m/s from {at(start)} on",
+                motion.numbers[chosen].tolist(),
+                start,
+                end,
+            )
+
+
+def _drifts(evidence: Evidence) -> Iterator[Sighting]:
+    for motion in evidence.motions:
+        if len(motion.numbers) < 3 * FEWEST:
+            continue
+        off = motion.path - motion.used
+        bias = np.median(off, axis=0)
+        spread = np.median(np.abs(off - bias), axis=0)
+        size = float(np.linalg.norm(bias))
+        if 0.1 < size < 2.0 and size > 2 * float(np.linalg.norm(spread)):
+            yield _sighting_of(
+                f"{motion.pose_sender}: positions move by {size:.2f} m/s more than velocities say, all the time", motion
+            )
+
+
+RULES: Final = (
+    Rule(
+        "XN5-07",
+        Severity.ERROR,
+        "Positions are not in metres",
+        "They are taken for metres: the filter rejects them, or flies off with them.",
+        _DECODE,
+        "Send metres; motion capture systems often give millimetres.",
+        _wrong_length_unit,
+    ),
+    Rule(
+        "XN5-12",
+        Severity.WARNING,
+        "Path and velocities differ in size",
+        "VISO_SCALE scales positions, never velocities; the filter gets two measurements that contradict each other.",
+        _SCALED,
+        "Correct the scale at the source, or set VISO_SCALE.",
+        _wrong_scale,
+    ),
+    Rule(
+        "XN5-14",
+        Severity.ERROR,
+        "Velocity always zero",
+        "With EK3_SRC1_VELXY 6 the filter is told that the vehicle stands still, against its own positions.",
+        _FUSE,
+        "Fill in the velocity, or set EK3_SRC1_VELXY and VELZ to 0.",
+        _no_speed,
+    ),
+    Rule(
+        "XN5-15",
+        Severity.WARNING,
+        "Velocity spikes",
+        "One sample after the other is tested against a gate of EK3_VEL_I_GATE; what passes is fused at full weight.",
+        _FUSE,
+        "Filter velocities at the source, or derive them from the filter there instead of from differences.",
+        _velocity_glitches,
+    ),
+    Rule(
+        "XN5-16",
+        Severity.WARNING,
+        "Velocity leaves the path",
+        "Rejected velocities never time out while positions pass; those that pass pull the estimate away.",
+        _FUSE,
+        "Look at the source's velocity in that stretch.",
+        _velocity_off,
+    ),
+    Rule(
+        "XN5-17",
+        Severity.WARNING,
+        "Positions drift against velocities",
+        "The filter gets two measurements that contradict each other, and follows the one with the smaller error.",
+        _FUSE,
+        "Look for a drift of the source's map or a bias of its velocity.",
+        _drifts,
+    ),
+)

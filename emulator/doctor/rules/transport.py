@@ -1,0 +1,262 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN1: how messages come to the autopilot."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.stamps import FEWEST, are_us
+from emulator.doctor.tracks import Bools, Ints, Track
+from emulator.doctor.words import at, listed, seen_in, share
+from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
+from mav_handlers.wire.messages import (
+    COMMAND_INT,
+    COMMAND_LONG,
+    PARAM_SET,
+    SET_GPS_GLOBAL_ORIGIN,
+)
+
+_LEAST_LOST: Final = 3
+_LOST_SHARE: Final = 0.02
+_ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
+_FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
+_LOST_FIELDS: Final = {
+    "VISION_POSITION_ESTIMATE": "covariance and reset_counter",
+    "GLOBAL_VISION_POSITION_ESTIMATE": "covariance and reset_counter",
+    "VICON_POSITION_ESTIMATE": "covariance",
+    "ATT_POS_MOCAP": "covariance",
+    "VISION_SPEED_ESTIMATE": "covariance and reset_counter",
+}
+
+
+def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
+    if not evidence.vision:
+        names = Counter(one.name for one in evidence.messages)
+        there = listed([f"{name} ({count})" for name, count in names.most_common(5)], 5) or "nothing"
+        yield Sighting(f"{len(evidence.messages)} messages, none of external navigation; there are {there}")
+
+
+def _version_1(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.version == 1 and one.name in _LOST_FIELDS]
+    for name in sorted({one.name for one in found}):
+        of_name = [one for one in found if one.name == name]
+        total = sum(one.name == name for one in evidence.vision)
+        yield seen_in(f"{share(len(of_name), total)} {name} came as MAVLink 1, without {_LOST_FIELDS[name]}", of_name)
+
+
+def _skipped(evidence: Evidence, track: Track) -> Ints:
+    """Return how many sequence numbers of a track's sender are missing up to each of its messages."""
+    sender = track.sender
+    numbers, sequence = [], []
+    for one in evidence.messages:
+        if one.sender == (sender.system_id, sender.component_id) and one.version:
+            numbers.append(one.number)
+            sequence.append(one.sequence)
+    of_sender: Ints = np.array(sequence, dtype=np.int64)
+    gap = (of_sender[1:] - of_sender[:-1] - 1) % 256
+    total = np.concatenate([[0], np.cumsum(np.where(gap < 128, gap, 0))])
+    return np.asarray(total[np.searchsorted(numbers, track.numbers)], dtype=np.int64)
+
+
+def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
+    """Tell behind which messages sequence numbers are missing and a message is, too: others share the numbers."""
+    times = track.stamp_us if are_us(track) else track.arrival_us
+    interval = np.diff(times)
+    usual = float(np.median(interval[interval > 0])) if bool(np.any(interval > 0)) else 0.0
+    return np.asarray((np.diff(_skipped(evidence, track)) > 0) & (interval > 1.5 * usual), dtype=np.bool_)
+
+
+def _lost(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        if len(track) < FEWEST:
+            continue
+        missing = np.flatnonzero(_is_missing_one(evidence, track))
+        if len(missing):
+            is_rare = len(missing) < _LEAST_LOST or len(missing) < _LOST_SHARE * len(track)
+            total = share(len(missing), len(track))
+            yield Sighting(
+                f"{track.sender}: behind {total} messages sequence numbers are missing, and so is a message",
+                track.numbers[missing + 1].tolist(),
+                int(track.arrival_us[missing[0]]),
+                int(track.arrival_us[missing[-1] + 1]),
+                severity=Severity.NOTE if is_rare else None,
+            )
+
+
+def _damaged(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.messages if one.verdict in (BAD_CRC, UNKNOWN_MESSAGE)]
+    if found:
+        frames = sum(one.version != 0 for one in evidence.messages) + len(found)
+        yield seen_in(f"{share(len(found), frames)} frames were damaged", found)
+
+
+def _many_senders(evidence: Evidence) -> Iterator[Sighting]:
+    senders = Counter(one.sender for one in evidence.vision)
+    if len(senders) > 1:
+        names = " and ".join(f"{system}/{component} ({count})" for (system, component), count in senders.items())
+        (usual, _), *_ = senders.most_common(1)
+        yield seen_in(
+            f"external navigation comes from {names}", [one for one in evidence.vision if one.sender != usual]
+        )
+
+
+def _own_ids(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.verdict is OWN_MESSAGE]
+    if found:
+        ids = f"{found[0].system_id}/{found[0].component_id}"
+        count = share(len(found), len(evidence.vision))
+        yield seen_in(f"{count} messages of external navigation came as from {ids}, the autopilot itself", found)
+
+
+def _wrong_target(evidence: Evidence) -> Iterator[Sighting]:
+    senders = {one.sender for one in evidence.vision}
+    found = [
+        one
+        for one in evidence.messages
+        if one.verdict is NOT_ADDRESSED and one.sender in senders and isinstance(one.message, _FOR_THE_AUTOPILOT)
+    ]
+    for name in sorted({one.name for one in found}):
+        of_name = [one for one in found if one.name == name]
+        target = getattr(of_name[0].message, "target_system", 0)
+        told = f"addressed to system {target}; the autopilot is {evidence.system_id}"
+        yield seen_in(f"{len(of_name)} {name} {told}", of_name)
+
+
+def _only_gcs(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.verdict is NOT_ACCEPTED]
+    if found:
+        own, gcs = evidence.system_id, evidence.ground_station_id
+        text = f"{share(len(found), len(evidence.vision))} messages refused: from system {found[0].system_id}"
+        yield seen_in(f"{text}, while only {own} and {gcs} are admitted", found)
+
+
+def _repeated(evidence: Evidence) -> Iterator[Sighting]:
+    latest: dict[tuple[int, int, str], bytes] = {}
+    found = []
+    for one in evidence.vision:
+        key = (*one.sender, one.name)
+        if latest.get(key) == one.frame:
+            found.append(one)
+        latest[key] = one.frame
+    if len(found) >= _LEAST_LOST:
+        yield seen_in(f"{share(len(found), len(evidence.vision))} messages came twice, byte for byte", found)
+
+
+def _reordered(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        if len(track) < FEWEST or not are_us(track):
+            continue
+        step = np.diff(track.sequence) % 256
+        back = np.flatnonzero((step >= 192) & (np.diff(track.stamp_us) < 0))
+        if len(back):
+            yield Sighting(
+                f"{track.sender}: {share(len(back), len(track))} messages came behind one that was sent later, the "
+                f"first at {at(int(track.arrival_us[back[0] + 1]))}",
+                track.numbers[back + 1].tolist(),
+                int(track.arrival_us[back[0] + 1]),
+                int(track.arrival_us[back[-1] + 1]),
+            )
+
+
+RULES: Final = (
+    Rule(
+        "XN1-01",
+        Severity.ERROR,
+        "No external navigation in the stream",
+        "Nothing reaches AP_VisualOdom; with VISO_TYPE set the vehicle refuses to arm: VisOdom: not healthy.",
+        "AP_VisualOdom.cpp, AP_VisualOdom::pre_arm_check",
+        "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; look whether the recording was made on "
+        "the link that the companion uses.",
+        _no_vision,
+    ),
+    Rule(
+        "XN1-02",
+        Severity.WARNING,
+        "MAVLink 1 loses fields",
+        "Extension fields do not exist in MAVLink 1 and read 0: errors fall to the noise floors, resets go unseen.",
+        "mavlink_helpers.h, mavlink_frame_char_buffer; GCS_Common.cpp, "
+        "GCS_MAVLINK::handle_common_vision_position_estimate_data",
+        "Send MAVLink 2: pymavlink with MAVLINK20=1 in the environment, MAVROS with fcu_protocol v2.0.",
+        _version_1,
+    ),
+    Rule(
+        "XN1-03",
+        Severity.WARNING,
+        "Messages were lost",
+        "Lost messages are not asked for again. More than 300 ms without one, and the sensor counts as unhealthy.",
+        "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy",
+        "Raise the baud rate or lower the message rate, use flow control, and look for buffers that overflow.",
+        _lost,
+    ),
+    Rule(
+        "XN1-04",
+        Severity.WARNING,
+        "Frames were damaged",
+        "A frame whose checksum does not match is dropped without a word; so is one of a dialect that is not known.",
+        "mavlink_helpers.h, mavlink_frame_char_buffer",
+        "Check baud rate, cable and ground; if every frame of a type is refused, both ends use different definitions "
+        "of that message.",
+        _damaged,
+    ),
+    Rule(
+        "XN1-05",
+        Severity.WARNING,
+        "Several senders on one link",
+        "A link has one time corrector for all senders, and the backend takes samples of all of them as one camera's: "
+        "stamps, reset counters and positions are mixed.",
+        "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
+        "Let one program send external navigation; end the others, or give each a link and use only one of them.",
+        _many_senders,
+    ),
+    Rule(
+        "XN1-06",
+        Severity.ERROR,
+        "Sent with the autopilot's own ids",
+        "Frames with the autopilot's own system and component id are dropped before anything looks at them.",
+        _ROUTING,
+        "Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY).",
+        _own_ids,
+    ),
+    Rule(
+        "XN1-07",
+        Severity.WARNING,
+        "Addressed to another system",
+        "A message for another system is forwarded at most, and has no effect.",
+        _ROUTING,
+        "Address the autopilot: its system id is MAV_SYSID, its component 1; or 0 for everyone.",
+        _wrong_target,
+    ),
+    Rule(
+        "XN1-08",
+        Severity.ERROR,
+        "Only the ground station is admitted",
+        "With bit 0 of MAV_OPTIONS set, frames from systems other than MAV_SYSID and MAV_GCS_SYSID are dropped.",
+        "GCS_Common.cpp, GCS_MAVLINK::accept_packet",
+        "Send with the vehicle's own system id and another component id, or clear bit 0 of MAV_OPTIONS.",
+        _only_gcs,
+    ),
+    Rule(
+        "XN1-09",
+        Severity.WARNING,
+        "Messages came twice",
+        "The EKF drops the second for its time (20 ms rule); health and the log count it.",
+        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+        "Look for two routes from sender to autopilot, such as two endpoints of mavlink-router.",
+        _repeated,
+    ),
+    Rule(
+        "XN1-10",
+        Severity.WARNING,
+        "Messages came out of order",
+        "Nothing sorts them: a sample older than the last one passes the 20 ms rule, for its age is an unsigned "
+        "difference, and is fused behind the newer one.",
+        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+        "Send over a serial port or TCP, or over one network path only.",
+        _reordered,
+    ),
+)

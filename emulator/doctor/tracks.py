@@ -1,0 +1,226 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a sender's messages of one type say, as arrays over the messages."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emulator.doctor.seen import SeenMessage
+from emulator.estimators.turning import quats_of_euler
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    ODOMETRY,
+    VICON_POSITION_ESTIMATE,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+POSE_TYPES: Final = (
+    VISION_POSITION_ESTIMATE,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    VICON_POSITION_ESTIMATE,
+    ATT_POS_MOCAP,
+    ODOMETRY,
+)
+VELOCITY_TYPES: Final = (VISION_SPEED_ESTIMATE, ODOMETRY)
+STAMPED_TYPES: Final = (*POSE_TYPES, VISION_SPEED_ESTIMATE)
+_EULER_TYPES: Final = (VISION_POSITION_ESTIMATE, GLOBAL_VISION_POSITION_ESTIMATE, VICON_POSITION_ESTIMATE)
+_MOST_US: Final = 1 << 62
+
+
+@dataclass(frozen=True, slots=True)
+class Sender:
+    """Who sends what: the ids of a system and a component, and the name of the message."""
+
+    system_id: int
+    component_id: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.name} from {self.system_id}/{self.component_id}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """N messages of one type from one sender, in the order of arrival.
+
+    Attributes:
+        sender: whose.
+        numbers: of the messages in the stream, from 1.
+        arrival_us: us since the autopilot's boot.
+        stamp_us: as sent, less the first one; us of the sender's clock if the sender is right about the unit.
+        first_stamp: the first one as sent.
+        version: of MAVLink.
+        sequence: of the frame.
+    """
+
+    sender: Sender
+    numbers: Ints
+    arrival_us: Ints
+    stamp_us: Ints
+    first_stamp: int
+    version: Ints
+    sequence: Ints
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @property
+    def span_s(self) -> float:
+        """From the first arrival to the last."""
+        return float(self.arrival_us[-1] - self.arrival_us[0]) * 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Poses:
+    """What the messages of a track say of the pose.
+
+    Attributes:
+        track: the messages.
+        pos_m: N x 3, as sent.
+        quat_wxyz: N x 4, of Euler angles or as sent.
+        euler_rad: N x 3, roll, pitch, yaw as sent; None of messages that carry a quaternion.
+        covariance: N x 21, as sent; None where the firmware ignores it.
+        reset_counter: N; 0 where the message carries none.
+        quality: N; 0 where the message carries none.
+    """
+
+    track: Track
+    pos_m: Floats
+    quat_wxyz: Floats
+    euler_rad: Floats | None
+    covariance: Floats | None
+    reset_counter: Ints
+    quality: Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Velocities:
+    """What the messages of a track say of the velocity.
+
+    Attributes:
+        track: the messages.
+        told: N x 3, m/s as sent.
+        used: N x 3, m/s as the autopilot understands it: NED, that of ODOMETRY turned by its quaternion.
+    """
+
+    track: Track
+    told: Floats
+    used: Floats
+
+
+def _stamp(message: object) -> int:
+    return int(getattr(message, "usec", None) or getattr(message, "time_usec", 0) or 0)
+
+
+def _ints(values: Sequence[int]) -> Ints:
+    return np.array(values, dtype=np.int64)
+
+
+def _track(sender: Sender, seen: Sequence[SeenMessage]) -> Track:
+    stamps = [_stamp(one.message) for one in seen]
+    return Track(
+        sender,
+        _ints([one.number for one in seen]),
+        _ints([one.arrival_us for one in seen]),
+        _ints([max(-_MOST_US, min(stamp - stamps[0], _MOST_US)) for stamp in stamps]),
+        stamps[0],
+        _ints([one.version for one in seen]),
+        _ints([one.sequence for one in seen]),
+    )
+
+
+def grouped(messages: Sequence[SeenMessage], types: tuple[type, ...]) -> dict[Sender, list[SeenMessage]]:
+    """Return messages of some types by sender, in order of first appearance."""
+    groups: dict[Sender, list[SeenMessage]] = {}
+    for one in messages:
+        if isinstance(one.message, types):
+            groups.setdefault(Sender(one.system_id, one.component_id, one.name), []).append(one)
+    return groups
+
+
+def stamped_tracks(messages: Sequence[SeenMessage]) -> tuple[Track, ...]:
+    """Return the tracks of all messages whose stamps the autopilot reads."""
+    return tuple(_track(sender, seen) for sender, seen in grouped(messages, STAMPED_TYPES).items())
+
+
+def euler_of_quat(quat_wxyz: Floats) -> Floats:
+    """Return N x 3 roll, pitch, yaw in rad of N x 4 quaternions; NaN where they hold one."""
+    w, x, y, z = quat_wxyz.T
+    with np.errstate(all="ignore"):
+        return np.column_stack(
+            (
+                np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+                np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)),
+                np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+            )
+        )
+
+
+def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
+    """Return N x 3 vectors turned by N x 4 quaternions as the firmware does it, of whatever norm."""
+    with np.errstate(all="ignore"):
+        w, axis = quat_wxyz[:, :1], quat_wxyz[:, 1:]
+        twice = 2 * np.cross(axis, vectors)
+        return np.asarray(vectors + w * twice + np.cross(axis, twice))
+
+
+def _poses(sender: Sender, seen: Sequence[SeenMessage]) -> Poses:
+    messages = [one.message for one in seen]
+    pos_m = np.array([(m.x, m.y, m.z) for m in messages if isinstance(m, POSE_TYPES)], dtype=np.float64)
+    euler_rad = covariance = None
+    if isinstance(messages[0], _EULER_TYPES):
+        euler_rad = np.array([(m.roll, m.pitch, m.yaw) for m in messages if isinstance(m, _EULER_TYPES)], np.float64)
+        covariance = np.array([m.covariance for m in messages if isinstance(m, _EULER_TYPES)], np.float64)
+        with np.errstate(all="ignore"):
+            quat_wxyz = quats_of_euler(euler_rad)
+    else:
+        quat_wxyz = np.array([m.q for m in messages if isinstance(m, ATT_POS_MOCAP | ODOMETRY)], np.float64)
+    if isinstance(messages[0], ODOMETRY):
+        covariance = np.array([m.pose_covariance for m in messages if isinstance(m, ODOMETRY)], np.float64)
+    return Poses(
+        _track(sender, seen),
+        pos_m,
+        quat_wxyz,
+        euler_rad,
+        covariance,
+        _ints([getattr(m, "reset_counter", 0) for m in messages]),
+        _ints([getattr(m, "quality", 0) for m in messages]),
+    )
+
+
+def pose_tracks(messages: Sequence[SeenMessage]) -> tuple[Poses, ...]:
+    """Return what each sender's messages of each type say of the pose."""
+    return tuple(_poses(sender, seen) for sender, seen in grouped(messages, POSE_TYPES).items())
+
+
+def _velocities(sender: Sender, seen: Sequence[SeenMessage]) -> Velocities:
+    messages = [one.message for one in seen]
+    if isinstance(messages[0], ODOMETRY):
+        odometry = [m for m in messages if isinstance(m, ODOMETRY)]
+        told = np.array([(m.vx, m.vy, m.vz) for m in odometry], dtype=np.float64)
+        used = rotated(np.array([m.q for m in odometry], dtype=np.float64), told)
+    else:
+        speeds = [m for m in messages if isinstance(m, VISION_SPEED_ESTIMATE)]
+        told = used = np.array([(m.x, m.y, m.z) for m in speeds], dtype=np.float64)
+    return Velocities(_track(sender, seen), told, used)
+
+
+def velocity_tracks(messages: Sequence[SeenMessage]) -> tuple[Velocities, ...]:
+    """Return what each sender's messages of each type say of the velocity."""
+    return tuple(_velocities(sender, seen) for sender, seen in grouped(messages, VELOCITY_TYPES).items())
+
+
+def median_of(values: Floats) -> float:
+    """Return the median of what is finite; 0 if nothing is."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else 0.0

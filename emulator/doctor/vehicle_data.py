@@ -1,0 +1,197 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the autopilot itself said in a stream: its attitude, height, parameters and texts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.tracks import Floats, Ints
+from emulator.errors import InputError
+from emulator.recorded_log import read_recorded_states
+from emulator.streams import Stream
+from mav_handlers.wire.codec import Codec, Header, Received
+from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
+
+MAV_COMP_ID_AUTOPILOT1: Final = 1
+MAV_AUTOPILOT_INVALID: Final = 8
+_LOG_ENDINGS: Final = (".bin", ".bin.xz")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttitudeSeries:
+    """The vehicle's attitude over time by its own account.
+
+    Attributes:
+        time_us: N, us since boot.
+        euler_rad: N x 3, roll, pitch, yaw.
+    """
+
+    time_us: Ints
+    euler_rad: Floats
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    def at(self, time_us: Ints) -> Floats:
+        """Return roll, pitch, yaw at some times, between neighbours; NaN before the first and after the last."""
+        unwrapped = np.unwrap(self.euler_rad, axis=0)
+        columns = [np.interp(time_us, self.time_us, unwrapped[:, axis], left=np.nan, right=np.nan) for axis in range(3)]
+        return np.column_stack(columns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightSeries:
+    """The vehicle's height over time by its own account, from wherever it counts.
+
+    Attributes:
+        time_us: N, us since boot.
+        down_m: N.
+    """
+
+    time_us: Ints
+    down_m: Floats
+
+    def at(self, time_us: Ints) -> Floats:
+        """Return m down at some times, between neighbours; NaN before the first and after the last."""
+        return np.asarray(np.interp(time_us, self.time_us, self.down_m, left=np.nan, right=np.nan), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class ParamChange:
+    """A parameter whose value changed within the stream."""
+
+    time_us: int
+    name: str
+    old: float
+    new: float
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleData:
+    """What an autopilot said.
+
+    Attributes:
+        system_id: its own; None if no heartbeat of one was heard.
+        attitude, height: None if it said nothing of it.
+        params: the first value heard of each.
+        changes: of parameters that were heard more than once.
+        texts: time in us since boot, severity, text.
+        has_all_params: whether a whole list was heard.
+    """
+
+    system_id: int | None = None
+    attitude: AttitudeSeries | None = None
+    height: HeightSeries | None = None
+    params: Mapping[str, float] = field(default_factory=dict)
+    changes: tuple[ParamChange, ...] = ()
+    texts: tuple[tuple[int, int, str], ...] = ()
+    has_all_params: bool = False
+
+
+class _Listener:
+    def __init__(self) -> None:
+        self.system_id: int | None = None
+        self._attitudes: dict[int, list[tuple[int, int, float, float, float]]] = {}
+        self._heights: dict[int, list[tuple[int, float]]] = {}
+        self._params: dict[int, list[tuple[int, PARAM_VALUE]]] = {}
+        self._texts: dict[int, list[tuple[int, int, str]]] = {}
+
+    def take(self, time_us: int, header: Header, message: Message | None) -> None:
+        if header.component_id != MAV_COMP_ID_AUTOPILOT1:
+            return
+        sender = header.system_id
+        if isinstance(message, HEARTBEAT):
+            if self.system_id is None and message.autopilot != MAV_AUTOPILOT_INVALID:
+                self.system_id = sender
+        elif isinstance(message, ATTITUDE):
+            angles = message.roll, message.pitch, message.yaw
+            self._attitudes.setdefault(sender, []).append((time_us, message.time_boot_ms * 1000, *angles))
+        elif isinstance(message, GLOBAL_POSITION_INT):
+            self._heights.setdefault(sender, []).append((time_us, -1e-3 * message.relative_alt))
+        elif isinstance(message, PARAM_VALUE):
+            self._params.setdefault(sender, []).append((time_us, message))
+        elif isinstance(message, STATUSTEXT):
+            self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
+
+    def told(self) -> VehicleData:
+        if self.system_id is None:
+            return VehicleData()
+        heard = self._params.get(self.system_id, [])
+        first, changes = _values(heard)
+        total = max((value.param_count for _, value in heard), default=0)
+        return VehicleData(
+            self.system_id,
+            _series(self._attitudes.get(self.system_id, [])),
+            _heights(self._heights.get(self.system_id, [])),
+            first,
+            changes,
+            tuple(self._texts.get(self.system_id, [])),
+            has_all_params=0 < total <= len(first),
+        )
+
+
+def _values(heard: list[tuple[int, PARAM_VALUE]]) -> tuple[dict[str, float], tuple[ParamChange, ...]]:
+    first: dict[str, float] = {}
+    last: dict[str, float] = {}
+    changes = []
+    for time_us, value in heard:
+        name, number = value.param_id, float(value.param_value)
+        if not np.isfinite(number):
+            continue
+        if name in last and last[name] != number:
+            changes.append(ParamChange(time_us, name, last[name], number))
+        first.setdefault(name, number)
+        last[name] = number
+    return first, tuple(changes)
+
+
+def _series(heard: list[tuple[int, int, float, float, float]]) -> AttitudeSeries | None:
+    if len(heard) < 2:
+        return None
+    table = np.array(heard, dtype=np.float64)
+    table = table[np.isfinite(table).all(axis=1)]
+    if len(table) < 2:
+        return None
+    # Its own clock is free of the link's jitter; the least delay ties it to the times of arrival.
+    time_us = table[:, 1] + np.min(table[:, 0] - table[:, 1])
+    order = np.argsort(time_us, kind="stable")
+    return AttitudeSeries(time_us[order].astype(np.int64), table[order, 2:])
+
+
+def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
+    if len(heard) < 2:
+        return None
+    return HeightSeries(np.array([row[0] for row in heard], np.int64), np.array([row[1] for row in heard], np.float64))
+
+
+def listen(stream: Stream) -> VehicleData:
+    """Return what an autopilot says in a stream; of several, the one that is heard first."""
+    codec, listener, time_us = Codec(0, 0), _Listener(), 0
+    for message in stream.messages:
+        time_us = time_us if message.arrival_us is None else message.arrival_us
+        codec.feed(message.frame)
+        while (received := codec.next_received()) is not None:
+            if isinstance(received, Received):
+                listener.take(time_us, received.header, received.message)
+    return listener.told()
+
+
+def vehicle_of_log(path: Path) -> tuple[AttitudeSeries | None, HeightSeries | None]:
+    """Return attitude and height that a DataFlash log holds; None of a file of another kind or of a log without."""
+    if not path.name.lower().endswith(_LOG_ENDINGS):
+        return None, None
+    try:
+        states = read_recorded_states(path)
+    except InputError:
+        return None, None
+    attitude = AttitudeSeries(
+        np.asarray(states.att_time_us, dtype=np.int64), np.radians(np.asarray(states.att_rpy_deg, dtype=np.float64))
+    )
+    if len(states.pos_time_us) < 2:
+        return attitude, None
+    down_m = np.asarray(states.pos_ned[:, 2], dtype=np.float64)
+    return attitude, HeightSeries(np.asarray(states.pos_time_us, dtype=np.int64), down_m)

@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""By how much a stream of attitudes lags behind the vehicle's own motion: what VISO_DELAY_MS should be."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from emulator.estimators.least_squares import blocks_of, fit
+from emulator.estimators.pairs import TurnPair, best_rotation, centred, correlation_of, cross_matrices, turn_pair
+from emulator.estimators.turning import Array
+
+SEARCH_MS: Final = (-100.0, 400.0)
+LEAST_CORRELATION: Final = 0.6
+LARGEST_SIGMA_MS: Final = 10.0
+LEAST_RATE_RAD: Final = 0.01  # a second
+DELAY_RANGE_MS: Final = (0, 250)  # of VISO_DELAY_MS
+
+_GRID_MS: Final = 10.0  # rotations over a window agree over a delay many times as long
+_FEWEST_SAMPLES: Final = 30
+_SHORTEST_BLOCK_S: Final = 1.0
+_APART_MS: Final = 50.0
+_CLEARER: Final = 6.0  # difference of log likelihoods from the next best delay
+_REFINEMENTS: Final = 4
+_SLOPE_STEP_S: Final = 2e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """How old a stream's attitudes are by its stamps.
+
+    Attributes:
+        delay_ms: the vehicle was turned so at stamp - delay_ms; negative if stamps are too old. NaN without motion.
+        sigma_ms: one standard deviation; infinite without motion.
+        correlation: of the rotations at that delay, 0 to 1, the stream's axes turned to fit.
+        enough_motion: whether the motion settles it.
+        rate_rad: the vehicle's rate of turn in rad/s, root of the mean square about its mean.
+        samples: rotations compared.
+    """
+
+    delay_ms: float
+    sigma_ms: float
+    correlation: float
+    enough_motion: bool
+    rate_rad: float
+    samples: int
+
+    @property
+    def viso_delay_ms(self) -> int | None:
+        """The value of VISO_DELAY_MS that fits best, within its range; None without enough motion."""
+        if not self.enough_motion:
+            return None
+        return min(max(round(self.delay_ms), DELAY_RANGE_MS[0]), DELAY_RANGE_MS[1])
+
+
+def estimate_delay(
+    stream_time_us: npt.ArrayLike,
+    stream_quat_wxyz: npt.ArrayLike,
+    vehicle_time_us: npt.ArrayLike,
+    vehicle_motion: npt.ArrayLike,
+    *,
+    search_ms: tuple[float, float] = SEARCH_MS,
+) -> Delay:
+    """Find the delay at which the stream turns as the vehicle does.
+
+    Rotations over a fifth of a second are compared in body axes; how the camera is mounted does not matter, nor where
+    the stream's heading points. The EKF subtracts VISO_DELAY_MS from the corrected stamp (CTimeMS of VISP), so with
+    those times the result is what VISO_DELAY_MS should be; with times of arrival the transport's lag is part of it.
+
+    Args:
+        stream_time_us: [N], on the vehicle's clock.
+        stream_quat_wxyz: [N, 4] from the stream's body to its world.
+        vehicle_time_us: [M], of the same clock.
+        vehicle_motion: the vehicle's body rates in rad/s [M, 3], or its attitudes as quaternions w, x, y, z [M, 4].
+            Rates that passed INS_GYRO_FILTER (GyrX of IMU, rollspeed of ATTITUDE) lag themselves, about 11 ms at 20 Hz,
+            and the result is too small by that; raw rates, replay records (RISI) and attitudes do not.
+        search_ms: the least and the largest delay to consider.
+
+    Raises:
+        ValueError: if shapes do not fit or the search is empty.
+    """
+    if not search_ms[0] < search_ms[1]:
+        raise ValueError(f"nothing to search from {search_ms[0]} to {search_ms[1]} ms")
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_motion)
+    grid_ms = np.arange(search_ms[0], search_ms[1] + _GRID_MS / 2, _GRID_MS)
+    for delay_ms in (grid_ms[0], grid_ms[-1]):
+        pair = pair.chosen(pair.vehicle_rad(delay_ms * 1e-3)[1])
+    if len(pair) < _FEWEST_SAMPLES:
+        return Delay(math.nan, math.inf, 0.0, False, 0.0, len(pair))
+    sparse = pair.thinned()
+    correlations = np.array([_correlation(sparse, delay_ms * 1e-3) for delay_ms in grid_ms])
+    best = int(np.argmax(correlations))
+    found = _refined(pair, float(grid_ms[best]))
+    inside = search_ms[0] < found.delay_ms < search_ms[1]
+    enough = found.enough_motion and inside and _stands_out(correlations, best, pair)
+    if enough:
+        return found
+    return Delay(math.nan, math.inf, found.correlation, False, found.rate_rad, found.samples)
+
+
+def _correlation(pair: TurnPair, delay_s: float) -> float:
+    stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0])
+    return correlation_of(stream @ best_rotation(stream, vehicle).T, vehicle)
+
+
+def _stands_out(correlations: Array, best: int, pair: TurnPair) -> bool:
+    """Say whether no other delay, some way off, fits nearly as well, as it does when a motion repeats itself."""
+    peak = np.ones(len(correlations), bool)
+    peak[1:] &= correlations[1:] >= correlations[:-1]
+    peak[:-1] &= correlations[:-1] >= correlations[1:]
+    apart = np.abs(np.arange(len(correlations)) - best) * _GRID_MS > _APART_MS
+    rivals = correlations[peak & apart]
+    if not len(rivals):
+        return True
+    independent = 3 * float(pair.start_s[-1] - pair.start_s[0]) / pair.window_s
+    unexplained, of_rival = 1 - correlations[best] ** 2, 1 - float(rivals.max()) ** 2
+    return 0.5 * independent * math.log(of_rival / max(unexplained, 1e-12)) > _CLEARER
+
+
+def _refined(pair: TurnPair, delay_ms: float) -> Delay:
+    """Move a delay of the grid to where the differences are least, by steps of Gauss and Newton."""
+    chosen, sigma_ms = pair, math.inf
+    for _ in range(_REFINEMENTS):
+        delay_s = delay_ms * 1e-3
+        vehicle = centred(chosen.vehicle_rad(delay_s)[0])
+        rotation = best_rotation(centred(chosen.stream_rad), vehicle)
+        stream = centred(chosen.stream_rad) @ rotation.T
+        later, earlier = (chosen.vehicle_rad(delay_s + step_s)[0] for step_s in (_SLOPE_STEP_S, -_SLOPE_STEP_S))
+        slope = centred(later - earlier) / (2 * _SLOPE_STEP_S)
+        design = np.concatenate([slope[:, :, None], cross_matrices(stream)], axis=2)
+        step, covariance = fit(design, stream - vehicle, blocks_of(chosen.start_s, _SHORTEST_BLOCK_S))
+        sigma_ms = math.sqrt(covariance[0, 0]) * 1e3
+        delay_ms += float(np.clip(step[0] * 1e3, -_GRID_MS, _GRID_MS))
+        chosen = pair.without_outliers(delay_ms * 1e-3, rotation)
+    correlation = _correlation(chosen, delay_ms * 1e-3)
+    rate = chosen.rate_rad(delay_ms * 1e-3)
+    settled = correlation >= LEAST_CORRELATION and sigma_ms <= LARGEST_SIGMA_MS and rate >= LEAST_RATE_RAD
+    return Delay(delay_ms, sigma_ms, correlation, settled, rate, len(chosen))

@@ -1,0 +1,314 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which way a camera's axes point in the vehicle, and a stream's world axes on the earth.
+
+A stream's attitude is the vehicle's, with two possible mistakes or mountings at its ends: the world's axes on the left
+(ENU for NED, z up) and the body's on the right (FLU for FRD, a camera turned in its mount). Body rates see the right
+one alone; it is found first, and what is left over is the world.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import quaternion
+
+from emulator.estimators.axes import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
+from emulator.estimators.least_squares import FEWEST_BLOCKS, blocks_of, fit, mean_and_sigma
+from emulator.estimators.pairs import best_rotation, centred, correlation_of, cross_matrices, turn_pair
+from emulator.estimators.turning import Array, attitudes_of
+
+LEAST_CORRELATION: Final = 0.6
+LEAST_MARGIN_SIGMAS: Final = 4.0
+LEAST_RATE_RAD: Final = 0.01  # a second
+LARGEST_WORLD_SIGMA_DEG: Final = 5.0
+LARGEST_SPREAD_DEG: Final = 10.0
+NEAR_DEG: Final = 15.0  # that a direction may be off an axis and still count as along it
+
+_FEWEST_SAMPLES: Final = 30
+_SHORTEST_BLOCK_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The best of several axis maps.
+
+    Attributes:
+        best: the one under which the vectors agree best.
+        second: the next best.
+        correlation: under the best, -1 to 1.
+        second_correlation: under the next best.
+        margin_sigmas: by how many standard deviations the best is better.
+    """
+
+    best: AxisMap
+    second: AxisMap
+    correlation: float
+    second_correlation: float
+    margin_sigmas: float
+
+    @property
+    def margin(self) -> float:
+        """By how much the correlation is better than the next best, 0 to 2."""
+        return self.correlation - self.second_correlation
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether neither noise nor too little motion decided."""
+        return self.correlation >= LEAST_CORRELATION and self.margin_sigmas >= LEAST_MARGIN_SIGMAS
+
+
+UNDECIDED: Final = Choice(AxisMap((1, 2, 3)), AxisMap((1, 2, 3)), 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Orientation:
+    """How the stream's body axes point in the vehicle.
+
+    Attributes:
+        choice: of the 24 rotations by right angles.
+        off_deg: between the best rotation of all and that of right angles: how askew the camera is. NaN if unknown.
+        sigma_deg: one standard deviation of that, of the axis known worst; infinite if unknown.
+        enough_motion: whether the motion settles it; turning about one axis alone does not.
+        rate_rad: the vehicle's rate of turn in rad/s, root of the mean square about its mean.
+        samples: rotations compared.
+    """
+
+    choice: Choice
+    off_deg: float
+    sigma_deg: float
+    enough_motion: bool
+    rate_rad: float
+    samples: int
+
+    @property
+    def axes(self) -> AxisMap:
+        """The best of the rotations by right angles."""
+        return self.choice.best
+
+    @property
+    def name(self) -> str:
+        """Where the axes point by their letters, FRD for a vehicle's own."""
+        return self.axes.letters(BODY_WORDS)
+
+    @property
+    def text(self) -> str:
+        """The same in words."""
+        return self.axes.describe("camera {} is vehicle", BODY_WORDS)
+
+    @property
+    def viso_orient(self) -> int | None:
+        """The documented value of VISO_ORIENT that undoes it, None if there is none or the motion does not settle it.
+
+        ``axes.rotation`` is never None; the firmware obeys any orientation's number, documented or not.
+        """
+        return self.axes.viso_orient if self.enough_motion else None
+
+
+@dataclass(frozen=True, slots=True)
+class WorldAxes:
+    """How the axes of the stream's world point on the earth.
+
+    Attributes:
+        axes: the nearest map of right angles; its horizontal axes mean something only if ``has_compass_axes``.
+        down_off_deg: from the vertical axis to the mean vertical.
+        heading_deg: compass direction of the first horizontal axis, x unless x is vertical; 0 to 360.
+        sigma_deg: one standard deviation of the two angles, the larger; infinite if unknown.
+        spread_deg: of single vertical directions about their mean, root of the mean square.
+        sufficient: whether attitudes agree on one world; not so if the body axes are wrong.
+        samples: attitudes compared.
+    """
+
+    axes: AxisMap
+    down_off_deg: float
+    heading_deg: float
+    sigma_deg: float
+    spread_deg: float
+    sufficient: bool
+    samples: int
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the stream's z points up."""
+        return self.axes.signed_axes[2] == -3
+
+    @property
+    def has_compass_axes(self) -> bool:
+        """Whether the horizontal axes point along north and east or their opposites, rather than anywhere."""
+        return abs((self.heading_deg + 45) % 90 - 45) <= NEAR_DEG
+
+    @property
+    def name(self) -> str:
+        """NED, ENU and so on, or which axis is vertical and where the first horizontal one points."""
+        if self.has_compass_axes:
+            return self.axes.letters(EARTH_WORDS)
+        vertical = next(k for k, axis in enumerate(self.axes.signed_axes) if abs(axis) == 3)
+        word = "down" if self.axes.signed_axes[vertical] > 0 else "up"
+        return f"{'xyz'[vertical]} {word}, {'x' if vertical else 'y'} towards {self.heading_deg:.0f} deg"
+
+    @property
+    def text(self) -> str:
+        """The same in words."""
+        return self.axes.describe("world {} is earth", EARTH_WORDS) if self.has_compass_axes else self.name
+
+
+def choose_axes(source: Array, target: Array, candidates: Sequence[Array], blocks: npt.NDArray[np.intp]) -> Choice:
+    """Return the axis map that brings vectors [N, 3] nearest to others.
+
+    Args:
+        source: what to turn.
+        target: what it is to agree with.
+        candidates: matrices [3, 3], at least two.
+        blocks: number of the block of each vector, for the margin's standard deviation.
+    """
+    correlations = np.array([correlation_of(source @ matrix.T, target) for matrix in candidates])
+    second, best = np.argsort(correlations)[-2:]
+    return Choice(
+        AxisMap.of(candidates[best]),
+        AxisMap.of(candidates[second]),
+        float(correlations[best]),
+        float(correlations[second]),
+        _margin_sigmas(source @ candidates[best].T, source @ candidates[second].T, target, blocks),
+    )
+
+
+def _margin_sigmas(best: Array, second: Array, target: Array, blocks: npt.NDArray[np.intp]) -> float:
+    """Return by how many standard deviations vectors [N, 3] are nearer to the target than others are.
+
+    With d the difference of the two and e what the best leaves, the squares differ by 2 target d, and noise has its
+    part in that by 2 e d; sums over blocks say how large that part is.
+    """
+    energy = float(np.sum(best**2))
+    if energy == 0:
+        return 0.0
+    scale = float(np.sum(best * target)) / energy
+    apart = scale * (best - second)
+    advantage = float(np.sum(target * apart))
+    parts = np.bincount(blocks, np.sum((target - scale * best) * apart, axis=1))
+    noise = math.sqrt(float(np.sum(parts**2)))
+    return advantage / noise if noise > 0 else math.copysign(math.inf, advantage)
+
+
+def estimate_orientation(
+    stream_time_us: npt.ArrayLike,
+    stream_quat_wxyz: npt.ArrayLike,
+    vehicle_time_us: npt.ArrayLike,
+    vehicle_motion: npt.ArrayLike,
+    *,
+    delay_ms: float = 0.0,
+) -> Orientation:
+    """Find the body axes of a stream by how it turns.
+
+    Args:
+        stream_time_us: [N], on the vehicle's clock.
+        stream_quat_wxyz: [N, 4] from the stream's body to its world.
+        vehicle_time_us: [M], of the same clock.
+        vehicle_motion: the vehicle's body rates in rad/s [M, 3], or its attitudes as quaternions w, x, y, z [M, 4].
+        delay_ms: how old the stream is by its stamps; that of ``estimate_delay``.
+
+    Raises:
+        ValueError: if shapes do not fit.
+    """
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_motion)
+    delay_s = delay_ms * 1e-3
+    pair = pair.chosen(pair.vehicle_rad(delay_s)[1])
+    if len(pair) < _FEWEST_SAMPLES:
+        return Orientation(UNDECIDED, math.nan, math.inf, False, 0.0, len(pair))
+    pair = pair.without_outliers(
+        delay_s, best_rotation(centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0]))
+    )
+    stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0])
+    blocks = blocks_of(pair.start_s, _SHORTEST_BLOCK_S)
+    choice, rate = choose_axes(stream, vehicle, PROPER, blocks), pair.rate_rad(delay_s)
+    enough = choice.is_clear and rate >= LEAST_RATE_RAD
+    off_deg, sigma_deg = _askew_deg(stream, vehicle, choice.best, blocks) if enough else (math.nan, math.inf)
+    return Orientation(choice, off_deg, sigma_deg, enough, rate, len(pair))
+
+
+def _askew_deg(stream: Array, vehicle: Array, axes: AxisMap, blocks: npt.NDArray[np.intp]) -> tuple[float, float]:
+    """Return the angle by which the best rotation is off the best of right angles, and its standard deviation."""
+    rotation = best_rotation(stream, vehicle)
+    turned = stream @ rotation.T
+    _, covariance = fit(cross_matrices(turned), turned - vehicle, blocks)
+    if not np.isfinite(covariance).all():
+        return math.nan, math.inf
+    return _angle_deg(rotation @ axes.matrix.T), math.degrees(math.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def estimate_world_axes(
+    stream_time_us: npt.ArrayLike,
+    stream_quat_wxyz: npt.ArrayLike,
+    vehicle_time_us: npt.ArrayLike,
+    vehicle_quat_wxyz: npt.ArrayLike,
+    *,
+    body_axes: AxisMap,
+    delay_ms: float = 0.0,
+) -> WorldAxes:
+    """Find the axes of the stream's world on the earth, once those of its body are known.
+
+    Args:
+        stream_time_us: [N], on the vehicle's clock.
+        stream_quat_wxyz: [N, 4] from the stream's body to its world.
+        vehicle_time_us: [M], of the same clock.
+        vehicle_quat_wxyz: the vehicle's attitudes, from body (FRD) to earth (NED), [M, 4].
+        body_axes: where the stream's body axes point in the vehicle, as ``estimate_orientation`` finds.
+        delay_ms: how old the stream is by its stamps.
+
+    Raises:
+        ValueError: if shapes do not fit.
+    """
+    stream, vehicle = attitudes_of(stream_time_us, stream_quat_wxyz), attitudes_of(vehicle_time_us, vehicle_quat_wxyz)
+    attitudes, known = vehicle.at(stream.time_s - delay_ms * 1e-3)
+    count = int(known.sum())
+    blocks = blocks_of(stream.time_s[known], _SHORTEST_BLOCK_S)
+    if count < _FEWEST_SAMPLES or int(blocks.max()) + 1 < FEWEST_BLOCKS:
+        return WorldAxes(AxisMap((1, 2, 3)), math.nan, math.nan, math.inf, math.nan, False, count)
+    to_vehicle = body_axes.matrix
+    to_earth = quaternion.as_rotation_matrix(attitudes[known]) @ to_vehicle
+    to_earth = to_earth @ quaternion.as_rotation_matrix(stream.quats[known]).transpose(0, 2, 1)
+    return _world_of(to_earth, blocks)
+
+
+def _world_of(to_earth: Array, blocks: npt.NDArray[np.intp]) -> WorldAxes:
+    """Return what matrices [N, 3, 3] from the stream's world to the earth have in common."""
+    down = to_earth[:, 2, :]  # in the stream's axes
+    mean_down = down.mean(axis=0)
+    mean_down /= max(float(np.linalg.norm(mean_down)), 1e-9)
+    vertical = int(np.abs(mean_down).argmax())
+    horizontal = 1 if vertical == 0 else 0
+    directions = to_earth[:, :2, horizontal] @ np.array([1.0, 1j])
+    heading = float(np.angle(directions.mean()))
+    off = np.angle(directions * np.exp(-1j * heading))
+    spread = np.arccos(np.clip(down @ mean_down, -1, 1))
+    sigmas = [mean_and_sigma(values, blocks)[1] for values in (off, *np.cross(down, mean_down).T)]
+    sigma_deg = math.degrees(max(sigmas))
+    spread_deg = math.degrees(math.sqrt(float(np.mean(spread**2))))
+    return WorldAxes(
+        _nearest_axes(mean_down, heading),
+        math.degrees(math.acos(min(float(np.abs(mean_down).max()), 1.0))),
+        math.degrees(heading) % 360.0,
+        sigma_deg,
+        spread_deg,
+        sigma_deg <= LARGEST_WORLD_SIGMA_DEG and spread_deg <= LARGEST_SPREAD_DEG,
+        len(to_earth),
+    )
+
+
+def _nearest_axes(down: Array, heading_rad: float) -> AxisMap:
+    vertical = int(np.abs(down).argmax())
+    horizontal = 1 if vertical == 0 else 0
+    matrix = np.zeros((3, 3))
+    matrix[2, vertical] = np.sign(down[vertical])
+    quarter = round(heading_rad / (math.pi / 2)) % 4
+    matrix[:2, horizontal] = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][quarter]
+    other = 3 - vertical - horizontal
+    # The third axis is the product of the other two, in the order x, y, z.
+    matrix[:, other] = np.cross(matrix[:, (other + 1) % 3], matrix[:, (other + 2) % 3])
+    return AxisMap.of(matrix)
+
+
+def _angle_deg(rotation: Array) -> float:
+    return math.degrees(math.acos(min(max((float(np.trace(rotation)) - 1) / 2, -1.0), 1.0)))

@@ -1,0 +1,246 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A stream's positions against a reference path: their scale, and whether their axes are the reference's.
+
+Displacements over a second or two are compared, so that neither drift nor another origin matters.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from emulator.estimators.axes import EARTH_WORDS, MIRRORED, PROPER, AxisMap
+from emulator.estimators.least_squares import blocks_of, fit, inliers
+from emulator.estimators.orientation import UNDECIDED, Choice, choose_axes
+from emulator.estimators.pairs import centred
+from emulator.estimators.turning import Array, windows
+
+WINDOW_S: Final = 2.0
+LEAST_CORRELATION: Final = 0.8
+LEAST_DISPLACEMENT_M: Final = 0.2
+LARGEST_RELATIVE_SIGMA: Final = 0.05
+
+_FEWEST_SAMPLES: Final = 30
+_LONGEST_GAP_S: Final = 1.0
+_PASSES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What a stream's positions have to be multiplied with.
+
+    Attributes:
+        scale: reference over stream, what VISO_SCALE should be for a stream as it was sent. NaN if unknown.
+        sigma: one standard deviation; infinite if unknown.
+        correlation: of the displacements, the stream's axes turned or mirrored to fit, 0 to 1.
+        displacement_m: of the reference over a window, root of the mean square about its mean.
+        sufficient: whether the vehicle moved enough to tell.
+        samples: displacements compared.
+    """
+
+    scale: float
+    sigma: float
+    correlation: float
+    displacement_m: float
+    sufficient: bool
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class PositionAxes:
+    """How the axes of a stream's positions point on the earth.
+
+    Attributes:
+        choice: of the 24 rotations by right angles and the 24 mirrored ones.
+        displacement_m: of the reference over a window, root of the mean square about its mean.
+        sufficient: whether the vehicle moved enough, along enough axes, to tell.
+        samples: displacements compared.
+    """
+
+    choice: Choice
+    displacement_m: float
+    sufficient: bool
+    samples: int
+
+    @property
+    def axes(self) -> AxisMap:
+        """The best of the maps."""
+        return self.choice.best
+
+    @property
+    def name(self) -> str:
+        """Where the axes point by their letters, NED for the earth's own."""
+        return self.axes.letters(EARTH_WORDS)
+
+    @property
+    def text(self) -> str:
+        """The same in words."""
+        return self.axes.describe("position {} is earth", EARTH_WORDS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moves:
+    """Displacements [N, 3] of a stream and of the reference, and when they start."""
+
+    start_s: Array
+    stream_m: Array
+    reference_m: Array
+
+    def chosen(self, mask: npt.NDArray[np.bool_]) -> "_Moves":
+        return _Moves(self.start_s[mask], self.stream_m[mask], self.reference_m[mask])
+
+
+def path_of_velocity(time_us: npt.ArrayLike, velocity: npt.ArrayLike) -> Array:
+    """Return the path [N, 3] that velocities [N, 3] in m/s lead along, from 0, by the trapezoidal rule.
+
+    Args:
+        time_us: [N], growing.
+        velocity: in axes that do not turn.
+    """
+    speeds = np.asarray(velocity, np.float64)
+    steps_s = np.diff(np.asarray(time_us, np.float64))[:, None] * 1e-6
+    path: Array = np.vstack([np.zeros((1, 3)), np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * steps_s, axis=0)])
+    return path
+
+
+def estimate_scale(
+    stream_time_us: npt.ArrayLike,
+    stream_pos_m: npt.ArrayLike,
+    reference_time_us: npt.ArrayLike,
+    reference_pos_m: npt.ArrayLike,
+    *,
+    delay_ms: float = 0.0,
+    window_s: float = WINDOW_S,
+) -> Scale:
+    """Find the scale of a stream's positions, whatever their axes.
+
+    Both sides are taken to be equally noisy (total least squares), because a plain fit makes a noisy stream's scale
+    too small. A reference that was made from the stream, as by an EKF without GPS, agrees with it and proves nothing.
+
+    Args:
+        stream_time_us: [N], on the reference's clock.
+        stream_pos_m: [N, 3], in any axes that do not turn.
+        reference_time_us: [M].
+        reference_pos_m: [M, 3]; of velocities make a path by ``path_of_velocity``.
+        delay_ms: how old the stream is by its stamps.
+        window_s: the seconds of each displacement.
+
+    Raises:
+        ValueError: if shapes do not fit.
+    """
+    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_m, delay_ms, window_s)
+    if len(moves.start_s) < _FEWEST_SAMPLES:
+        return Scale(math.nan, math.inf, 0.0, 0.0, False, len(moves.start_s))
+    kept = moves
+    for _ in range(_PASSES):
+        stream, reference = centred(kept.stream_m), centred(kept.reference_m)
+        axes = _best_axes(stream, reference)
+        scale = _total_scale(stream @ axes.T, reference)
+        off = centred(moves.stream_m) @ axes.T * scale - centred(moves.reference_m)
+        used, kept = kept, moves.chosen(inliers(np.linalg.norm(off, axis=1)))
+    stream, reference = centred(used.stream_m) @ axes.T, centred(used.reference_m)
+    _, covariance = fit(stream[:, :, None], reference - scale * stream, blocks_of(used.start_s, window_s))
+    sigma = math.sqrt(covariance[0, 0])
+    energy = math.sqrt(float(np.sum(stream**2)) * float(np.sum(reference**2)))
+    correlation = float(np.sum(stream * reference)) / energy if energy > 0 else 0.0
+    moved = math.sqrt(float(np.mean(np.sum(reference**2, axis=1))))
+    enough = (
+        correlation >= LEAST_CORRELATION and moved >= LEAST_DISPLACEMENT_M and sigma <= LARGEST_RELATIVE_SIGMA * scale
+    )
+    if not enough:
+        return Scale(math.nan, math.inf, correlation, moved, False, len(used.start_s))
+    return Scale(scale, sigma, correlation, moved, True, len(used.start_s))
+
+
+def estimate_position_axes(
+    stream_time_us: npt.ArrayLike,
+    stream_pos_m: npt.ArrayLike,
+    reference_time_us: npt.ArrayLike,
+    reference_pos_ned_m: npt.ArrayLike,
+    *,
+    heading_deg: float = 0.0,
+    delay_ms: float = 0.0,
+    window_s: float = WINDOW_S,
+) -> PositionAxes:
+    """Find which way the axes of a stream's positions point, mirrored ones among them.
+
+    Args:
+        stream_time_us: [N], on the reference's clock.
+        stream_pos_m: [N, 3].
+        reference_time_us: [M].
+        reference_pos_ned_m: [M, 3], north, east, down.
+        heading_deg: compass direction that counts as north; where the stream's heading is arbitrary, that of its x.
+        delay_ms: how old the stream is by its stamps.
+        window_s: the seconds of each displacement.
+
+    Raises:
+        ValueError: if shapes do not fit.
+    """
+    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms, window_s)
+    count = len(moves.start_s)
+    if count < _FEWEST_SAMPLES:
+        return PositionAxes(UNDECIDED, 0.0, False, count)
+    stream = centred(moves.stream_m)
+    reference = centred(moves.reference_m) @ _about_down(heading_deg).T
+    choice = choose_axes(stream, reference, (*PROPER, *MIRRORED), blocks_of(moves.start_s, window_s))
+    moved = math.sqrt(float(np.mean(np.sum(reference**2, axis=1))))
+    return PositionAxes(choice, moved, choice.is_clear and moved >= LEAST_DISPLACEMENT_M, count)
+
+
+def _about_down(heading_deg: float) -> Array:
+    cos, sin = math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg))
+    return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:
+    times, positions = np.asarray(time_us, np.float64), np.asarray(pos_m, np.float64)
+    if times.ndim != 1 or positions.shape != (len(times), 3):
+        raise ValueError(f"times of shape {times.shape} and positions of shape {positions.shape}: not [N] and [N, 3]")
+    usable = np.isfinite(times) & np.isfinite(positions).all(axis=1)
+    times, positions = times[usable], positions[usable]
+    if not len(times):
+        return times, positions
+    newer = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
+    return times[newer] * 1e-6, positions[newer]
+
+
+def _moves(
+    stream_time_us: npt.ArrayLike,
+    stream_pos_m: npt.ArrayLike,
+    reference_time_us: npt.ArrayLike,
+    reference_pos_m: npt.ArrayLike,
+    delay_ms: float,
+    window_s: float,
+) -> _Moves:
+    stream_s, stream_m = _clean(stream_time_us, stream_pos_m)
+    reference_s, reference_m = _clean(reference_time_us, reference_pos_m)
+    if len(reference_s) < 2:
+        return _Moves(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    start, end = windows(stream_s, window_s)
+    first, first_known = _interpolated(reference_s, reference_m, stream_s[start] - delay_ms * 1e-3)
+    last, last_known = _interpolated(reference_s, reference_m, stream_s[end] - delay_ms * 1e-3)
+    return _Moves(stream_s[start], stream_m[end] - stream_m[start], last - first).chosen(first_known & last_known)
+
+
+def _interpolated(time_s: Array, values: Array, at_s: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)
+    known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (time_s[after] - time_s[after - 1] <= _LONGEST_GAP_S)
+    return np.column_stack([np.interp(at_s, time_s, column) for column in values.T]), known
+
+
+def _best_axes(source: Array, target: Array) -> Array:
+    """Return the rotation or mirroring [3, 3] that turns vectors [N, 3] into others best."""
+    left, _, right = np.linalg.svd(target.T @ source)
+    axes: Array = left @ right
+    return axes
+
+
+def _total_scale(source: Array, target: Array) -> float:
+    """Return the slope of the line through 0 from which both coordinates are off by equal noise."""
+    own, other, common = float(np.sum(source**2)), float(np.sum(target**2)), float(np.sum(source * target))
+    if common <= 0:
+        return 0.0
+    return (other - own + math.hypot(other - own, 2 * common)) / (2 * common)

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a body turns, from attitudes or from body rates: the rotation between any two times.
+
+Rotations over a window stand for rates: both sides of a comparison are smoothed alike, a drifting or arbitrary heading
+cancels out, and the noise of single attitudes is not divided by a short time.
+"""
+
+from dataclasses import dataclass
+from itertools import accumulate
+from operator import mul
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import quaternion
+
+Array = npt.NDArray[np.float64]
+
+SHORTEST_WINDOW_S: Final = 0.2
+_LONGEST_GAP_S: Final = 0.5
+_US: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitudes:
+    """Attitudes of a body, any two neighbours less than half a turn apart.
+
+    Attributes:
+        time_s: [N], strictly growing.
+        quats: [N] of numpy-quaternion, unit, from the body to a world that does not turn.
+        steps_rad: rotation vectors from each to the next, [N - 1, 3].
+    """
+
+    time_s: Array
+    quats: Any
+    steps_rad: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def at(self, time_s: Array) -> tuple[Any, npt.NDArray[np.bool_]]:
+        """Return the attitudes at times [K], and which are known: those of no gap, before the end, after the start."""
+        if len(self) < 2:
+            return np.full(len(time_s), quaternion.one), np.zeros(len(time_s), bool)
+        after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self) - 1)
+        step_s = self.time_s[after] - self.time_s[after - 1]
+        share = (time_s - self.time_s[after - 1]) / step_s
+        known = (share >= 0) & (share <= 1) & (step_s <= _LONGEST_GAP_S)
+        turned = quaternion.from_rotation_vector(self.steps_rad[after - 1] * share[:, None])
+        return self.quats[after - 1] * turned, known
+
+
+def quats_of_euler(roll_pitch_yaw_rad: npt.ArrayLike) -> Array:
+    """Return the quaternions w, x, y, z [N, 4] of 3-2-1 Euler angles [N, 3] in rad, as ATTITUDE has them."""
+    half = 0.5 * np.asarray(roll_pitch_yaw_rad, np.float64).reshape(-1, 3)
+    zero = np.zeros(len(half))
+    roll, pitch, yaw = (
+        quaternion.as_quat_array(
+            np.column_stack([np.cos(half[:, axis]), *(np.sin(half[:, axis]) if axis == k else zero for k in range(3))])
+        )
+        for axis in range(3)
+    )
+    quats: Array = quaternion.as_float_array(yaw * pitch * roll)
+    return quats
+
+
+def attitudes_of(time_us: npt.ArrayLike, motion: npt.ArrayLike) -> Attitudes:
+    """Return the attitudes that a list of them, or of body rates, amounts to.
+
+    What is not finite, has no direction, or does not come after all before it is left out.
+
+    Args:
+        time_us: [N].
+        motion: quaternions w, x, y, z from body to world [N, 4], or body rates in rad/s [N, 3].
+
+    Raises:
+        ValueError: if the shapes are others.
+    """
+    times = np.asarray(time_us, np.float64)
+    values = np.asarray(motion, np.float64)
+    if values.ndim != 2 or values.shape[1] not in (3, 4) or times.shape != values.shape[:1]:
+        raise ValueError(f"times of shape {times.shape} and a motion of shape {values.shape}: not [N] and [N, 3 or 4]")
+    usable = np.isfinite(times) & np.isfinite(values).all(axis=1)
+    if values.shape[1] == 4:
+        usable &= np.abs(values).max(axis=1, initial=0) > 1e-6
+    times, values = times[usable], values[usable]
+    newer = _is_newest(times)
+    time_s, values = times[newer] * _US, values[newer]
+    quats = _unit(values) if values.shape[1] == 4 else _integrated(time_s, values)
+    return Attitudes(time_s, quats, rotation_vectors(quats[:-1].conj() * quats[1:]))
+
+
+def window_of(track: Attitudes) -> float:
+    """Return the seconds over which to take the rotations of a stream: some samples, but never too short."""
+    steps = np.diff(track.time_s)
+    return max(SHORTEST_WINDOW_S, float(np.median(steps))) if len(steps) else SHORTEST_WINDOW_S
+
+
+def windows(time_s: Array, length_s: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return indices of samples, and of those about ``length_s`` later; where there is a gap, none."""
+    end = np.searchsorted(time_s, time_s + length_s - 1e-9)
+    start = np.flatnonzero(end < len(time_s))
+    end = end[start]
+    close = time_s[end] - time_s[start] <= 2 * length_s
+    return start[close], end[close]
+
+
+def rotation_vectors(quats: Any) -> Array:
+    """Return the rotation vectors [N, 3] in rad of quaternions [N], the shorter way."""
+    parts: Array = quaternion.as_float_array(quats)
+    parts = np.where(parts[:, :1] < 0, -parts, parts)
+    sine = np.linalg.norm(parts[:, 1:], axis=1)
+    angle = 2 * np.arctan2(sine, parts[:, 0])
+    factor = np.divide(angle, sine, out=np.full(len(sine), 2.0), where=sine > 0)
+    vectors: Array = parts[:, 1:] * factor[:, None]
+    return vectors
+
+
+def turns(track: Attitudes, start_s: Array, end_s: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Return the rotation vectors [K, 3] in rad from times to others, in the first body frame; and which are known."""
+    first, first_known = track.at(start_s)
+    second, second_known = track.at(end_s)
+    return rotation_vectors(first.conj() * second), first_known & second_known
+
+
+def _is_newest(times: Array) -> npt.NDArray[np.bool_]:
+    newest = np.maximum.accumulate(times) if len(times) else times
+    return np.concatenate([np.ones(min(len(times), 1), bool), times[1:] > newest[:-1]])
+
+
+def _unit(quats_wxyz: Array) -> Any:
+    return quaternion.as_quat_array(quats_wxyz / np.linalg.norm(quats_wxyz, axis=1, keepdims=True))
+
+
+def _integrated(time_s: Array, rates_rad: Array) -> Any:
+    if not len(time_s):
+        return quaternion.as_quat_array(np.zeros((0, 4)))
+    steps = 0.5 * (rates_rad[1:] + rates_rad[:-1]) * np.diff(time_s)[:, None]
+    return np.array(list(accumulate(quaternion.from_rotation_vector(steps), mul, initial=quaternion.one)))

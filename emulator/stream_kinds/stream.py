@@ -1,0 +1,35 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a recorded stream is, whatever it was recorded as."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+# A vehicle runs through the silence between two messages; a damaged stamp would have it run for years.
+MAX_GAP_US: Final = 86_400_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class StreamMessage:
+    """A frame, and when the autopilot handled it in us since boot; None when that is not known."""
+
+    arrival_us: int | None
+    frame: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A recorded stream.
+
+    ``shared_arrival`` tells that messages with the same arrival time were waiting together, and that one which made no
+    record carries its predecessor's time. ``params`` are the vehicle's as far as they were recorded, ``baud`` the rate
+    of the UART that delivered the stream, ``notes`` what the recording cannot tell, a line each.
+    """
+
+    name: str
+    messages: tuple[StreamMessage, ...]
+    params: Mapping[str, float] = field(default_factory=dict)
+    baud: int | None = None
+    shared_arrival: bool = False
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Telemetry logs: what went over a link, stamped by who wrote it down."""
+
+from pathlib import Path
+
+from emulator.errors import InputError
+from emulator.stream_kinds.stream import MAX_GAP_US, Stream, StreamMessage
+from mav_handlers.links.tlog import TlogError, read_tlog
+
+
+def read_telemetry_log(path: Path, lead_us: int) -> Stream:
+    """Read a .tlog; its first message comes ``lead_us`` after the vehicle's boot.
+
+    Messages whose stamp runs backwards are handled at the time of their predecessor.
+
+    Raises:
+        InputError: if the file cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
+    """
+    try:
+        reader = read_tlog(path)
+        entries = list(reader)
+    except TlogError as error:
+        raise InputError(str(error)) from error
+    messages, latest_us = [], lead_us
+    for number, entry in enumerate(entries, 1):
+        time_us = lead_us + entry.time_us - entries[0].time_us
+        if time_us - latest_us > MAX_GAP_US:
+            raise InputError(f"{path}: entry {number}: more than a day after the one before")
+        latest_us = max(latest_us, time_us)
+        messages.append(StreamMessage(latest_us, entry.data))
+    notes = []
+    if reader.skipped_bytes:
+        notes.append(f"{path}: {reader.skipped_bytes} damaged bytes passed over")
+    if reader.truncated:
+        notes.append(f"{path}: the last entry is cut short")
+    return Stream(path.stem, tuple(messages), notes=tuple(notes))

@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trajectories that an odometry or a motion capture recorded, as a companion computer would send them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from companion.recorded.axes import FrameChange
+from companion.recorded.engine import Playback, RecordedEngine
+from companion.recorded.player import Player
+from companion.recorded.readers import Source
+from emulator.option_checks import within
+from emulator.stream_kinds.stream import Stream, StreamMessage
+from emulator.trajectory_files import axes_of, form_of, left_out, load
+
+LONGEST_GAP_S = 1.0
+"""No pose is interpolated over a longer time."""
+MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryOptions:
+    """How to take a trajectory; texts are as of ``viso play``.
+
+    Attributes:
+        form: what to send, a name of ``FORMS``.
+        format_name: of the file, a name of ``FORMATS``; None to find out.
+        topic: of a bag; None for the only one with poses.
+        times: file with the times of KITTI's poses.
+        axes: of the recording: a preset, or WORLD/BODY in letters.
+        rate_hz: what to interpolate to, 0.1 to 1000; None for the recording's own.
+    """
+
+    form: str = "odometry"
+    format_name: str | None = None
+    topic: str | None = None
+    times: Path | None = None
+    axes: str = "enu_flu"
+    rate_hz: float | None = None
+
+
+def read_trajectory(path: Path, lead_us: int, options: TrajectoryOptions) -> Stream:
+    """Read a trajectory as the messages that would carry it, with a heartbeat a second.
+
+    Its first pose is sent ``lead_us`` after the vehicle's boot, and stamps are from 0 on.
+
+    Raises:
+        InputError: if it cannot be read, or an option cannot be used.
+    """
+    form = form_of(options.form)
+    within("--rate", options.rate_hz, MIN_RATE_HZ, MAX_RATE_HZ)
+    world, body = axes_of(options.axes)
+    source = Source(path, options.topic, options.times)
+    recorded = load(source, options.format_name)
+    trajectory = FrameChange(world, body, np.eye(3)).apply(recorded)
+    if options.rate_hz is not None:
+        trajectory = trajectory.resampled(options.rate_hz, LONGEST_GAP_S)
+    player = Player(RecordedEngine(trajectory, Playback(form)))
+    messages = []
+    while frames := player.next_frames():
+        messages += [StreamMessage(lead_us + frame.due_us, frame.data) for frame in frames]
+    return Stream(path.stem, tuple(messages), notes=tuple(left_out(source, recorded)))

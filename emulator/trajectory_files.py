@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recorded trajectories for commands: what is wrong with a file or an option is told in one line."""
+
+from collections.abc import Iterator
+
+from companion.recorded.axes import parse_axes
+from companion.recorded.messages import FORMS, Form
+from companion.recorded.readers import Source, load_trajectory
+from companion.recorded.records import TrajectoryError
+from companion.recorded.trajectory import RecordedTrajectory
+from companion.vio.se3 import Array
+from emulator.errors import InputError
+
+
+def form_of(name: str) -> Form:
+    """Return what to send by the name that ``--as`` takes. Raises InputError if there is none such."""
+    if name not in FORMS:
+        raise InputError(f"--as {name}: there are {', '.join(FORMS)}")
+    return FORMS[name]
+
+
+def axes_of(text: str) -> tuple[Array, Array]:
+    """Return the matrices [3, 3] of world and body that ``--axes`` names. Raises InputError if it names none."""
+    try:
+        return parse_axes(text)
+    except ValueError as error:
+        raise InputError(f"--axes: {error}") from error
+
+
+def load(source: Source, format_name: str | None) -> RecordedTrajectory:
+    """Return what a file holds. Raises InputError if it cannot be read."""
+    try:
+        return load_trajectory(source, format_name)
+    except TrajectoryError as error:
+        raise InputError(str(error)) from error
+
+
+def left_out(source: Source, trajectory: RecordedTrajectory) -> Iterator[str]:
+    """Yield what was passed over, a line a reason."""
+    for reason, count in trajectory.left_out.items():
+        yield f"{source.path}: {count} with {reason}"

@@ -1,0 +1,190 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Streams with exactly known defects: what was done to a clean piece, and the codes that have to name it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from emulator.doctor import GatherOptions
+from emulator.streams import Stream
+from tests.unit.emulator.doctor.streams import faulty, piece, shifted
+
+ODOMETRY: Final = "odometry"
+SPEED: Final = "speed"
+POSE: Final = "pose"
+CLIMB: Final = "climb"
+
+_PIECES: Final[Mapping[str, tuple[str, float, float]]] = {
+    ODOMETRY: ("flight_t265", 40.0, 12.0),
+    SPEED: ("flight_mav_extyaw", 40.0, 12.0),
+    POSE: ("flight_mav_extyaw", 40.0, 12.0),
+    CLIMB: ("flight_mav_extyaw", 26.5, 12.0),
+}
+_NO_SPEED: Final = {"EK3_SRC1_VELXY": 0.0, "EK3_SRC1_VELZ": 0.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A stream of the corpus.
+
+    Attributes:
+        name: of the defect.
+        base: the piece that it is made of.
+        faults: of the timeline, in YAML; empty for none.
+        expected: codes that must be found.
+        params: in place of those that fit.
+        knows_attitude: whether the vehicle's own attitude is there.
+        delay_s: by how much the stream is older than its stamps say.
+        every: of so many messages one is kept.
+        allowed: codes of warnings that the defect brings about as well.
+    """
+
+    name: str
+    base: str
+    faults: str
+    expected: frozenset[str]
+    params: Mapping[str, float] = field(default_factory=dict)
+    knows_attitude: bool = False
+    delay_s: float = 0.0
+    every: int = 1
+
+    def stream(self) -> Stream:
+        """Return the stream with its defect."""
+        name, start_s, length_s = _PIECES[self.base]
+        stream = piece(name, start_s, length_s, self.every)
+        if self.base == POSE:
+            stream = faulty(stream, "{kind: fail, messages: VISION_SPEED_ESTIMATE}")
+        params = {**stream.params, **(_NO_SPEED if self.base == POSE else {}), **self.params}
+        stream = replace(stream, params=params)
+        return faulty(stream, self.faults) if self.faults else stream
+
+    def options(self) -> GatherOptions | None:
+        """Return what else is known."""
+        name, start_s, _ = _PIECES[self.base]
+        return shifted(name, start_s, delay_s=self.delay_s) if self.knows_attitude else None
+
+
+def _case(name: str, base: str, faults: str, *expected: str, **params: float) -> Case:
+    return Case(name, base, faults, frozenset(expected), params)
+
+
+def _seen(name: str, base: str, faults: str, *expected: str, delay_s: float = 0.0, **params: float) -> Case:
+    return Case(name, base, faults, frozenset(expected), params, knows_attitude=True, delay_s=delay_s)
+
+
+_POSE_ONLY: Final = "messages: VISION_POSITION_ESTIMATE"
+
+CLEAN: Final = (
+    _case("odometry", ODOMETRY, ""),
+    _case("pose and speed", SPEED, ""),
+    _case("pose alone", POSE, ""),
+    _seen("odometry against the vehicle", ODOMETRY, ""),
+    _seen("pose and speed against the vehicle", SPEED, ""),
+    _case("reset with its counter", ODOMETRY, "{kind: reset, x_m: 3, y_m: -2, yaw_deg: 0, at_s: 6}"),
+    _case("a little jitter", ODOMETRY, "{kind: jitter, jitter_ms: 8}"),
+    _case("constant delay", SPEED, "{kind: delay, delay_ms: 60}"),
+    _case("a lost message now and then", SPEED, "{kind: loss, probability: 0.004}"),
+    _case("clock good to 50 ppm", ODOMETRY, "{kind: clock_drift, drift_ppm: 50}"),
+    _case("noise of a centimetre", SPEED, "{kind: p_sd, sd_m: 0.01}"),
+    _case("frame turned, yaw with it", ODOMETRY, "{kind: yaw, yaw_deg: 70}"),
+)
+
+CORPUS: Final = (
+    # Transport
+    _case("nothing", ODOMETRY, "{kind: fail}", "XN1-01"),
+    _case("MAVLink 1", SPEED, "{kind: mavlink1}", "XN1-02"),
+    _case("loss of one in ten", ODOMETRY, "{kind: loss, probability: 0.1}", "XN1-03"),
+    _case("loss in rows", SPEED, "{kind: loss, probability: 0.02, burst_messages: 4}", "XN1-03"),
+    _case("damaged frames", ODOMETRY, "{kind: corrupt, probability: 0.1, bits: 2}", "XN1-04"),
+    _case("two senders", SPEED, "{kind: second_sender}", "XN4-06", "XN4-07", "XN1-05"),
+    _case("two senders, two clocks", ODOMETRY, "{kind: second_sender, clock_offset_s: 30}", "XN1-05", "XN3-09"),
+    _case("own ids", ODOMETRY, "{kind: sender_id, system_id: 1, component_id: 1}", "XN1-06"),
+    _case("ground station only", ODOMETRY, "{kind: sender_id, system_id: 7}", "XN1-08", MAV_OPTIONS=1),
+    _case("twice", SPEED, "{kind: duplicate, probability: 0.2}", "XN4-06", "XN1-09"),
+    _case("out of order", ODOMETRY, "{kind: reorder, delay_ms: 90, probability: 0.1}", "XN1-10"),
+    # Frames
+    _case("LOCAL_NED and BODY_NED", ODOMETRY, "{kind: frame_ids, frame_id: 1, child_frame_id: 8}", "XN2-01"),
+    _case("LOCAL_NED and BODY_FRD", ODOMETRY, "{kind: frame_ids, frame_id: 1, child_frame_id: 12}", "XN2-01"),
+    _case("LOCAL_FRD twice", ODOMETRY, "{kind: frame_ids, frame_id: 20, child_frame_id: 20}", "XN2-01"),
+    _case("wrong frames now and then", ODOMETRY, "{kind: frame_ids, probability: 0.05}", "XN2-01"),
+    _case("vectors in ENU", SPEED, f"{{kind: axes, world_axes: ENU, of: vectors, {_POSE_ONLY}}}", "XN2-04"),
+    _case("positions z up", CLIMB, f"{{kind: axes, world_axes: NEU, of: vectors, {_POSE_ONLY}}}", "XN2-04"),
+    _case("velocity in FLU", ODOMETRY, "{kind: axes, body_axes: FLU, of: vectors}", "XN2-04"),
+    _seen("attitude in ROS axes", SPEED, "{kind: axes, world_axes: ENU, body_axes: FLU, of: attitude}", "XN2-02"),
+    _seen("everything in ROS axes", ODOMETRY, "{kind: axes, world_axes: NWU, body_axes: FLU, of: both}", "XN2-02"),
+    _seen("camera looks left", SPEED, "{kind: axes, body_axes: LFD, of: attitude}", "XN2-06"),
+    _seen("camera looks down", ODOMETRY, "{kind: axes, body_axes: DRB, of: attitude}", "XN2-06"),
+    _case("yaw off by 25 deg", ODOMETRY, "{kind: yawerr, yaw_deg: 25}", "XN2-05"),
+    _case("yaw off by -40 deg", ODOMETRY, "{kind: yawerr, yaw_deg: -40}", "XN2-05"),
+    # Time
+    _case("stamps of zero", ODOMETRY, "{kind: stamp_constant}", "XN3-01"),
+    _case("stamps constant", SPEED, "{kind: stamp_constant, stamp_us: 12345678}", "XN3-01"),
+    _case("stamps in ms", ODOMETRY, "{kind: stamp_unit, unit: ms}", "XN3-02"),
+    _case("stamps in ns", SPEED, "{kind: stamp_unit, unit: ns}", "XN3-02"),
+    _case("stamps in s", ODOMETRY, "{kind: stamp_unit, unit: s}", "XN3-02"),
+    _case("clock back by 0.4 s", SPEED, "{kind: clock_step, step_ms: -400, at_s: 6}", "XN3-03"),
+    _case("clock back by half a minute", ODOMETRY, "{kind: clock_step, step_ms: -30000, at_s: 6}", "XN3-03"),
+    _case("clock ahead by 2 s", SPEED, "{kind: clock_step, step_ms: 2000, at_s: 6}", "XN3-04"),
+    _case("slow clock", ODOMETRY, "{kind: clock_drift, drift_ppm: -6000}", "XN3-05"),
+    _case("fast clock", SPEED, "{kind: clock_drift, drift_ppm: 8000}", "XN3-05"),
+    _case("jitter of 150 ms", ODOMETRY, "{kind: jitter, jitter_ms: 150}", "XN3-06"),
+    _case("some messages late", SPEED, "{kind: delay, delay_ms: 120, probability: 0.1}", "XN3-06"),
+    _case("some messages 0.8 s late", ODOMETRY, "{kind: delay, delay_ms: 800, at_s: 5}", "XN3-07"),
+    _case("bunches", ODOMETRY, "{kind: bunch, period_ms: 250}", "XN3-08"),
+    _case("delay grows by 80 ms", ODOMETRY, "{kind: delay, delay_ms: 80, start_s: 6}", "XN3-10"),
+    _seen("80 ms old", SPEED, "", "XN3-11", delay_s=-0.08),
+    _seen("delay set too large", SPEED, "", "XN3-11", VISO_DELAY_MS=150),
+    # Rate
+    _case("three a second", ODOMETRY, "{kind: rate, rate_hz: 3}", "XN4-01"),
+    _case("gap of 0.4 s", SPEED, "{kind: fail, start_s: 5, end_s: 5.4}", "XN4-03"),
+    _case("gap of 2 s", ODOMETRY, "{kind: blackout, start_s: 5, end_s: 7}", "XN4-04"),
+    _case("gap of 8 s", SPEED, "{kind: fail, start_s: 2, end_s: 10}", "XN4-05"),
+    _case("eight a second", ODOMETRY, "{kind: rate, rate_hz: 8}", "XN4-08"),
+    # Numbers
+    _case("NaN in the position", ODOMETRY, "{kind: nan, fields: [x], start_s: 5, end_s: 6}", "XN5-01"),
+    _case("NaN in the attitude", ODOMETRY, "{kind: nan, fields: [q], start_s: 5, end_s: 6}", "XN5-02"),
+    _case("NaN in the velocity", SPEED, "{kind: nan, messages: VISION_SPEED_ESTIMATE, probability: 0.1}", "XN5-03"),
+    _case("quaternion of length 0.8", ODOMETRY, "{kind: quat_norm, norm: 0.8}", "XN5-05"),
+    _case("quaternion of zeros", ODOMETRY, "{kind: quat_norm, norm: 0, start_s: 6}", "XN5-05"),
+    _case("degrees", SPEED, "{kind: degrees}", "XN5-06"),
+    _case("millimetres", SPEED, f"{{kind: scale, factor: 1000, {_POSE_ONLY}}}", "XN5-07"),
+    _case("centimetres", SPEED, f"{{kind: scale, factor: 100, {_POSE_ONLY}}}", "XN5-07"),
+    _case("everything in millimetres", ODOMETRY, "{kind: scale, factor: 1000}", "XN5-07"),
+    _case("noise floor hides", ODOMETRY, "{kind: covariance, variance: 0.01}", "XN5-09"),
+    _case("huge covariance", ODOMETRY, "{kind: covariance, variance: 900}", "XN5-11"),
+    _case("scale of 1.3", SPEED, f"{{kind: scale, factor: 1.3, {_POSE_ONLY}}}", "XN5-12"),
+    _case("scale of 0.8", SPEED, f"{{kind: scale, factor: 0.8, {_POSE_ONLY}}}", "XN5-12"),
+    _case("frozen pose", ODOMETRY, "{kind: frozen, start_s: 4, end_s: 6}", "XN5-13"),
+    _case("velocity of zero", SPEED, "{kind: scale, factor: 0, messages: VISION_SPEED_ESTIMATE}", "XN5-14"),
+    _case("velocity spikes", SPEED, "{kind: vgli, x_m_s: 6, probability: 0.02}", "XN5-15"),
+    _case("velocity off for a second", ODOMETRY, "{kind: vgli, x_m_s: 5, start_s: 5, end_s: 6}", "XN5-16"),
+    _case("position drifts", SPEED, "{kind: drift, x_m_s: 0.4}", "XN5-17"),
+    # Resets and quality
+    _case("jump of 4 m", ODOMETRY, "{kind: reset, x_m: 4, count: 0, at_s: 6}", "XN6-01"),
+    _case("glitches of 3 m", SPEED, "{kind: glit, y_m: 3, probability: 0.01}", "XN6-01"),
+    _case("yaw jumps", SPEED, "{kind: yawerr, yaw_deg: 40, start_s: 6}", "XN6-02"),
+    _case("counter without a jump", ODOMETRY, "{kind: reset, count: 1, at_s: 6}", "XN6-03"),
+    _case("counter counts messages", ODOMETRY, "{kind: reset, count: 1, probability: 0.5}, ", "XN6-04"),
+    _case("first counter 3, VOXL", ODOMETRY, "{kind: reset, count: 3}", "XN6-05", VISO_TYPE=3),
+    _case("quality wraps", ODOMETRY, "{kind: quality, values: [-56]}", "XN6-06"),
+    _case("gate against messages without quality", SPEED, "", "XN6-07", VISO_QUAL_MIN=30),
+    _case("quality below the gate", ODOMETRY, "{kind: quality, values: [20, 80]}", "XN6-08", VISO_QUAL_MIN=50),
+    _case("tracking fails", ODOMETRY, "{kind: quality, values: [-1], start_s: 5, end_s: 8}", "XN6-09"),
+    _case("failed samples are fused", ODOMETRY, "{kind: quality, values: [-1, 90]}", "XN6-09", VISO_QUAL_MIN=-1),
+    # Parameters
+    _case("visual odometry off", ODOMETRY, "", "XN7-01", VISO_TYPE=0),
+    _case("no such type", ODOMETRY, "", "XN7-02", VISO_TYPE=7),
+    _case("velocity source without velocities", POSE, "", "XN7-03", EK3_SRC1_VELXY=6),
+    _case("no source", ODOMETRY, "", "XN7-04", EK3_SRC1_POSXY=3, EK3_SRC1_VELXY=3, EK3_SRC1_VELZ=3, EK3_SRC1_YAW=1),
+    _case("illegal source", ODOMETRY, "", "XN7-07", EK3_SRC1_POSZ=5),
+    _case("no yaw", SPEED, "", "XN9-03", "XN7-08", EK3_SRC1_YAW=0),
+    _case("compass off", ODOMETRY, "", "XN7-08", EK3_SRC1_YAW=1, COMPASS_USE=0),
+    _case("vertical velocity alone", SPEED, "", "XN7-09", EK3_SRC1_VELXY=0),
+    _case("velocity without a position", SPEED, "", "XN9-02", "XN7-10", EK3_SRC1_POSXY=0),
+    _case("EKF2", ODOMETRY, "", "XN7-12", AHRS_EKF_TYPE=2),
+    # Alignment, and what comes of it
+    _case("T265 without a compass", ODOMETRY, "", "XN8-03", VISO_TYPE=2, EK3_SRC1_YAW=1, COMPASS_USE=0),
+    _seen("frame turned by 28 deg", ODOMETRY, "", "XN8-04", EK3_SRC1_YAW=1),
+    _case("position glitch rejected", SPEED, "{kind: reset, x_m: 10, count: 0, at_s: 5}", "XN6-01", "XN9-04"),
+)

@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Evidence made of messages alone, without a trial: for rules that look at what is sent."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from ap_core.verdict import Verdict
+from ap_visualodom.verdicts import CONSUMED
+from ekf_stub.aiding import AidingMode
+from emulator.doctor import RULES, Evidence, Finding, SeenMessage, diagnose
+from emulator.doctor.compare import compare
+from emulator.doctor.evidence import vision_of
+from emulator.doctor.motion import motions_of
+from emulator.doctor.tracks import pose_tracks, stamped_tracks, velocity_tracks
+from emulator.doctor.vehicle_data import AttitudeSeries
+from emulator.filter_watch import AidingSpan
+from emulator.firmware import REFERENCE
+from emulator.vehicle import Vehicle, VehicleConfig
+from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
+
+SETUP: Final[Mapping[str, float]] = {
+    "VISO_TYPE": 1,
+    "EK3_SRC1_POSXY": 6,
+    "EK3_SRC1_VELXY": 6,
+    "EK3_SRC1_POSZ": 1,
+    "EK3_SRC1_VELZ": 6,
+    "EK3_SRC1_YAW": 6,
+}
+START_US: Final = 10_000_000
+
+
+@cache
+def default_params() -> Mapping[str, float]:
+    """Return every parameter's default."""
+    vehicle = Vehicle(VehicleConfig())
+    return {slot.name: float(slot.value) for group in vehicle.params.groups for slot in group.slots}
+
+
+def pose(stamp_us: int, **fields: Any) -> VISION_POSITION_ESTIMATE:
+    """Return a pose at rest, level, heading north."""
+    values = {**dict.fromkeys(("x", "y", "z", "roll", "pitch", "yaw"), 0.0), **fields}
+    return VISION_POSITION_ESTIMATE(stamp_us, **values)
+
+
+def speed(stamp_us: int, **fields: Any) -> VISION_SPEED_ESTIMATE:
+    """Return a velocity of zero."""
+    return VISION_SPEED_ESTIMATE(stamp_us, **{**dict.fromkeys("xyz", 0.0), **fields})
+
+
+def seen(number: int, arrival_us: int, message: Message, verdict: Verdict = CONSUMED, **fields: Any) -> SeenMessage:
+    """Return a message of 1/197 that came with the sequence number of its own number."""
+    frame = b"%d" % number
+    made = SeenMessage(
+        number, arrival_us, 1, 197, number % 256, 2, type(message).__name__, message, frame, verdict, (), ()
+    )
+    return replace(made, **fields)
+
+
+def evidence_of(
+    messages: Sequence[SeenMessage],
+    params: Mapping[str, float] | None = None,
+    attitude: AttitudeSeries | None = None,
+    **fields: Any,
+) -> Evidence:
+    """Return evidence of messages, with parameters that fit unless told otherwise."""
+    all_params = {**default_params(), **SETUP, **(params or {})}
+    with np.errstate(all="ignore"):
+        return _evidence(messages, all_params, attitude, fields)
+
+
+def _evidence(
+    messages: Sequence[SeenMessage],
+    all_params: Mapping[str, float],
+    attitude: AttitudeSeries | None,
+    fields: Mapping[str, Any],
+) -> Evidence:
+    vision = vision_of(tuple(messages))
+    poses, velocities = pose_tracks(vision), velocity_tracks(vision)
+    made = Evidence(
+        name="made",
+        firmware=REFERENCE,
+        messages=tuple(messages),
+        tracks=stamped_tracks(vision),
+        poses=poses,
+        velocities=velocities,
+        motions=motions_of(poses, velocities),
+        attitude=attitude,
+        height=None,
+        comparisons=compare(poses, vision, attitude, all_params),
+        params=all_params,
+        known_params=frozenset(SETUP),
+        assumed=(),
+        changes=(),
+        texts=(),
+        vehicle_texts=(),
+        aiding=(AidingSpan(0, START_US, AidingMode.NONE), AidingSpan(START_US, 2 * START_US, AidingMode.ABSOLUTE)),
+        innovations={},
+        end_us=messages[-1].arrival_us if messages else 0,
+        notes=(),
+        vision=vision,
+    )
+    return replace(made, **fields)
+
+
+def stream_of(messages: Sequence[Message], period_us: int = 40_000) -> list[SeenMessage]:
+    """Return messages that came at a steady rate."""
+    return [seen(number + 1, START_US + number * period_us, message) for number, message in enumerate(messages)]
+
+
+def findings_of(evidence: Evidence) -> dict[str, Finding]:
+    """Return what is found by code, the last of each."""
+    return {finding.code: finding for finding in diagnose(evidence, RULES)}

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules do not raise, whatever the stream."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ap_core.verdict import Verdict
+from ap_visualodom.verdicts import VERDICTS as PORT_VERDICTS
+from emulator.doctor import RULES, Severity, diagnose
+from emulator.doctor.outputs import as_json, as_junit, as_sarif
+from emulator.doctor.summary import summarise
+from emulator.doctor.terminal import finding_lines, summary_lines
+from emulator.doctor.vehicle_data import AttitudeSeries
+from mav_handlers.verdicts import VERDICTS
+from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, VISION_POSITION_DELTA, Message
+from tests.unit.emulator.conftest import odometry
+from tests.unit.emulator.doctor.evidences import START_US, evidence_of, pose, seen, speed
+
+NUMBERS = st.one_of(
+    st.floats(-10, 10, width=32), st.floats(width=32), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e30])
+)
+STAMPS = st.one_of(st.integers(0, 2**64 - 1), st.integers(0, 10**7))
+QUATS = st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
+TRIPLES = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+COVARIANCES = st.one_of(st.just((0.0,) * 21), st.tuples(*(NUMBERS,) * 21))
+
+
+def _of(make: Any, *names: str, **fields: Any) -> st.SearchStrategy[Message]:
+    return st.builds(make, STAMPS, **dict.fromkeys(names, NUMBERS), **fields)
+
+
+MESSAGES = st.one_of(
+    _of(
+        odometry,
+        *("x", "y", "z", "vx", "vy", "vz"),
+        q=QUATS,
+        pose_covariance=COVARIANCES,
+        frame_id=st.integers(0, 255),
+        child_frame_id=st.integers(0, 255),
+        reset_counter=st.integers(0, 255),
+        quality=st.integers(-128, 127),
+    ),
+    _of(pose, "x", "y", "z", "roll", "pitch", "yaw", covariance=COVARIANCES, reset_counter=st.integers(0, 255)),
+    _of(speed, "x", "y", "z"),
+    st.builds(ATT_POS_MOCAP, STAMPS, QUATS, NUMBERS, NUMBERS, NUMBERS, COVARIANCES),
+    st.builds(VICON_POSITION_ESTIMATE, STAMPS, *(NUMBERS,) * 6),
+    st.builds(
+        VISION_POSITION_DELTA, STAMPS, st.integers(0, 10**6), st.tuples(*(NUMBERS,) * 3), st.just((0.0,) * 3), NUMBERS
+    ),
+)
+PARAMS = st.dictionaries(
+    st.sampled_from(["VISO_TYPE", "VISO_ORIENT", "VISO_DELAY_MS", "VISO_QUAL_MIN", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"]),
+    st.integers(-128, 127).map(float),
+)
+ANY_VERDICT: st.SearchStrategy[Verdict] = st.sampled_from([*PORT_VERDICTS, *VERDICTS])
+
+
+@settings(max_examples=60)
+@given(data=st.data(), params=PARAMS, knows_attitude=st.booleans())
+def test_rules_and_outputs_take_whatever_comes(
+    data: st.DataObject, params: dict[str, float], knows_attitude: bool
+) -> None:
+    # A few kinds of messages over and over make tracks that are long enough for every rule.
+    kinds = data.draw(st.lists(st.tuples(MESSAGES, ANY_VERDICT), max_size=8))
+    repeats = data.draw(st.integers(1, 30))
+    gaps_us = data.draw(st.lists(st.sampled_from([0, 1, 5_000, 40_000, 400_000, 8_000_000]), min_size=1, max_size=4))
+    senders = data.draw(st.lists(st.tuples(st.integers(0, 255), st.integers(0, 255)), min_size=1, max_size=2))
+    arrival_us, messages = START_US, []
+    for number, (message, verdict) in enumerate(kinds * repeats):
+        arrival_us += gaps_us[number % len(gaps_us)]
+        system, component = senders[number % len(senders)]
+        sequence = number * data.draw(st.sampled_from([1, 1, 3])) % 256 if number < 8 else number % 256
+        fields = {"system_id": system, "component_id": component, "sequence": sequence, "version": 1 + number % 2}
+        messages.append(seen(number + 1, arrival_us, message, verdict, **fields))
+    attitude = None
+    if knows_attitude:
+        times = START_US + np.arange(0, 100) * 50_000
+        attitude = AttitudeSeries(times, np.column_stack([np.sin(times * 1e-6 + axis) for axis in range(3)]))
+    evidence = evidence_of(messages, params, attitude)
+    findings = diagnose(evidence, RULES)
+    summary = summarise(evidence)
+    json.dumps(as_json(evidence, summary, findings))
+    json.dumps(as_sarif("made", "1", RULES, findings))
+    as_junit("made", RULES, findings, Severity.ERROR)
+    assert summary_lines(summary)
+    assert all(len(list(finding_lines(finding, 80))) >= 4 for finding in findings)

@@ -1,0 +1,66 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every planted defect is found by its code, and clean streams give no warning."""
+
+import pytest
+
+from emulator.doctor import Severity
+from tests.unit.emulator.doctor.corpus import CLEAN, CORPUS, ODOMETRY, POSE, SPEED, Case
+from tests.unit.emulator.doctor.streams import LEAD_US, codes, examine, recording, shifted
+
+ALWAYS = {
+    *("pose and speed against the vehicle", "reset with its counter", "two senders, two clocks"),
+    *("LOCAL_NED and BODY_FRD", "camera looks left", "yaw off by 25 deg", "stamps in ms", "clock back by 0.4 s"),
+    *("gap of 2 s", "millimetres", "jump of 4 m", "gate against messages without quality", "compass off"),
+}
+"""Those that are tried in every run; the rest takes two minutes of processor time."""
+
+
+def _cases(cases: tuple[Case, ...]) -> list[object]:
+    return [pytest.param(case, id=case.name, marks=() if case.name in ALWAYS else pytest.mark.slow) for case in cases]
+
+
+def test_corpus_is_large_and_its_names_are_unique() -> None:
+    names = [case.name for case in (*CLEAN, *CORPUS)]
+    assert len(names) == len(set(names))
+    assert set(names) >= ALWAYS
+    assert len(CORPUS) >= 60
+    assert {case.base for case in CORPUS} >= {ODOMETRY, SPEED, POSE}
+
+
+@pytest.mark.parametrize("case", _cases(CORPUS))
+def test_planted_defect_is_found(case: Case) -> None:
+    _, findings = examine(case.stream(), case.options())
+    assert case.expected <= codes(findings)
+
+
+@pytest.mark.parametrize("case", _cases(CLEAN))
+def test_clean_stream_gives_no_warning(case: Case) -> None:
+    _, findings = examine(case.stream(), case.options())
+    assert codes(findings, Severity.WARNING) == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["flight_t265", "flight_mav_extyaw", "voxl"])
+@pytest.mark.parametrize("knows_attitude", [False, True])
+def test_clean_capture_gives_no_warning(name: str, knows_attitude: bool) -> None:
+    options = shifted(name, LEAD_US * 1e-6) if knows_attitude else None
+    _, findings = examine(recording(name), options)
+    assert codes(findings, Severity.WARNING) == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("dropout", {"XN4-04", "XN4-05"}),
+        ("flight_voxl_reset", {"XN6-12", "XN9-04"}),
+        ("mav", {"XN5-11", "XN6-03"}),
+        ("mocap", {"XN5-11", "XN7-03"}),
+        ("prearm", {"XN6-02"}),
+        ("t265", {"XN2-01", "XN5-11", "XN6-03", "XN6-08", "XN6-09"}),
+    ],
+)
+def test_what_was_done_to_a_capture_is_found_and_nothing_else(name: str, expected: set[str]) -> None:
+    _, findings = examine(recording(name))
+    assert codes(findings, Severity.WARNING) == expected

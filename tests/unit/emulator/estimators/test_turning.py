@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rotations between times come out the same from attitudes and from body rates, and nonsense is left out."""
+
+import math
+
+import numpy as np
+import pytest
+import quaternion
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emulator.estimators.turning import attitudes_of, quats_of_euler, rotation_vectors, turns, windows
+from emulator.imu.attitude import quat_of_rpy
+from tests.unit.emulator.estimators.motions import motion
+
+ANGLES = st.floats(-3.2, 3.2)
+IDENTITY = [1.0, 0.0, 0.0, 0.0]
+
+
+@given(roll=ANGLES, pitch=ANGLES, yaw=ANGLES)
+def test_quaternions_of_euler_angles_are_those_of_the_filter(roll: float, pitch: float, yaw: float) -> None:
+    expected = quaternion.as_float_array(quat_of_rpy(roll, pitch, yaw))
+    np.testing.assert_allclose(quats_of_euler([[roll, pitch, yaw]])[0], expected, atol=1e-12)
+
+
+@given(vector=st.tuples(*[st.floats(-1.8, 1.8)] * 3), sign=st.sampled_from([1, -1]))
+def test_rotation_vector_is_the_same_for_both_signs_of_a_quaternion(
+    vector: tuple[float, float, float], sign: int
+) -> None:
+    quats = sign * quaternion.from_rotation_vector(np.array([vector]))
+    np.testing.assert_allclose(rotation_vectors(quats)[0], vector, atol=1e-9)
+
+
+def test_body_rates_and_attitudes_tell_the_same_rotations() -> None:
+    vehicle = motion(np.random.default_rng(1))
+    start = np.arange(2.0, 18.0, 0.37)
+    from_rates, _ = turns(attitudes_of(vehicle.time_us, vehicle.rates_rad), start, start + 0.2)
+    from_attitudes, _ = turns(attitudes_of(vehicle.time_us, vehicle.quat_wxyz), start, start + 0.2)
+    np.testing.assert_allclose(from_rates, from_attitudes, atol=1e-12)
+
+
+def test_rotation_at_a_steady_rate_is_rate_times_time() -> None:
+    track = attitudes_of(np.arange(0, 2e6, 1e4), np.tile([0.1, -0.2, 3.0], (200, 1)))
+    turned, known = turns(track, np.array([0.1234]), np.array([0.3234]))
+    assert known.all()
+    np.testing.assert_allclose(turned, [[0.02, -0.04, 0.6]], atol=1e-12)
+
+
+def test_scale_and_sign_of_quaternions_do_not_matter() -> None:
+    quats = quats_of_euler(np.linspace(0, 1, 60).reshape(-1, 3))
+    times = np.arange(20) * 1e5
+    scaled = quats * np.resize([3.0, -0.1, -1.0], (20, 1))
+    at = np.arange(0.05, 1.7, 0.11)
+    expected, _ = turns(attitudes_of(times, quats), at, at + 0.2)
+    np.testing.assert_allclose(turns(attitudes_of(times, scaled), at, at + 0.2)[0], expected, atol=1e-12)
+
+
+def test_what_cannot_be_used_is_left_out() -> None:
+    times = [0, 1e6, 1e6, 0.5e6, 2e6, math.nan, 3e6, 4e6]
+    quats = [IDENTITY] * 8
+    quats[4] = [0.0] * 4
+    quats[6] = [1.0, math.inf, 0.0, 0.0]
+    assert attitudes_of(times, quats).time_s.tolist() == [0.0, 1.0, 4.0]
+
+
+def test_nothing_is_known_in_a_gap_or_beyond_the_ends() -> None:
+    track = attitudes_of([1e6, 1.1e6, 1.2e6, 2.2e6, 2.3e6], [IDENTITY] * 5)
+    _, known = track.at(np.array([0.99, 1.0, 1.15, 1.7, 2.25, 2.31]))
+    assert known.tolist() == [False, True, True, False, True, False]
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_so_few_samples_tell_nothing(count: int) -> None:
+    for width in (3, 4):
+        track = attitudes_of(np.zeros(count), np.ones((count, width)))
+        assert len(track) == count
+        assert not track.at(np.array([0.0]))[1].any()
+
+
+@pytest.mark.parametrize(("times", "motion_shape"), [(3, (3, 2)), (2, (3, 4)), (3, (3,))])
+def test_other_shapes_are_refused(times: int, motion_shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="not \\[N\\] and \\[N, 3 or 4\\]"):
+        attitudes_of(np.arange(times), np.ones(motion_shape))
+
+
+def test_windows_are_as_long_as_asked_and_none_spans_a_gap() -> None:
+    time_s = np.concatenate([np.arange(0, 1, 0.1), np.arange(3, 4, 0.1)])
+    start, end = windows(time_s, 0.2)
+    np.testing.assert_allclose(time_s[end] - time_s[start], 0.2)
+    assert len(start) == 16
