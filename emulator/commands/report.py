@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``viso report``: what a flight's log tells of external navigation."""
+
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+from emulator.atomic_file import replace_file
+from emulator.console import err, out, progress
+from emulator.errors import InputError
+from emulator.firmware import Firmware
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from emulator.report.exports import csv_text, mcap_bytes, trajectories, tum_text
+from emulator.report.facts import Facts, facts_of
+from emulator.report.material import Material, read_material
+from emulator.report.summary import Summary, summarise
+
+_MISSING_EXTRA: Final = "figures are drawn with matplotlib; install it with: pip install 'viso[plot]'"
+_PAGES: Final = (".html", ".htm")
+
+
+def report(
+    log: Annotated[Path, typer.Argument(help="A DataFlash log (.BIN, .BIN.xz).", metavar="LOG")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="The page, if it ends in .html; else the folder that it goes to."),
+    ] = None,
+    png: Annotated[Path | None, typer.Option(help="Write each figure here as PNG.", metavar="DIR")] = None,
+    svg: Annotated[Path | None, typer.Option(help="Write each figure here as SVG.", metavar="DIR")] = None,
+    tum: Annotated[
+        Path | None,
+        typer.Option(help="Write the trajectories here, as FILE_vision.tum and FILE_ekf.tum.", metavar="FILE.tum"),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write vision beside the EKF here.", metavar="FILE.csv")] = None,
+    mcap: Annotated[Path | None, typer.Option(help="Write both trajectories here.", metavar="FILE.mcap")] = None,
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+) -> None:
+    """Tell what a log of a flight holds about external navigation, as a page with figures.
+
+    The log may be of ArduPilot or of viso. Without any option the page is written to the current folder, under the
+    name of the log. It needs no other file and no network. Records that the log does not have are named, and are no
+    error. Parameters are held against the defaults of --firmware. Figures take the extra plot, MCAP takes the extra
+    bags.
+
+    Example: viso report tests/data/logs/t265.BIN.xz -o t265.html --tum t265.tum
+    """
+    if output is None and all(one is None for one in (png, svg, tum, csv, mcap)):
+        output = Path()
+    profile = firmware_of(firmware)
+    page = None if output is None else _page_path(output, log)
+    for written in (page, tum, csv, mcap):
+        if written is not None and _same_file(written, log):
+            raise InputError(f"{written}: is the log itself")
+    wants_figures = page is not None or png is not None or svg is not None
+    figures = _figures() if wants_figures else None
+    material, facts, summary = _read(log, profile)
+    written_files: list[Path] = []
+    for path, make in (*_exports(material, tum), *_tables(material, csv, mcap)):
+        written_files.append(_write(path, make()))
+    if figures is not None:
+        written_files += figures(material, facts, summary, page, png, svg)
+    out.print(summary.sentence)
+    for remark in summary.remarks:
+        out.print(f"- {remark.text}")
+    for path in written_files:
+        out.print(f"written: {path}")
+
+
+def _page_path(output: Path, log: Path) -> Path:
+    if output.suffix.lower() in _PAGES and not output.is_dir():
+        return output
+    stem = log.name.removesuffix(".xz")
+    return output / (Path(stem).stem + ".html")
+
+
+def _same_file(path: Path, log: Path) -> bool:
+    try:
+        return path.samefile(log)
+    except OSError:
+        return False
+
+
+def _read(log: Path, firmware: Firmware) -> tuple[Material, Facts, Summary]:
+    with progress("reading", 100) as bar:
+        material = read_material(log, lambda percent: bar.update(bar.task_ids[0], completed=int(percent)))
+    facts = facts_of(material, firmware)
+    return material, facts, summarise(material, facts)
+
+
+def _write(path: Path, data: bytes) -> Path:
+    try:
+        replace_file(path, data)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    return path
+
+
+def _exports(material: Material, tum: Path | None) -> Iterator[tuple[Path, Callable[[], bytes]]]:
+    if tum is None:
+        return
+    found = trajectories(material)
+    if not found:
+        err.print(f"note: --tum {tum}: the log has no trajectory, nothing was written")
+    for name, poses in found.items():
+        path = tum.with_name(f"{tum.stem}_{name}{tum.suffix or '.tum'}")
+        yield path, lambda poses=poses: tum_text(poses).encode()  # type: ignore[misc]
+
+
+def _tables(material: Material, csv: Path | None, mcap: Path | None) -> Iterator[tuple[Path, Callable[[], bytes]]]:
+    if csv is not None:
+        yield csv, lambda: csv_text(material).encode()
+    if mcap is not None:
+        yield mcap, lambda: _mcap(material)
+
+
+def _mcap(material: Material) -> bytes:
+    with progress("writing MCAP", None) as bar:
+        return mcap_bytes(material, lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total))
+
+
+def _figures() -> Callable[..., list[Path]]:
+    """Return what draws; it needs matplotlib, without which exports work."""
+    try:
+        import matplotlib  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise InputError(_MISSING_EXTRA) from error
+    return _draw
+
+
+def _draw(
+    material: Material, facts: Facts, summary: Summary, page: Path | None, png: Path | None, svg: Path | None
+) -> list[Path]:
+    from emulator.report import drawing
+    from emulator.report.figures import FIGURES
+    from emulator.report.page import make_page
+
+    written: list[Path] = []
+    inline: dict[Any, str | None] = {}
+    with progress("drawing", len(FIGURES)) as bar, drawing.style():
+        for kind in FIGURES:
+            figure = kind.draw(material, facts)
+            if figure is not None:
+                for folder, suffix, convert in ((png, "png", drawing.as_png), (svg, "svg", drawing.as_svg)):
+                    if folder is not None:
+                        written.append(_write(folder / f"{kind.name}.{suffix}", convert(figure)))
+            if page is not None:
+                inline[kind] = None if figure is None else drawing.as_inline_svg(figure, kind.name, kind.title)
+            bar.advance(bar.task_ids[0])
+    if page is not None:
+        text = make_page(material, facts, summary, inline, version("viso"))
+        written.append(_write(page, text.encode("utf-8", "replace")))
+    return written

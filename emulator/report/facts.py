@@ -1,0 +1,246 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers that a report tells: what came, how regularly, what was withheld, and what the EKF did with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.filter_status import FilterFlag
+from emulator.firmware import REFERENCE, Firmware
+from emulator.report.agreement import Differences, differences, lag_ms
+from emulator.report.material import Material, armed_spans, position_moves
+from emulator.report.names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
+from emulator.report.parameters import ParameterFacts, parameter_facts
+from emulator.report.series import Array, Mask, Series, overlap_s, spans_of
+
+UNHEALTHY_S: Final = 0.3
+"""Without a message for longer, the driver is not healthy (AP_VisualOdom_Backend.cpp, healthy)."""
+
+STALE_S: Final = 0.5
+"""Without a position for longer, the EKF does not take its height from vision (AP_NavEKF3_PosVelFusion.cpp)."""
+
+RESET_IGNORE_S: Final = 1.0
+"""After a reset, T265 and VOXL withhold for so long (AP_VisualOdom_IntelT265.cpp, should_consume_sensor_data)."""
+
+POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
+_EXTERNAL_NAVIGATION: Final = 6
+_KINDS: Final = (
+    ("VISP", "position and attitude", "REPH"),
+    ("VISV", "velocity", "REVH"),
+    ("VISO", "change of position and attitude", "RBOH"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class KindFacts:
+    """What became of one kind of measurement, as far as the log can tell.
+
+    Attributes:
+        record: its record.
+        content: what it measures.
+        records: how many there are.
+        low_quality: how many were withheld from the EKF for a quality below VISO_QUAL_MIN.
+        after_reset: how many were withheld within a second of a new reset counter.
+        withheld_otherwise: how many were withheld for a reason that the log does not show.
+        given: how many went to the EKF by the replay records; None if the log has no such records.
+        rate_hz: how many a second, by the middle interval; 0 for fewer than two.
+    """
+
+    record: str
+    content: str
+    records: int
+    low_quality: int
+    after_reset: int
+    withheld_otherwise: int
+    given: int | None
+    rate_hz: float
+
+    @property
+    def withheld(self) -> int:
+        """How many were withheld."""
+        return self.low_quality + self.after_reset + self.withheld_otherwise
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """Something began anew.
+
+    Attributes:
+        time_s: when the log first shows it.
+        what: in words.
+        by: "vision" or "EKF".
+    """
+
+    time_s: float
+    what: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a report tells.
+
+    Attributes:
+        start_s, end_s: from when to when the log tells of vision, of the EKF or in words.
+        kinds: what became of each kind of measurement.
+        arrivals_s: the times at which measurements of any kind were logged, each once.
+        gaps: from when to when nothing came for longer than UNHEALTHY_S.
+        lag_ms: the lags behind CTimeMS, of poses, or of velocities without any.
+        resets: of vision and of the EKF.
+        armed: from when to when.
+        positioned: from when to when the EKF had a horizontal position.
+        moving: from when to when it had a horizontal velocity, with or without a position.
+        over_gate: from when to when a test ratio of velocity, position or height was over 1.
+        worst_ratio: the largest of these square roots of test ratios; NaN if the log has none.
+        differences: vision less EKF.
+        failsafes_s: when the EKF failsafe occurred.
+        core_changes: how often the primary core changed.
+        parameters: that differ from defaults.
+    """
+
+    start_s: float
+    end_s: float
+    kinds: tuple[KindFacts, ...]
+    arrivals_s: Array
+    gaps: tuple[tuple[float, float], ...]
+    lag_ms: Array
+    resets: tuple[Reset, ...]
+    armed: tuple[tuple[float, float], ...]
+    positioned: tuple[tuple[float, float], ...]
+    moving: tuple[tuple[float, float], ...]
+    over_gate: tuple[tuple[float, float], ...]
+    worst_ratio: float
+    differences: Differences
+    failsafes_s: tuple[float, ...]
+    core_changes: int
+    parameters: ParameterFacts
+
+    @property
+    def measurements(self) -> int:
+        """How many records of external navigation there are."""
+        return sum(kind.records for kind in self.kinds)
+
+    @property
+    def withheld(self) -> int:
+        """How many of them were withheld from the EKF."""
+        return sum(kind.withheld for kind in self.kinds)
+
+    @property
+    def armed_over_gate_s(self) -> float:
+        """For how long, armed, a test ratio was over 1."""
+        return overlap_s(self.armed, self.over_gate)
+
+
+def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
+    """Return what a report tells of a log; defaults of parameters are those of a release."""
+    times = [one.time_s for one in (*material.vision, material.xkf1, material.xkf4) if len(one)]
+    spoken = np.array([one.time_s for one in material.happenings])
+    every_s = np.concatenate([*times, spoken]) if times or len(spoken) else np.zeros(1)
+    start_s, end_s = float(every_s.min()), float(every_s.max())
+    arrivals_s = np.unique(np.concatenate([one.time_s for one in material.vision]))
+    steps_s = np.diff(arrivals_s)
+    gaps = [(float(arrivals_s[i]), float(arrivals_s[i + 1])) for i in np.flatnonzero(steps_s > UNHEALTHY_S)]
+    if len(arrivals_s) and end_s - arrivals_s[-1] > UNHEALTHY_S:
+        gaps.append((float(arrivals_s[-1]), end_s))
+    xkf4 = material.xkf4
+    ratios = xkf4.matrix("SV", "SP", "SH")
+    lagging = material.visp if len(material.visp) else material.visv
+    return Facts(
+        start_s=start_s,
+        end_s=end_s,
+        kinds=tuple(
+            _kind_facts(material, series, *names) for series, names in zip(material.vision, _KINDS, strict=True)
+        ),
+        arrivals_s=arrivals_s,
+        gaps=tuple(gaps),
+        lag_ms=lag_ms(lagging),
+        resets=tuple(sorted(_resets(material), key=lambda reset: reset.time_s)),
+        armed=tuple(armed_spans(material, end_s)),
+        positioned=tuple(spans_of(xkf4.time_s, has_position(xkf4))),
+        moving=tuple(spans_of(xkf4.time_s, _has(xkf4, int(FilterFlag.HORIZ_VEL)))),
+        over_gate=tuple(spans_of(xkf4.time_s, np.asarray((ratios > 1.0).any(axis=1)))),
+        worst_ratio=float(np.nanmax(ratios)) if np.isfinite(ratios).any() else float("nan"),
+        differences=differences(material),
+        failsafes_s=tuple(
+            one.time_s for one in material.happenings if _is_error(one.kind, one.number, ERR_EKF_FAILSAFE) and one.code
+        ),
+        core_changes=sum(_is_error(one.kind, one.number, ERR_EKF_PRIMARY) for one in material.happenings),
+        parameters=parameter_facts(material, firmware),
+    )
+
+
+def has_position(xkf4: Series) -> Mask:
+    """Return in which records the EKF says that it has a horizontal position of its own (SS)."""
+    return _has(xkf4, POSITION_FLAGS)
+
+
+def _has(xkf4: Series, flags: int) -> Mask:
+    return has_flag(xkf4, flags) & ~has_flag(xkf4, int(FilterFlag.CONST_POS_MODE))
+
+
+def has_flag(xkf4: Series, flags: int) -> Mask:
+    """Return in which records any of some bits of SS is set."""
+    return np.asarray(np.nan_to_num(xkf4["SS"]).astype(np.int64) & flags != 0)
+
+
+def navigates_by_vision(material: Material) -> bool | None:
+    """Tell whether a source set takes the position from external navigation; None if the log does not say."""
+    values = [material.parameter(f"EK3_SRC{number}_POSXY") for number in (1, 2, 3)]
+    return None if all(value is None for value in values) else _EXTERNAL_NAVIGATION in values
+
+
+def _is_error(kind: str, number: int, subsystem: int) -> bool:
+    return kind == "error" and number == subsystem
+
+
+def _kind_facts(material: Material, series: Series, record: str, content: str, replay: str) -> KindFacts:
+    withheld = np.nan_to_num(series["Ign"]) > 0
+    least = material.parameter("VISO_QUAL_MIN") or 0.0
+    low = withheld & (series["Q"] < least)
+    changed_s = _counter_changes(series)[0]
+    latest = np.searchsorted(changed_s, series.time_s, side="right") - 1
+    since_s = series.time_s - np.where(latest >= 0, np.append(changed_s, 0.0)[latest], -np.inf)
+    after_reset = withheld & ~low & (since_s <= RESET_IGNORE_S)
+    steps_s = np.diff(series.time_s)
+    return KindFacts(
+        record=record,
+        content=content,
+        records=len(series),
+        low_quality=int(low.sum()),
+        after_reset=int(after_reset.sum()),
+        withheld_otherwise=int((withheld & ~low & ~after_reset).sum()),
+        given=material.counts.get(replay),
+        rate_hz=_rate_hz(steps_s),
+    )
+
+
+def _rate_hz(steps_s: Array) -> float:
+    rising = steps_s[steps_s > 0]
+    return float(1.0 / np.median(rising)) if len(rising) else 0.0
+
+
+def _counter_changes(series: Series) -> tuple[Array, Array, Array]:
+    """Return when the reset counter changed, from what and to what."""
+    counter = series["Rst"]
+    at = np.flatnonzero(np.diff(counter, prepend=counter[:1]) != 0) if series.has("Rst") else np.zeros(0, np.intp)
+    return series.time_s[at], counter[at - 1], counter[at]
+
+
+def _resets(material: Material) -> Sequence[Reset]:
+    counted = material.visp if len(material.visp) else material.visv
+    found = [
+        Reset(float(time_s), f"reset counter {before:.0f} to {after:.0f}", "vision")
+        for time_s, before, after in zip(*_counter_changes(counted), strict=True)
+    ]
+    for time_s, (north_m, east_m) in zip(*position_moves(material.xkf4), strict=True):
+        found.append(Reset(float(time_s), f"position moved by {north_m:+.2f} m north, {east_m:+.2f} m east", "EKF"))
+    events = {EV_YAW_RESET: "yaw", EV_ALT_RESET: "height"}
+    found += [
+        Reset(one.time_s, f"{events[one.number]} reset", "EKF")
+        for one in material.happenings
+        if one.kind == "event" and one.number in events
+    ]
+    return found

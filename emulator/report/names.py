@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the numbers of EV and ERR mean (AP_Logger/AP_Logger.h: LogEvent, LogErrorSubsystem, LogErrorCode)."""
+
+from typing import Final
+
+EV_ARMED: Final = 10
+EV_DISARMED: Final = 11
+EV_ALT_RESET: Final = 60
+EV_YAW_RESET: Final = 62
+
+ERR_EKFCHECK: Final = 16
+ERR_EKF_FAILSAFE: Final = 17
+ERR_EKF_PRIMARY: Final = 24
+
+_EVENTS: Final = {
+    EV_ARMED: "armed",
+    EV_DISARMED: "disarmed",
+    15: "auto armed",
+    17: "perhaps landed",
+    18: "landed",
+    19: "GPS lost",
+    25: "home set",
+    28: "not landed",
+    41: "fence enabled",
+    42: "fence disabled",
+    54: "motors: emergency stop",
+    55: "motors: emergency stop cleared",
+    56: "motor interlock disabled",
+    57: "motor interlock enabled",
+    EV_ALT_RESET: "EKF height reset",
+    61: "landing cancelled by pilot",
+    EV_YAW_RESET: "EKF yaw reset",
+    67: "primary GPS changed",
+    74: "standby on",
+    75: "standby off",
+    85: "EKF source set 1",
+    86: "EKF source set 2",
+    87: "EKF source set 3",
+}
+_SUBSYSTEMS: Final = {
+    1: "main",
+    2: "radio",
+    3: "compass",
+    5: "radio failsafe",
+    6: "battery failsafe",
+    8: "GCS failsafe",
+    9: "fence failsafe",
+    10: "flight mode",
+    11: "GPS",
+    12: "crash check",
+    13: "flip",
+    15: "parachutes",
+    ERR_EKFCHECK: "EKF check",
+    ERR_EKF_FAILSAFE: "EKF failsafe",
+    18: "barometer",
+    19: "CPU",
+    20: "ADS-B failsafe",
+    21: "terrain",
+    22: "navigation",
+    23: "terrain failsafe",
+    ERR_EKF_PRIMARY: "EKF primary core",
+    25: "thrust loss check",
+    26: "sensor failsafe",
+    27: "leak failsafe",
+    28: "pilot input",
+    29: "vibration failsafe",
+}
+_CODES: Final = {
+    (ERR_EKFCHECK, 0): "variance cleared",
+    (ERR_EKFCHECK, 2): "bad variance",
+    (ERR_EKF_FAILSAFE, 0): "resolved",
+    (ERR_EKF_FAILSAFE, 1): "occurred",
+    (12, 1): "crash",
+    (12, 2): "loss of control",
+    (18, 2): "glitch",
+    (11, 2): "glitch",
+}
+
+
+def event_text(number: int) -> str:
+    """Return what an EV record says."""
+    return _EVENTS.get(number, f"event {number}")
+
+
+def error_text(subsystem: int, code: int) -> str:
+    """Return what an ERR record says."""
+    name = _SUBSYSTEMS.get(subsystem, f"subsystem {subsystem}")
+    if subsystem == ERR_EKF_PRIMARY:
+        return f"{name}: {code}"
+    fallback = "resolved" if code == 0 else f"error {code}"
+    return f"{name}: {_CODES.get((subsystem, code), fallback)}"

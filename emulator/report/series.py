@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Records of one kind as columns over time."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+IMPOSSIBLE_S: Final = 86_400.0
+"""Records farther than this from the middle of their kind have a time that damage made up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Records of one kind, in the order of their times.
+
+    Attributes:
+        time_s: when each was written, in s since boot.
+        columns: their numbers by label, in the units of the log; NaN where a record has none.
+    """
+
+    time_s: Array
+    columns: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __getitem__(self, label: str) -> Array:
+        """Return a column; NaN all along if the log has none of that label."""
+        return self.columns.get(label, np.full(len(self), np.nan))
+
+    def has(self, label: str) -> bool:
+        """Tell whether a column holds any number."""
+        return bool(np.isfinite(self[label]).any())
+
+    def matrix(self, *labels: str) -> Array:
+        """Return columns side by side, [records, labels]."""
+        return np.column_stack([self[label] for label in labels])
+
+    def where(self, mask: Mask) -> "Series":
+        """Return the records that a mask selects."""
+        return Series(self.time_s[mask], {label: column[mask] for label, column in self.columns.items()})
+
+
+def number_in(record: Any, *labels: str) -> float:
+    """Return a field of a log's record under the first of its labels that holds a number; NaN without one."""
+    for label in labels:
+        try:
+            return float(getattr(record, label))
+        except (AttributeError, TypeError, ValueError):
+            continue
+    return float("nan")
+
+
+def series_of(rows: Sequence[Sequence[float]], labels: Sequence[str]) -> tuple[Series, int]:
+    """Return rows of TimeUS and numbers as a series, and how many were left out because their time cannot be."""
+    table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(labels))
+    time_s = table[:, 0] * 1e-6
+    timed = np.isfinite(time_s)
+    if timed.any():
+        timed[timed] = np.abs(time_s[timed] - np.median(time_s[timed])) < IMPOSSIBLE_S
+    kept = table[timed]
+    kept = kept[np.argsort(kept[:, 0], kind="stable")]
+    columns = {label: kept[:, number] for number, label in enumerate(labels, 1)}
+    return Series(kept[:, 0] * 1e-6, columns), int(len(table) - len(kept))
+
+
+def spans_of(time_s: Array, holds: Mask) -> list[tuple[float, float]]:
+    """Return start and end, in s, of each stretch of records in which something holds.
+
+    A stretch ends with the first record in which it holds no more, or with the last one.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False])).astype(np.int8)))
+    last = len(time_s) - 1
+    return [(float(time_s[start]), float(time_s[min(end, last)])) for start, end in edges.reshape(-1, 2)]
+
+
+def total_s(spans: Sequence[tuple[float, float]]) -> float:
+    """Return how long stretches are together."""
+    return sum(end - start for start, end in spans)
+
+
+def overlap_s(first: Sequence[tuple[float, float]], second: Sequence[tuple[float, float]]) -> float:
+    """Return for how long two lists of stretches hold both."""
+    return sum(max(0.0, min(a[1], b[1]) - max(a[0], b[0])) for a in first for b in second)

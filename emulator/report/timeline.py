@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The figure of what happened when: states as bars, texts and events as a cascade."""
+
+import re
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ekf_stub.filter_status import FilterFlag
+from emulator.report import drawing
+from emulator.report.drawing import EKF, GREEN, MUTED, VIOLET, VISION, WITHHELD, plain
+from emulator.report.facts import Facts, has_flag
+from emulator.report.material import Happening, Material
+from emulator.report.series import spans_of
+
+MOST_TEXTS: Final = 36
+_LONGEST_TEXT: Final = 64
+_FLAGS: Final = (
+    ("attitude", FilterFlag.ATTITUDE),
+    ("horizontal velocity", FilterFlag.HORIZ_VEL),
+    ("horizontal position", FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS),
+    ("height", FilterFlag.VERT_POS),
+    ("constant position", FilterFlag.CONST_POS_MODE),
+)
+_COLOURS: Final = {"text": MUTED, "event": EKF, "error": MUTED, "mode": VIOLET, "arming": GREEN}
+_TELLING: Final = ("EKF", "VisOdom", "AHRS", "ailsafe")
+
+Bars = list[tuple[str, Sequence[tuple[float, float]], str]]
+
+
+def draw_timeline(material: Material, facts: Facts) -> Figure | None:
+    """Return the figure; None without anything to show."""
+    bars = _bars(material, facts)
+    told, left_out = chosen(material.happenings)
+    if not bars and not told:
+        return None
+    heights = [0.26 * (len(bars) + 1.6), 0.19 * (len(told) + 2)]
+    figure = drawing.new_figure(0.5 + sum(heights))
+    states, texts = figure.subplots(2, 1, sharex=True, height_ratios=heights)
+    _draw_bars(states, bars)
+    _draw_modes(states, material, facts, len(bars))
+    states.set(yticks=range(len(bars) + 1), yticklabels=[*(name for name, _, _ in bars), "mode"])
+    states.set_ylim(len(bars) + 0.6, -0.6)
+    states.set_title("States")
+    _draw_texts(texts, told, facts)
+    texts.set_title(f"Texts and events ({left_out} more in the table)" if left_out else "Texts and events")
+    texts.set_xlim(facts.start_s, max(facts.end_s, facts.start_s + 1.0))
+    texts.set_xlabel("seconds since boot")
+    return figure
+
+
+def _bars(material: Material, facts: Facts) -> Bars:
+    bars: Bars = []
+    if facts.armed:
+        bars.append(("armed", facts.armed, GREEN))
+    status = material.xkf4
+    if len(status):
+        for name, flags in _FLAGS:
+            colour = VISION if flags == FilterFlag.CONST_POS_MODE else EKF
+            bars.append((f"EKF: {name}", spans_of(status.time_s, has_flag(status, int(flags))), colour))
+        bars.append(("a test ratio over 1", facts.over_gate, WITHHELD))
+    if facts.measurements:
+        bars.append(("vision silent", facts.gaps, WITHHELD))
+        source = material.visp if len(material.visp) else material.visv
+        bars.append(("vision withheld", spans_of(source.time_s, np.nan_to_num(source["Ign"]) > 0), WITHHELD))
+    return bars
+
+
+def _draw_bars(axes: Any, bars: Bars) -> None:
+    for row, (_, spans, colour) in enumerate(bars):
+        axes.broken_barh([(start, end - start) for start, end in spans], (row - 0.34, 0.68), color=colour, lw=0.8)
+    axes.grid(axis="y", visible=False)
+
+
+def _draw_modes(axes: Any, material: Material, facts: Facts, row: int) -> None:
+    modes: list[Happening] = []
+    for one in material.happenings:
+        if one.kind == "mode" and not (modes and modes[-1].text == one.text):
+            modes.append(one)
+    ends = [*(one.time_s for one in modes[1:]), facts.end_s][: len(modes)]
+    span_s = max(facts.end_s - facts.start_s, 1.0)
+    for number, (mode, end_s) in enumerate(zip(modes, ends, strict=True)):
+        width_s = end_s - mode.time_s
+        alpha = 0.3 if number % 2 else 0.18
+        axes.broken_barh([(mode.time_s, width_s)], (row - 0.4, 0.8), color=VIOLET, alpha=alpha, lw=0)
+        text = plain(mode.text)
+        if width_s / span_s > 0.013 * len(text):
+            axes.text(mode.time_s + width_s / 2, row, text, ha="center", va="center", fontsize=8, parse_math=False)
+
+
+def chosen(happenings: Sequence[Happening]) -> tuple[list[Happening], int]:
+    """Return what there is room for, in order, and how many were left out: rather what tells of the EKF and vision."""
+    if len(happenings) <= MOST_TEXTS:
+        return list(happenings), 0
+    said: set[str] = set()
+    ranks = []
+    for one in happenings:
+        sentence = re.sub(r"[\d.]+", "#", one.text)
+        ranks.append(max(_rank(one), 1 if sentence in said and one.kind == "text" else 0))
+        said.add(sentence)
+    kept = sorted(sorted(range(len(happenings)), key=lambda number: (ranks[number], number))[:MOST_TEXTS])
+    return [happenings[number] for number in kept], len(happenings) - MOST_TEXTS
+
+
+def _rank(one: Happening) -> int:
+    """Return how little something tells of external navigation; what each core of the EKF says, one may say for all."""
+    if one.kind == "text":
+        of_another_core = re.search(r"IMU[1-9]", one.text) is not None
+        return 3 if of_another_core else 0 if any(word in one.text for word in _TELLING) else 2
+    return 1 if one.kind == "event" or (one.kind == "error" and not one.is_trouble) else 0
+
+
+def _draw_texts(axes: Any, told: Sequence[Happening], facts: Facts) -> None:
+    middle_s = (facts.start_s + facts.end_s) / 2
+    for row, one in enumerate(told):
+        colour = WITHHELD if one.is_trouble else _COLOURS[one.kind]
+        axes.plot([one.time_s], [row], "o", color=colour, ms=4, clip_on=False)
+        left = one.time_s <= middle_s
+        said = one.text if one.kind == "text" else f"{one.kind}: {one.text}"
+        text = plain(said if len(said) <= _LONGEST_TEXT else said[: _LONGEST_TEXT - 3] + "...")
+        axes.annotate(
+            f"{text}  {one.time_s:.1f}" if not left else f"{one.time_s:.1f}  {text}",
+            (one.time_s, row), xytext=(7 if left else -7, 0), textcoords="offset points", parse_math=False,
+            ha="left" if left else "right", va="center", fontsize=8, color=None if one.kind == "text" else colour,
+        )  # fmt: skip
+    axes.set_ylim(len(told) - 0.3, -0.8)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)

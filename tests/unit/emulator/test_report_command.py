@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``viso report``: what it writes where, its exit codes, and its one-line errors."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from emulator.commands import report as report_command
+from emulator.report import figures
+from tests.unit.emulator.command_line import Viso, failed_with
+from tests.unit.emulator.report.log_maker import LogMaker, flight
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Return a log without vision, which takes next to no time."""
+    maker = LogMaker()
+    maker.add("XKF1", 1.0, PN=1.0)
+    maker.add("XKF1", 1.1, PN=2.0)
+    return maker.save(tmp_path / "quiet.BIN")
+
+
+def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(figures, "FIGURES", figures.FIGURES[-1:])
+    path = flight().save(tmp_path / "flight.BIN")
+    outcome = viso("report", path, "-o", "pages", "--svg", "svg", "--png", "png", "--tum", "f.tum", "--csv", "f.csv")
+    assert (outcome.code, outcome.err) == (0, "")
+    first, *lines = outcome.out.splitlines()
+    assert first.startswith("External navigation brought 209 poses at 20 Hz")
+    assert "- The reset counter of vision changed once: at 9.0 s." in lines
+    written = [line.removeprefix("written: ") for line in lines if line.startswith("written: ")]
+    assert written == [
+        "f_vision.tum", "f_ekf.tum", "f.csv", "png/rates.png", "svg/rates.svg", "pages/flight.html",
+    ]  # fmt: skip
+    assert (tmp_path / "png" / "rates.png").read_bytes().startswith(b"\x89PNG")
+    assert all(b"<svg" in (tmp_path / name).read_bytes() for name in written[-2:])
+
+
+def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path) -> None:
+    outcome = viso("report", log)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.splitlines()[0] == "The log holds no external navigation: no VISP, VISV or VISO record."
+    assert "No VISP: position and attitude of vision." in (tmp_path / "quiet.html").read_text(encoding="utf-8")
+
+
+def test_page_has_the_name_that_is_asked_for(viso: Viso, log: Path, tmp_path: Path) -> None:
+    assert viso("report", log, "-o", "deep/page.HTML").code == 0
+    assert (tmp_path / "deep" / "page.HTML").is_file()
+
+
+def test_exports_alone_make_no_page_and_need_no_matplotlib(
+    viso: Viso, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert viso("report", log, "--csv", "out.csv").code == 0
+    assert (tmp_path / "out.csv").is_file()
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_without_a_trajectory_a_note_says_so(viso: Viso, tmp_path: Path) -> None:
+    maker = LogMaker()
+    maker.parameter("VISO_TYPE", 1, 1)
+    outcome = viso("report", maker.save(tmp_path / "empty.BIN"), "--tum", "out.tum")
+    assert (outcome.code, outcome.err) == (0, "note: --tum out.tum: the log has no trajectory, nothing was written\n")
+
+
+@pytest.mark.parametrize(
+    ("module", "option", "extra"), [("matplotlib", "-o", "plot"), ("rosbags.rosbag2", "--mcap", "bags")]
+)
+def test_missing_extra_is_one_line(
+    viso: Viso, log: Path, monkeypatch: pytest.MonkeyPatch, module: str, option: str, extra: str
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    outcome = viso("report", log, option, "out.mcap" if extra == "bags" else "out.html")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.count("\n") == 1
+    assert f"pip install 'viso[{extra}]'" in outcome.err
+
+
+def test_file_that_is_no_log_is_one_line(viso: Viso, tmp_path: Path) -> None:
+    path = tmp_path / "text.BIN"
+    path.write_text("nothing of the kind")
+    assert failed_with(viso("report", path), f"{path}: not a DataFlash log")
+    assert failed_with(viso("report", "gone.BIN"), "gone.BIN: No such file or directory")
+
+
+@pytest.mark.parametrize("option", ["-o", "--csv", "--mcap"])
+def test_log_is_not_overwritten(viso: Viso, log: Path, option: str) -> None:
+    path = log.rename(log.with_suffix(".html"))
+    before = path.read_bytes()
+    assert failed_with(viso("report", path, option, path), f"{path}: is the log itself")
+    assert path.read_bytes() == before
+
+
+def test_place_that_cannot_be_written_is_one_line(viso: Viso, log: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    outcome = viso("report", log, "--csv", "file/out.csv")
+    assert outcome.code == 2
+    assert outcome.err.startswith("viso: file/out.csv: ")
+    assert outcome.err.count("\n") == 1
+
+
+def test_program_of_the_documentation_prints_what_it_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = Path(__file__).parents[3]
+    monkeypatch.chdir(root)
+    text = (root / "docs" / "report.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(program, {})
+    assert f"prints\n\n```\n{capsys.readouterr().out}```" in text
+
+
+def test_commands_of_the_documentation_name_what_is_written(viso: Viso, log: Path, tmp_path: Path) -> None:
+    log.rename(tmp_path / "flight.BIN")
+    text = (Path(__file__).parents[3] / "docs" / "report.md").read_text(encoding="utf-8")
+    commands = [line.split()[1:] for line in text.splitlines() if line.startswith("viso report")]
+    assert len(commands) == 2
+    assert [viso(*command).code for command in commands] == [0, 0]
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "flight.BIN", "flight.html", "flight_ekf.tum", "flight.csv", "flight.mcap",
+    }  # fmt: skip
+
+
+def test_page_of_a_packed_log_bears_the_name_of_the_log() -> None:
+    page_path = report_command._page_path
+    assert page_path(Path("."), Path("a/flight.BIN.xz")) == Path("flight.html")
+    assert page_path(Path("x"), Path("00000012.BIN")) == Path("x/00000012.html")
