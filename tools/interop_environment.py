@@ -3,7 +3,8 @@
 """Make the environment of the interop tests' clients on first use; `tools/interop` then runs those tests.
 
 The clients are heavy and no part of the program, so they live apart in `.venv-interop`: those in Python from
-requirements/interop.lock, the one in JavaScript from tools/interop_node/package-lock.json.
+requirements/interop.lock, the one in JavaScript from tools/interop_node/package-lock.json. A browser is the system's:
+where that is Debian and we may, its Chromium is installed; elsewhere the tests of the page are skipped without one.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ LOCK = Path("requirements", "interop.lock")
 NODE = Path("tools", "interop_node")
 NODE_FILES = ("package.json", "package-lock.json")
 PROFILE = "interop"
+BROWSER_PROGRAMS = ("chromium", "chromedriver")
+BROWSER_PACKAGES = ("chromium", "chromium-driver")
 SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # where Debian has them, whatever Python was built for
 
 
@@ -46,8 +49,9 @@ def ensure(root: Path = ROOT) -> Path:
 
 
 def digest(root: Path) -> str:
-    """Hash all that decides what gets installed: both locks and the place."""
-    parts = [(root / LOCK).read_bytes(), *((root / NODE / name).read_bytes() for name in NODE_FILES)]
+    """Hash all that decides what gets installed: both locks, the browser and the place."""
+    files = [root / LOCK, *(root / NODE / name for name in NODE_FILES)]
+    parts = [*(path.read_bytes() for path in files), *(name.encode() for name in BROWSER_PACKAGES)]
     return hashlib.sha256(b"\0".join([str(root).encode(), *parts])).hexdigest()
 
 
@@ -63,6 +67,7 @@ def _set_up(root: Path, folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         _install_python(root, folder)
         _install_node(root, folder / "node")
+        _install_browser()
         bootstrap.write_stamp(folder, Stamp(PROFILE, digest(root), True))
     except (SetupError, OSError):
         sys.stderr.write("failed\n")
@@ -88,6 +93,15 @@ def _install_node(root: Path, folder: Path) -> None:
     options = ["--ignore-scripts", "--legacy-peer-deps", "--no-audit", "--no-fund", "--loglevel=error"]
     what = f"installing {NODE / NODE_FILES[1]}"
     bootstrap.run([npm, "ci", "--prefix", str(folder), *options], what, environment=_node_environment())
+
+
+def _install_browser() -> None:
+    if all(map(shutil.which, BROWSER_PROGRAMS)) or shutil.which("apt-get") is None or os.geteuid() != 0:
+        return
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    bootstrap.run(["apt-get", "-qq", "update"], "listing Debian's packages", environment=quiet)
+    install = ["apt-get", "-qq", "install", "--yes", "--no-install-recommends", *BROWSER_PACKAGES]
+    bootstrap.run(install, "installing Chromium", environment=quiet)
 
 
 def _node_environment() -> dict[str, str]:

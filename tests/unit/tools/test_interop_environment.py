@@ -3,6 +3,7 @@
 """The clients of the interop tests are set up once, from locks that say exactly what and nothing else."""
 
 import json
+import os
 import re
 import shutil
 from collections.abc import Sequence
@@ -44,6 +45,30 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_first_use_installs_the_clients_of_both_languages(root: Path, steps: list[str]) -> None:
     assert interop_environment.ensure(root) == root / ".venv-interop"
     assert steps == ["making .venv-interop", "installing requirements/interop.lock", NPM_CI]
+
+
+@pytest.mark.parametrize(
+    ("on_path", "user", "installed"),
+    [
+        ({"npm", "apt-get"}, 0, ["listing Debian's packages", "installing Chromium"]),
+        ({"npm", "apt-get", "chromium"}, 0, ["listing Debian's packages", "installing Chromium"]),
+        ({"npm", "apt-get", "chromium", "chromedriver"}, 0, []),
+        ({"npm"}, 0, []),
+        ({"npm", "apt-get"}, 1000, []),
+    ],
+)
+def test_browser_is_installed_where_it_is_missing_and_we_may(
+    root: Path,
+    steps: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    on_path: set[str],
+    user: int,
+    installed: list[str],
+) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: name if name in on_path else None)
+    monkeypatch.setattr(os, "geteuid", lambda: user)
+    interop_environment.ensure(root)
+    assert steps[3:] == installed
 
 
 def test_second_use_does_nothing(root: Path, steps: list[str]) -> None:

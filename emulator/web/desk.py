@@ -1,0 +1,250 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pages ask for, and how it is done: as a ground station's message, by the vehicle's own handlers.
+
+A page is nobody's peer on a link: its messages go straight to the handlers, and answers to it alone. What the firmware
+tells every link because of it, such as the new value of a parameter, is told to every link.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from ap_core.param_info import MAX_NAME_SIZE
+from ap_core.verdict import Outcome
+from emulator.vehicle import Vehicle
+from emulator.web.bounded import BoundedQueue
+from emulator.web.faults import FaultSwitches
+from emulator.web.seen import Answer
+from mav_handlers.channel import Channel
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands import MavCmd, MavResult, handle_command_long
+from mav_handlers.handlers.params import handle_param_set
+from mav_handlers.verdicts import HANDLED
+from mav_handlers.wire.codec import Codec, Header, Received, message_id
+from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, PARAM_SET, Message
+
+GCS_SYSTEM_ID: Final = 255
+GCS_COMPONENT_ID: Final = 190
+MAX_REQUEST_CHARS: Final = 2000
+REQUESTS_WAITING: Final = 200
+_MAV_PARAM_TYPE_REAL32: Final = 9
+_ALIGN_YAW, _SWITCH_HIGH = 80.0, 2.0
+_LARGEST_NUMBER: Final = 2**31
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A button of the page.
+
+    Attributes:
+        name: by which it is asked for.
+        label: what stands on it.
+        about: what it does, in a sentence.
+        key: the key that does the same, if any.
+        command: the MAV_CMD.
+        params: its first parameters.
+    """
+
+    name: str
+    label: str
+    about: str
+    key: str
+    command: MavCmd
+    params: tuple[float, ...] = ()
+
+
+ACTIONS: Final = (
+    Action(
+        "align", "Align yaw", "Turn the camera's yaw to the vehicle's (auxiliary function 80).", "y",
+        MavCmd.DO_AUX_FUNCTION, (_ALIGN_YAW, _SWITCH_HIGH),
+    ),
+    Action("check", "Check", "Make all pre-arm checks, and tell what fails.", "c", MavCmd.RUN_PREARM_CHECKS),
+    Action("arm", "Arm", "Arm, if the checks pass; there are no motors.", "a", MavCmd.COMPONENT_ARM_DISARM, (1.0,)),
+    Action("disarm", "Disarm", "Disarm.", "d", MavCmd.COMPONENT_ARM_DISARM, (0.0,)),
+    Action("source1", "Source 1", "Navigate by the first set, EK3_SRC1.", "1", MavCmd.SET_EKF_SOURCE_SET, (1.0,)),
+    Action("source2", "Source 2", "Navigate by the second set, EK3_SRC2.", "2", MavCmd.SET_EKF_SOURCE_SET, (2.0,)),
+    Action("source3", "Source 3", "Navigate by the third set, EK3_SRC3.", "3", MavCmd.SET_EKF_SOURCE_SET, (3.0,)),
+    Action(
+        "restart", "Restart", "Start the autopilot anew; parameters are kept.", "",
+        MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, (1.0,),
+    ),
+)  # fmt: skip
+_ACTIONS: Final[Mapping[str, Action]] = MappingProxyType({action.name: action for action in ACTIONS})
+_RESULTS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        MavResult.ACCEPTED: "done",
+        MavResult.TEMPORARILY_REJECTED: "not now",
+        MavResult.DENIED: "denied",
+        MavResult.UNSUPPORTED: "not supported",
+        MavResult.FAILED: "refused; the texts tell why",
+    }
+)
+
+
+class RequestError(ValueError):
+    """A request that means nothing; the text tells why, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Something that a page asks for.
+
+    Attributes:
+        client: number of the page.
+        number: the page's own, for the answer; -1 if it gave none.
+        kind: ``param``, ``action`` or ``fault``.
+        name: of the parameter, the action or the fault.
+        value: of the parameter.
+        on: whether a fault is to be switched on.
+    """
+
+    client: int
+    number: int
+    kind: str
+    name: str
+    value: float = math.nan
+    on: bool = False
+
+
+def number_of(text: str) -> int:
+    """Return the number that a request may bear, for an answer to one that is otherwise of no use; -1 without."""
+    try:
+        return _number(_object(text))
+    except RequestError:
+        return -1
+
+
+def parse_request(client: int, text: str) -> Request:
+    """Return what a page asks for.
+
+    Raises:
+        RequestError: it is nothing that can be asked for.
+    """
+    fields = _object(text)
+    number, kind, name = _number(fields), fields.get("do"), fields.get("name")
+    if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_SIZE or not name.isprintable():
+        raise RequestError("name: missing, or no name")
+    if kind == "param":
+        return Request(client, number, kind, name, value=_value(fields.get("value")))
+    if kind == "action" and name in _ACTIONS:
+        return Request(client, number, kind, name)
+    if kind == "fault" and isinstance(fields.get("on"), bool):
+        return Request(client, number, kind, name, on=fields["on"])
+    raise RequestError("nothing that can be done here")
+
+
+def _object(text: str) -> Mapping[str, Any]:
+    if len(text) > MAX_REQUEST_CHARS:
+        raise RequestError("too long")
+    try:
+        fields = json.loads(text)
+    except (ValueError, RecursionError):
+        raise RequestError("not JSON") from None
+    if not isinstance(fields, dict):
+        raise RequestError("not an object")
+    return fields
+
+
+def _number(fields: Mapping[str, Any]) -> int:
+    number = fields.get("id", -1)
+    if type(number) is not int or abs(number) > _LARGEST_NUMBER:
+        raise RequestError("id: no number")
+    return number
+
+
+def _value(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise RequestError("value: no number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise RequestError("value: not finite")
+    return number
+
+
+class Desk:
+    """Takes requests on one thread, and does them on the vehicle's.
+
+    Args:
+        faults: the switches.
+    """
+
+    def __init__(self, faults: FaultSwitches) -> None:
+        self._faults = faults
+        self._waiting: BoundedQueue[Request] = BoundedQueue(REQUESTS_WAITING)
+        self._channel: tuple[Vehicle, Channel] | None = None
+
+    def ask(self, client: int, text: str) -> Answer | None:
+        """Take what a page has sent, whatever it is; the answer, if there is one already, tells why it is of no use."""
+        try:
+            request = parse_request(client, text)
+        except RequestError as error:
+            return Answer(client, number_of(text), False, str(error))
+        if not self._waiting.put_if_room(request):
+            return Answer(client, request.number, False, "too much at once")
+        return None
+
+    def run(self, vehicle: Vehicle) -> Iterator[Answer]:
+        """Do what waits, and yield the answers; on the vehicle's thread, between two passes of its loop."""
+        if not len(self._waiting):
+            return
+        for request in self._waiting.take_all():
+            ok, text = self._do(vehicle, request)
+            yield Answer(request.client, request.number, ok, text)
+
+    def _do(self, vehicle: Vehicle, request: Request) -> tuple[bool, str]:
+        if request.kind == "fault":
+            ok = self._faults.set(request.name, on=request.on)
+            return ok, f"fault {'on' if request.on else 'off'}" if ok else "no such fault"
+        if request.kind == "param":
+            return self._set_param(vehicle, request)
+        return self._command(vehicle, _ACTIONS[request.name])
+
+    def _set_param(self, vehicle: Vehicle, request: Request) -> tuple[bool, str]:
+        with np.errstate(over="ignore"):
+            value = float(np.float32(request.value))
+        message = PARAM_SET(0, 0, request.name, value, _MAV_PARAM_TYPE_REAL32)
+        verdict = handle_param_set(self._context(vehicle, message), message)
+        self._replies(vehicle)
+        if verdict is not HANDLED:
+            return False, verdict.rule.text
+        param = vehicle.params.find(request.name)
+        return True, f"{request.name} is {'set' if param is None else param.value}"
+
+    def _command(self, vehicle: Vehicle, action: Action) -> tuple[bool, str]:
+        seven = (*action.params, *(0.0,) * 7)[:7]
+        message = COMMAND_LONG(0, 0, action.command, 0, *seven)
+        verdict = handle_command_long(self._context(vehicle, message), message)
+        results = [reply.result for reply in self._replies(vehicle) if isinstance(reply, COMMAND_ACK)]
+        ok = verdict.outcome is Outcome.HANDLED and results == [MavResult.ACCEPTED]
+        return ok, f"{action.label}: {_RESULTS.get(results[-1] if results else -1, 'failed')}"
+
+    def _context(self, vehicle: Vehicle, message: Message) -> Context:
+        name = type(message).__name__
+        header = Header(name, message_id(name), GCS_SYSTEM_ID, GCS_COMPONENT_ID, 0, 2, b"")
+        now_us = vehicle.clock.micros64()
+        return Context(vehicle.endpoint, vehicle, self._own_channel(vehicle), header, now_us, now_us)
+
+    def _own_channel(self, vehicle: Vehicle) -> Channel:
+        # It is none of the endpoint's: nothing is sent on it but answers.
+        if self._channel is None or self._channel[0] is not vehicle:
+            index = len(vehicle.endpoint.channels)
+            self._channel = vehicle, Channel(index, "page", Codec(1, 1))
+        return self._channel[1]
+
+    def _replies(self, vehicle: Vehicle) -> list[Message]:
+        decoder = Codec(GCS_SYSTEM_ID, GCS_COMPONENT_ID)
+        decoder.feed(self._own_channel(vehicle).take_output())
+        replies = []
+        while (received := decoder.next_received()) is not None:
+            if isinstance(received, Received) and received.message is not None:
+                replies.append(received.message)
+        return replies

@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The vehicle's side of the page: notes what happens, and never waits for anybody to read it."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+from ap_visualodom.log_structure import VISP, VISV
+from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.ext_nav_ingest import FilterOutcome
+from emulator.filter_watch import innovation_of
+from emulator.modes import MODES
+from emulator.vehicle import Vehicle
+from emulator.web.bounded import BoundedQueue
+from emulator.web.desk import Desk
+from emulator.web.faults import FaultSwitches
+from emulator.web.params import defaults_of, read_params
+from emulator.web.seen import (
+    Seen,
+    SeenBoot,
+    SeenMessage,
+    SeenParams,
+    SeenRecord,
+    SeenSample,
+    SeenText,
+    VehicleState,
+)
+from mav_handlers.endpoint import MessageEvent
+
+THINGS_WAITING: Final = 20_000
+LOOK_PERIOD_S: Final = 0.1
+
+
+class Feed:
+    """Hears of everything that a vehicle does, and does what pages ask for; all of it on the vehicle's thread.
+
+    Args:
+        desk: where pages ask.
+        faults: the switches.
+        now_s: a monotonic clock in seconds.
+        limit: how much may wait to be read.
+
+    Attributes:
+        seen: what nobody has read yet; when it is full, the oldest goes.
+    """
+
+    def __init__(
+        self,
+        desk: Desk,
+        faults: FaultSwitches,
+        *,
+        now_s: Callable[[], float],
+        limit: int = THINGS_WAITING,
+    ) -> None:
+        self._desk = desk
+        self._faults = faults
+        self._now_s = now_s
+        self._vehicle: Vehicle | None = None
+        self._looked_s: float | None = None
+        self._generation = -1
+        self.seen: BoundedQueue[Seen] = BoundedQueue(limit)
+
+    def watch(self, vehicle: Vehicle) -> None:
+        """Follow a vehicle that is about to run, in place of the one before it."""
+        self._vehicle = vehicle
+        self._generation = -1
+        self.seen.put(SeenBoot(defaults_of(vehicle.params)))
+        vehicle.texts.on_text.append(self._take_text)
+        vehicle.logger.on_write = self._take_record
+
+    def take(self, link: str, event: MessageEvent) -> None:
+        """Note what became of a message that came over a link."""
+        self.seen.put(SeenMessage(link, event))
+
+    def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
+        """Note what the filter did with a sample, at a time in us since boot."""
+        innovation = None
+        if outcome.ratio is not None and self._vehicle is not None:
+            ahrs = self._vehicle.ahrs
+            if isinstance(ahrs, Ekf3Ahrs) and ahrs.core is not None:
+                innovation = innovation_of(ahrs.core, outcome.kind)
+        self.seen.put(SeenSample(now_us, outcome, innovation))
+
+    def _take_text(self, severity: int, text: str) -> None:
+        assert self._vehicle is not None
+        self.seen.put(SeenText(self._vehicle.clock.micros64(), severity, text))
+
+    def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        if structure is VISP or structure is VISV:
+            self.seen.put(SeenRecord(structure is VISP, values))
+
+    def update(self) -> None:
+        """Do what pages ask for, and look now and then how the vehicle is; to be called between passes of its loop."""
+        if self._vehicle is None:
+            return
+        for answer in self._desk.run(self._vehicle):
+            self.seen.put(answer)
+        now_s = self._now_s()
+        if self._looked_s is None or now_s - self._looked_s >= LOOK_PERIOD_S:
+            self._looked_s = now_s
+            self._look(self._vehicle)
+
+    def _look(self, vehicle: Vehicle) -> None:
+        if vehicle.params.generation != self._generation:
+            self._generation = vehicle.params.generation
+            self.seen.put(SeenParams(read_params(vehicle.params)))
+        self.seen.put(state_of(vehicle, self._faults.on))
+
+
+def state_of(vehicle: Vehicle, faults: tuple[str, ...] = ()) -> VehicleState:
+    """Return how a vehicle is now."""
+    ahrs = vehicle.ahrs
+    pos = ahrs.get_relative_position_NED_origin_float()
+    number = vehicle.custom_mode()
+    mode = MODES.get(number)
+    return VehicleState(
+        vehicle.clock.micros64(),
+        str(number) if mode is None else mode.name,
+        vehicle.is_armed(),
+        vehicle.prearm_passed(),
+        _camera_of(vehicle),
+        _aiding_of(vehicle),
+        vehicle.sources.active_set,
+        None if pos is None else (float(pos.x), float(pos.y), float(pos.z)),
+        float(ahrs.get_yaw_rad()),
+        faults,
+    )
+
+
+def _camera_of(vehicle: Vehicle) -> str:
+    camera = vehicle.visual_odom
+    return (camera.pre_arm_check() or "healthy") if camera.enabled() else "off"
+
+
+def _aiding_of(vehicle: Vehicle) -> str | None:
+    ahrs = vehicle.ahrs
+    if not isinstance(ahrs, Ekf3Ahrs) or ahrs.core is None or not ahrs.core.initialised:
+        return None
+    return ahrs.core.aiding.mode.value

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live view of a vehicle, put together: what hears of it, what lets faults in, and what serves the page."""
+
+import socket
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from emulator.errors import InputError
+from emulator.realtime import NOW_S
+from emulator.web.desk import Desk
+from emulator.web.faults import FaultSwitches, FaultyLink
+from emulator.web.feed import Feed
+from emulator.web.live_state import LiveState
+from mav_handlers.links.address import LOOPBACK, parse_host_port, resolve
+from mav_handlers.links.base import Link, LinkError, reason_of
+
+MISSING_EXTRA: Final = "--web: the live view is served with starlette; install it with: pip install 'viso[web]'"
+
+
+class LiveView:
+    """A page that shows a vehicle, at an address, until it is closed.
+
+    Args:
+        address: ``[HOST:]PORT``; loopback without a host, any free port for 0.
+        links: those of the vehicle.
+        banner: what the vehicle claims to be, and where it listens.
+        speedup: seconds of the vehicle for one of the wall clock.
+        now_s: a monotonic clock in seconds.
+
+    Attributes:
+        links: the links with faults in them, to be used in place of the others.
+        feed: what is to hear of the vehicle.
+        url: where the page is.
+        introduction: tells where it is, in a line, and who may come.
+
+    Raises:
+        InputError: the address cannot be used, or what serves the page is not installed.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        links: Sequence[Link],
+        banner: str,
+        *,
+        speedup: float = 1.0,
+        now_s: Callable[[], float] = NOW_S,
+    ) -> None:
+        try:
+            from emulator.web.server import Broadcaster, PageServer, make_app
+        except ModuleNotFoundError as error:
+            raise InputError(MISSING_EXTRA) from error
+        self.links = [FaultyLink(link, lambda: int(now_s() * speedup * 1e6)) for link in links]
+        switches = FaultSwitches(self.links)
+        desk = Desk(switches)
+        self.feed = Feed(desk, switches, now_s=now_s)
+        listening, host = _listen(address)
+        name, port = listening.getsockname()
+        self.url = f"http://{host}:{port}/"
+        warning = "" if name.startswith("127.") else "; whoever reaches it can command the vehicle"
+        self.introduction = f"live view at {self.url}{warning}"
+        seen = self.feed.seen
+        broadcaster = Broadcaster(LiveState(banner, lambda: seen.lost), seen.take_all, desk.ask)
+        self._server = PageServer(make_app(broadcaster, host), listening)
+        self._server.start()
+
+    def close(self) -> None:
+        """Leave all pages, and end the server."""
+        self._server.stop()
+
+
+def _listen(address: str) -> tuple[socket.socket, str]:
+    """Return a bound socket, and the host as it was given."""
+    try:
+        where = parse_host_port(address, address, LOOPBACK, any_port=True)
+        target = resolve(address, where)
+    except LinkError as error:
+        raise InputError(f"--web: {error}") from error
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(target)
+    except OSError as error:
+        listening.close()
+        raise InputError(f"--web {address}: {reason_of(error)}") from error
+    return listening, where.host

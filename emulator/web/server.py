@@ -1,0 +1,231 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The server of the page: its files, and a socket for each page that is open. It runs on a thread of its own."""
+
+import asyncio
+import contextlib
+import socket
+import threading
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Iterable
+from importlib import resources
+from typing import Any, Final
+
+import uvicorn
+import websockets  # noqa: F401  # what uvicorn takes for sockets; without it there is no page
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from emulator.web.desk import MAX_REQUEST_CHARS
+from emulator.web.encoding import encode
+from emulator.web.live_state import LiveState
+from emulator.web.same_site import SameSite
+from emulator.web.seen import Answer, Seen
+
+BATCH_PERIOD_S: Final = 0.1
+MAX_CLIENTS: Final = 8
+MESSAGES_WAITING: Final = 20
+STOP_PATIENCE_S: Final = 3.0
+TRY_LATER: Final = 1013
+FILES: Final = {
+    "/": ("index.html", "text/html; charset=utf-8"),
+    "/style.css": ("style.css", "text/css; charset=utf-8"),
+    "/icon.svg": ("icon.svg", "image/svg+xml"),
+    **{
+        f"/{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
+        for name in ("app", "charts", "controls", "format", "path", "params", "rates", "verdicts")
+    },
+}
+
+
+class Client:
+    """A page that is open: what is to be sent to it; one that is too slow gets everything anew instead.
+
+    Args:
+        number: tells it from others.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self._waiting: deque[str] = deque()
+        self._news = asyncio.Event()
+        self._needs_all = True
+        self._news.set()
+
+    def put(self, text: str) -> None:
+        """Have something sent."""
+        self._forget_if_full()
+        self._waiting.append(text)
+        self._news.set()
+
+    def put_batch(self, text: str) -> None:
+        """Have a batch sent, unless the page is about to get everything."""
+        self._forget_if_full()
+        if not self._needs_all:
+            self._waiting.append(text)
+        self._news.set()
+
+    def _forget_if_full(self) -> None:
+        if len(self._waiting) >= MESSAGES_WAITING:
+            self._waiting.clear()
+            self._needs_all = True
+
+    async def next(self, everything: Callable[[], str]) -> list[str]:
+        """Wait for what is to be sent next, and return it."""
+        await self._news.wait()
+        self._news.clear()
+        texts = list(self._waiting)
+        self._waiting.clear()
+        if self._needs_all:
+            self._needs_all = False
+            texts.insert(0, everything())
+        return texts
+
+
+class Broadcaster:
+    """Turns what the vehicle's thread has seen into batches for all pages, ten times a second.
+
+    Args:
+        state: what pages show.
+        take_seen: returns what was seen since the last call.
+        ask: takes what a page has sent, and returns the answer if there is one already.
+    """
+
+    def __init__(
+        self,
+        state: LiveState,
+        take_seen: Callable[[], Iterable[Seen]],
+        ask: Callable[[int, str], Answer | None],
+    ) -> None:
+        self._state = state
+        self._take_seen = take_seen
+        self._ask = ask
+        self._clients: dict[int, Client] = {}
+        self._numbers = 0
+
+    async def run(self) -> None:
+        """Go on until cancelled."""
+        while True:
+            await asyncio.sleep(BATCH_PERIOD_S)
+            self.tick()
+
+    def tick(self) -> None:
+        """Take what was seen, and have every page told."""
+        self._state.take(self._take_seen())
+        for answer in self._state.take_answers():
+            if answer.client in self._clients:
+                self._clients[answer.client].put(_answer_text(answer))
+        batch = self._state.batch()
+        if self._clients:
+            text = encode(batch)
+            for client in self._clients.values():
+                client.put_batch(text)
+
+    async def serve(self, connection: WebSocket) -> None:
+        """Talk to a page until it leaves."""
+        if len(self._clients) >= MAX_CLIENTS:
+            await connection.close(TRY_LATER)
+            return
+        await connection.accept()
+        self._numbers += 1
+        client = self._clients[self._numbers] = Client(self._numbers)
+        sending = asyncio.create_task(self._send(connection, client))
+        try:
+            await self._receive(connection, client)
+        finally:
+            del self._clients[client.number]
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    async def _send(self, connection: WebSocket, client: Client) -> None:
+        # A page that leaves is noticed by whoever reads from it.
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                for text in await client.next(lambda: encode(self._state.snapshot())):
+                    await connection.send_text(text)
+
+    async def _receive(self, connection: WebSocket, client: Client) -> None:
+        while (message := await connection.receive())["type"] == "websocket.receive":
+            answer = self._ask(client.number, message.get("text") or "")
+            if answer is not None:
+                client.put(_answer_text(answer))
+
+
+def _answer_text(answer: Answer) -> str:
+    return encode({"type": "answer", "id": answer.request, "ok": answer.ok, "text": answer.text})
+
+
+def make_app(broadcaster: Broadcaster, host: str) -> Starlette:
+    """Return the application (ASGI).
+
+    Args:
+        broadcaster: who talks to pages.
+        host: under which the server was started.
+    """
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        task = asyncio.create_task(broadcaster.run())
+        yield
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    routes: list[Any] = [Route(path, _file(*file)) for path, file in FILES.items()]
+    routes.append(WebSocketRoute("/live", broadcaster.serve))
+    return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(SameSite, named=host)])
+
+
+def _file(name: str, media_type: str) -> Callable[[Request], Any]:
+    content = resources.files("emulator.web").joinpath("static", name).read_bytes()
+
+    async def answer(_request: Request) -> Response:
+        return Response(content, media_type=media_type)
+
+    return answer
+
+
+class PageServer:
+    """Serves on a socket, on a thread of its own, until it is stopped.
+
+    Args:
+        app: what answers (ASGI).
+        listening: a bound socket, which is closed at the end.
+    """
+
+    def __init__(self, app: Starlette, listening: socket.socket) -> None:
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            log_level="critical",
+            access_log=False,
+            lifespan="on",
+            http="h11",
+            ws="websockets-sansio",
+            ws_max_size=4 * MAX_REQUEST_CHARS,
+            ws_per_message_deflate=False,
+            proxy_headers=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        self._listening = listening
+        self._server = uvicorn.Server(config)
+        # What does not end in time ends with the process.
+        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+
+    def start(self) -> None:
+        """Begin to serve."""
+        self._listening.listen()
+        self._thread.start()
+
+    def _run(self) -> None:
+        self._server.run(sockets=[self._listening])
+
+    def stop(self) -> None:
+        """End all conversations, and the thread."""
+        self._server.should_exit = True
+        self._thread.join(STOP_PATIENCE_S)
+        self._listening.close()

@@ -1,0 +1,117 @@
+// SPDX-FileCopyrightText: 2026 The viso authors
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The page: talks to the server, keeps what it says, draws once a frame at most.
+
+import { readPalette } from "./charts.js";
+import { clearTexts, connectControls, makeButtons, showState, takeTexts, tell } from "./controls.js";
+import { byId, setText } from "./format.js";
+import { connectParams, takeParams, takeTable } from "./params.js";
+import { drawHeight, drawInnovations, drawLag, drawPlan } from "./path.js";
+import { showRates } from "./rates.js";
+import { clearVerdicts, markLive, takeRuns } from "./verdicts.js";
+
+const POINTS_KEPT = 1200;
+const RETRY_MS = 1000;
+const ANSWER_MS = 5000;
+
+const shown = { boots: 0, state: {}, lost: 0, rates: [], points: [], units: {} };
+const waiting = new Map();
+let socket = null;
+let requests = 0;
+let isDue = false;
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/live`);
+  socket.addEventListener("open", () => tellConnection(true));
+  socket.addEventListener("message", (event) => take(JSON.parse(event.data)));
+  socket.addEventListener("close", () => {
+    tellConnection(false);
+    for (const answer of waiting.values()) answer({ ok: false, text: "the connection has ended" });
+    waiting.clear();
+    setTimeout(connect, RETRY_MS);
+  });
+}
+
+function tellConnection(isOpen) {
+  const line = byId("connection");
+  line.dataset.tone = isOpen ? "good" : "bad";
+  setText(line, isOpen ? "connected" : "not connected, trying again");
+}
+
+/** Ask the server for something; the answer is told, and returned. */
+function ask(request) {
+  const id = (requests += 1);
+  return new Promise((resolve) => {
+    const finish = (answer) => {
+      waiting.delete(id);
+      tell(answer);
+      resolve(answer);
+    };
+    if (socket?.readyState !== WebSocket.OPEN) {
+      finish({ ok: false, text: "not connected" });
+      return;
+    }
+    waiting.set(id, finish);
+    setTimeout(() => waiting.has(id) && finish({ ok: false, text: "no answer" }), ANSWER_MS);
+    socket.send(JSON.stringify({ ...request, id }));
+  });
+}
+
+function take(message) {
+  if (message.type === "answer") waiting.get(message.id)?.(message);
+  else if (message.type === "all") takeAll(message);
+  else takeBatch(message);
+}
+
+function takeAll(message) {
+  setText(byId("banner"), message.banner);
+  makeButtons(message.actions, message.faults);
+  clearVerdicts();
+  clearTexts();
+  shown.points = message.points;
+  shown.units = message.units;
+  takeRuns(message.runs);
+  takeTexts(message.texts);
+  takeTable(message.table);
+  takeCommon(message);
+}
+
+function takeBatch(message) {
+  if (message.boots !== shown.boots) shown.points = [];
+  shown.points.push(message.point);
+  if (shown.points.length > POINTS_KEPT) shown.points.splice(0, shown.points.length - POINTS_KEPT);
+  takeRuns(message.runs);
+  takeTexts(message.texts);
+  if (message.table) takeTable(message.table);
+  takeParams(message.params);
+  takeCommon(message);
+}
+
+function takeCommon({ boots, state, lost, rates }) {
+  Object.assign(shown, { boots, state, lost, rates });
+  draw();
+}
+
+function draw() {
+  if (isDue) return;
+  isDue = true;
+  requestAnimationFrame(() => {
+    isDue = false;
+    const nowS = shown.points.at(-1)?.t ?? 0;
+    showState(shown.state, shown.lost);
+    showRates(shown.rates);
+    markLive(nowS);
+    drawPlan(shown.points);
+    drawHeight(shown.points, nowS);
+    drawInnovations(shown.points, nowS, shown.units);
+    drawLag(shown.points, nowS);
+  });
+}
+
+connectParams(ask);
+connectControls(ask, () => {
+  readPalette();
+  draw();
+});
+addEventListener("resize", draw);
+connect();

@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: 2026 The viso authors
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Drawing on canvases: colours of the theme, sharp lines, curves over the last minute.
+
+export const WINDOW_S = 60;
+
+const NAMES = ["vision", "ekf", "warn", "bad", "good", "muted", "text", "grid", "edge", "sunk"];
+const probe = document.createElement("span");
+let palette = {};
+
+/** Read the colours of the theme anew. */
+export function readPalette() {
+  document.body.append(probe);
+  palette = Object.fromEntries(
+    NAMES.map((name) => {
+      probe.style.color = `var(--${name})`;
+      return [name, getComputedStyle(probe).color];
+    }),
+  );
+  probe.remove();
+}
+
+export const colour = (name) => palette[name];
+
+/** Return a drawing context whose units are CSS pixels, with its size; null while the canvas is not shown. */
+export function begin(canvas) {
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  if (!width || !height) return null;
+  const ratio = devicePixelRatio || 1;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = "11px system-ui, sans-serif";
+  return { context, width, height };
+}
+
+/** Return a step of 1, 2 or 5 times a power of ten, so that about so many fit. */
+export function stepOf(span, count) {
+  const rough = span / count;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  return power * ([1, 2, 5].find((factor) => factor * power >= rough) || 10);
+}
+
+/** Return a number as precise as its step asks for. */
+export function tick(value, step) {
+  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+}
+
+function line(context, points, { stroke, dash = [], width = 1.5 }) {
+  context.strokeStyle = stroke;
+  context.setLineDash(dash);
+  context.lineWidth = width;
+  context.beginPath();
+  let isDrawing = false;
+  for (const [x, y] of points) {
+    if (y === null) isDrawing = false;
+    else if (isDrawing) context.lineTo(x, y);
+    else {
+      context.moveTo(x, y);
+      isDrawing = true;
+    }
+  }
+  context.stroke();
+  context.setLineDash([]);
+}
+
+/**
+ * Draw curves over the last minute.
+ *
+ * curves: [{ values: [[t, y or null], ...], colour, dash, dots }]; limits: [low, high] or null for what is there;
+ * mark: a level to be drawn as a line.
+ */
+export function drawStrip(canvas, nowS, curves, { limits = null, mark = null, labels = true } = {}) {
+  const begun = begin(canvas);
+  if (!begun) return;
+  const { context, width, height } = begun;
+  const left = labels ? 40 : 4;
+  const bottom = labels ? height - 16 : height - 3;
+  const top = 5;
+  const startS = nowS - WINDOW_S;
+  const shown = curves.map((curve) => curve.values.filter(([t]) => t >= startS && t <= nowS));
+  let [low, high] = limits || [Infinity, -Infinity];
+  if (!limits) {
+    for (const values of shown) {
+      for (const [, y] of values) {
+        if (y !== null) {
+          low = Math.min(low, y);
+          high = Math.max(high, y);
+        }
+      }
+    }
+    if (low > high) [low, high] = [0, 1];
+    const margin = Math.max((high - low) * 0.1, 1e-3, Math.abs(high) * 1e-3);
+    low -= margin;
+    high += margin;
+  }
+  const toX = (t) => left + ((t - startS) / WINDOW_S) * (width - left - 4);
+  const toY = (y) => bottom - ((Math.min(Math.max(y, low), high) - low) / (high - low)) * (bottom - top);
+  if (labels) drawGrid(context, { low, high, toX, toY, left, width, bottom, startS, nowS });
+  if (mark !== null) {
+    line(context, [[left, toY(mark)], [width - 4, toY(mark)]], { stroke: colour("bad"), dash: [5, 3], width: 1 });
+  }
+  curves.forEach((curve, index) => {
+    const points = shown[index].map(([t, y]) => [toX(t), y === null ? null : toY(y)]);
+    if (curve.dots) {
+      context.fillStyle = colour(curve.colour);
+      for (const [x, y] of points) if (y !== null) context.fillRect(x - 1.5, y - 1.5, 3, 3);
+    } else line(context, points, { stroke: colour(curve.colour), dash: curve.dash });
+  });
+}
+
+function drawGrid(context, { low, high, toX, toY, left, width, bottom, startS, nowS }) {
+  context.textBaseline = "middle";
+  context.textAlign = "right";
+  const step = stepOf(high - low, 3);
+  for (let y = Math.ceil(low / step) * step; y <= high; y += step) {
+    line(context, [[left, toY(y)], [width - 4, toY(y)]], { stroke: colour("grid"), width: 1 });
+    context.fillStyle = colour("muted");
+    context.fillText(tick(y, step), left - 5, toY(y));
+  }
+  context.textAlign = "center";
+  for (let t = Math.ceil(startS / 15) * 15; t <= nowS; t += 15) {
+    if (t < 0 || toX(t) > width - 16) continue;
+    line(context, [[toX(t), bottom], [toX(t), bottom + 3]], { stroke: colour("edge"), width: 1 });
+    context.fillStyle = colour("muted");
+    context.fillText(`${t} s`, toX(t), bottom + 10);
+  }
+}
+
+/** Tell in words what a canvas shows. */
+export function describe(canvas, text) {
+  if (canvas.getAttribute("aria-label") !== text) canvas.setAttribute("aria-label", text);
+}
+

@@ -1,0 +1,286 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live view in a real browser: it loads, updates, changes a parameter, and says why an ODOMETRY is dropped."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webdriver import WebDriver
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.wait import WebDriverWait
+
+from mav_handlers.verdicts import ODOMETRY_FRAMES
+from tests.interop import programs
+from tests.interop.programs import LIMIT_S, Autopilot, Companion, autopilot
+
+pytestmark = pytest.mark.interop
+
+BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+SWITCHES = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1600,1000",
+)
+PARAM_SET_TYPE = mavutil.mavlink.MAV_PARAM_TYPE_REAL32
+
+
+@dataclass(frozen=True)
+class Page:
+    """The page of a running vehicle, in a browser."""
+
+    driver: WebDriver
+    vehicle: Autopilot
+    url: str
+
+    def find(self, selector: str) -> WebElement:
+        """Return the first element that a CSS selector finds."""
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def wait_text(self, selector: str, pattern: str) -> str:
+        """Wait until the text of an element has a match for a pattern, and return it."""
+        script = "return document.querySelector(arguments[0])?.textContent ?? ''"
+        seen = ""
+
+        def matches(driver: WebDriver) -> bool:
+            nonlocal seen
+            seen = driver.execute_script(script, selector)
+            return re.search(pattern, seen) is not None
+
+        WebDriverWait(self.driver, LIMIT_S, 0.05).until(matches, f"{selector} never said {pattern!r}")
+        return seen
+
+    def wait(self, script: str, *args: Any) -> Any:
+        """Wait until an expression is true, and return it."""
+        return WebDriverWait(self.driver, LIMIT_S, 0.05).until(
+            lambda driver: driver.execute_script(f"return {script}", *args), f"never true: {script}"
+        )
+
+    def press(self, *keys: str) -> None:
+        """Press keys, one after the other, wherever the focus is."""
+        for key in keys:
+            self.driver.switch_to.active_element.send_keys(key)
+
+    def leave(self) -> None:
+        """Have nothing focused."""
+        self.driver.execute_script("document.activeElement.blur()")
+
+    def media(self, scheme: str, width: int = 1600) -> None:
+        """Let the system prefer a colour scheme, and make the window so wide."""
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebDriver]:
+    """Return a headless browser with nothing in its profile."""
+    if BROWSER is None or DRIVER is None:
+        pytest.skip("chromium and chromedriver are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for switch in (*SWITCHES, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(switch)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    made = webdriver.Chrome(options=options, service=Service(executable_path=DRIVER))
+    try:
+        yield made
+    finally:
+        made.quit()
+
+
+@pytest.fixture(scope="module")
+def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Autopilot]:
+    """Return a vehicle that serves its page."""
+    options = ("--web=127.0.0.1:0", "--preset=voxl")
+    with autopilot(tmp_path_factory.mktemp("vehicle"), *options, links=("tcpin", "tcpin")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def url(vehicle: Autopilot) -> str:
+    """Return where the page is, as the program has printed it."""
+    (line,) = [line for line in vehicle.program.lines if line.startswith("live view at ")]
+    return line.removeprefix("live view at ")
+
+
+@pytest.fixture
+def page(driver: WebDriver, vehicle: Autopilot, url: str) -> Page:
+    """Return the page, opened anew."""
+    driver.get(url)
+    made = Page(driver, vehicle, url)
+    made.media("light")
+    made.wait_text("#connection", "^connected$")
+    made.wait_text("#tiles", "disarmed")
+    return made
+
+
+def test_page_loads_all_of_itself_from_the_vehicle(page: Page) -> None:
+    assert "ArduCopter" in page.wait_text("#banner", "tcpin")
+    script = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
+    loaded = page.driver.execute_script(script)
+    assert {"app.js", "style.css"} <= {name.removeprefix(page.url) for name in loaded}
+    assert [name for name in loaded if not name.startswith(page.url)] == []
+    assert page.driver.get_log("browser") == []  # type: ignore[attr-defined]
+
+
+def test_accepted_messages_are_counted_while_they_come(page: Page) -> None:
+    with Companion(page.vehicle.ports[0]):
+        row = "#verdict-list li[data-outcome=accepted]"
+        page.wait_text(row, "ODOMETRY.*consumed")
+        count = "Number(document.querySelector(arguments[0])?.dataset.count ?? 0)"
+        before = page.driver.execute_script(f"return {count}", row)
+        page.wait(f"{count} > arguments[1]", row, before + 20)
+        page.wait_text("#rates tbody tr", r"^ODOMETRY\d")
+        page.wait("[...document.querySelectorAll('#rates tbody tr td')].some((cell) => Number(cell.textContent) > 10)")
+        page.wait_text("#tiles", "camerahealthy")
+        page.wait("document.querySelector('#plan').getAttribute('aria-label').includes('vision at 0.00 m north')")
+
+
+def test_dropped_odometry_has_its_reason_and_its_place_in_the_firmware(page: Page) -> None:
+    with Companion(page.vehicle.ports[0]):
+        page.find("#fault-frames").click()
+        row = f"#verdict-list li[data-rule={ODOMETRY_FRAMES.rule.code}]"
+        text = page.wait_text(row, "ODOMETRY")
+        assert "dropped" in text
+        assert ODOMETRY_FRAMES.rule.text in text
+        assert ODOMETRY_FRAMES.rule.source in text
+        page.wait("document.querySelector('#fault-frames').getAttribute('aria-pressed') === 'true'")
+        page.wait_text("#tiles", "1 on")
+        page.find("#verdict-search").send_keys("local_frd")
+        others = f"#verdict-list li:not([hidden]):not([data-rule={ODOMETRY_FRAMES.rule.code}])"
+        page.wait("document.querySelector(arguments[0]) === null", others)
+        page.find("#fault-frames").click()
+        page.wait("document.querySelector('#fault-frames').getAttribute('aria-pressed') === 'false'")
+
+
+def test_page_keeps_up_with_200_messages_a_second(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(programs, "RATE_HZ", 200)
+    with Companion(page.vehicle.ports[0]):
+        page.wait("Number(document.querySelector('#rates tbody td')?.textContent) > 100")
+        page.find("#verdict-search").send_keys("no such verdict")
+        page.wait("document.querySelector('#verdict-list li:not([hidden])') === null")
+        page.press(Keys.ESCAPE)
+        page.wait("document.querySelector('#verdict-list li.live:not([hidden])') !== null")
+    assert "not shown" not in page.find("#tiles").text
+
+
+def test_changed_parameter_reaches_the_vehicle_and_every_link(page: Page) -> None:
+    client = mavutil.mavlink_connection(f"tcp:127.0.0.1:{page.vehicle.ports[1]}", source_system=255)
+    try:
+        client.mav.heartbeat_send(6, 8, 0, 0, 4)
+        assert client.wait_heartbeat(timeout=LIMIT_S) is not None
+        field = page.find("#param-VISO_DELAY_MS")
+        page.find("#param-search").send_keys("viso delay")
+        page.wait_text("#param-note", "^1 of")
+        field.send_keys(Keys.CONTROL, "a")
+        field.send_keys("80", Keys.ENTER)
+        page.wait_text("#answer", "VISO_DELAY_MS is 80")
+        echo = client.recv_match(
+            type="PARAM_VALUE", condition="PARAM_VALUE.param_id=='VISO_DELAY_MS'", blocking=True, timeout=LIMIT_S
+        )
+        assert echo is not None
+        assert echo.param_value == 80
+        client.param_set_send("VISO_DELAY_MS", 30, PARAM_SET_TYPE)
+        page.leave()
+        page.wait("document.querySelector('#param-VISO_DELAY_MS').value === '30'")
+    finally:
+        client.close()
+
+
+def test_number_that_is_none_is_marked_and_not_sent(page: Page) -> None:
+    field = page.find("#param-VISO_QUAL_MIN")
+    before = field.get_attribute("value")
+    field.send_keys(Keys.CONTROL, "a")
+    field.send_keys("ten", Keys.ENTER)
+    page.wait("document.querySelector('#param-VISO_QUAL_MIN').getAttribute('aria-invalid') === 'true'")
+    field.send_keys(Keys.ESCAPE)
+    assert field.get_attribute("value") == before
+
+
+def test_keys_command_the_vehicle_but_not_while_typing(page: Page) -> None:
+    page.leave()
+    page.press("2")
+    page.wait("document.querySelector('#action-source2').getAttribute('aria-pressed') === 'true'")
+    page.press("/")
+    page.press("1", "a")
+    assert page.find("#verdict-search").get_attribute("value") == "1a"
+    page.press(Keys.ESCAPE)
+    assert page.find("#verdict-search").get_attribute("value") == ""
+    page.press("1")
+    page.wait("document.querySelector('#action-source1').getAttribute('aria-pressed') === 'true'")
+    page.press("?")
+    page.wait("document.querySelector('#keys').open")
+    page.press(Keys.ESCAPE)
+    page.wait("!document.querySelector('#keys').open")
+
+
+def test_refused_arming_is_told_with_its_reasons(page: Page) -> None:
+    page.find("#action-arm").click()
+    page.wait_text("#answer", "^✕ Arm: refused")
+    page.wait_text("#prearm", "VisOdom: not healthy")
+    page.wait_text("#texts li", "Arm: ")
+
+
+def test_focus_goes_through_the_page_in_order_and_is_seen(page: Page) -> None:
+    page.driver.execute_script("document.body.tabIndex = -1; document.body.focus()")
+    seen = []
+    for _ in range(5):
+        page.press(Keys.TAB)
+        focused = page.driver.switch_to.active_element
+        seen.append(focused.get_attribute("id") or focused.get_attribute("class"))
+        assert focused.value_of_css_property("outline-style") == "solid"
+    assert seen == ["skip", "theme", "help", "action-align", "action-check"]
+
+
+def test_dark_and_light_follow_the_system_until_chosen(page: Page) -> None:
+    background = "return getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)[0]"
+    page.media("dark")
+    assert page.driver.execute_script(background) < 60
+    page.media("light")
+    assert page.driver.execute_script(background) > 200
+    for name in ("light", "dark", "auto"):
+        page.find("#theme").click()
+        page.wait_text("#theme", name)
+        assert (page.driver.execute_script(background) < 60) == (name == "dark")
+
+
+@pytest.mark.parametrize("width", [360, 1100, 1800])
+def test_nothing_needs_scrolling_sideways(page: Page, width: int) -> None:
+    page.media("light", width)
+    page.wait("document.documentElement.clientWidth <= arguments[0]", width)
+    assert page.driver.execute_script("return document.documentElement.scrollWidth") <= width
+
+
+def test_restart_is_shown_and_the_page_goes_on(page: Page) -> None:
+    page.find("#action-restart").click()
+    page.wait_text("#answer", "Restart: done")
+    page.wait("[...document.querySelectorAll('#texts li')].some((li) => li.textContent.includes('— restart —'))")
+    page.wait_text("#texts li", "AHRS: EKF3 active|EKF3 IMU|ArduPilot Ready|DCM active")
+    page.find("#action-source3").click()
+    page.wait("document.querySelector('#action-source3').getAttribute('aria-pressed') === 'true'")
+
+
+def test_page_says_so_when_the_vehicle_ends_and_keeps_nothing_from_ending(driver: WebDriver, tmp_path: Path) -> None:
+    with autopilot(tmp_path, "--web=127.0.0.1:0") as vehicle:
+        (line,) = [line for line in vehicle.program.lines if line.startswith("live view at ")]
+        driver.get(line.removeprefix("live view at "))
+        page = Page(driver, vehicle, line)
+        page.wait_text("#connection", "^connected$")
+        assert vehicle.program.interrupt() == 0
+        page.wait_text("#connection", "^not connected")

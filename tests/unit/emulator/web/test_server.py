@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The server on loopback: files, sockets, and who is turned away."""
+
+import asyncio
+import http.client
+import json
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
+
+import emulator.web
+from emulator.errors import InputError
+from emulator.web.live_view import LiveView
+from emulator.web.server import FILES, MAX_CLIENTS, MESSAGES_WAITING, Client
+from tests.unit.emulator.conftest import Bench
+
+LIMIT_S = 20.0
+STATIC = Path(emulator.web.__file__).parent / "static"
+
+
+class Served:
+    """A vehicle with its page at a free port of loopback; it moves when a test moves it."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.view = LiveView("127.0.0.1:0", [], "a banner")
+        self.view.feed.watch(bench.vehicle)
+        self.port = int(self.view.url.rstrip("/").rpartition(":")[2])
+
+    def get(self, path: str, host: str | None = None) -> tuple[int, dict[str, str], bytes]:
+        """Ask for a file; return status, headers and content."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
+        try:
+            connection.request("GET", path, headers={} if host is None else {"Host": host})
+            answer = connection.getresponse()
+            return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+        finally:
+            connection.close()
+
+    @contextmanager
+    def page(self, origin: str | None = "own", host: str | None = None) -> Iterator[ClientConnection]:
+        """Open a socket as a page of some origin does, under some name."""
+        whose = f"http://127.0.0.1:{self.port}" if origin == "own" else origin
+        with connect(
+            f"ws://{host or '127.0.0.1'}:{self.port}/live",
+            sock=socket.create_connection(("127.0.0.1", self.port), LIMIT_S),
+            origin=None if whose is None else Origin(whose),
+            compression=None,
+            open_timeout=LIMIT_S,
+        ) as opened:
+            yield opened
+
+
+@pytest.fixture
+def served(make_bench: Callable[..., Bench]) -> Iterator[Served]:
+    made = Served(make_bench(VISO_TYPE=1))
+    yield made
+    made.view.close()
+
+
+def until(page: ClientConnection, kind: str) -> dict[str, Any]:
+    """Return the next message of a kind."""
+    while True:
+        message = json.loads(page.recv(LIMIT_S))
+        if message["type"] == kind:
+            assert isinstance(message, dict)
+            return message
+
+
+def test_every_file_is_served_with_its_type_and_may_load_nothing_from_elsewhere(served: Served) -> None:
+    for path, (_, media_type) in FILES.items():
+        status, headers, content = served.get(path)
+        assert (status, headers["content-type"]) == (200, media_type)
+        assert "default-src 'none'" in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert b"SPDX-License-Identifier" in content
+
+
+def test_every_file_of_the_page_is_in_the_table() -> None:
+    assert sorted(name for name, _ in FILES.values()) == sorted(path.name for path in STATIC.iterdir())
+
+
+@pytest.mark.parametrize("path", sorted(STATIC.iterdir()), ids=lambda path: str(path.name))
+def test_no_file_names_another_machine(path: Path) -> None:
+    text = path.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
+    assert "http://" not in text
+    assert "https://" not in text
+
+
+def test_nothing_else_is_there(served: Served) -> None:
+    assert [served.get(path)[0] for path in ("/nothing", "/../server.py", "/static/app.js")] == [404] * 3
+
+
+def test_strange_name_is_refused(served: Served) -> None:
+    assert served.get("/", host="evil.example")[0] == 421
+
+
+def test_socket_of_a_strange_page_is_refused(served: Served) -> None:
+    for origin in (None, "null", "http://evil.example", "http://localhost:1"):
+        with pytest.raises(InvalidStatus), served.page(origin):
+            pass
+
+
+def test_socket_under_a_strange_name_is_refused_though_its_page_has_the_same(served: Served) -> None:
+    with pytest.raises(InvalidStatus), served.page(f"http://evil.example:{served.port}", host="evil.example"):
+        pass
+
+
+def test_page_gets_everything_and_then_batches(served: Served) -> None:
+    with served.page() as page:
+        assert json.loads(page.recv(LIMIT_S))["banner"] == "a banner"
+        served.bench.vehicle.texts.send_text(6, "news")
+        while not any(text == "news" for *_, text in until(page, "batch")["texts"]):
+            pass
+
+
+def test_request_is_done_when_the_vehicle_comes_to_it(served: Served) -> None:
+    with served.page() as page:
+        page.send('{"do":"param","name":"VISO_DELAY_MS","value":77,"id":5}')
+        while not len(served.view.feed._desk._waiting):
+            page.recv(LIMIT_S)
+        served.view.feed.update()
+        answer = until(page, "answer")
+        assert answer == {"type": "answer", "id": 5, "ok": True, "text": "VISO_DELAY_MS is 77.0"}
+    assert served.bench.vehicle.params.get_int("VISO_DELAY_MS") == 77
+
+
+def test_nonsense_is_answered_and_the_conversation_goes_on(served: Served) -> None:
+    with served.page() as page:
+        for sent in ("", "{", b"\x00\xff", '{"do":"param","name":"X","value":"y"}', "[1]"):
+            page.send(sent)
+            assert until(page, "answer")["ok"] is False
+        until(page, "batch")
+
+
+def test_far_too_long_a_request_ends_the_conversation_and_nothing_else(served: Served) -> None:
+    with served.page() as page:
+        page.send("x" * 100_000)
+        with pytest.raises(ConnectionClosed):
+            until(page, "never")
+    with served.page() as page:
+        until(page, "batch")
+
+
+def test_answer_goes_to_the_page_that_asked(served: Served) -> None:
+    with served.page() as asking, served.page() as other:
+        asking.send("nonsense")
+        until(asking, "answer")
+        for _ in range(2):
+            assert json.loads(other.recv(LIMIT_S))["type"] in ("all", "batch")
+
+
+def test_there_is_a_limit_to_pages(served: Served) -> None:
+    with ExitStack() as stack:
+        pages = [stack.enter_context(served.page()) for _ in range(MAX_CLIENTS)]
+        for page in pages:
+            until(page, "all")
+        with pytest.raises(InvalidStatus), served.page():
+            pass
+
+
+def test_closing_leaves_every_page(served: Served) -> None:
+    with served.page() as page:
+        until(page, "all")
+        served.view.close()
+        with pytest.raises(ConnectionClosed):
+            until(page, "never")
+    with pytest.raises(ConnectionRefusedError):
+        served.get("/")
+
+
+def test_port_that_is_taken_is_one_line(served: Served) -> None:
+    address = f"127.0.0.1:{served.port}"
+    with pytest.raises(InputError, match=f"^--web {address}: address already in use$"):
+        LiveView(address, [], "")
+
+
+# A page that is too slow
+
+
+async def everything_of(client: Client) -> list[str]:
+    return await client.next(lambda: "everything")
+
+
+def test_slow_page_gets_everything_anew() -> None:
+    async def run() -> tuple[list[str], list[str]]:
+        client = Client(1)
+        first = await everything_of(client)
+        for number in range(MESSAGES_WAITING + 5):
+            client.put_batch(str(number))
+        client.put("answer")
+        return first, await everything_of(client)
+
+    assert asyncio.run(run()) == (["everything"], ["everything", "answer"])
+
+
+def test_quick_page_gets_batches_in_order() -> None:
+    async def run() -> list[str]:
+        client = Client(1)
+        await everything_of(client)
+        client.put_batch("1")
+        client.put_batch("2")
+        return await everything_of(client)
+
+    assert asyncio.run(run()) == ["1", "2"]
