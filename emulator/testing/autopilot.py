@@ -1,0 +1,333 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The emulated autopilot in virtual time, within the process of a test."""
+
+import math
+from collections.abc import Collection
+from pathlib import Path
+from typing import TypeVar
+
+from ap_core.verdict import Outcome
+from emulator.filter_watch import FilterWatch
+from emulator.testing import claims
+from emulator.testing.booted import booted_vehicle
+from emulator.testing.golden import GoldenFiles
+from emulator.testing.observer import VISION_RECORDS, Observer
+from emulator.testing.options import AutopilotOptions
+from emulator.testing.params import LiveParams
+from emulator.testing.seen import MessageVerdict, Record, StatusText
+from emulator.testing.sender import Sender
+from emulator.vehicle import LOOP_PERIOD_US
+from mav_handlers.wire.messages import Message
+
+M = TypeVar("M", bound=Message)
+
+
+class Autopilot:
+    """A vehicle with one MAVLink link, whose time goes on when told to and at no other time.
+
+    It has run for 6.5 s when it is made; what it said meanwhile is in its log alone. What is sent to it is handled
+    at once. Everything that is asked of it is about the time since then, or since ``clear``.
+
+    Args:
+        options: what vehicle it is.
+        golden: where golden logs are; None if there are none.
+
+    Attributes:
+        vehicle: the vehicle itself, for what is not here.
+        params: its parameters by name, to be read and set.
+
+    Raises:
+        ValueError: an option cannot be used.
+    """
+
+    def __init__(self, options: AutopilotOptions | None = None, golden: GoldenFiles | None = None) -> None:
+        booted = booted_vehicle(options or AutopilotOptions())
+        self.vehicle = booted.vehicle
+        self.params = LiveParams(self.vehicle)
+        self._scheduler = booted.scheduler
+        self._channel = booted.channel
+        self._logs = booted.logs
+        self._golden = golden
+        self._watch = FilterWatch(self.vehicle)
+        self._observer = Observer(self.vehicle, self._watch)
+        self._sender = Sender()
+        self._unread = bytearray()
+
+    def close(self) -> None:
+        """Let go of everything; the fixture does that."""
+        self.vehicle.close()
+
+    # Time
+
+    @property
+    def now_us(self) -> int:
+        """The vehicle's time in us since boot."""
+        return self._scheduler.now_us
+
+    def advance(self, *, ms: float | None = None, s: float | None = None) -> None:
+        """Let the vehicle run for a while of its own time, in ms or in s; that takes a fraction of it.
+
+        Raises:
+            ValueError: not one of the two is given, or it is no duration.
+        """
+        if (ms is None) is (s is None):
+            raise ValueError("advance takes either ms= or s=")
+        duration_us = ms * 1e3 if ms is not None else (s or 0.0) * 1e6
+        if not 0 <= duration_us < math.inf:
+            raise ValueError(f"advance by {duration_us * 1e-6} s: not a duration")
+        self._begin()
+        self._run_until(self.now_us + round(duration_us))
+
+    def _run_until(self, time_us: int) -> None:
+        while (pass_us := self._next_pass_us()) <= time_us:
+            self._take_input()
+            self._pass(pass_us)
+        self._scheduler.run_until(time_us)
+
+    def _next_pass_us(self) -> int:
+        return self.now_us // LOOP_PERIOD_US * LOOP_PERIOD_US + LOOP_PERIOD_US
+
+    def _pass(self, time_us: int) -> None:
+        self._scheduler.run_until(time_us)
+        self._take_output()
+        self._observer.forget_old_samples()
+
+    # The link
+
+    def send(self, message: object, *, system_id: int = 1, component_id: int = 197) -> tuple[MessageVerdict, ...]:
+        """Hand a message to the autopilot now, and return what became of it.
+
+        A message gives one verdict. Bytes give any number: none while a frame is not whole.
+
+        Args:
+            message: one of ``mav_handlers.wire.messages``, one of pymavlink's, or bytes as they come from a link.
+            system_id, component_id: whose frame a message is put into; bytes are left as they are.
+
+        Raises:
+            TypeError: it is none of these.
+            ValueError: an id is out of range, a field does not fit its type, or nobody here knows the message.
+        """
+        self._begin()
+        frame = self._sender.frame(message, system_id, component_id)
+        before = len(self._observer.verdicts)
+        self._deliver(frame)
+        return tuple(self._observer.verdicts[before:])
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the autopilot now, as to the ``write`` of a serial port."""
+        self.send(data)
+
+    def read(self) -> bytes:
+        """Return the bytes that the autopilot has sent since the last call, as from the ``read`` of a serial port."""
+        self._begin()
+        data = bytes(self._unread)
+        self._unread.clear()
+        return data
+
+    def _deliver(self, data: bytes) -> None:
+        self._scheduler.deliver(self._channel, data)
+        self._take_output()
+
+    def _take_output(self) -> None:
+        data = self.vehicle.endpoint.bytes_to_send(self._channel)
+        if data:
+            self._observer.take_output(data)
+            self._unread += data
+            self._put_output(data)
+
+    def _begin(self) -> None:
+        """Make ready for a call that changes something."""
+        self._sync()
+
+    def _sync(self) -> None:
+        """Take in what was sent by other ways before now."""
+
+    def _take_input(self) -> None:
+        """Take in what has come by other ways, before a pass of the main loop."""
+
+    def _put_output(self, data: bytes) -> None:
+        """Send bytes by other ways."""
+
+    # What is seen of it
+
+    def clear(self) -> None:
+        """Forget what was seen so far: verdicts, texts, records, messages received."""
+        self._begin()
+        self._observer.clear()
+
+    @property
+    def verdicts(self) -> list[MessageVerdict]:
+        """What became of each message, in order."""
+        self._sync()
+        return list(self._observer.verdicts)
+
+    @property
+    def status_texts(self) -> list[StatusText]:
+        """What the autopilot said."""
+        self._sync()
+        return list(self._observer.status_texts)
+
+    @property
+    def records(self) -> list[Record]:
+        """The records that it wrote to its log, but for parameters (PARM)."""
+        self._sync()
+        return list(self._observer.records)
+
+    def records_of(self, *names: str) -> list[Record]:
+        """Return the records of some types, such as VISP."""
+        return [record for record in self.records if record.name in names]
+
+    @property
+    def received(self) -> list[Message]:
+        """The messages that the autopilot sent."""
+        self._sync()
+        return list(self._observer.received)
+
+    def received_of(self, kind: type[M]) -> list[M]:
+        """Return the messages of one type that the autopilot sent."""
+        return [message for message in self.received if isinstance(message, kind)]
+
+    @property
+    def aiding(self) -> str:
+        """How the filter navigates: none, absolute (by position) or relative (by velocity alone)."""
+        self._sync()
+        return self._watch.mode().value
+
+    @property
+    def log_bytes(self) -> bytes:
+        """The DataFlash log, from boot on; the newest one if there are several, and nothing if there is none."""
+        self._sync()
+        return bytes(self._logs[-1].data) if self._logs else b""
+
+    def write_log(self, path: str | Path) -> None:
+        """Write the DataFlash log to a file, for any program that reads .BIN.
+
+        Raises:
+            ValueError: there is none, as LOG_DISARMED is 0 and the vehicle was never armed.
+            OSError: as the file system says.
+        """
+        data = self.log_bytes
+        if not data:
+            raise ValueError("there is no log: LOG_DISARMED is 0, and the vehicle was never armed")
+        Path(path).write_bytes(data)
+
+    # What a test claims
+
+    def assert_accepted(self, count: int | None = None, message: str | type[Message] | None = None) -> None:
+        """Claim that messages reached the filter's door.
+
+        Args:
+            count: exactly so many. Without it: at least one, and nothing that carries navigation was dropped, withheld
+                or damaged.
+            message: count those of one name or type only.
+
+        Raises:
+            AssertionError: it is not so; the text tells what did become of messages.
+            ValueError: no message has that name, or the count is none.
+        """
+        __tracebackhide__ = True
+        claim = claims.make_claim(Outcome.ACCEPTED, message, None, count)
+        verdicts = self.verdicts
+        claims.check_claim(claim, verdicts)
+        if count is None:
+            claims.check_nothing_lost(verdicts, claim.message)
+
+    def assert_dropped(
+        self, reason: str | None = None, count: int | None = None, message: str | type[Message] | None = None
+    ) -> None:
+        """Claim that messages had no effect at all.
+
+        Args:
+            reason: the code of the rule by which, such as odometry_frames.
+            count: exactly so many; at least one without it.
+            message: count those of one name or type only.
+
+        Raises:
+            AssertionError: it is not so; the text tells what did become of messages.
+            ValueError: no message has that name, by no rule of that code messages are dropped, or the count is none.
+        """
+        __tracebackhide__ = True
+        claims.check_claim(claims.make_claim(Outcome.DROPPED, message, reason, count), self.verdicts)
+
+    def assert_ignored(
+        self, reason: str | None = None, count: int | None = None, message: str | type[Message] | None = None
+    ) -> None:
+        """Claim that messages were logged and counted for health, but withheld from the filter.
+
+        Args:
+            reason: the code of the rule by which, such as quality_below_min.
+            count: exactly so many; at least one without it.
+            message: count those of one name or type only.
+
+        Raises:
+            AssertionError: it is not so; the text tells what did become of messages.
+            ValueError: no message has that name, by no rule of that code messages are ignored, or the count is none.
+        """
+        __tracebackhide__ = True
+        claims.check_claim(claims.make_claim(Outcome.IGNORED, message, reason, count), self.verdicts)
+
+    def assert_fused(self, kind: str = "pose", count: int | None = None) -> None:
+        """Claim that the filter, a model of EKF3, fused samples; it decides some 60 to 250 ms after a message.
+
+        Args:
+            kind: pose, height, yaw, velocity or odometry.
+            count: exactly so many; at least one without it.
+
+        Raises:
+            AssertionError: it is not so; the text tells what did become of samples.
+            ValueError: there is no such kind, or the count is none.
+        """
+        __tracebackhide__ = True
+        claims.check_fused(self.verdicts, kind, count)
+
+    def assert_text(self, part: str) -> None:
+        """Claim that the autopilot said something that contains a part.
+
+        Raises:
+            AssertionError: it did not; the text tells what it did say.
+        """
+        __tracebackhide__ = True
+        claims.check_text(part, self.status_texts)
+
+    def assert_healthy(self) -> None:
+        """Claim that now neither the camera nor the estimator would keep the vehicle from arming.
+
+        Raises:
+            AssertionError: the text has the words of the pre-arm checks, and what became of messages.
+        """
+        __tracebackhide__ = True
+        verdicts = self.verdicts
+        failures = self._pre_arm_failures()
+        if failures:
+            what = claims.what_became(verdicts)
+            raise AssertionError(f"expected a healthy vehicle, but {', and '.join(failures)}{what}")
+
+    def _pre_arm_failures(self) -> list[str]:
+        camera = self.vehicle.visual_odom
+        vision = camera.pre_arm_check() if camera.enabled() else "VISO_TYPE is 0"
+        estimator = self.vehicle.ahrs.pre_arm_failure(requires_position=False)
+        named = (("VisOdom", vision), ("AHRS", estimator))
+        return [f"{name}: {failure}" for name, failure in named if failure is not None]
+
+    def assert_golden(
+        self, name: str, *, records: Collection[str] = VISION_RECORDS, leave_out: Collection[str] = ()
+    ) -> None:
+        """Claim that the log's records are those of the file ``golden/NAME.jsonl`` beside the test's module.
+
+        With ``--update-golden`` the file is written instead.
+
+        Args:
+            name: of the file, without its ending.
+            records: which types of records.
+            leave_out: labels of fields that differ from run to run, as a sender's stamps by the wall clock do
+                (RTimeUS, CTimeMS).
+
+        Raises:
+            AssertionError: the file is missing or tells something else; the text shows the difference.
+            ValueError: the name is none, or there are no such records or fields.
+        """
+        __tracebackhide__ = True
+        if self._golden is None:
+            raise ValueError(f"golden log {name!r}: this autopilot was made without a folder of golden logs")
+        self._golden.check(name, self.records_of(*records), leave_out)

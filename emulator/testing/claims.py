@@ -1,0 +1,184 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a test may claim about messages, samples and texts, and what it is told when that is wrong."""
+
+import difflib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.verdict import Outcome
+from emulator.filter_fates import Fate
+from emulator.filter_watch import UNITS
+from emulator.testing.seen import MessageVerdict, StatusText
+from mav_handlers.all_verdicts import ALL_VERDICTS
+from mav_handlers.endpoint import UNKNOWN_NAME
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.wire.codec import message_id
+from mav_handlers.wire.messages import Message
+
+MESSAGE_ROWS: Final = 8
+TEXT_ROWS: Final = 8
+KINDS: Final = tuple(UNITS)
+"""Of samples, as the filter tells them apart."""
+
+_NO_FRAME: Final = "BAD_DATA"
+_VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
+# Whoever sends what cannot be read has lost a message of some kind.
+_NAVIGATION: Final = _VISION_NAMES | {_NO_FRAME, UNKNOWN_NAME}
+_OUTCOME_OF_RULE: Final = {verdict.rule.code: verdict.outcome for verdict in ALL_VERDICTS}
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """That ``count`` messages met an outcome, all of one name and for one reason if these are given.
+
+    Without a count there is at least one.
+    """
+
+    outcome: Outcome
+    message: str | None
+    reason: str | None
+    count: int | None
+
+    def fits(self, verdict: MessageVerdict) -> bool:
+        """Tell whether a message is one of those."""
+        return (
+            verdict.outcome is self.outcome
+            and self.message in (None, verdict.name)
+            and self.reason in (None, verdict.rule)
+        )
+
+    def holds(self, found: int) -> bool:
+        """Tell whether a number of messages is the right one."""
+        return found > 0 if self.count is None else found == self.count
+
+    def __str__(self) -> str:
+        """Return the claim in words."""
+        count = "at least one" if self.count is None else str(self.count)
+        why = "" if self.reason is None else f" by the rule {self.reason}"
+        what = self.message or ("message" if self.count in (None, 1) else "messages")
+        return f"{count} {what} {self.outcome.value}{why}"
+
+
+def make_claim(outcome: Outcome, message: str | type[Message] | None, reason: str | None, count: int | None) -> Claim:
+    """Return a claim.
+
+    Raises:
+        ValueError: no message has that name, no rule that code, the rule has another outcome, or the count is negative.
+    """
+    name = message if message is None or isinstance(message, str) else message.__name__
+    if name is not None and name not in (_NO_FRAME, UNKNOWN_NAME):
+        _check_message_name(name)
+    if reason is not None:
+        _check_reason(reason, outcome)
+    check_count(count)
+    return Claim(outcome, name, reason, count)
+
+
+def _check_message_name(name: str) -> None:
+    try:
+        message_id(name)
+    except KeyError:
+        raise ValueError(f"message {name!r}: MAVLink has no such message") from None
+
+
+def _check_reason(reason: str, outcome: Outcome) -> None:
+    codes = [code for code, its_outcome in _OUTCOME_OF_RULE.items() if its_outcome is outcome]
+    if reason in codes:
+        return
+    if reason in _OUTCOME_OF_RULE:
+        raise ValueError(f"reason {reason!r}: by that rule messages are {_OUTCOME_OF_RULE[reason]}, not {outcome}")
+    near = difflib.get_close_matches(reason, codes, 1)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(codes)}"
+    raise ValueError(f"reason {reason!r}: no such rule; {hint}")
+
+
+def check_count(count: int | None) -> None:
+    """Raise ValueError unless it is a number of things, or None."""
+    if count is not None and (isinstance(count, bool) or not isinstance(count, int) or count < 0):
+        raise ValueError(f"count {count!r}: not a number of messages")
+
+
+def check_claim(claim: Claim, verdicts: Sequence[MessageVerdict]) -> None:
+    """Raise AssertionError, with what did happen, unless the claim holds."""
+    __tracebackhide__ = True
+    found = sum(map(claim.fits, verdicts))
+    if not claim.holds(found):
+        raise AssertionError(f"expected {claim}, found {found}{what_became(verdicts)}")
+
+
+def check_nothing_lost(verdicts: Sequence[MessageVerdict], message: str | None) -> None:
+    """Raise AssertionError if navigation was dropped or withheld: of one message by its name, or any."""
+    __tracebackhide__ = True
+    lost = [
+        verdict
+        for verdict in verdicts
+        if verdict.outcome in (Outcome.DROPPED, Outcome.IGNORED)
+        and (verdict.name in _NAVIGATION if message is None else verdict.name == message)
+    ]
+    if lost:
+        what = message or "message with navigation"
+        raise AssertionError(f"expected every {what} accepted, but not {len(lost)}{what_became(verdicts)}")
+
+
+def what_became(verdicts: Sequence[MessageVerdict]) -> str:
+    """Return what became of messages, a line for each kind and rule, with the time of the first in s since boot."""
+    if not verdicts:
+        return "; nothing has come"
+    first: dict[tuple[str, ...], int] = {}
+    counts: Counter[tuple[str, ...]] = Counter()
+    for verdict in verdicts:
+        key = verdict.name, verdict.outcome.value, verdict.rule, verdict.reason
+        first.setdefault(key, verdict.time_us)
+        counts[key] += 1
+    rows = [
+        f"{count:5d} {name} {outcome}, {rule}: {reason} (first at {first[name, outcome, rule, reason] * 1e-6:.3f} s)"
+        for (name, outcome, rule, reason), count in counts.most_common()
+    ]
+    return f"; what came:\n{shortened(rows, MESSAGE_ROWS)}"
+
+
+def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None) -> None:
+    """Raise AssertionError unless the filter fused samples of a kind.
+
+    Raises:
+        ValueError: there is no such kind, or the count is negative.
+        AssertionError: too few or too many; the text tells what became of samples.
+    """
+    __tracebackhide__ = True
+    if kind not in KINDS:
+        raise ValueError(f"kind {kind!r}: no such kind of sample; there are {', '.join(KINDS)}")
+    check_count(count)
+    fates = [fate for verdict in verdicts for fate in verdict.fates]
+    found = sum(fate.kind == kind and fate.fate is Fate.FUSED for fate in fates)
+    if found > 0 if count is None else found == count:
+        return
+    expected = "at least one" if count is None else str(count)
+    rows = Counter(f"{fate.kind} {fate.fate.value}, {fate.rule}: {fate.reason}" for fate in fates)
+    lines = [f"{number:5d} {row}" for row, number in rows.most_common()]
+    waiting = sum(not verdict.is_settled for verdict in verdicts)
+    if waiting:
+        lines.append(f"{waiting:5d} waiting for the filter's decision, which takes some 250 ms: advance the time")
+    told = f"; what became of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
+    raise AssertionError(f"expected {expected} {kind} fused, found {found}{told}")
+
+
+def check_text(part: str, texts: Sequence[StatusText]) -> None:
+    """Raise AssertionError, with what was said last, unless a text contains a part."""
+    __tracebackhide__ = True
+    if any(part in text.text for text in texts):
+        return
+    rows = [f"{text.time_us * 1e-6:9.3f} s  ({text.severity}) {text.text}" for text in texts]
+    said = f"; it said:\n{shortened(rows, TEXT_ROWS, newest=True)}" if rows else "; it has said nothing"
+    raise AssertionError(f"expected a text with {part!r}{said}")
+
+
+def shortened(rows: Sequence[str], limit: int, *, newest: bool = False) -> str:
+    """Return rows as lines: the first ones, or the newest, and how many there are besides."""
+    more = len(rows) - limit
+    if more <= 0:
+        return "\n".join(rows)
+    left_out = f"  ... and {more} more"
+    return "\n".join([left_out, *rows[-limit:]] if newest else [*rows[:limit], left_out])

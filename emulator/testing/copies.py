@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Copies of something as large as a vehicle in the middle of its run, for a tenth of what it takes to get there."""
+
+import io
+import pickle
+import sys
+from collections.abc import Callable
+from struct import Struct
+from types import CellType, CodeType, FunctionType
+from typing import Any, Final, Generic, TypeVar, cast
+
+T = TypeVar("T")
+
+_PACKAGES: Final = ("ap_core", "ap_visualodom", "companion", "ekf_stub", "emulator", "mav_handlers")
+_PLAIN: Final = (type(None), int, float, str, bytes)
+
+
+class Copies(Generic[T]):
+    """Something as it is now, of which any number of copies can be made.
+
+    A copy behaves as the original would have: it has a state of its own, and functions that work on that. Constants of
+    this project's modules, which are compared by identity, and functions without a state are common to all.
+
+    Args:
+        original: what to copy; it may go on, the copies stay as they are.
+
+    Raises:
+        TypeError: there is something in it that cannot be copied, such as an open file.
+    """
+
+    def __init__(self, original: T) -> None:
+        data = io.BytesIO()
+        writer = _Writer(data)
+        writer.dump(original)
+        self._data = data.getvalue()
+        self._common = writer.common
+
+    def make(self) -> T:
+        """Return another copy."""
+        return cast(T, _Reader(io.BytesIO(self._data), self._common).load())
+
+
+class _Writer(pickle.Pickler):
+    """Writes everything but ``common``, which it collects, and takes functions with a state apart."""
+
+    def __init__(self, file: io.BytesIO) -> None:
+        super().__init__(file, pickle.HIGHEST_PROTOCOL)
+        modules = list(sys.modules.items())
+        ours = [vars(module) for name, module in modules if name.partition(".")[0] in _PACKAGES]
+        values = (value for names in ours for value in names.values() if not isinstance(value, _PLAIN))
+        self._constants = {*map(id, values), *(id(vars(module)) for _, module in modules)}
+        self._numbers: dict[int, int] = {}
+        self.common: list[object] = []
+
+    def persistent_id(self, obj: object) -> int | None:
+        is_common = (
+            obj.__closure__ is None
+            if isinstance(obj, FunctionType)
+            else isinstance(obj, (CodeType, Struct)) or id(obj) in self._constants
+        )
+        if not is_common:
+            return None
+        number = self._numbers.setdefault(id(obj), len(self.common))
+        if number == len(self.common):
+            self.common.append(obj)
+        return number
+
+    def reducer_override(self, obj: object) -> Any:
+        if isinstance(obj, FunctionType):
+            return _function, (obj.__code__, obj.__globals__, obj.__name__, obj.__defaults__, obj.__closure__)
+        if isinstance(obj, CellType):
+            # Filled later, for a function may be in what it works on.
+            return _cell, (), obj.cell_contents, None, None, _fill
+        return NotImplemented
+
+
+class _Reader(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, common: list[object]) -> None:
+        super().__init__(file)
+        self._common = common
+
+    def persistent_load(self, pid: int) -> object:
+        return self._common[pid]
+
+
+def _function(*parts: Any) -> Callable[..., object]:
+    return FunctionType(*parts)
+
+
+def _cell() -> CellType:
+    return CellType()
+
+
+def _fill(cell: CellType, contents: object) -> None:
+    cell.cell_contents = contents

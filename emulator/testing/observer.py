@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Notes everything that a vehicle says and does, for a test to look at."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+from ap_core.log_field import LogValue
+from ap_core.log_structure import LogStructure
+from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
+from emulator.filter_watch import FilterWatch
+from emulator.sample_fates import FATE_WAIT_US, HandedSample, SampleFates
+from emulator.testing.seen import MessageVerdict, Record, StatusText
+from emulator.vehicle import Vehicle
+from mav_handlers.endpoint import MessageEvent
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import Message
+
+VISION_RECORDS: Final = tuple(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)
+"""Names of the records that external navigation makes."""
+
+
+class Observer:
+    """Listens to a vehicle and its filter from now on.
+
+    Attributes:
+        verdicts: what became of each message.
+        status_texts: what was said.
+        records: those of the log, whether it is open or not.
+        received: the messages that the vehicle has sent.
+    """
+
+    def __init__(self, vehicle: Vehicle, watch: FilterWatch) -> None:
+        self._vehicle = vehicle
+        self._fates = SampleFates()
+        watch.listeners.append(self._fates.take)
+        self._decoder = Codec(255, 190)
+        self._of_message: list[Record] = []
+        self._waiting: deque[tuple[int, Sequence[HandedSample]]] = deque()
+        self.verdicts: list[MessageVerdict] = []
+        self.status_texts: list[StatusText] = []
+        self.records: list[Record] = []
+        self.received: list[Message] = []
+        vehicle.logger.on_write = self._take_record
+        vehicle.endpoint.on_event = self._take_event
+        vehicle.texts.on_text.append(self._take_text)
+
+    def clear(self) -> None:
+        """Forget what was seen so far; verdicts that a test has kept still hear of their samples."""
+        for seen in (self.verdicts, self.status_texts, self.records, self.received):
+            seen.clear()
+
+    def take_output(self, data: bytes) -> None:
+        """Note what the vehicle has sent."""
+        self._decoder.feed(data)
+        while (received := self._decoder.next_received()) is not None:
+            if isinstance(received, Received) and received.message is not None:
+                self.received.append(received.message)
+
+    def forget_old_samples(self) -> None:
+        """Wait no longer for the fates of samples whose turn has passed."""
+        now_us = self._vehicle.clock.micros64()
+        while self._waiting and self._waiting[0][0] <= now_us:
+            self._fates.forget(self._waiting.popleft()[1])
+
+    def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        fields = dict(zip(structure.fields, values, strict=True))
+        record = Record(self._vehicle.clock.micros64(), structure.name, fields)
+        self.records.append(record)
+        if structure.name in VISION_RECORDS:
+            self._of_message.append(record)
+
+    def _take_text(self, severity: int, text: str) -> None:
+        self.status_texts.append(StatusText(self._vehicle.clock.micros64(), severity, text))
+
+    def _take_event(self, event: MessageEvent) -> None:
+        header, rule = event.header, event.verdict.rule
+        samples = self._fates.take_handed()
+        verdict = MessageVerdict(
+            event.now_us,
+            event.name,
+            None if header is None else header.system_id,
+            None if header is None else header.component_id,
+            event.message,
+            event.verdict.outcome,
+            rule.code,
+            rule.text,
+            rule.source,
+            tuple(self._of_message),
+            samples,
+        )
+        self._of_message.clear()
+        self.verdicts.append(verdict)
+        if samples:
+            self._waiting.append((event.now_us + FATE_WAIT_US, samples))
