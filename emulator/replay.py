@@ -13,7 +13,7 @@ from ap_core.verdict import Verdict
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from emulator.bits import json_value
 from emulator.filter_watch import FilterWatch
-from emulator.sample_fates import HandedSample, SampleFates
+from emulator.sample_fates import FATE_WAIT_US, HandedSample, SampleFates
 from emulator.scheduler import Scheduler
 from emulator.streams import Stream, StreamMessage
 from emulator.vehicle import LOOP_PERIOD_US, Vehicle
@@ -28,8 +28,6 @@ _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRU
 # A capture's arrival is the time of handling; the port was read up to one loop (2500 us) earlier, and unrecorded bytes
 # may have waited behind. This value keeps every recorded CTimeMS within 2 ms.
 READ_BEFORE_HANDLING_US: Final = 1800
-FATE_WAIT_US: Final = 500_000
-"""How long a message waits for the fates of its samples in the filter; that takes some 60 to 250 ms."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,18 @@
 """``viso replay``: feed a recorded stream to the vehicle in virtual time."""
 
 import json
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final, NamedTuple
 
 import typer
 
+from companion.recorded.axes import PRESETS as AXES
+from companion.recorded.messages import FORMS
+from companion.recorded.readers import FORMATS
 from emulator.ahrs_source import (
     AhrsChoice,
     AhrsOption,
@@ -28,41 +34,91 @@ from emulator.filter_report import (
     innovation_table,
     tables_of,
 )
-from emulator.filter_watch import FilterWatch
+from emulator.firmware import Firmware
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from emulator.presets import PRESET_HELP, preset_files
-from emulator.replay import Replay
-from emulator.settings import load_settings
+from emulator.replay import ReplayedMessage
+from emulator.replay_comparison import compare, comparison_rows, comparison_tables, setting_lines
+from emulator.replay_run import ReplayOutcome, ReplaySetup, run_replay
+from emulator.replay_versus import error_changes, error_rows, error_table
+from emulator.settings import load_settings, needing_reboot, parse_assignments
 from emulator.single_log import SingleLog
-from emulator.streams import read_stream
+from emulator.streams import Stream, TrajectoryOptions, read_stream
 from emulator.text_files import write_text
-from emulator.vehicle import Vehicle, VehicleConfig
+
+_NAMED: Final = 8
+"""How many parameters a note names; a log holds those of the whole autopilot."""
+_TRAJECTORY: Final = TrajectoryOptions()
 
 
 def replay(
     stream_file: Annotated[
-        Path, typer.Argument(help="A capture (.jsonl, .jsonl.gz) or a telemetry log (.tlog).", metavar="STREAM")
+        Path,
+        typer.Argument(
+            help="A capture (.jsonl), a telemetry log (.tlog), a DataFlash log (.BIN, .BIN.xz), or a trajectory (TUM, "
+            "EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP).",
+            metavar="STREAM",
+        ),
     ],
     with_filter: Annotated[
         bool, typer.Option("--ekf", help="Tell what the filter makes of the stream; then --imu is follow by default.")
     ] = False,
+    changed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="Replay twice, without and with this parameter, and tell what differs; repeatable.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
     imu: ImuOption = None,
     imu_error: ImuErrorOption = None,
     imu_seed: ImuSeedOption = 0,
     ahrs: AhrsOption = None,
-    log: Annotated[Path | None, typer.Option(help="Write the DataFlash log here.", metavar="OUT.BIN")] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(help="Write the DataFlash log here, with --set that of the second run.", metavar="OUT.BIN"),
+    ] = None,
     records: Annotated[
-        Path | None, typer.Option(help="Write a line a message here (.gz compresses).", metavar="OUT.jsonl")
+        Path | None,
+        typer.Option(
+            help="Write a line a message here (.gz compresses), with --set of the second run.", metavar="OUT.jsonl"
+        ),
     ] = None,
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+    versus: Annotated[
+        str | None,
+        typer.Option(help="Replay twice, as --firmware and as this one, and tell what differs.", metavar="PROFILE"),
+    ] = None,
     baud: Annotated[
         int | None,
-        typer.Option(help="Rate of the UART whose transport time is modelled, 0 for none; captures default to 115200."),
+        typer.Option(
+            help="Rate of the UART whose transport time is modelled, 0 for none; captures default to 115200, DataFlash "
+            "logs to what they show."
+        ),
     ] = None,
     heading: HeadingOption = 0.0,
-    lead: Annotated[float, typer.Option(help="Seconds from boot to the first message of a .tlog.")] = 30.0,
+    lead: Annotated[
+        float, typer.Option(help="Seconds from boot to the first message of a telemetry log or a trajectory.")
+    ] = 30.0,
+    form: Annotated[
+        str, typer.Option("--as", "--message", help=f"What a trajectory is sent as: {', '.join(FORMS)}.")
+    ] = _TRAJECTORY.form,
+    format_name: Annotated[
+        str | None, typer.Option("--format", help=f"Of a trajectory, if not to be found out: {', '.join(FORMATS)}.")
+    ] = None,
+    topic: Annotated[str | None, typer.Option(help="Of a bag; default the only one with poses.")] = None,
+    times: Annotated[Path | None, typer.Option(help="File with the times of KITTI's poses.", metavar="FILE")] = None,
+    axes: Annotated[
+        str, typer.Option(help=f"Of a trajectory: WORLD/BODY, such as ENU/FLU, or {', '.join(AXES)}.")
+    ] = _TRAJECTORY.axes,
+    rate: Annotated[
+        float | None, typer.Option(help="Interpolate a trajectory to this rate in Hz; default its own.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the counts as JSON.")] = False,
 ) -> None:
     """Feed a recorded stream to the autopilot at its arrival times, and tell what became of each message.
@@ -74,64 +130,158 @@ def replay(
     EKF3, makes of each sample, how far off samples are, and when it navigates. A line of --records then has filter as
     well: what became of the message's samples.
 
-    Example: viso replay tests/data/captures/mav.jsonl.gz --ekf --log out.BIN
+    With --set the stream is replayed twice, and what differs is told: counts, the first messages that fare otherwise,
+    texts, and when the filter navigates. Both vehicles have their parameters from boot on. With --versus the two are
+    different firmware, and the errors that they work out are compared as well.
+
+    A trajectory is sent as a companion computer would send it; viso play has more ways to do so, and writes a .tlog.
+
+    Example: viso replay tests/data/logs/bench_no_yaw_source.BIN.xz --set VISO_QUAL_MIN=1
     """
     if not 0 <= lead <= 4e9:
         raise InputError(f"--lead {lead}: not a time in seconds")
-    stream = read_stream(stream_file, int(lead * 1e6))
+    profile = firmware_of(firmware)
+    other = None if versus is None else firmware_of(versus, "--versus")
+    if other is not None and changed:
+        raise InputError("--set and --versus: one comparison at a time")
+    options = TrajectoryOptions(form, format_name, topic, times, axes, rate)
+    stream = read_stream(stream_file, int(lead * 1e6), options)
     files = [*preset_files(preset), *(defaults or [])]
-    settings = {**stream.params, **load_settings(files, param or [], links=1, allow_unknown=allow_unknown)}
-    rate = (stream.baud if baud is None else baud) or None
-    if rate is not None and rate < 0:
+    settings = {**stream.params, **load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)}
+    assigned = parse_assignments(param or [], "--param", links=1, firmware=profile)
+    changes = parse_assignments(changed or [], "--set", links=1, firmware=profile)
+    uart_rate = (stream.baud if baud is None else baud) or None
+    if uart_rate is not None and uart_rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
     if with_filter and ahrs is not None:
         raise InputError("--ekf and --ahrs: a vehicle that follows a log has no filter")
     choice = AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)
     make_ahrs = ahrs_maker(choice, "follow" if with_filter else "bench")
+    setup = ReplaySetup(make_ahrs, uart_rate, with_filter, profile)
+    runs = [_Run({**settings, **assigned}, setup)]
+    if changes:
+        runs.append(_Run({**settings, **assigned, **changes}, setup))
+    elif other is not None:
+        # Files are read anew, as the other firmware may call their parameters otherwise.
+        loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
+        runs.append(_Run({**stream.params, **loaded, **assigned}, replace(setup, firmware=other)))
+    outcomes = _run_all(stream, runs, log, records)
+    _note(stream, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
+    if changes:
+        _tell_changes(stream, changes, outcomes, as_json=as_json)
+    elif other is not None:
+        _tell_versus(stream, (profile, other), outcomes, as_json=as_json)
+    elif as_json:
+        out.print_json(data={"stream": stream.name, **_as_dict(outcomes[0])})
+    else:
+        _tell(outcomes[0])
+
+
+class _Run(NamedTuple):
+    """Parameters from boot on, and how to replay."""
+
+    settings: Mapping[str, float]
+    setup: ReplaySetup
+
+
+def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Path | None) -> list[ReplayOutcome]:
+    """Replay a stream one way after the other; files are of the last run."""
     # Last of all, as it replaces what is there.
     log_file = None if log is None else SingleLog(log)
-    open_log = None if log_file is None else log_file.open
-    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=settings, open_log=open_log))
-    watch = FilterWatch(vehicle) if with_filter else None
-    texts: list[tuple[int, int, str]] = []
-    vehicle.texts.on_text.append(lambda severity, text: texts.append((vehicle.clock.micros64(), severity, text)))
-    try:
-        with (
-            nullcontext() if records is None else write_text(records) as sink,
-            progress("replaying", len(stream.messages)) as bar,
-        ):
-            run = Replay(vehicle, stream, rate, watch)
-            for message in run.run(lambda fed: bar.update(bar.task_ids[0], completed=fed)):
-                if sink is not None:
-                    sink.write(json.dumps(message.as_dict()) + "\n")
-    finally:
-        vehicle.close()
+    outcomes = []
+    with (
+        nullcontext() if records is None else write_text(records) as sink,
+        progress("replaying", len(stream.messages) * len(runs)) as bar,
+    ):
+
+        def write(message: ReplayedMessage) -> None:
+            if sink is not None:
+                sink.write(json.dumps(message.as_dict()) + "\n")
+
+        def show(before: int, fed: int) -> None:
+            bar.update(bar.task_ids[0], completed=before + fed)
+
+        for index, run in enumerate(runs):
+            is_last = index == len(runs) - 1
+            outcome = run_replay(
+                stream,
+                run.settings,
+                run.setup,
+                open_log=log_file.open if log_file is not None and is_last else None,
+                on_message=write if is_last else None,
+                on_progress=partial(show, index * len(stream.messages)),
+                keep_messages=len(runs) > 1,
+            )
+            outcomes.append(outcome)
     if log_file is not None and log_file.failure:
         raise InputError(log_file.failure)
-    counts = vehicle.endpoint.verdict_counts()
+    return outcomes
+
+
+def _note(stream: Stream, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
     for note in stream.notes:
         err.print(f"note: {note}")
-    if vehicle.unknown_defaults:
-        err.print(f"note: parameters of the recording without effect here: {', '.join(vehicle.unknown_defaults)}")
-    if as_json:
-        rows = [{"time_us": time_us, "severity": severity, "text": text} for time_us, severity, text in texts]
-        told = {} if watch is None else _filter_as_dict(vehicle, watch)
-        out.print_json(data={"stream": stream.name, "verdicts": verdict_rows(counts), "texts": rows, **told})
-        return
-    for time_us, severity, text in texts:
+    unknown = outcome.unknown_params
+    if unknown:
+        others = f" and {len(unknown) - _NAMED} others" if len(unknown) > _NAMED else ""
+        named = ", ".join(unknown[:_NAMED])
+        err.print(f"note: parameters of the recording without effect here: {named}{others}")
+    if at_boot:
+        err.print(f"note: a vehicle must be rebooted for {', '.join(at_boot)}; here it boots with the new value")
+
+
+def _as_dict(outcome: ReplayOutcome) -> dict[str, object]:
+    texts = [said._asdict() for said in outcome.texts]
+    told: dict[str, object] = {"verdicts": verdict_rows(outcome.verdicts), "texts": texts}
+    if outcome.innovations is not None and outcome.aiding is not None:
+        told["filter"] = filter_rows(outcome.filter_counts)
+        told["innovations"] = innovation_rows(outcome.innovations)
+        told["aiding"] = aiding_rows(outcome.aiding)
+    return told
+
+
+def _tell(outcome: ReplayOutcome) -> None:
+    for time_us, severity, text in outcome.texts:
         out.print(f"{time_us / 1e6:9.3f} s  ({severity}) {text}")
-    if watch is None:
-        out.print(verdict_table(counts))
+    if outcome.innovations is None or outcome.aiding is None:
+        out.print(verdict_table(outcome.verdicts))
         return
-    out.print(*tables_of(counts, vehicle.ahrs.ext_nav_counts))
-    if watch.innovations:
-        out.print(innovation_table(watch.innovations))
-    out.print(aiding_table(watch.aiding()))
+    out.print(*tables_of(outcome.verdicts, outcome.filter_counts))
+    if outcome.innovations:
+        out.print(innovation_table(outcome.innovations))
+    out.print(aiding_table(outcome.aiding))
 
 
-def _filter_as_dict(vehicle: Vehicle, watch: FilterWatch) -> dict[str, object]:
-    return {
-        "filter": filter_rows(vehicle.ahrs.ext_nav_counts),
-        "innovations": innovation_rows(watch.innovations),
-        "aiding": aiding_rows(watch.aiding()),
-    }
+def _tell_changes(
+    stream: Stream, changes: Mapping[str, float], outcomes: Sequence[ReplayOutcome], *, as_json: bool
+) -> None:
+    before, after = outcomes
+    comparison = compare(before, after)
+    if as_json:
+        both = {"before": _as_dict(before), "after": _as_dict(after)}
+        differs = comparison_rows(comparison)
+        out.print_json(data={"stream": stream.name, "set": dict(changes), **both, "differs": differs})
+        return
+    for line in setting_lines(changes, before):
+        out.print(line)
+    for part in comparison_tables(comparison, with_filter=before.aiding is not None):
+        out.print(part)
+
+
+def _tell_versus(
+    stream: Stream, profiles: tuple[Firmware, Firmware], outcomes: Sequence[ReplayOutcome], *, as_json: bool
+) -> None:
+    before, after = outcomes
+    comparison, errors = compare(before, after), error_changes(before, after)
+    names = [profile.name for profile in profiles]
+    if as_json:
+        both = {"before": _as_dict(before), "after": _as_dict(after)}
+        differs = {**comparison_rows(comparison), "errors": error_rows(errors)}
+        firmware = dict(zip(both, names, strict=True))
+        out.print_json(data={"stream": stream.name, "firmware": firmware, **both, "differs": differs})
+        return
+    out.print(f"before: firmware {names[0]}; after: firmware {names[1]}")
+    if errors:
+        out.print(error_table(errors))
+    for part in comparison_tables(comparison, with_filter=before.aiding is not None):
+        out.print(part)

@@ -16,7 +16,8 @@ from ap_core.verdict import Outcome
 from emulator.filter_watch import FilterWatch
 from emulator.imu.follow import FollowSource
 from emulator.imu.options import ImuOptions
-from emulator.replay import FATE_WAIT_US, Replay, ReplayedMessage, batches, makes_record
+from emulator.replay import Replay, ReplayedMessage, batches, makes_record
+from emulator.sample_fates import FATE_WAIT_US
 from emulator.streams import Stream, StreamMessage
 from emulator.vehicle import Vehicle, VehicleConfig
 from emulator.vehicle_config import by_ekf3

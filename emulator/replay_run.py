@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A replay from the first message to the last, and what is left of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from emulator.console import VerdictCounts
+from emulator.filter_fates import FilterCounts
+from emulator.filter_watch import AidingSpan, FilterWatch, Innovations
+from emulator.firmware import REFERENCE, Firmware
+from emulator.log_sink import LogSink
+from emulator.replay import Replay, ReplayedMessage
+from emulator.streams import Stream
+from emulator.vehicle import Vehicle, VehicleConfig
+from emulator.vehicle_config import AhrsParts, VehicleAhrs
+
+
+class SaidText(NamedTuple):
+    """A text of the vehicle: when in us since boot, MAV_SEVERITY, and what."""
+
+    time_us: int
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True)
+class ReplaySetup:
+    """How to replay a stream.
+
+    Attributes:
+        make_ahrs: makes the vehicle's AHRS; one with a filter if the filter is to be watched.
+        baud: rate of the UART whose transport time is modelled; None for none.
+        with_filter: whether to watch the filter.
+        firmware: what the vehicle claims to be.
+    """
+
+    make_ahrs: Callable[[AhrsParts], VehicleAhrs]
+    baud: int | None = None
+    with_filter: bool = False
+    firmware: Firmware = REFERENCE
+
+
+@dataclass(frozen=True)
+class ReplayOutcome:
+    """What a replay has come to.
+
+    Attributes:
+        verdicts: how often each message met each verdict.
+        texts: what the vehicle said.
+        filter_counts: what the filter did with how many samples.
+        params: the vehicle's parameters at the end, by name.
+        unknown_params: those of the settings that it does not have.
+        innovations: of samples that the filter tested; None where it was not watched.
+        aiding: by what it navigated; None where it was not watched.
+        messages: what became of each, if they were to be kept.
+    """
+
+    verdicts: VerdictCounts
+    texts: tuple[SaidText, ...]
+    filter_counts: FilterCounts
+    params: Mapping[str, float]
+    unknown_params: tuple[str, ...]
+    innovations: Mapping[str, Innovations] | None = None
+    aiding: tuple[AidingSpan, ...] | None = None
+    messages: tuple[ReplayedMessage, ...] = field(default=(), repr=False)
+
+
+def run_replay(
+    stream: Stream,
+    settings: Mapping[str, float],
+    setup: ReplaySetup,
+    *,
+    open_log: Callable[[], LogSink] | None = None,
+    on_message: Callable[[ReplayedMessage], None] | None = None,
+    on_progress: Callable[[int], None] = lambda _count: None,
+    keep_messages: bool = False,
+) -> ReplayOutcome:
+    """Replay a stream into a fresh vehicle.
+
+    Args:
+        stream: what to feed.
+        settings: parameters from boot on.
+        setup: how.
+        open_log: opens the vehicle's DataFlash log; None for none.
+        on_message: told of each message as soon as its fate is known.
+        on_progress: told how many messages have been fed.
+        keep_messages: whether the outcome has the messages.
+    """
+    config = VehicleConfig(setup.make_ahrs, defaults=settings, open_log=open_log, firmware=setup.firmware)
+    vehicle = Vehicle(config)
+    watch = FilterWatch(vehicle) if setup.with_filter else None
+    texts: list[SaidText] = []
+    vehicle.texts.on_text.append(
+        lambda severity, text: texts.append(SaidText(vehicle.clock.micros64(), severity, text))
+    )
+    kept: list[ReplayedMessage] = []
+    try:
+        for message in Replay(vehicle, stream, setup.baud, watch).run(on_progress):
+            if on_message is not None:
+                on_message(message)
+            if keep_messages:
+                kept.append(message)
+    finally:
+        vehicle.close()
+    return ReplayOutcome(
+        vehicle.endpoint.verdict_counts(),
+        tuple(texts),
+        vehicle.ahrs.ext_nav_counts,
+        {param.name: float(param.value) for param in vehicle.params},
+        vehicle.unknown_defaults,
+        None if watch is None else watch.innovations,
+        None if watch is None else tuple(watch.aiding()),
+        tuple(kept),
+    )

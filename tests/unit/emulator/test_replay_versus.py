@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One stream as two releases of the firmware: what is told to differ."""
+
+import gzip
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.unit.emulator.command_line import Viso
+
+CAPTURES = Path(__file__).resolve().parents[2] / "data" / "captures"
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the first 170 messages of a capture, of which some have a covariance."""
+    path = tmp_path_factory.mktemp("short") / "mocap.jsonl.gz"
+    with gzip.open(CAPTURES / "mocap.jsonl.gz", "rt", encoding="utf-8") as file:
+        lines = file.readlines()[:171]
+    with gzip.open(path, "wt", encoding="utf-8") as file:
+        file.writelines(lines)
+    return path
+
+
+def test_errors_that_differ_are_told_with_both_values(viso: "Viso", short: Path) -> None:
+    outcome = viso("replay", str(short), "--versus", "2026-02", "--json")
+    assert outcome.code == 0
+    told = json.loads(outcome.out)
+    assert told["firmware"] == {"before": "4.7-dev", "after": "2026-02"}
+    [change] = told["differs"]["errors"]
+    assert (change["type"], change["first"]) == ("GLOBAL_VISION_POSITION_ESTIMATE", 152)
+    assert change["messages"] == told["differs"]["changed_records"] > 1
+    assert change["before"] == pytest.approx([1.517, 1.130], abs=1e-3)
+    assert change["after"] == pytest.approx([1.625, 1.380], abs=1e-3)
+
+
+def test_difference_is_told_to_people(viso: "Viso", short: Path) -> None:
+    outcome = viso("replay", str(short), "--firmware", "2026-02", "--versus", "4.6")
+    assert outcome.code == 0
+    assert outcome.out.splitlines()[0] == "before: firmware 2026-02; after: firmware 4.6"
+    assert "Errors of poses that differ" in outcome.out
+
+
+def test_releases_that_agree_differ_in_nothing(viso: "Viso", short: Path) -> None:
+    outcome = viso("replay", str(short), "--firmware", "4.6", "--versus", "4.7-dev")
+    assert "Errors of poses" not in outcome.out
+    assert "no verdict differs" in outcome.out
+    assert "records" not in outcome.out
+
+
+def test_parameters_of_a_file_hold_in_both(viso: "Viso", short: Path, tmp_path: Path) -> None:
+    path = tmp_path / "old.parm"
+    path.write_text("ARMING_CHECK 0\nSYSID_THISMAV 7\nVISO_QUAL_MIN 5\n")
+    args = ["--firmware", "4.6", "--versus", "2026-02", "--defaults", str(path), "--json"]
+    told = json.loads(viso("replay", str(short), *args).out)
+    rules = [{row["reason"] for row in told[side]["verdicts"]} for side in ("before", "after")]
+    assert rules[0] == rules[1]
+    assert "quality is below VISO_QUAL_MIN" in rules[0]
+
+
+def test_two_comparisons_at_once_are_refused(viso: "Viso", short: Path) -> None:
+    outcome = viso("replay", str(short), "--set", "VISO_QUAL_MIN=1", "--versus", "4.6")
+    assert (outcome.code, outcome.err) == (2, "viso: --set and --versus: one comparison at a time\n")
+
+
+def test_unknown_release_is_refused(viso: "Viso", short: Path) -> None:
+    outcome = viso("replay", str(short), "--versus", "3.2")
+    assert outcome.code == 2
+    assert "--versus 3.2: no such profile; there are 4.6, 4.7-dev, 2026-02" in outcome.err
