@@ -24,6 +24,7 @@ from typing import Final
 
 from ap_core.cint import u32
 from ap_core.location import Location
+from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
 from ekf_stub.ext_nav_log import ExtNavLog
 from ekf_stub.gps_log import UNUSED, gps_values
@@ -63,6 +64,10 @@ MAX_IMUS: Final = 3
 
 _EKF2_INITIALISES, _EKF3_INITIALISES, _EKF3_UPDATES, _EKF3_LOGS = 1, 4, 8, 32  # of RFRF.FTypes
 _FOR_BOTH: Final = frozenset((RESET_GYRO_BIAS, RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE))
+EKF2_BEFORE_EKF3: Final = (REV2, REV3)
+"""In which order an event is logged for the two filters, in releases up to 2025."""
+EKF3_BEFORE_EKF2: Final = (REV3, REV2)
+"""The same in the master of February 2026."""
 _ALL_GOOD: Final = 15  # RISI.Flags: accelerometer and gyro are used, and both gave data
 _NOTHING: Final = (0.0,) * 8
 
@@ -80,10 +85,19 @@ class ReplayLog(ExtNavLog):
         logger: where the records go.
         enabled: tells whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
         fitted: how many sensors there are; two IMUs, two barometers and three compasses unless told otherwise.
+        event_order: the records of an event that both filters know, in their order.
     """
 
-    def __init__(self, logger: RecordSink, enabled: Callable[[], bool], fitted: SensorSet | None = None) -> None:
+    def __init__(
+        self,
+        logger: RecordSink,
+        enabled: Callable[[], bool],
+        fitted: SensorSet | None = None,
+        *,
+        event_order: tuple[LogStructure, LogStructure] = EKF2_BEFORE_EKF3,
+    ) -> None:
         super().__init__(logger, enabled)
+        self._event_order = event_order
         self._fitted = fitted or SensorSet()
         self._is_wanted = False
         self._updates = False
@@ -197,11 +211,10 @@ class ReplayLog(ExtNavLog):
     # Between frames
 
     def event(self, number: int) -> None:
-        """Log a request to the estimator (AP_DAL::Event); those that EKF2 knows go to it first."""
+        """Log a request to the estimator (AP_DAL::Event), for EKF2 as well if that knows it."""
         self._end_frame()
-        if number in _FOR_BOTH:
-            self._write(REV2, (number,))
-        self._write(REV3, (number,))
+        for structure in self._event_order if number in _FOR_BOTH else (REV3,):
+            self._write(structure, (number,))
 
     def origin(self, place: Location) -> None:
         """Log that somebody sets the estimator's origin, whether or not it takes it."""

@@ -14,9 +14,13 @@ import typer
 
 from emulator.commands.bench import bench
 from emulator.commands.demo import demo
+from emulator.commands.doctor import doctor
 from emulator.commands.ekf import ekf
+from emulator.commands.faults import faults
+from emulator.commands.landmarks import landmarks
 from emulator.commands.play import play
 from emulator.commands.replay import replay
+from emulator.commands.report import report
 from emulator.commands.serve import serve
 from emulator.commands.vectors import vectors
 from emulator.commands.vio import vio
@@ -30,8 +34,12 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
     "demo": demo,
     "serve": serve,
     "replay": replay,
+    "doctor": doctor,
     "vio": vio,
     "play": play,
+    "landmarks": landmarks,
+    "faults": faults,
+    "report": report,
     "ekf": ekf,
     "vectors": vectors,
     "bench": bench,

@@ -19,6 +19,7 @@ from ekf_stub.filter_status import FilterFlag
 from emulator.demo_flight import flight_source
 from emulator.filter_fates import is_final
 from emulator.filter_watch import AidingSpan, FilterWatch, SampleTest
+from emulator.firmware import REFERENCE, Firmware
 from emulator.imu.errors import SensorErrors
 from emulator.imu.options import ImuOptions
 from emulator.log_sink import LogSink
@@ -97,16 +98,17 @@ class DemoResult:
     aiding: list[AidingSpan] = field(default_factory=list)
 
 
-def make_vehicle(seed: int, open_log: Callable[[], LogSink]) -> Vehicle:
+def make_vehicle(seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> Vehicle:
     """Return the demonstration's vehicle: it flies the scripted flight, felt by its sensors, with a T265 as its camera.
 
     Args:
         seed: of the noise of the sensors.
         open_log: opens the log.
+        firmware: which release it is.
     """
     options = ImuOptions(heading_rad=HEADING_RAD, errors=SENSOR_ERRORS, seed=seed)
     make_ahrs = by_ekf3(lambda options: flight_source(FLIGHT, options), options)
-    return Vehicle(VehicleConfig(make_ahrs, defaults=PARAMS, open_log=open_log))
+    return Vehicle(VehicleConfig(make_ahrs, defaults=PARAMS, open_log=open_log, firmware=firmware))
 
 
 class Demo:
@@ -115,10 +117,11 @@ class Demo:
     Args:
         seed: of the noise of camera and sensors; the same seed gives the same log, byte for byte.
         open_log: opens the log.
+        firmware: which release the vehicle is.
     """
 
-    def __init__(self, seed: int, open_log: Callable[[], LogSink]) -> None:
-        self.vehicle = make_vehicle(seed, open_log)
+    def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:
+        self.vehicle = make_vehicle(seed, open_log, firmware)
         self.watch = FilterWatch(self.vehicle)
         self.watch.listeners.append(self._take_fate)
         self.result = DemoResult()

@@ -11,6 +11,8 @@ from emulator.vehicle import LOOP_PERIOD_US
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
 
+NOW_S: Final = time.monotonic
+"""The wall clock, in seconds."""
 MAX_READ_BYTES: Final = 65536
 MAX_READS: Final = 64
 
@@ -31,7 +33,7 @@ class Pacer:
         links: Sequence[Link],
         *,
         speedup: float = 1.0,
-        now_s: Callable[[], float] = time.monotonic,
+        now_s: Callable[[], float] = NOW_S,
     ) -> None:
         self._powered = powered
         self._links = tuple(links)

@@ -23,6 +23,7 @@ from ap_core.matrix3 import Matrix3f
 from ap_core.quaternion import Quaternion
 from ap_core.rotations import quaternion_from_rotation, rotate_vector
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
+from ap_visualodom.release import REFERENCE, VisualOdomRelease
 from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, SettableAhrs
 from emulator.bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
 from mav_handlers.jitter_correction import JitterCorrection
@@ -73,12 +74,13 @@ class Scenario:
 
     Args:
         params: VISO_ values without the prefix; floats in hex, ``POS`` a list of three.
+        release: which release of the library to be.
 
     Raises:
         VectorError: if a parameter has no known form.
     """
 
-    def __init__(self, params: dict[str, object]) -> None:
+    def __init__(self, params: dict[str, object], release: VisualOdomRelease = REFERENCE) -> None:
         self._clock = VirtualClock()
         self._ahrs = SettableAhrs()
         self._out: Out = []
@@ -89,7 +91,13 @@ class Scenario:
         except _MALFORMED as error:
             raise VectorError(str(error)) from error
         self._visual_odom = AP_VisualOdom(
-            self._params, ahrs=self._ahrs, gcs=self, logger=self, clock=self._clock, errors=self._error
+            self._params,
+            ahrs=self._ahrs,
+            gcs=self,
+            logger=self,
+            clock=self._clock,
+            errors=self._error,
+            release=release,
         )
         self._visual_odom.init()
 
@@ -253,11 +261,11 @@ _MATHS: Final[dict[str, Callable[..., Sequence[np.float32]]]] = {
 }
 
 
-def _recompute_scenario(line: dict[str, object]) -> dict[str, object]:
+def _recompute_scenario(line: dict[str, object], release: VisualOdomRelease) -> dict[str, object]:
     params, steps = line.get("params"), line["steps"]
     if not isinstance(params, dict) or not isinstance(steps, list):
         raise VectorError("a scenario needs an object 'params' and a list 'steps'")
-    scenario = Scenario(params)
+    scenario = Scenario(params, release)
     done: list[object] = []
     for number, step in enumerate(steps):
         if not isinstance(step, list) or not step:
@@ -297,11 +305,12 @@ def _recompute_maths(line: list[object]) -> list[object]:
         raise VectorError(f"{function}: {error}") from error
 
 
-def recompute(line: object) -> object:
+def recompute(line: object, release: VisualOdomRelease = REFERENCE) -> object:
     """Return a recorded line with its outputs computed by the port.
 
     Args:
         line: a scenario (object with ``steps``), a jitter sequence (object with ``samples``) or a maths call (list).
+        release: of the library, for scenarios; the rest is the same in all releases.
 
     Raises:
         VectorError: if the line has none of these forms.
@@ -310,7 +319,7 @@ def recompute(line: object) -> object:
         if isinstance(line, list):
             return _recompute_maths(line)
         if isinstance(line, dict) and "steps" in line:
-            return _recompute_scenario(line)
+            return _recompute_scenario(line, release)
         if isinstance(line, dict) and "samples" in line:
             return _recompute_jitter(line)
     raise VectorError("neither a scenario, a jitter sequence nor a maths call")
@@ -328,13 +337,13 @@ def parse_line(text: str) -> object:
         raise VectorError(f"not JSON: {error}") from error
 
 
-def recompute_text(text: str) -> str:
+def recompute_text(text: str, release: VisualOdomRelease = REFERENCE) -> str:
     """Return a line of a recording as text, recomputed.
 
     Raises:
         VectorError: if it is not JSON or has no known form.
     """
-    return json.dumps(recompute(parse_line(text)))
+    return json.dumps(recompute(parse_line(text), release))
 
 
 def count_differences(recorded: object, ours: object) -> tuple[int, int]:

@@ -24,6 +24,7 @@ from emulator.logger import Logger
 from emulator.mavlink_flow import FLOW_PERIOD_US, MavlinkFlow
 from emulator.mavlink_gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from emulator.modes import AVAILABLE_MODES
+from emulator.param_conversion import carry_over
 from emulator.parameters import make_groups
 from emulator.rtc import Rtc, RtcSource
 from emulator.uarts_text import UartCounts, UartsText
@@ -66,12 +67,15 @@ class Vehicle:
 
     def __init__(self, config: VehicleConfig) -> None:
         self._config = config
+        self.release = config.firmware.endpoint
         self.clock = VirtualClock()
         self.internal_errors = InternalErrors()
         visual_odom_params = make_params()
-        self.params = ParamTable(make_groups(config.links, visual_odom_params))
-        self.unknown_defaults = tuple(self.params.apply_defaults(config.defaults, "defaults"))
-        config.param_store.restore(self.params)
+        self.params = ParamTable(make_groups(config.links, visual_odom_params, config.firmware.params))
+        renames = config.firmware.params.renames
+        defaults = carry_over(config.defaults, self.params, renames)
+        self.unknown_defaults = (*defaults.lost, *self.params.apply_defaults(defaults.values, "defaults"))
+        config.param_store.restore(self.params, renames)
         self.params.set_from_mavlink("STAT_BOOTCNT", i16(self.params.get_int("STAT_BOOTCNT") + 1))  # AP_Stats::init
         for name, value in config.overrides.items():
             self.params.set(name, value)
@@ -83,7 +87,7 @@ class Vehicle:
         self.texts.on_text.append(lambda _severity, text: self.log.text(text))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), lambda: self.params.generation)
         wants_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
-        self._replay_log = ReplayLog(self.logger, wants_replay)
+        self._replay_log = ReplayLog(self.logger, wants_replay, event_order=config.firmware.event_order)
         self._rtc = Rtc(self.clock, self.params, self.is_armed, config.boot_utc_us)
         self._gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
         parts = AhrsParts(
@@ -108,6 +112,7 @@ class Vehicle:
             logger=self.logger,
             clock=self.clock,
             errors=self.internal_errors,
+            release=config.firmware.visual_odom,
         )
         self.visual_odom.init()
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
@@ -154,6 +159,7 @@ class Vehicle:
             CopterParts(
                 clock=self.clock,
                 params=self.params,
+                release=self._config.firmware.params,
                 texts=self.texts,
                 log=self.log,
                 logger=self.logger,

@@ -163,7 +163,7 @@ class VehicleConfig:
         log_store: the folder of logs, which clients may list, download and erase.
         param_store: where parameters are kept over a restart.
         signing_store: where the signing key is kept.
-        firmware: what it claims to be.
+        firmware: which release it is.
         boot_utc_us: time of day at boot, 0 when unknown.
         message_intervals: default intervals in ms by message id, by number of the link; 0 is off.
     """

@@ -82,7 +82,7 @@ class VehicleLog:
         self._logger.write(MODE, (self._clock.micros64(), mode, mode, reason))
 
     def arming(self, *, armed: bool, checks: int, forced: bool, method: int) -> None:
-        """Write ARM; ``checks`` is ARMING_CHECK, ``method`` an AP_Arming::Method."""
+        """Write ARM; ``checks`` as ARMING_CHECK has them, ``method`` an AP_Arming::Method."""
         values = (int(armed), checks, int(forced), method)
         self._logger.write(ARM, (self._clock.micros64(), *values))
 

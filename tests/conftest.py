@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fixtures for every test: an AP_VisualOdom whose surroundings are settable and remembered."""
 
+import gc
 import os
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+import threadpoolctl
 from hypothesis import settings
 
 from ap_core.clock import VirtualClock
@@ -23,6 +25,17 @@ from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhr
 # A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
 settings.register_profile("viso", deadline=None, derandomize=os.environ.get("CI") == "true")
 settings.load_profile("viso")
+
+
+def pytest_configure() -> None:
+    """Let linear algebra use one thread: a second one, for matrices as small as these, only waits, and by spinning."""
+    threadpoolctl.threadpool_limits(limits=1, user_api="blas")
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector from what is there before the first test: it is large, and stays to the end."""
+    gc.freeze()
+
 
 Record = tuple[str, dict[str, LogValue]]
 

@@ -74,7 +74,16 @@ BANS = (
     Ban(
         CLOCK_READS,
         PACKAGES,
-        (LINKS, "emulator/realtime.py", "emulator/playing.py", "emulator/vio_live.py", "emulator/commands/bench.py"),
+        (
+            LINKS,
+            "emulator/realtime.py",
+            "emulator/faults_proxy.py",
+            "emulator/playing.py",
+            "emulator/landmarks_live.py",
+            "emulator/vio_live.py",
+            "emulator/commands/bench.py",
+            "emulator/commands/doctor.py",
+        ),
         "take the time as an argument",
     ),
     Ban(NETWORK, PURE, (LINKS,), "sockets and ports belong to mav_handlers/links"),

@@ -76,15 +76,13 @@ def _pytest(run: Run, name: str, *options: str) -> Command:
 
 
 def _tests(run: Run) -> list[Command]:
-    # The tests of a file stay together: what takes long is done once, and all of them look at it.
-    usual = ["--dist", "loadfile", "-m", "not slow and not interop"]
     if not run.everything:
-        return [_pytest(run, "usual", *usual)]
+        return [_pytest(run, "usual", "-m", "not slow and not interop")]
     # Measuring makes tests take five times as long, so only the packages' own tests are measured, and only on them.
     packages = [f"--cov={package}" for package in LEAST_COVERAGE]
-    covered = _pytest(run, "covered", *usual, *packages, "--cov-branch", "--cov-report=", *COVERING_TESTS)
-    others = _pytest(run, "usual", *usual, *(f"--ignore={path}" for path in COVERING_TESTS))
-    return [covered, others, _pytest(run, "long", "--dist", "loadfile", "-m", "slow or interop")]
+    covered = _pytest(run, "covered", *packages, "--cov-branch", "--cov-report=", *COVERING_TESTS)
+    # One run for all others: while a test waits for a real client, there is always another one to compute.
+    return [covered, _pytest(run, "others", *(f"--ignore={path}" for path in COVERING_TESTS))]
 
 
 def _coverage(run: Run) -> list[Command]:

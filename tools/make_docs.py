@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes the tables of the documentation from the tables of the code.
 
-A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`; all else in a page is left alone.
+A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`, sections between `<!-- text: NAME -->` and
+`<!-- end -->`; all else in a page is left alone.
 `make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale.
 """
 
 import dataclasses
 import enum
 import inspect
+import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -17,6 +19,8 @@ from typing import Any, Final
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
+from companion.faults.kinds import FAULTS
+from companion.faults.parameters import parameters_of
 from companion.recorded.axes import PRESETS as AXES
 from companion.recorded.messages import FORMS
 from companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
@@ -24,9 +28,14 @@ from companion.sources.kinds import SOURCES
 from companion.vio.config import VioConfig
 from ekf_stub.ingest_rules import RULES as FILTER_RULES
 from emulator.cli import COMMANDS as CLI_COMMANDS
+from emulator.doctor.rules import FAMILIES as DOCTOR_FAMILIES
+from emulator.doctor.rules import RULES as DOCTOR_RULES
 from emulator.filter_fates import basis, fate_of, is_final, why
+from emulator.firmware import PROFILES, Firmware
 from emulator.parameters import make_groups
 from emulator.presets import PRESETS, preset_title
+from emulator.release_parameters import ALL_RENAMES
+from emulator.streams import STREAM_KINDS
 from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
@@ -36,7 +45,7 @@ from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_t
 from mav_handlers.wire.codec import full_length, message_id
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
-_BLOCK: Final = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_BLOCK: Final = re.compile(r"(<!-- (table|text): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TYPE_NAMES: Final = {
     ParamType.INT8: "int8",
     ParamType.INT16: "int16",
@@ -148,6 +157,43 @@ def _forms() -> Iterator[tuple[str, ...]]:
         yield f"`{name}`", form.summary
 
 
+def _stream_kinds() -> Iterator[tuple[str, ...]]:
+    for name, row in STREAM_KINDS.items():
+        yield name, ", ".join(f"`{ending}`" for ending in row.endings), row.content, row.params
+
+
+def _firmware() -> Iterator[tuple[str, ...]]:
+    def row(what: str, cell: Callable[[Firmware], str]) -> tuple[str, ...]:
+        return what, *map(cell, PROFILES.values())
+
+    def said(strategy: object) -> str:
+        return first_line(strategy).rstrip(".").removeprefix("Return ")
+
+    yield row("since", lambda one: one.date)
+    yield row("version text", lambda one: f"`{one.banner}`")
+    yield row("error from a covariance", lambda one: said(one.endpoint.error_formula))
+    yield row("covariance of ATT_POS_MOCAP", lambda one: said(one.endpoint.mocap_errors))
+    yield row("position alignment to the AHRS", lambda one: said(one.visual_odom.axes_to_align))
+    yield row("position of the MAV backend", lambda one: said(one.visual_odom.mav_position))
+    yield row("what cannot be read or set", lambda one: "PARAM_ERROR" if one.endpoint.tells_param_errors else "silence")
+    yield row("an origin that a client sets", lambda one: said(one.endpoint.tell_origin))
+    yield row("system id", lambda one: f"`{one.endpoint.params.system_id}`")
+    yield row("ground station's id", lambda one: f"`{one.endpoint.params.ground_station_id}`")
+    yield row("obey that alone", lambda one: f"`{one.endpoint.params.only_ground_station}`")
+    yield row("silence after start-up", lambda one: f"`{one.endpoint.params.telem_delay}`")
+    yield row("rates of the first link", lambda one: f"`{one.endpoint.params.stream_rate(0, '_...')}`")
+    yield row("options of a link", lambda one: said(one.endpoint.params.link_options))
+    yield row("arming checks", lambda one: f"`ARMING_{one.params.arming_check}`")
+    yield row("replay records of an event", lambda one: ", ".join(f"`{record.name}`" for record in one.event_order))
+
+
+def _renames() -> Iterator[tuple[str, ...]]:
+    for old, rename in ALL_RENAMES.items():
+        if not old.startswith("SR") or old.startswith("SR0_"):
+            since = next(name for name, one in PROFILES.items() if old in one.params.renames)
+            yield f"`{old}`", f"`{rename.new}`", since, first_line(rename.convert).rstrip(".").removeprefix("Return ")
+
+
 def _presets() -> Iterator[tuple[str, ...]]:
     for name, path in PRESETS.items():
         yield f"`{name}`", preset_title(path)
@@ -163,6 +209,47 @@ def _documented(section: Any) -> dict[str, str]:
     text = inspect.getdoc(section) or ""
     entries = re.findall(r"^    (\w[\w, ]*): ((?:.|\n        )+)", text.partition("Attributes:")[2], re.MULTILINE)
     return {name: " ".join(what.split()) for names, what in entries for name in names.split(", ")}
+
+
+def _fault_kinds() -> Iterator[tuple[str, ...]]:
+    for name, cls in FAULTS.items():
+        own = ", ".join(f"`{field.name}`" for field in parameters_of(cls))
+        yield f"`{name}`", first_line(cls), own, f"`{cls.sitl}`" if cls.sitl else "", "goes on" if cls.lasts else ""
+
+
+def _as_yaml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_as_yaml, value))}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _fault_parameters() -> Iterator[tuple[str, ...]]:
+    for kind, cls in FAULTS.items():
+        said = _documented(cls)
+        for field in parameters_of(cls):
+            low, high = field.metadata.get("range", (-math.inf, math.inf))
+            limits = "" if math.isinf(high) else f"{low:g} to {high:g}"
+            if isinstance(field.default, enum.StrEnum):
+                limits = ", ".join(f"`{one}`" for one in type(field.default))
+            yield f"`{kind}`", f"`{field.name}`", f"`{_as_yaml(field.default)}`", limits, said[field.name].rstrip(".")
+
+
+def _doctor_codes() -> Iterator[tuple[str, ...]]:
+    for rule in DOCTOR_RULES:
+        yield f"[{rule.code}](doctor-codes.md#{rule.code.lower()})", rule.severity.value, rule.title
+
+
+def _doctor_sections() -> Iterator[str]:
+    family = ""
+    for rule in DOCTOR_RULES:
+        if rule.family != family:
+            family = rule.family
+            yield f"## {family}: {DOCTOR_FAMILIES[family]}\n"
+        opinion = " A model's opinion." if rule.is_model else ""
+        yield f"### {rule.code}\n"
+        yield f"**{rule.title}** ({rule.severity.value}).{opinion}\n"
+        yield f"What the autopilot does: {rule.firmware} Decided in {rule.source}.\n"
+        yield f"What to do: {rule.fix}\n"
 
 
 def _as_toml(value: Any) -> str:
@@ -200,13 +287,22 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "links": (("connection string", "what it is"), _links),
     "cli": (("command", "what it does"), _cli),
     "presets": (("preset", "what it is for"), _presets),
+    "firmware": (("", *(f"`{name}`" for name in PROFILES)), _firmware),
+    "renames": (("before", "name", "since", "value"), _renames),
     "axes": (("--axes", "world/body", "whose they are"), _axes),
     "trajectory_formats": (("--format", "a record", "who writes it"), _trajectory_formats),
     "forms": (("--as", "what is sent"), _forms),
+    "stream_kinds": (("kind", "endings", "what it holds", "parameters from"), _stream_kinds),
     "sources": (("--source", "what it is", "axes of its IMU"), _sources),
+    "faults": (("kind", "what happens", "parameters", "SITL", "`at_s`"), _fault_kinds),
+    "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),
+    "doctor_codes": (("code", "at worst", "what is wrong"), _doctor_codes),
     "vio_config": (("key", "default", "values", "what it is"), _vio_config),
     "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
 }
+
+
+TEXTS: Final[Mapping[str, Callable[[], Iterable[str]]]] = {"doctor_sections": _doctor_sections}
 
 
 def render(name: str) -> str:
@@ -221,8 +317,12 @@ def render(name: str) -> str:
 
 
 def refresh(text: str) -> str:
-    """Return a page with its tables made anew."""
-    return _BLOCK.sub(lambda match: match[1] + "\n" + render(match[2]) + "\n" + match[3], text)
+    """Return a page with its tables and sections made anew."""
+    return _BLOCK.sub(lambda match: match[1] + "\n" + _block(match[2], match[3]) + "\n" + match[4], text)
+
+
+def _block(kind: str, name: str) -> str:
+    return render(name) if kind == "table" else "\n".join(TEXTS[name]())
 
 
 def main(arguments: list[str]) -> int:

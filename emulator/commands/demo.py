@@ -18,6 +18,8 @@ from emulator import demo as simulated
 from emulator.console import err, out, progress, verdict_rows
 from emulator.errors import InputError
 from emulator.filter_report import aiding_rows, filter_rows, tables_of
+from emulator.firmware import Firmware
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from emulator.log_files import LogFile, LogStore
 from emulator.signals import stop_on_signal
 from emulator.vehicle import Vehicle
@@ -64,8 +66,8 @@ def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[]
         yield lambda time_s: bar.update(bar.task_ids[0], completed=time_s), lambda: bool(signals)
 
 
-def _fly_simulated(seed: int, log_file: LogFile) -> _Flown:
-    run = simulated.Demo(seed, lambda: log_file)
+def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
+    run = simulated.Demo(seed, lambda: log_file, firmware)
     with _flying(simulated.END_S) as (on_progress, stop):
         result = run.run(on_progress, stop)
 
@@ -80,13 +82,13 @@ def _fly_simulated(seed: int, log_file: LogFile) -> _Flown:
     return _Flown(simulated.END_S, run.vehicle, texts, rows, tables_of(counts, filter_counts), save_plot)
 
 
-def _fly_vio(seed: int, log_file: LogFile) -> _Flown:
+def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     # These need OpenCV, without which the rest of the command line works.
     from emulator import demo_vio
     from emulator.loop_figures import figures_of, figures_row, figures_table
 
     try:
-        run = demo_vio.VioDemo(seed, lambda: log_file)
+        run = demo_vio.VioDemo(seed, lambda: log_file, firmware)
     except StrategyNotAvailableError as error:
         raise InputError(str(error)) from error
     with _flying(demo_vio.END_S) as (on_progress, stop):
@@ -115,9 +117,9 @@ def _choose(camera: Camera | None) -> Camera:
     return camera or (Camera.VIO if has_opencv else Camera.SIMULATED)
 
 
-def _fly(camera: Camera, seed: int, log_file: LogFile) -> _Flown:
+def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     """Fly to the end, or as far as the user wants."""
-    flown = _FLIGHTS[camera](seed, log_file)
+    flown = _FLIGHTS[camera](seed, log_file, firmware)
     stopped_s = flown.vehicle.clock.micros64() * 1e-6
     if stopped_s < flown.end_s - 0.5:
         err.print(f"stopped at {stopped_s:.0f} s")
@@ -147,6 +149,7 @@ def demo(
         ),
     ] = None,
     log_dir: Annotated[Path, typer.Option(help="Where the log and the plot go.")] = Path("logs"),
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
     plot: Annotated[bool, typer.Option(help="Draw what happened, if matplotlib is there.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
 ) -> None:
@@ -162,10 +165,11 @@ def demo(
 
     Example: viso demo --seed 1
     """
+    profile = firmware_of(firmware)
     chosen = _choose(camera)
     # Opened ahead of the run, so that a place that cannot be written to is told at once.
     log_file = LogStore(log_dir).open_next()
-    flown = _fly(chosen, seed, log_file)
+    flown = _fly(chosen, seed, log_file, profile)
     if log_file.reason:
         raise InputError(log_file.reason)
     picture = _save_plot(flown, log_file.path.with_suffix(".png")) if plot else None

@@ -17,6 +17,8 @@ from emulator.ekf_comparison import Comparison, compare
 from emulator.ekf_output import check_place
 from emulator.ekf_replay import EkfRun
 from emulator.errors import InputError
+from emulator.firmware import Firmware
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 
 _FINDINGS = 1
 
@@ -27,6 +29,7 @@ def ekf(
         Path | None, typer.Option("-o", "--output", help="Write the filter's log here.", metavar="OUT.BIN")
     ] = None,
     until: Annotated[float | None, typer.Option(help="Seconds since boot at which to end.", metavar="S")] = None,
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
     with_comparison: Annotated[
         bool, typer.Option("--compare/--no-compare", help="Compare with the log's own estimates of core 0.")
@@ -37,6 +40,7 @@ def ekf(
 
     OUT.BIN has the parameters of the log, and the filter's texts, events and XKF records, these at the times of the
     log's own. Logs named bench_... are judged by when things happen, others by their estimates once aiding has started.
+    All firmware that can be chosen has the same filter; which one it is meant to be is told with the comparison.
 
     Example: viso ekf tests/data/logs/voxl.BIN.xz -o out.BIN --until 10
     """
@@ -44,6 +48,7 @@ def ekf(
         raise InputError(f"--until {until}: not a time since boot")
     if output is not None:
         check_place(output, log)
+    profile = firmware_of(firmware)
     run = EkfRun(log, until_s=math.inf if until is None else until)
     _run(run, output)
     replay = run.comparison() if with_comparison or check else None
@@ -55,9 +60,11 @@ def ekf(
         return
     comparison = compare(replay.until(ekf_targets.end_s(log)), bench=ekf_targets.is_bench(log))
     if as_json:
-        out.print_json(data={"log": str(log), "passed": comparison.passed, **asdict(comparison)})
+        out.print_json(
+            data={"log": str(log), "firmware": profile.name, "passed": comparison.passed, **asdict(comparison)}
+        )
     else:
-        _show(log, comparison)
+        _show(log, comparison, profile)
     if check and not comparison.passed:
         raise typer.Exit(_FINDINGS)
 
@@ -75,8 +82,9 @@ def _run(run: EkfRun, output: Path | None) -> None:
         run.output.save(output)
 
 
-def _show(log: Path, comparison: Comparison) -> None:
-    table = Table("", "against the log", "target", "", title=f"{log.name}: {comparison.records} records compared")
+def _show(log: Path, comparison: Comparison, firmware: Firmware) -> None:
+    title = f"{log.name}: {comparison.records} records compared, firmware {firmware.name}"
+    table = Table("", "against the log", "target", "", title=title)
     for check in comparison.checks:
         mark = Text("") if not check.target else Text("ok", "green") if check.passed else Text("missed", "red")
         table.add_row(check.what, check.figure, check.target, mark)

@@ -23,21 +23,25 @@ from emulator.ahrs_source import (
 from emulator.console import err, out, verdict_rows
 from emulator.errors import InputError
 from emulator.filter_report import filter_rows, tables_of
+from emulator.firmware import PROFILES, Firmware
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from emulator.key_store import FileKeyStore
 from emulator.line_writer import LineWriter
 from emulator.live_counts import REFRESH_US, LiveCounts
 from emulator.live_report import LiveReport
 from emulator.log_files import LogStore
+from emulator.long_lived import long_lived
 from emulator.message_intervals import load_message_intervals
 from emulator.param_store import ParamStore
-from emulator.parameters import MAX_LINKS
 from emulator.power import Port, PoweredVehicle
 from emulator.presets import PRESET_HELP, preset_files
 from emulator.realtime import Pacer
+from emulator.release_parameters import MAX_LINKS
 from emulator.settings import load_settings
 from emulator.signals import stop_on_signal
-from emulator.vehicle import VehicleConfig
+from emulator.vehicle import Vehicle, VehicleConfig
 from emulator.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file
+from emulator.web.live_view import LiveView
 from mav_handlers.links import Link, open_link
 
 MAX_DURATION_S = 4e9
@@ -69,6 +73,17 @@ def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStac
     return streams
 
 
+def _profile_text(firmware: Firmware) -> str:
+    others = " or ".join(name for name in PROFILES if name != firmware.name)
+    return f"firmware {firmware.name}, --firmware {others} for another"
+
+
+def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, stack: ExitStack) -> LiveView:
+    view = LiveView(address, links, title, speedup=speedup)
+    stack.callback(view.close)
+    return view
+
+
 def serve(
     master: Annotated[
         list[str] | None,
@@ -82,6 +97,7 @@ def serve(
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
     log_dir: Annotated[
         Path, typer.Option(help="Where logs 00000001.BIN and so on go, and message-intervals-chan0.txt is.")
     ] = Path("logs"),
@@ -112,6 +128,13 @@ def serve(
     verdicts_file: Annotated[
         Path | None, typer.Option(help="Write these lines to a file, as JSON.", metavar="FILE")
     ] = None,
+    web: Annotated[
+        str | None,
+        typer.Option(
+            help="Show all this on a page in the browser, which can change parameters and switch faults on.",
+            metavar="[HOST:]PORT",
+        ),
+    ] = None,
     live: Annotated[bool, typer.Option(help="Show the counts while they grow, on a terminal.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the closing counts as JSON.")] = False,
 ) -> None:
@@ -134,9 +157,10 @@ def serve(
         raise InputError(f"--master: the autopilot has parameters for {MAX_LINKS} links, not {len(names)}")
     if as_json and verdicts is not None:
         raise InputError("--json and --verdicts both take standard output: use --verdicts-file")
+    profile = firmware_of(firmware)
     files = [*preset_files(preset), *(defaults or [])]
-    settings = load_settings(files, [], links=len(names), allow_unknown=allow_unknown)
-    overrides = load_settings([], param or [], links=len(names))
+    settings = load_settings(files, [], links=len(names), allow_unknown=allow_unknown, firmware=profile)
+    overrides = load_settings([], param or [], links=len(names), firmware=profile)
     try:
         log_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -153,6 +177,7 @@ def serve(
         log_store=store,
         param_store=param_store,
         signing_store=key_store,
+        firmware=profile,
         message_intervals=load_message_intervals(log_dir, len(names)),
     )
     # Standard output is for one thing alone when it is for a machine.
@@ -160,23 +185,38 @@ def serve(
     with ExitStack() as stack:
         links = _open_links(names, stack)
         streams = _open_streams(verdicts, verdicts_file, stack)
-        takers = [stream.take for stream in streams]
-        report = LiveReport(console, takers, [stream.take_outcome for stream in streams])
+        title = f"{config.firmware.banner} on {', '.join(names)}"
+        view = None if web is None else _open_view(web, links, title, speedup, stack)
+        feeds = [] if view is None else [view.feed]
+        takers = [*(stream.take for stream in streams), *(feed.take for feed in feeds)]
+        filter_takers = [*(stream.take_outcome for stream in streams), *(feed.take_outcome for feed in feeds)]
+        report = LiveReport(console, takers, filter_takers)
+
+        def watch(vehicle: Vehicle) -> None:
+            report.watch(vehicle)
+            for feed in feeds:
+                feed.watch(vehicle)
+
         ports = [Port(link.name, link.baud or baud) for link in links]
-        powered = PoweredVehicle(config, ports, on_boot=report.watch)
+        powered = PoweredVehicle(config, ports, on_boot=watch)
         stack.callback(powered.close)
         stop = stack.enter_context(stop_on_signal())
-        console.print(f"{config.firmware.banner} on {', '.join(names)}; logs in {log_dir}; Ctrl-C ends")
+        console.print(f"{title}; {_profile_text(profile)}; logs in {log_dir}; Ctrl-C ends")
+        if view is not None:
+            console.print(view.introduction)
         counted = powered.verdict_counts, powered.filter_counts
         period_us = int(REFRESH_US * speedup)
         shown = stack.enter_context(LiveCounts(console, *counted, period_us=period_us, wanted=live and console is out))
 
         def is_over() -> bool:
             shown.update(powered.vehicle.clock.micros64())
+            for feed in feeds:
+                feed.update()
             return bool(stop) or any(stream.reader_left for stream in streams)
 
         until_us = None if duration is None else int(duration * 1e6)
-        Pacer(powered, links, speedup=speedup).run(is_over, until_us=until_us)
+        stack.enter_context(long_lived())
+        Pacer(powered, links if view is None else view.links, speedup=speedup).run(is_over, until_us=until_us)
     if powered.vehicle.logger.failure:
         err.print(f"log: {powered.vehicle.logger.failure}")
     if param_store.failure:

@@ -11,26 +11,28 @@ from typing import Annotated, TextIO
 
 import typer
 
+from ap_visualodom.release import VisualOdomRelease
 from emulator.console import err, out, progress
 from emulator.errors import InputError
+from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from emulator.text_files import read_lines, write_text
 from emulator.vectors import VectorError, count_differences, parse_line, recompute
 
 _SHOWN_DIFFERENCES = 5
 
 
-def _recomputed(path: Path) -> Iterator[tuple[int, object, object]]:
+def _recomputed(path: Path, release: VisualOdomRelease) -> Iterator[tuple[int, object, object]]:
     for number, text in read_lines(path):
         try:
             line = parse_line(text)
-            yield number, line, recompute(line)
+            yield number, line, recompute(line, release)
         except VectorError as error:
             raise InputError(f"{path}:{number}: {error}") from error
 
 
-def _check(path: Path) -> bool:
+def _check(path: Path, release: VisualOdomRelease) -> bool:
     outputs = differences = 0
-    for number, recorded, ours in _recomputed(path):
+    for number, recorded, ours in _recomputed(path, release):
         try:
             line_outputs, line_differences = count_differences(recorded, ours)
         except VectorError as error:
@@ -43,10 +45,10 @@ def _check(path: Path) -> bool:
     return differences == 0
 
 
-def _write(paths: list[Path], stream: TextIO) -> None:
+def _write(paths: list[Path], stream: TextIO, release: VisualOdomRelease) -> None:
     with progress("recomputing", None) as bar:
         for path in paths:
-            for _, _, ours in _recomputed(path):
+            for _, _, ours in _recomputed(path, release):
                 stream.write(json.dumps(ours) + "\n")
                 bar.advance(bar.task_ids[0])
 
@@ -57,6 +59,7 @@ def vectors(
         Path | None, typer.Option("-o", "--output", help="Write here (.gz compresses); default standard output.")
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Compare with the recorded outputs and count.")] = False,
+    firmware: FirmwareOption = DEFAULT_FIRMWARE,
 ) -> None:
     """Recompute every output of recorded firmware behaviour with the port.
 
@@ -65,13 +68,14 @@ def vectors(
 
     Example: viso vectors tests/data/vectors/visual_odom.jsonl.gz --check
     """
+    release = firmware_of(firmware).visual_odom
     if check:
         if output is not None:
             raise InputError("--check writes nothing: leave out --output")
         # Every file is checked, also after one that differs.
-        results = [_check(path) for path in files]
+        results = [_check(path, release) for path in files]
         if not all(results):
             raise typer.Exit(1)
         return
     with nullcontext(sys.stdout) if output is None else write_text(output) as stream:
-        _write(files, stream)
+        _write(files, stream, release)

@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the documentation shows is true: code runs, links lead somewhere, tables are those of the code."""
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import pytest
 
-from mav_handlers.wire.messages import ODOMETRY
+from emulator.testing import Autopilot
 from tools import make_docs
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,24 +17,6 @@ PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 def _python_blocks(page: Path) -> list[str]:
     return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-
-
-def _load(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        del sys.modules[path.stem]
-    return module
-
-
-@pytest.fixture
-def bridge() -> ModuleType:
-    return _load(ROOT / "docs" / "examples" / "test_my_bridge.py")
 
 
 def test_first_walk_prints_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> None:
@@ -51,21 +31,10 @@ def test_first_walk_prints_what_the_page_says(capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().out.splitlines() == ["None", "not healthy"]
 
 
-def test_readme_test_block_runs(bridge: ModuleType) -> None:
-    block = next(block for block in _python_blocks(ROOT / "README.md") if "my_odometry" in block)
-    pose: ODOMETRY = bridge.POSE
-    exec(block, {"my_odometry": pose})
-
-
-@pytest.mark.parametrize(
-    "name", ["test_good_pose_reaches_the_ekf", "test_ned_frames_are_dropped", "test_low_quality_is_withheld"]
-)
-def test_bridge_example_passes(bridge: ModuleType, name: str) -> None:
-    getattr(bridge, name)()
-
-
-def test_bridge_example_has_no_other_tests(bridge: ModuleType) -> None:
-    assert len([name for name in vars(bridge) if name.startswith("test_")]) == 3
+def test_readme_test_passes(extnav_autopilot: Autopilot) -> None:
+    names: dict[str, Any] = {}
+    exec(next(block for block in _python_blocks(ROOT / "README.md") if "extnav_autopilot" in block), names)
+    names["test_autopilot_navigates_by_what_we_send"](extnav_autopilot)
 
 
 def test_readme_script_is_the_example_without_its_frame() -> None:

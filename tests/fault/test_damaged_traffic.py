@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 CAPTURES = sorted((Path(__file__).parent.parent / "data" / "captures").glob("*.jsonl.gz"))
 FRAMES = 300
-# Two of them, one in MAVLink 1, stand for the rest unless there is time.
-SHORTENED = ("mav", "voxl")
+# One of them stands for the rest unless there is time.
+SHORTENED = ("mav",)
 
 Damage = Callable[[list[bytes], random.Random], list[bytes]]
 

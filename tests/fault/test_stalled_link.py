@@ -4,6 +4,8 @@
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from emulator.power import Port, PoweredVehicle
 from emulator.realtime import Pacer
 from emulator.vehicle import VehicleConfig
@@ -66,6 +68,7 @@ def count_heartbeats(messages: list[Message]) -> int:
     return sum(isinstance(message, HEARTBEAT) for message in messages)
 
 
+@pytest.mark.slow
 def test_link_that_stalls_for_a_minute_keeps_no_other_waiting() -> None:
     pairs = [make_pair(), make_pair()]
     links = [ours for ours, _ in pairs]

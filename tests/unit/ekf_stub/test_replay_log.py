@@ -19,6 +19,8 @@ from ekf_stub.gps_sample import GpsSample
 from ekf_stub.inertial import InertialDelta
 from ekf_stub.replay_log import (
     CHECK_LANE_SWITCH,
+    EKF2_BEFORE_EKF3,
+    EKF3_BEFORE_EKF2,
     REQUEST_YAW_RESET,
     RESET_GYRO_BIAS,
     RESET_HEIGHT_DATUM,
@@ -48,10 +50,11 @@ FIRST_FRAME = [
 class Rig:
     """An estimator whose frames are logged, LOG_REPLAY set."""
 
-    def __init__(self) -> None:
+    def __init__(self, event_order: tuple[LogStructure, LogStructure] = EKF2_BEFORE_EKF3) -> None:
         self.enabled = True
         self.records: list[tuple[str, tuple[LogValue, ...]]] = []
-        self.log = ReplayLog(self, lambda: self.enabled, SensorSet(compass_offsets=(5.0, 13.0, -18.0)))
+        fitted = SensorSet(compass_offsets=(5.0, 13.0, -18.0))
+        self.log = ReplayLog(self, lambda: self.enabled, fitted, event_order=event_order)
         self.sensors = SENSORS
         self.vehicle = VehicleFrame()
         self.gps: GpsSample | None = None
@@ -323,6 +326,13 @@ def test_event_for_both_filters_goes_to_both(rig: Rig, number: int) -> None:
     rig.log.event(number)
     assert rig.records[1:] == [("REV2", (number,)), ("REV3", (number,))]
     assert rig.names()[0] == "RFRF"
+
+
+def test_event_for_both_filters_may_go_to_this_one_first() -> None:
+    rig = Rig(EKF3_BEFORE_EKF2)
+    rig.frame()
+    rig.log.event(RESET_HEIGHT_DATUM)
+    assert [name for name, _ in rig.records[-2:]] == ["REV3", "REV2"]
 
 
 @pytest.mark.parametrize("number", [REQUEST_YAW_RESET, CHECK_LANE_SWITCH, SOURCE_SET_1])

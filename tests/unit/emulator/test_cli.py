@@ -90,7 +90,9 @@ def example_of(name: str) -> str:
     return str(example)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "demo" else ()) for name in COMMANDS]
+)
 def test_example_of_the_help_works(
     viso: Viso, name: str, tmp_path: Path, free_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,8 +171,12 @@ def test_broken_line_of_a_capture_is_named(viso: Viso, capture: Path) -> None:
 
 
 def test_unknown_kind_of_stream_is_one_line(viso: Viso) -> None:
-    line = "flight.BIN: neither a capture (.jsonl, .jsonl.gz) nor a telemetry log (.tlog)"
-    assert failed_with(viso("replay", "flight.BIN"), line)
+    kinds = (
+        "capture (.jsonl, .jsonl.gz), telemetry log (.tlog, .tlog.gz), DataFlash log (.bin, .bin.xz), "
+        "trajectory (.tum, .txt, .csv, .bag, .mcap, .db3)"
+    )
+    line = f"flight.ulg: by its ending no recorded stream; there are: {kinds}"
+    assert failed_with(viso("replay", "flight.ulg"), line)
 
 
 def test_replay_prints_texts_and_counts(viso: Viso, capture: Path) -> None:
@@ -350,8 +356,9 @@ def serve_args(port: int, *args: str) -> list[str]:
 def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: int) -> None:
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
-    banner = f"ArduCopter V4.7.0-dev (2b361bde) on udpin:127.0.0.1:{free_port}; logs in logs; Ctrl-C ends"
-    assert outcome.out.splitlines()[0] == banner
+    banner = f"ArduCopter V4.7.0-dev (2b361bde) on udpin:127.0.0.1:{free_port}; "
+    profile = "firmware 4.7-dev, --firmware 4.6 or 2026-02 for another; "
+    assert outcome.out.splitlines()[0] == f"{banner}{profile}logs in logs; Ctrl-C ends"
     assert "What became of each message" in outcome.out
     assert Path("logs/00000001.BIN").stat().st_size > 0
 

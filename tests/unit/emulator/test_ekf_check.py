@@ -9,6 +9,7 @@ import pytest
 
 from ekf_stub.filter_status import FilterFlag, FilterStatus
 from emulator.ekf_check import is_over_threshold
+from emulator.testing.copies import Copies
 from mav_handlers.ports import Location
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
 
@@ -19,6 +20,8 @@ MakeBench = Callable[..., "Bench"]
 ORIGIN = Location(-353632610, 1491652300, 58400)
 LOST = [(16, 2), (17, 1)]
 RESOLVED = [(16, 0), (17, 0)]
+
+NAVIGATING: dict[tuple[object, ...], Copies["Bench"]] = {}
 
 
 def status(compass: float = 0, velocity: float = 0, position: float = 0) -> FilterStatus:
@@ -43,6 +46,14 @@ def test_two_variances_over_the_threshold_are_too_many(variances: tuple[float, f
 
 
 def navigating(make_bench: MakeBench, *, origin: bool = True, **params: float) -> "Bench":
+    """Return a vehicle that navigates; the way there is gone once for each set of parameters."""
+    key = (origin, *sorted(params.items()))
+    if key not in NAVIGATING:
+        NAVIGATING[key] = Copies(start_navigating(make_bench, origin=origin, **params))
+    return NAVIGATING[key].make()
+
+
+def start_navigating(make_bench: MakeBench, *, origin: bool, **params: float) -> "Bench":
     sources = {"EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 6, "EK3_SRC1_VELZ": 0}
     bench = make_bench(VISO_TYPE=1, GPS1_TYPE=0, DISARM_DELAY=0, **sources, **params)
     bench.run_to(30)

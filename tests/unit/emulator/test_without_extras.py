@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-EXTRAS = ("cv2", "gtsam", "rosbags", "matplotlib", "threadpoolctl")
+EXTRAS = ("cv2", "gtsam", "rosbags", "matplotlib", "threadpoolctl", "pymap3d", "pyModeS", "starlette", "uvicorn")
 PROGRAM = f"""
 import sys
 sys.modules.update(dict.fromkeys({EXTRAS!r}))
@@ -29,10 +29,34 @@ def test_trajectory_is_played(tmp_path: Path) -> None:
     assert viso("play", str(FLIGHT), "--until", "1", "-o", "out.tlog", cwd=tmp_path) == (0, "")
 
 
-@pytest.mark.parametrize("command", [("demo", "--camera", "vio"), ("vio", "synthetic"), ("bench", "vio")])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("vio", "synthetic"),
+        pytest.param(("demo", "--camera", "vio"), marks=pytest.mark.slow),
+        pytest.param(("bench", "vio"), marks=pytest.mark.slow),
+    ],
+)
 def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]) -> None:
     code, err = viso(*command, cwd=tmp_path)
     assert code == 2
     assert err.startswith("viso: ")
     assert "pip install 'viso[vio]'" in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_landmarks_do_without_on_a_sphere_and_say_so(tmp_path: Path) -> None:
+    assert viso("landmarks", "--demo", "--until", "1", "--frame", "spherical", cwd=tmp_path) == (0, "")
+    code, err = viso("landmarks", "--demo", "--until", "1", cwd=tmp_path)
+    assert code == 2
+    assert "pip install 'viso[landmarks]'" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_raw_frames_need_an_extra_and_say_which(tmp_path: Path) -> None:
+    (tmp_path / "frames.txt").write_text("*8D4840D6202CC371C32CE0576098;\n")
+    code, err = viso("landmarks", "frames.txt", "--frame", "spherical", cwd=tmp_path)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "pip install 'viso[landmarks]'" in err
