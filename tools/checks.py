@@ -108,12 +108,17 @@ STEPS = (
 )
 
 
+def _environment() -> dict[str, str]:
+    # Tests start hundreds of processes: without compiled modules each takes more than a second longer.
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
 def run_step(step: Step, run: Run) -> Result:
     """Run all commands of a step, their output going straight to ours, and return how it went."""
     commands = step.commands(run)
     print(f"\n== {step.name}: {step.about}", flush=True)
     started = time.monotonic()
-    codes = [subprocess.run(command, cwd=ROOT, check=False).returncode for command in commands]
+    codes = [subprocess.run(command, cwd=ROOT, env=_environment(), check=False).returncode for command in commands]
     state = ("FAIL" if any(codes) else "ok") if codes else "skip"
     result = Result(step.name, state, time.monotonic() - started)
     print(f"-- {result.name} {result.state}, {result.seconds:.1f} s", flush=True)
