@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where an objective is best along one axis: the lowest point, and the vertex of the parabola through it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from emulator.sweep.objectives import LOWER_IS_BETTER
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Best:
+    """The best point along an axis, others being the same.
+
+    Attributes:
+        group: stream, firmware, faults and seed.
+        at: the value of the axis at the best point; of points that are as good as each other the first.
+        same_until: the last value up to which nothing changes; ``at`` itself if the next one is worse.
+        value: the objective there.
+        vertex: where the parabola through it and its neighbours has its vertex; None at the edge, or where it is flat.
+        at_edge: whether the best point is the first or the last.
+        is_first: whether it is the first.
+        row: the whole of it.
+    """
+
+    group: tuple[Any, ...]
+    at: float
+    same_until: float
+    value: float
+    vertex: float | None
+    at_edge: bool
+    is_first: bool
+    row: Row
+
+
+def best_rows(rows: Iterable[Row], objective: str, count: int) -> list[Row]:
+    """Return the best rows, at most so many, the best first; of equal ones the first."""
+    known = [row for row in rows if row[objective] is not None]
+    sign = 1.0 if objective in LOWER_IS_BETTER else -1.0
+    return sorted(known, key=lambda row: (sign * row[objective], row["point"]))[:count]
+
+
+def best_along(rows: Iterable[Row], axis: str, objective: str) -> list[Best]:
+    """Return the best point of each group along an axis."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        if row[objective] is not None:
+            groups.setdefault((row["stream"], row["firmware"], row["faults"], row["seed"]), []).append(row)
+    for members in groups.values():
+        members.sort(key=lambda row: float(row[axis]))
+    return [_best_of(group, members, axis, objective) for group, members in groups.items()]
+
+
+def _best_of(group: tuple[Any, ...], members: Sequence[Row], axis: str, objective: str) -> Best:
+    best = best_rows(members, objective, 1)[0]
+    index = members.index(best)
+    worse = (number for number in range(index, len(members)) if members[number][objective] != best[objective])
+    same = members[next(worse, len(members)) - 1][axis]
+    at_edge = index in (0, len(members) - 1)
+    around = [] if at_edge else [(row[axis], row[objective]) for row in members[index - 1 : index + 2]]
+    return Best(
+        group, best[axis], same, best[objective], _vertex(*around) if around else None, at_edge, index == 0, best
+    )
+
+
+def _vertex(left: tuple[float, float], middle: tuple[float, float], right: tuple[float, float]) -> float | None:
+    """Return where the parabola through three points has its vertex; None if they are on a line."""
+    (x0, y0), (x1, y1), (x2, y2) = left, middle, right
+    before, after = (y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1)
+    if before == after:
+        return None
+    curve = (after - before) / (x2 - x0)
+    return 0.5 * (x0 + x1 - before / curve)

@@ -1,0 +1,168 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Works out one point of a sweep: in a process of this machine, or anywhere in a cluster."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import yaml
+
+from companion.evaluation import TimedPoses
+from companion.faults import Timeline, TimelineError, inject, parse_timeline
+from emulator.ahrs_source import AhrsChoice, ahrs_maker, imu_options
+from emulator.errors import InputError
+from emulator.firmware import PROFILES
+from emulator.imu.table import MakeSource, read_source
+from emulator.replay_run import ReplaySetup, run_replay
+from emulator.streams import Stream, StreamMessage, TrajectoryOptions, read_stream
+from emulator.sweep.axes import fault_field
+from emulator.sweep.objectives import Judge, Row
+from emulator.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
+from emulator.vehicle_config import AhrsParts, VehicleAhrs, by_ekf3
+
+_KEPT: Final = 4
+"""How many files of a kind a process remembers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What became of a point: its figures, or why there are none."""
+
+    number: int
+    row: Row | None
+    error: str = ""
+
+
+def run_point(plan: SweepPlan, point: Point) -> Result:
+    """Replay a point and return its figures; what goes wrong is told, not raised."""
+    try:
+        return Result(point.number, _row_of(plan, point))
+    except InputError as error:
+        return Result(point.number, None, str(error))
+    except Exception as error:  # one point that meets a bug is no reason to lose the others
+        return Result(point.number, None, " ".join(f"{type(error).__name__}: {error}".split()))
+
+
+def code_version() -> str:
+    """Return the version of the programs here."""
+    return version("viso")
+
+
+def _row_of(plan: SweepPlan, point: Point) -> Row:
+    if plan.code != code_version():
+        raise InputError(f"a worker has viso {code_version()}, the sweep was defined with {plan.code}")
+    recorded, firmware = plan.recordings[point.recording], PROFILES[point.firmware]
+    values = {axis.name: value for axis, value in zip(plan.axes, point.values, strict=True)}
+    stream = _until(_faulty(_stream(plan, recorded), plan.faults[point.faults], values, point.seed), plan.until_s)
+    chosen = {name: value for name, value in values.items() if fault_field(name) is None}
+    baud = (stream.baud if plan.baud is None else plan.baud) or None
+    make_ahrs = _ahrs(plan, recorded, point.seed)
+    judge = Judge(_truth(plan, recorded))
+    outcome = run_replay(
+        stream,
+        {**stream.params, **plan.settings[point.firmware], **chosen},
+        ReplaySetup(make_ahrs, baud, recorded.ahrs is None, firmware),
+        on_message=judge.take_message,
+        on_start=judge.start,
+    )
+    return judge.row(outcome)
+
+
+# What files hold, read once a process and checked to be what the sweep was defined with
+
+
+@lru_cache(_KEPT * 4)
+def check_file(file: InputFile) -> None:
+    """Check that a file is the one that was meant, once a process.
+
+    Raises:
+        InputError: it is missing, or holds something else.
+    """
+    if input_file(Path(file.path)).sha256 != file.sha256:
+        raise InputError(f"{file.path}: not the file that the sweep was begun with")
+
+
+def _stream(plan: SweepPlan, recorded: Recorded) -> Stream:
+    for file in (recorded.file, *recorded.others):
+        check_file(file)
+    return _read_stream(recorded.file.path, round(plan.lead_s * 1e6), plan.trajectory)
+
+
+@lru_cache(_KEPT)
+def _read_stream(path: str, lead_us: int, options: TrajectoryOptions) -> Stream:
+    return read_stream(Path(path), lead_us, options)
+
+
+def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[AhrsParts], VehicleAhrs]:
+    if recorded.ahrs is not None:
+        return _following(recorded.ahrs)
+    choice = AhrsChoice(None, recorded.imu, list(plan.imu_errors), seed or 0, plan.heading_deg)
+    return by_ekf3(_source(recorded.imu), imu_options(choice))
+
+
+@lru_cache(_KEPT)
+def _following(log: str) -> Callable[[AhrsParts], VehicleAhrs]:
+    return ahrs_maker(AhrsChoice(Path(log), None, None, 0, 0.0))
+
+
+@lru_cache(_KEPT)
+def _source(imu: str) -> MakeSource:
+    return read_source(imu)
+
+
+def _truth(plan: SweepPlan, recorded: Recorded) -> TimedPoses | None:
+    if recorded.reference is None:
+        return None
+    return _read_truth(recorded.reference, recorded.file.path, round(plan.lead_s * 1e6), plan.trajectory)
+
+
+@lru_cache(_KEPT)
+def _read_truth(reference: str, stream: str, lead_us: int, options: TrajectoryOptions) -> TimedPoses:
+    from emulator.sweep.reference import read_reference
+
+    return read_reference(Path(reference), Path(stream), lead_us, options)
+
+
+# Streams
+
+
+def _until(stream: Stream, end_s: float) -> Stream:
+    kept = tuple(one for one in stream.messages if one.arrival_us is None or one.arrival_us <= end_s * 1e6)
+    return stream if len(kept) == len(stream.messages) else replace(stream, messages=kept)
+
+
+def _faulty(stream: Stream, faults: Faults, values: Mapping[str, float], seed: int | None) -> Stream:
+    if not faults.text:
+        return stream
+    timeline = timeline_of(faults, values)
+    frames, time_us = [], next((one.arrival_us for one in stream.messages if one.arrival_us is not None), 0)
+    for message in stream.messages:
+        # A time that is not known is taken to be that of the message before.
+        time_us = time_us if message.arrival_us is None else message.arrival_us
+        frames.append((time_us, message.frame))
+    spoiled = tuple(StreamMessage(due_us, frame) for due_us, frame in inject(frames, timeline, seed))
+    return replace(stream, messages=spoiled)
+
+
+def timeline_of(faults: Faults, values: Mapping[str, float]) -> Timeline:
+    """Return a timeline with the fields that axes change.
+
+    Raises:
+        InputError: naming the timeline, the entry and the field.
+    """
+    document = yaml.safe_load(faults.text)
+    for name, value in values.items():
+        place = fault_field(name)
+        if place is not None:
+            entry, key = place
+            if entry > len(document["faults"]):
+                raise InputError(f"{faults.name}: {name}: there are {len(document['faults'])} entries")
+            document["faults"][entry - 1][key] = int(value) if value.is_integer() else value
+    try:
+        return parse_timeline(yaml.safe_dump(document, sort_keys=False), faults.name)
+    except TimelineError as error:
+        raise InputError(str(error)) from error

@@ -1,0 +1,252 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a replay is judged by: a row of figures that depend on nothing but the point."""
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ap_core.verdict import Outcome
+from companion.evaluation import EvaluationError, TimedPoses, absolute_error
+from companion.faults.vision import VISION_NAMES
+from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.aiding import AidingMode
+from ekf_stub.body_odometry import GATE_SIGMAS
+from emulator.filter_fates import Fate, FilterCounts, fate_of, final_counts
+from emulator.filter_watch import UNITS, AidingSpan, FilterWatch, SampleTest
+from emulator.replay import ReplayedMessage
+from emulator.replay_run import ReplayOutcome
+from emulator.vehicle import Vehicle
+
+Figure = float | int | None
+Row = dict[str, Figure]
+
+_GATES: Final[Mapping[str, str]] = {
+    "pose": "EK3_POS_I_GATE",
+    "height": "EK3_HGT_I_GATE",
+    "velocity": "EK3_VEL_I_GATE",
+    "yaw": "EK3_YAW_I_GATE",
+}
+_TIME, _CORRECTED = 0, 2  # of VISP and VISV: TimeUS, CTimeMS
+_STAMPED: Final = ("VISP", "VISV")
+_WARNING: Final = 4  # MAV_SEVERITY
+_NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """A column of figures: its unit, empty for none, and what it is."""
+
+    unit: str
+    what: str
+
+
+OBJECTIVES: Final[Mapping[str, Objective]] = {
+    "fused_share": Objective(
+        "", "what the filter used of what arrived: of messages whose data it got, of samples it has a use for"
+    ),
+    "nis": Objective("", "mean normalised innovation squared of all samples tested; 1 if the noises fit"),
+    **{f"nis_{kind}": Objective("", f"the same, of {kind} alone") for kind in UNITS},
+    **{f"rms_{kind}": Objective(unit, f"innovations of {kind}, rms") for kind, unit in UNITS.items()},
+    "worst_ratio": Objective("", "the largest innovation of all, in gates"),
+    "tested": Objective("", "samples tested"),
+    "rejected": Objective("", "samples that a gate held back"),
+    "lost": Objective("", "samples whose turn never came"),
+    "refused": Objective("", "samples that were not let in"),
+    "resets": Objective("", "how often the filter was set to a sample"),
+    "time_to_aiding_s": Objective("s", "when the filter first navigated by external navigation, since boot"),
+    "aiding_share": Objective("", "of the time from then on, how much it did"),
+    "aiding_losses": Objective("", "how often it stopped"),
+    "ate_m": Objective("m", "how far its positions are from the reference, aligned, root of the mean square"),
+    "ate_poses": Objective("", "positions compared with the reference"),
+    "messages": Objective("", "messages of external navigation that arrived"),
+    "accepted_share": Objective("", "those whose data went to the filter, of all"),
+    "ignored": Objective("", "those whose data was withheld from it"),
+    "dropped": Objective("", "those without effect"),
+    "texts": Objective("", "texts for the ground station"),
+    "warnings": Objective("", "those among them that warn, or worse"),
+    "stamp_lag_ms": Objective("ms", "by how much corrected stamps are before the arrival, median"),
+}
+"""The columns, in their order."""
+
+LOWER_IS_BETTER: Final = frozenset(
+    {"nis", "worst_ratio", "rejected", "lost", "refused", "resets", "time_to_aiding_s", "aiding_losses", "ate_m"}
+    | {"ignored", "dropped", "texts", "warnings"}
+    | {f"{what}_{kind}" for what in ("nis", "rms") for kind in UNITS}
+)
+"""Of these the minimum is looked for, of others the maximum."""
+
+
+class _Squares:
+    """Sums over the samples of a kind."""
+
+    def __init__(self) -> None:
+        self.tested = 0
+        self.normalised = self.innovation = self.worst_ratio = 0.0
+
+    def add(self, ratio: float, gate: float, innovation: float) -> None:
+        self.tested += 1
+        self.normalised += (ratio * gate) ** 2
+        self.innovation += innovation**2
+        self.worst_ratio = max(self.worst_ratio, ratio)
+
+
+class Judge:
+    """Follows a replay and gives its row of figures.
+
+    Args:
+        truth: where the vehicle was, by times since boot; None if that is not known.
+    """
+
+    def __init__(self, truth: TimedPoses | None = None) -> None:
+        self._truth = truth
+        self._squares: dict[str, _Squares] = {}
+        self._lags_ms: list[float] = []
+        self._places: dict[int, tuple[float, float, float]] = {}
+        self._vehicle: Vehicle | None = None
+        self._gate_of: Callable[[str], float] = lambda _kind: math.nan
+
+    def start(self, vehicle: Vehicle, watch: FilterWatch | None) -> None:
+        """Follow a vehicle from boot on."""
+        self._vehicle = vehicle
+        self._gate_of = _gates(vehicle)
+        if watch is not None:
+            watch.listeners.append(self._take_test)
+
+    def _take_test(self, test: SampleTest) -> None:
+        ratio = test.outcome.ratio
+        if ratio is None or test.innovation is None or not math.isfinite(ratio):
+            return
+        kind = test.outcome.kind
+        self._squares.setdefault(kind, _Squares()).add(ratio, self._gate_of(kind), test.innovation)
+
+    def take_message(self, message: ReplayedMessage) -> None:
+        """Take what became of a message."""
+        for name, values in message.records:
+            if name in _STAMPED:
+                time_us, corrected_ms = values[_TIME], values[_CORRECTED]
+                assert isinstance(time_us, int)
+                assert isinstance(corrected_ms, int)
+                self._lags_ms.append(time_us * 1e-3 - corrected_ms)
+        if self._truth is not None:
+            self._note_place()
+
+    def _note_place(self) -> None:
+        vehicle = self._vehicle
+        core = vehicle.ahrs.core if vehicle is not None and isinstance(vehicle.ahrs, Ekf3Ahrs) else None
+        if vehicle is not None and core is not None and core.initialised and core.aiding.mode is not AidingMode.NONE:
+            north, east, down = core.position().tolist()
+            self._places[vehicle.clock.micros64()] = north, east, down
+
+    def row(self, outcome: ReplayOutcome) -> Row:
+        """Return the figures of a replay that is over, one a column of ``OBJECTIVES``."""
+        row: Row = dict.fromkeys(OBJECTIVES)
+        row |= _of_messages(outcome)
+        if self._lags_ms:
+            row["stamp_lag_ms"] = statistics.median(self._lags_ms)
+        if outcome.aiding is not None:
+            row |= _of_samples(outcome.filter_counts)
+            row["fused_share"] = _product(row["fused_share"], row["accepted_share"])
+            row |= self._of_innovations()
+            row |= _of_aiding(outcome.aiding)
+            row |= self._of_places()
+        return row
+
+    def _of_innovations(self) -> Row:
+        squares = self._squares.values()
+        tested = sum(one.tested for one in squares)
+        row: Row = {"tested": tested}
+        if not tested:
+            return row
+        row["nis"] = sum(one.normalised for one in squares) / tested
+        row["worst_ratio"] = max(one.worst_ratio for one in squares)
+        for kind, one in self._squares.items():
+            row[f"nis_{kind}"] = one.normalised / one.tested
+            row[f"rms_{kind}"] = math.sqrt(one.innovation / one.tested)
+        return row
+
+    def _of_places(self) -> Row:
+        if self._truth is None:
+            return {}
+        times_us = sorted(self._places)
+        places = np.array([self._places[time_us] for time_us in times_us]).reshape(-1, 3)
+        estimate = TimedPoses(np.array(times_us, np.int64) * 1000, places, np.tile(_NO_ROTATION, (len(places), 1)))
+        try:
+            error = absolute_error(estimate, self._truth)
+        except EvaluationError:
+            return {"ate_poses": 0}
+        return {"ate_m": error.rmse_m, "ate_poses": error.count}
+
+
+def _gates(vehicle: Vehicle) -> Callable[[str], float]:
+    """Return what tells the gate of a kind of sample in standard deviations, by the parameters of the moment."""
+    known: dict[str, float] = {}
+    generation = -1
+
+    def gate_of(kind: str) -> float:
+        nonlocal generation
+        if vehicle.params.generation != generation:
+            generation = vehicle.params.generation
+            known.clear()
+        if kind not in known:
+            known[kind] = _gate(vehicle, kind)
+        return known[kind]
+
+    return gate_of
+
+
+def _gate(vehicle: Vehicle, kind: str) -> float:
+    found = vehicle.params.find(_GATES[kind]) if kind in _GATES else None
+    return GATE_SIGMAS if found is None else max(0.01 * float(found.value), 1.0)
+
+
+def _of_messages(outcome: ReplayOutcome) -> Row:
+    counts: Counter[Outcome] = Counter()
+    for (name, verdict, _), count in outcome.verdicts.items():
+        if name in VISION_NAMES:
+            counts[verdict] += count
+    return {
+        "messages": counts.total(),
+        "accepted_share": counts[Outcome.ACCEPTED] / counts.total() if counts else None,
+        "ignored": counts[Outcome.IGNORED],
+        "dropped": counts[Outcome.DROPPED],
+        "texts": len(outcome.texts),
+        "warnings": sum(said.severity <= _WARNING for said in outcome.texts),
+    }
+
+
+def _product(share: Figure, other: Figure) -> Figure:
+    return None if share is None or other is None else share * other
+
+
+def _of_samples(counts: FilterCounts) -> Row:
+    fates: Counter[Fate] = Counter()
+    for _, rule, count in final_counts(counts):
+        fates[fate_of(rule)] += count
+    useful = fates.total() - fates[Fate.UNUSED]
+    return {
+        "fused_share": (fates[Fate.FUSED] + fates[Fate.RESET]) / useful if useful else 0.0,
+        "rejected": fates[Fate.REJECTED],
+        "lost": fates[Fate.LOST],
+        "refused": fates[Fate.REFUSED],
+        "resets": fates[Fate.RESET],
+    }
+
+
+def _of_aiding(spans: tuple[AidingSpan, ...]) -> Row:
+    aided = [span for span in spans if span.mode is not AidingMode.NONE]
+    if not aided:
+        return {"time_to_aiding_s": None, "aiding_share": 0.0, "aiding_losses": 0}
+    since_us = spans[-1].end_us - aided[0].start_us
+    aided_us = sum(span.end_us - span.start_us for span in aided)
+    after = spans[spans.index(aided[0]) :]
+    return {
+        "time_to_aiding_s": aided[0].start_us * 1e-6,
+        "aiding_share": aided_us / since_us if since_us else 1.0,
+        "aiding_losses": sum(span.mode is AidingMode.NONE for span in after),
+    }

@@ -1,0 +1,234 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a sweep is: streams, axes and how to replay, and the points that follow from them."""
+
+import hashlib
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from emulator.errors import InputError
+from emulator.streams import TrajectoryOptions
+from emulator.sweep.axes import Axis
+
+FOLLOW: Final = "follow"
+NO_MOTION_OF_ITS_OWN: Final = ("bench", FOLLOW)
+"""Sources of inertial data whose motion does not tell whether a stream is late."""
+RANDOM: Final = "random"
+LATIN: Final = "latin"
+SAMPLINGS: Final = (RANDOM, LATIN)
+MOST_POINTS: Final = 10_000_000
+FORMAT: Final = 1
+"""Of the definition and of what is worked out of a point; one more whenever either changes."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """A file, and what it holds: whoever reads it checks that it is the same.
+
+    Attributes:
+        path: where it is, also on the machines of a cluster.
+        sha256: of its content in hex; of a folder, of its files.
+    """
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A recorded stream and what belongs to it.
+
+    Attributes:
+        name: of the stream, for the table.
+        file: of the stream.
+        imu: the source of its inertial data, as of ``--imu``.
+        others: files that the replay reads as well: of sensors, attitude, reference.
+        ahrs: the log whose attitude is followed in place of a filter, if any.
+        reference: where the vehicle truly was, if that is known.
+    """
+
+    name: str
+    file: InputFile
+    imu: str
+    others: tuple[InputFile, ...] = ()
+    ahrs: str | None = None
+    reference: str | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what counts: what files hold, not where they are."""
+        files = {Path(file.path).name: file.sha256 for file in (self.file, *self.others)}
+        used = {name: path and Path(path).name for name, path in (("ahrs", self.ahrs), ("reference", self.reference))}
+        kind, _, argument = self.imu.partition(":")
+        return {"files": files, "imu": f"{kind}:{Path(argument).name}" if argument else kind, **used}
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """A timeline of faults: its name, and its YAML; empty for none."""
+
+    name: str = "none"
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """How points are drawn: ``random`` or ``latin``, how many, and the seed."""
+
+    method: str
+    points: int
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SweepPlan:
+    """A sweep, whole: the same plan has the same points, and each point comes to the same figures, anywhere.
+
+    Attributes:
+        recordings: the streams.
+        axes: what is changed.
+        settings: parameters over those of the recording, by the name of each firmware.
+        firmware: the names of profiles.
+        faults: the timelines; one that is empty stands for none.
+        seeds: of faults and sensor noise; None for the timeline's own, and 0.
+        sampling: None for a grid.
+        baud: rate of the modelled UART, 0 for none; None for the recording's.
+        imu_errors: what is wrong with the sensors, each NAME=VALUE.
+        heading_deg: where the vehicle points at first.
+        lead_s: from boot to the first message where a recording does not tell.
+        until_s: where replays end, since boot; infinite for the end of the stream.
+        trajectory: how to take trajectories.
+        code: the version of the programs that work it out.
+    """
+
+    recordings: tuple[Recorded, ...]
+    axes: tuple[Axis, ...]
+    settings: Mapping[str, Mapping[str, float]]
+    firmware: tuple[str, ...]
+    faults: tuple[Faults, ...] = (Faults(),)
+    seeds: tuple[int | None, ...] = (None,)
+    sampling: Sampling | None = None
+    baud: int | None = None
+    imu_errors: tuple[str, ...] = ()
+    heading_deg: float = 0.0
+    lead_s: float = 30.0
+    until_s: float = math.inf
+    trajectory: TrajectoryOptions = field(default_factory=TrajectoryOptions)
+    code: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what defines the sweep, for JSON: what is told when two differ."""
+        return {
+            "format": FORMAT,
+            "code": self.code,
+            "streams": {recorded.name: recorded.as_dict() for recorded in self.recordings},
+            "set": {axis.name: axis.as_dict() for axis in self.axes},
+            "settings": {name: dict(values) for name, values in self.settings.items()},
+            "faults": {faults.name: faults.text for faults in self.faults},
+            "seeds": list(self.seeds),
+            "sample": None if self.sampling is None else asdict(self.sampling),
+            "baud": self.baud,
+            "imu_errors": list(self.imu_errors),
+            "heading_deg": self.heading_deg,
+            "lead_s": self.lead_s,
+            "until_s": None if math.isinf(self.until_s) else self.until_s,
+            "trajectory": {name: value and str(value) for name, value in asdict(self.trajectory).items()},
+        }
+
+    @property
+    def size(self) -> int:
+        """How many points there are."""
+        each = math.prod(len(axis.values) for axis in self.axes) if self.sampling is None else self.sampling.points
+        return each * len(self.recordings) * len(self.firmware) * len(self.faults) * len(self.seeds)
+
+    def points(self) -> Iterator["Point"]:
+        """Yield the points, numbered from 0."""
+        outer = itertools.product(range(len(self.recordings)), self.firmware, range(len(self.faults)), self.seeds)
+        drawn = self._combinations()
+        numbers = itertools.count()
+        for (recording, firmware, faults, seed), values in itertools.product(outer, drawn):
+            yield Point(next(numbers), recording, firmware, faults, seed, values)
+
+    def _combinations(self) -> list[tuple[float, ...]]:
+        if self.sampling is None:
+            return list(itertools.product(*(axis.values for axis in self.axes)))
+        shares = _drawn(self.sampling, len(self.axes))
+        return [tuple(axis.at(share) for axis, share in zip(self.axes, row, strict=True)) for row in shares.tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One replay.
+
+    Attributes:
+        number: from 0.
+        recording: index of the stream in the plan.
+        firmware: the name of the profile.
+        faults: index of the timeline in the plan.
+        seed: as in the plan.
+        values: of the axes, in the plan's order.
+    """
+
+    number: int
+    recording: int
+    firmware: str
+    faults: int
+    seed: int | None
+    values: tuple[float, ...]
+
+
+def _drawn(sampling: Sampling, axes: int) -> Any:
+    """Return shares 0 to less than 1, [points, axes]."""
+    if not axes:
+        return np.zeros((sampling.points, 0))
+    if sampling.method == RANDOM:
+        return np.random.default_rng(sampling.seed).random((sampling.points, axes))
+    # Imported here: it takes half a second, and most sweeps are grids.
+    from scipy.stats import qmc
+
+    return qmc.LatinHypercube(axes, rng=sampling.seed).random(sampling.points)
+
+
+def check_plan(plan: SweepPlan) -> None:
+    """Check that points follow from a plan.
+
+    Raises:
+        InputError: naming what is wrong.
+    """
+    for axis in plan.axes:
+        if plan.sampling is None and axis.span is not None:
+            low, high = axis.span
+            raise InputError(f"--set {axis.name}={low:g}:{high:g}: a grid needs a step; a span is for --sample")
+    if plan.sampling is None and not plan.axes and plan.size == 1:
+        raise InputError("nothing is changed: --set NAME=START:STOP:STEP, --faults, --seeds or several streams")
+    if plan.size > MOST_POINTS:
+        raise InputError(f"{plan.size} points; {MOST_POINTS} are the most")
+
+
+def input_file(path: Path) -> InputFile:
+    """Return a file, or the folder of a bag, with the hash of what it holds.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    try:
+        return InputFile(str(path.absolute()), _hash_of(path))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+def _hash_of(path: Path) -> str:
+    digest = hashlib.sha256()
+    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    for one in files:
+        if path.is_dir():
+            digest.update(str(one.relative_to(path)).encode() + b"\0")
+        with one.open("rb") as content:
+            while block := content.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()

@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The plan that the wishes for a sweep lead to."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import yaml
+
+from companion.faults import TimelineError, parse_timeline
+from companion.faults.timeline import MAX_SEED
+from emulator.ahrs_source import AhrsChoice, imu_options
+from emulator.errors import InputError
+from emulator.firmware import REFERENCE, Firmware
+from emulator.firmware_option import firmware_of
+from emulator.imu.script_file import EXAMPLES
+from emulator.presets import preset_files
+from emulator.recorded_log import read_log
+from emulator.settings import known_parameters, load_settings, parse_assignments
+from emulator.streams import STREAM_KINDS, TrajectoryOptions, kind_of
+from emulator.sweep.axes import Axis, fault_field, parse_axes, values_of
+from emulator.sweep.job import code_version, timeline_of
+from emulator.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
+from emulator.sweep.wishes import NO_FAULTS, Wishes
+from emulator.text_files import read_text
+
+_NAME: Final = "{name}"
+_FLIGHT_LOG: Final = "DataFlash log"
+_CAPTURE: Final = "capture"
+_LOG_ENDINGS: Final = (".BIN", ".BIN.xz", ".bin")
+_MOST_SEEDS: Final = 1_000_000
+
+
+def make_plan(wishes: Wishes) -> SweepPlan:
+    """Return the plan that wishes lead to; all files are looked at.
+
+    Raises:
+        InputError: naming what cannot be used.
+    """
+    if not wishes.streams:
+        raise InputError("no recorded stream is given")
+    profiles = [firmware_of(name) for name in _split(wishes.firmware) or [REFERENCE.name]]
+    axes = _axes(wishes, profiles)
+    trajectory = _trajectory(wishes)
+    imu_options(AhrsChoice(None, None, wishes.imu_error, 0, wishes.heading or 0.0))
+    plan = SweepPlan(
+        recordings=_recordings(wishes, trajectory),
+        axes=axes,
+        settings={profile.name: _settings(wishes, profile) for profile in profiles},
+        firmware=tuple(dict.fromkeys(profile.name for profile in profiles)),
+        faults=_faults(wishes.faults, axes),
+        seeds=_seeds(wishes.seeds),
+        sampling=_sampling(wishes),
+        baud=_at_least("--baud", wishes.baud, 0),
+        imu_errors=tuple(wishes.imu_error or ()),
+        heading_deg=wishes.heading or 0.0,
+        lead_s=_lead(wishes.lead),
+        until_s=_until(wishes.until),
+        trajectory=trajectory,
+        code=code_version(),
+    )
+    check_plan(plan)
+    return plan
+
+
+def _split(names: Sequence[str] | None) -> list[str]:
+    return [name.strip() for text in names or () for name in text.split(",")]
+
+
+def _axes(wishes: Wishes, profiles: Sequence[Firmware]) -> tuple[Axis, ...]:
+    found = [parse_axes(wishes.set, known_parameters(1, profile)) for profile in profiles]
+    if any(axes != found[0] for axes in found):
+        raise InputError("--set: the firmware profiles do not call these parameters the same")
+    return found[0]
+
+
+def _settings(wishes: Wishes, profile: Firmware) -> dict[str, float]:
+    files = [*preset_files(wishes.preset), *(wishes.defaults or [])]
+    loaded = load_settings(files, [], links=1, allow_unknown=bool(wishes.allow_unknown), firmware=profile)
+    return {**loaded, **parse_assignments(wishes.param or [], "--param", links=1, firmware=profile)}
+
+
+def _trajectory(wishes: Wishes) -> TrajectoryOptions:
+    usual = TrajectoryOptions()
+    return TrajectoryOptions(
+        wishes.message or usual.form,
+        wishes.format,
+        wishes.topic,
+        wishes.times,
+        wishes.axes or usual.axes,
+        wishes.rate,
+    )
+
+
+def _recordings(wishes: Wishes, options: TrajectoryOptions) -> tuple[Recorded, ...]:
+    names = [_name_of(path) for path in wishes.streams]
+    found: dict[str, Recorded] = {}
+    for path, name in zip(wishes.streams, names, strict=True):
+        shown = name if names.count(name) == 1 else str(path)
+        if shown in found:
+            raise InputError(f"{path}: given twice")
+        found[shown] = _recorded(wishes, path, name, shown, options)
+    return tuple(found.values())
+
+
+def _recorded(wishes: Wishes, path: Path, name: str, shown: str, options: TrajectoryOptions) -> Recorded:
+    kind = kind_of(path, options)
+    file = input_file(path)
+    ahrs, reference = (text and _absolute(text.replace(_NAME, name)) for text in (wishes.ahrs, wishes.reference))
+    if ahrs is not None and (wishes.imu or wishes.imu_error):
+        raise InputError("--ahrs and --imu: a vehicle that follows a log has no sensors")
+    imu = _imu(wishes.imu, path, name, kind)
+    sensors = imu.partition(":")[2] if ahrs is None else ""
+    used = [sensors if sensors not in ("", *EXAMPLES) else None, ahrs, reference]
+    others = tuple(input_file(Path(one)) for one in dict.fromkeys(used) if one is not None)
+    return Recorded(shown, file, imu, others, ahrs, reference)
+
+
+def _imu(wish: str | None, path: Path, name: str, kind: str) -> str:
+    if wish is None:
+        log = next((one for one in _logs_of(path, name, kind) if one.is_file() and _has_sensors(one)), None)
+        return FOLLOW if log is None else f"log:{log.absolute()}"
+    source, _, argument = wish.replace(_NAME, name).partition(":")
+    is_file = argument and argument not in EXAMPLES
+    return f"{source}:{_absolute(argument)}" if is_file else wish
+
+
+def _logs_of(path: Path, name: str, kind: str) -> list[Path]:
+    """Return where the sensors of a recording with times since boot may be: in itself, or in the log of its name."""
+    if kind == _FLIGHT_LOG:
+        return [path]
+    folders = (path.absolute().parent, path.absolute().parent.parent / "logs") if kind == _CAPTURE else ()
+    return [folder / f"{name}{ending}" for folder in folders for ending in _LOG_ENDINGS]
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).absolute())
+
+
+def _name_of(path: Path) -> str:
+    endings = sorted((ending for kind in STREAM_KINDS.values() for ending in kind.endings), key=len, reverse=True)
+    ending = next((ending for ending in endings if path.name.lower().endswith(ending)), "")
+    return path.name[: len(path.name) - len(ending)]
+
+
+def _has_sensors(path: Path) -> bool:
+    return read_log(path, lambda log: bool(log.counts[log.name_to_id["RISI"]]) if "RISI" in log.name_to_id else False)
+
+
+def _faults(names: Sequence[str] | None, axes: Sequence[Axis]) -> tuple[Faults, ...]:
+    found = tuple(_timeline(name) for name in dict.fromkeys(names or (NO_FAULTS,)))
+    changed = [axis for axis in axes if fault_field(axis.name) is not None]
+    if changed and not any(faults.text for faults in found):
+        raise InputError(f"--set {changed[0].name}: there is no timeline; --faults FILE gives one")
+    for faults in (one for one in found if one.text):
+        for axis in changed:
+            for value in axis.span or (axis.values[0], axis.values[-1]):
+                timeline_of(faults, {axis.name: value})
+    return found
+
+
+def _timeline(name: str) -> Faults:
+    if name == NO_FAULTS:
+        return Faults()
+    text = read_text(Path(name))
+    try:
+        parse_timeline(text, name)
+    except TimelineError as error:
+        raise InputError(str(error)) from error
+    return Faults(name, yaml.safe_dump(yaml.safe_load(text), sort_keys=False))
+
+
+def _seeds(text: str | None) -> tuple[int | None, ...]:
+    if text is None:
+        return (None,)
+    values, span = values_of(text, f"--seeds {text}")
+    if span is not None:
+        values = tuple(map(float, range(int(span[0]), min(int(span[1]), int(span[0]) + _MOST_SEEDS) + 1)))
+    for value in values:
+        if not (value.is_integer() and 0 <= value <= MAX_SEED):
+            raise InputError(f"--seeds {text}: {value:g} is no whole number from 0 to {MAX_SEED}")
+    return tuple(int(value) for value in values)
+
+
+def _sampling(wishes: Wishes) -> Sampling | None:
+    if wishes.sample is None:
+        for option, value in (("--points", wishes.points), ("--sample-seed", wishes.sample_seed)):
+            if value is not None:
+                raise InputError(f"{option}: goes with --sample")
+        return None
+    if wishes.sample not in SAMPLINGS:
+        raise InputError(f"--sample {wishes.sample}: there are {', '.join(SAMPLINGS)}")
+    if wishes.points is None:
+        raise InputError(f"--sample {wishes.sample}: --points tells how many")
+    points = _at_least("--points", wishes.points, 1)
+    seed = _at_least("--sample-seed", wishes.sample_seed, 0)
+    return Sampling(wishes.sample, points or 1, seed or 0)
+
+
+def _at_least(option: str, value: int | None, low: int) -> int | None:
+    if value is not None and value < low:
+        raise InputError(f"{option} {value}: not {low} or more")
+    return value
+
+
+def _lead(lead_s: float | None) -> float:
+    value = 30.0 if lead_s is None else lead_s
+    if not 0 <= value <= 4e9:
+        raise InputError(f"--lead {value}: not a time in seconds")
+    return value
+
+
+def _until(until_s: float | None) -> float:
+    value = math.inf if until_s is None else until_s
+    if not value > 0:
+        raise InputError(f"--until {value:g}: not a time since boot")
+    return value

@@ -1,0 +1,145 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a sweep is asked to be, on the command line and in a TOML file."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Final
+
+from emulator.errors import InputError
+from emulator.imu.script_file import EXAMPLES
+from emulator.text_files import read_text
+
+NO_FAULTS: Final = "none"
+
+
+@dataclass(slots=True)
+class Wishes:
+    """A sweep as it is asked for; None for what is not said. Names are those of options, with _ for -."""
+
+    streams: list[Path] = field(default_factory=list)
+    set: list[str] = field(default_factory=list)
+    sample: str | None = None
+    points: int | None = None
+    sample_seed: int | None = None
+    faults: list[str] | None = None
+    seeds: str | None = None
+    firmware: list[str] | None = None
+    imu: str | None = None
+    imu_error: list[str] | None = None
+    ahrs: str | None = None
+    reference: str | None = None
+    preset: str | None = None
+    defaults: list[Path] | None = None
+    param: list[str] | None = None
+    allow_unknown: bool | None = None
+    baud: int | None = None
+    heading: float | None = None
+    lead: float | None = None
+    until: float | None = None
+    message: str | None = None
+    format: str | None = None
+    topic: str | None = None
+    times: Path | None = None
+    axes: str | None = None
+    rate: float | None = None
+
+    def over(self, other: "Wishes") -> "Wishes":
+        """Return these wishes, with the other's where these say nothing; of ``set`` and ``param`` both."""
+        merged = Wishes()
+        for one in fields(Wishes):
+            ours, theirs = getattr(self, one.name), getattr(other, one.name)
+            if one.name in ("set", "param"):
+                value: Any = [*(theirs or ()), *(ours or ())]
+            else:
+                value = theirs if ours is None or ours == [] else ours
+            setattr(merged, one.name, value)
+        return merged
+
+
+# Files
+
+_TEXTS: Final = frozenset({"sample", "imu", "ahrs", "reference", "preset", "message", "format", "topic", "axes"})
+_NUMBERS: Final = frozenset({"heading", "lead", "until", "rate"})
+_WHOLE: Final = frozenset({"points", "sample_seed", "baud"})
+_LISTS: Final = frozenset({"streams", "faults", "firmware", "imu_error", "defaults"})
+
+
+def read_wishes(path: Path) -> Wishes:
+    """Return the wishes of a TOML file; paths are relative to its folder.
+
+    Raises:
+        InputError: naming the file and the key.
+    """
+    try:
+        document = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: {error}") from error
+    known = {one.name for one in fields(Wishes)}
+    wishes = Wishes()
+    for key, value in document.items():
+        if key not in known:
+            raise InputError(f"{path}: {key}: no such key here; there are {', '.join(sorted(known))}")
+        try:
+            setattr(wishes, key, _wish(key, value, path.parent))
+        except ValueError as error:
+            raise InputError(f"{path}: {key}: {error}") from None
+    return wishes
+
+
+def _wish(key: str, value: Any, folder: Path) -> Any:
+    if key in ("set", "param"):
+        return _assignments(value)
+    if key == "seeds":
+        return _as_text(value)
+    if key == "allow_unknown":
+        return _checked(value, bool, "not true or false")
+    if key in _WHOLE:
+        return _checked(value, int, "not a whole number")
+    if key in _NUMBERS:
+        return float(_checked(value, int | float, "not a number"))
+    if key in _LISTS:
+        texts = _texts(value)
+        return texts if key in ("firmware", "imu_error") else [_placed(key, text, folder) for text in texts]
+    text = _checked(value, str, "not a text")
+    return text if key in _TEXTS - {"imu", "ahrs", "reference"} else _placed(key, text, folder)
+
+
+def _checked(value: Any, kind: Any, what: str) -> Any:
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise ValueError(what)
+    return value
+
+
+def _texts(value: Any) -> list[str]:
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
+        raise ValueError("not a list of texts")
+    return texts
+
+
+def _assignments(value: Any) -> list[str]:
+    if not isinstance(value, Mapping):
+        raise ValueError("not a table of names and values")
+    return [f"{name}={_as_text(one)}" for name, one in value.items()]
+
+
+def _as_text(value: Any) -> str:
+    parts = value if isinstance(value, list) else [value]
+    if isinstance(value, str):
+        return value
+    for part in parts:
+        _checked(part, int | float, "neither a text such as '0:200:10', nor a number, nor a list of numbers")
+    return ",".join(map(str, parts))
+
+
+def _placed(key: str, text: str, folder: Path) -> Any:
+    if key == "imu":
+        source, _, argument = text.partition(":")
+        return f"{source}:{folder / argument}" if argument and argument not in EXAMPLES else text
+    if key == "faults" and text == NO_FAULTS:
+        return text
+    place = folder / text
+    return place if key in ("streams", "defaults", "times") else str(place)
