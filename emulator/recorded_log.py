@@ -5,74 +5,50 @@
 import lzma
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
-from pymavlink.DFReader import DFReader_binary
+import numpy.typing as npt
 
+from ap_core.dataflash_columns import LogColumns
 from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
 from ekf_stub.ahrs_recorded import RecordedStates
 from emulator.errors import InputError
 
+if TYPE_CHECKING:
+    from pymavlink.DFReader import DFReader_binary
+
 T = TypeVar("T")
+Array = npt.NDArray[np.float64]
 
 _FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
+# For the mode and the time of day of a record; PARM is among them because flights change parameters.
+_FOLLOWED_BY_DFREADER: Final = ("GPS", "MODE", "MSG", "PARM", "STAT", "ORGN", "VER")
 _CORE: Final = 0
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
 
 
+def _read_bytes(path: Path) -> bytes:
+    data = path.read_bytes()
+    if path.suffix == ".xz":
+        data = lzma.decompress(data)
+    _check_begin(path, data)
+    return data
+
+
+def _check_begin(path: Path, data: bytes) -> None:
+    if not data.startswith(_FIRST_BYTES):
+        raise InputError(f"{path}: not a DataFlash log")
+
+
 @contextmanager
-def _plain_file(path: Path) -> Iterator[Path]:
-    """Yield the path of the uncompressed log: pymavlink maps files into memory."""
-    if path.suffix != ".xz":
-        yield path
-        return
-    with tempfile.NamedTemporaryFile(suffix=".BIN") as plain:
-        plain.write(lzma.decompress(path.read_bytes()))
-        plain.flush()
-        yield Path(plain.name)
-
-
-def _collect(log: DFReader_binary) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-    attitudes: list[tuple[float, ...]] = []
-    positions: list[tuple[float, ...]] = []
-    has_position = False
-    while (record := log.recv_match(type=["ATT", "XKF1", "XKF4"])) is not None:
-        kind = record.get_type()
-        if kind == "ATT":
-            attitudes.append((record.TimeUS, record.Roll, record.Pitch, record.Yaw))
-        elif record.C != _CORE:
-            continue
-        elif kind == "XKF4":
-            # Written just before the XKF1 of the same time.
-            has_position = bool(record.SS & _HORIZONTAL_POSITION and record.SS & _VERTICAL_POSITION)
-        elif has_position:
-            positions.append((record.TimeUS, record.PN, record.PE, record.PD))
-    return attitudes, positions
-
-
-def _begins_like_a_log(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(_FIRST_BYTES)) == _FIRST_BYTES
-
-
-def read_log(path: Path, collect: Callable[[DFReader_binary], T]) -> T:
-    """Return what ``collect`` makes of a log (.BIN or .BIN.xz).
-
-    Raises:
-        InputError: if it cannot be read.
-    """
+def _problems_told(path: Path) -> Iterator[None]:
     try:
-        with _plain_file(path) as plain:
-            if not _begins_like_a_log(plain):
-                raise InputError(f"{path}: not a DataFlash log")
-            # DFReader prints what it thinks of a damaged log, which must not get into our output.
-            with redirect_stdout(sys.stderr), DFReader_binary(str(plain)) as log:
-                return collect(log)
+        yield
     except lzma.LZMAError as error:
         raise InputError(f"{path}: damaged xz file: {error}") from error
     except OSError as error:
@@ -83,15 +59,96 @@ def read_log(path: Path, collect: Callable[[DFReader_binary], T]) -> T:
         raise InputError(f"{path}: not a DataFlash log: {error}") from error
 
 
+def _collect_by_dfreader(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
+    # Imported where a log is read: it brings a dialect of its own, which would make every command start slower.
+    from pymavlink.DFReader import DFReader_binary
+
+    # DFReader prints what it thinks of a damaged log, which must not get into our output.
+    with redirect_stdout(sys.stderr), DFReader_binary(str(path)) as log:
+        return collect(log)
+
+
+def _collect_from_bytes(data: bytes, collect: "Callable[[DFReader_binary], T]") -> T:
+    # pymavlink maps files into memory.
+    with tempfile.NamedTemporaryFile(suffix=".BIN") as plain:
+        plain.write(data)
+        plain.flush()
+        return _collect_by_dfreader(Path(plain.name), collect)
+
+
+def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
+    """Return what ``collect`` makes of a log (.BIN or .BIN.xz), record by record.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    with _problems_told(path):
+        if path.suffix == ".xz":
+            return _collect_from_bytes(_read_bytes(path), collect)
+        with path.open("rb") as file:
+            _check_begin(path, file.read(len(_FIRST_BYTES)))
+        return _collect_by_dfreader(path, collect)
+
+
+def read_columns(path: Path) -> LogColumns:
+    """Return a log (.BIN or .BIN.xz) as columns.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    with _problems_told(path):
+        columns = LogColumns(_read_bytes(path))
+    if problem := columns.ill_described.get(FMT.msg_type):
+        raise InputError(f"{path}: not a DataFlash log: {problem}")
+    return columns
+
+
+def read_kinds(path: Path, columns: LogColumns, kinds: Iterable[str], collect: "Callable[[DFReader_binary], T]") -> T:
+    """Return what ``collect`` makes of some kinds of records, one by one; the others are left out beforehand.
+
+    In most logs these are few: what is left is read many times faster. Damage is left out as well.
+
+    Args:
+        path: of the log, for messages.
+        columns: the log.
+        kinds: the types that ``collect`` asks for.
+        collect: is given a log of those, and of what DFReader follows on its own account.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    with _problems_told(path):
+        return _collect_from_bytes(columns.only((*kinds, *_FOLLOWED_BY_DFREADER)), collect)
+
+
 def read_recorded_states(path: Path) -> RecordedStates:
     """Return attitude and position of a log (.BIN or .BIN.xz).
 
     Raises:
         InputError: if it cannot be read, or holds no ATT records.
     """
-    attitudes, positions = read_log(path, _collect)
-    if not attitudes:
+    log = read_columns(path)
+    if not log.counts.get("ATT"):
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
-    att = np.array(attitudes, dtype=np.float64)
-    pos = np.array(positions, dtype=np.float64).reshape(-1, 4)
-    return RecordedStates(att[:, 0], att[:, 1:], pos[:, 0], pos[:, 1:])
+    with _problems_told(path):
+        attitude = _table(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
+        position = _valid_positions(log)
+    return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:])
+
+
+def _table(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
+    return np.column_stack([column.astype(np.float64) for column in log.columns(kind, labels).values()])
+
+
+def _valid_positions(log: LogColumns) -> Array:
+    """Return time and position of the XKF1 records of the first core before which its XKF4 said that it has one."""
+    if not (log.counts.get("XKF1") and log.counts.get("XKF4")):
+        return np.zeros((0, 4))
+    of_core, of_status = (log.columns(kind, ["C"])["C"] == _CORE for kind in ("XKF1", "XKF4"))
+    status = log.columns("XKF4", ["SS"])["SS"][of_status]
+    valid = (status & _HORIZONTAL_POSITION != 0) & (status & _VERTICAL_POSITION != 0)
+    # An XKF4 is written just before the XKF1 of the same time.
+    latest = np.searchsorted(log.offsets("XKF4")[of_status], log.offsets("XKF1")[of_core])
+    chosen = np.append(False, valid)[latest]
+    positions: Array = _table(log, "XKF1", ("TimeUS", "PN", "PE", "PD"))[of_core][chosen]
+    return positions

@@ -11,9 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from emulator.recorded_log import read_log
+from ap_core.dataflash_columns import LogColumns
+from emulator.recorded_log import read_columns, read_kinds
 from emulator.report.names import ERR_EKF_PRIMARY, EV_ARMED, EV_DISARMED, error_text, event_text
-from emulator.report.series import Array, Series, number_in, series_of
+from emulator.report.series import Array, Series, number_in, numbers_of, series_of
 
 # Labels that older firmware spelled otherwise stand second.
 _LABELS: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = MappingProxyType(
@@ -118,27 +119,24 @@ def read_material(path: Path, on_progress: Callable[[float], None]) -> Material:
     Raises:
         InputError: if it cannot be read.
     """
-    reader = read_log(path, lambda log: _collect(log, on_progress))
-    return _material(path.name, reader)
+    columns = read_columns(path)
+    reader = read_kinds(path, columns, _SPOKEN, lambda log: _collect(log, on_progress))
+    return _material(path.name, columns, reader)
 
 
 class _Reader:
     """What has been read so far."""
 
     def __init__(self) -> None:
-        self.rows: dict[str, list[list[float]]] = {kind: [] for kind in _LABELS}
         self.happenings: list[Happening] = []
         self.parameters: list[LoggedParameter] = []
-        self.counts: dict[str, int] = {}
 
     def take(self, record: Any, mode_name: str) -> None:
         kind = record.get_type()
         time_us = number_in(record, "TimeUS")
-        if kind in self.rows:
-            self.rows[kind].append([time_us, *(number_in(record, *labels) for labels in _LABELS[kind])])
-        elif not math.isfinite(time_us):
+        if not math.isfinite(time_us):
             return
-        elif kind == "PARM":
+        if kind == "PARM":
             name = str(getattr(record, "Name", ""))
             value, default = number_in(record, "Value"), number_in(record, "Default")
             self.parameters.append(LoggedParameter(time_us * 1e-6, name, value, default))
@@ -168,25 +166,30 @@ def _whole(record: Any, label: str) -> int:
 
 def _collect(log: Any, on_progress: Callable[[float], None]) -> _Reader:
     reader, taken = _Reader(), 0
-    kinds = [*_LABELS, *_SPOKEN]
-    while (record := log.recv_match(type=kinds)) is not None:
+    while (record := log.recv_match(type=list(_SPOKEN))) is not None:
         reader.take(record, str(log.flightmode))
         taken += 1
         if taken % _PROGRESS_EVERY == 0:
             on_progress(float(log.percent))
-    reader.counts = {name: log.counts[number] for name, number in log.name_to_id.items() if log.counts[number]}
     return reader
 
 
-def _material(name: str, reader: _Reader) -> Material:
+def _table(log: LogColumns, kind: str) -> Array:
+    """Return TimeUS and the numbers of a kind of records, a row each."""
+    columns = log.columns(kind) if kind in log.types else {}
+    count = log.counts.get(kind, 0)
+    return np.column_stack([numbers_of(columns, labels, count) for labels in (("TimeUS",), *_LABELS[kind])])
+
+
+def _material(name: str, log: LogColumns, reader: _Reader) -> Material:
     series, left_out = {}, 0
-    for kind, rows in reader.rows.items():
-        series[kind], lost = series_of(rows, [labels[0] for labels in _LABELS[kind]])
+    for kind, all_labels in _LABELS.items():
+        series[kind], lost = series_of(_table(log, kind), [labels[0] for labels in all_labels])
         left_out += lost
     shown, cores, unseen_s = _of_primary_core({kind: series[kind] for kind in _PER_CORE})
     return Material(
         name=name,
-        counts=dict(sorted(reader.counts.items())),
+        counts=dict(sorted(log.counts.items())),
         visp=series["VISP"],
         visv=series["VISV"],
         viso=series["VISO"],

@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from ap_core.dataflash_dtype import Column
+
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
@@ -58,7 +60,16 @@ def number_in(record: Any, *labels: str) -> float:
     return float("nan")
 
 
-def series_of(rows: Sequence[Sequence[float]], labels: Sequence[str]) -> tuple[Series, int]:
+def numbers_of(columns: Mapping[str, Column], labels: Sequence[str], count: int) -> Array:
+    """Return the column under the first of its labels that holds numbers; NaN all along without one."""
+    for label in labels:
+        column = columns.get(label)
+        if column is not None and column.ndim == 1 and column.dtype.kind in "iuf":
+            return column.astype(np.float64)
+    return np.full(count, np.nan)
+
+
+def series_of(rows: Sequence[Sequence[float]] | Array, labels: Sequence[str]) -> tuple[Series, int]:
     """Return rows of TimeUS and numbers as a series, and how many were left out because their time cannot be."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(labels))
     time_s = table[:, 0] * 1e-6

@@ -7,6 +7,7 @@ import lzma
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
 from emulator.errors import InputError
-from emulator.recorded_log import read_recorded_states
+from emulator.recorded_log import read_columns, read_kinds, read_log, read_recorded_states
 
 FIRMWARE_LOG = Path(__file__).parents[2] / "data" / "logs" / "t265.BIN.xz"
 
@@ -147,3 +148,37 @@ def test_damage_is_passed_over_without_a_word_on_standard_output(path: Path, cap
     path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + b"damage" + log_bytes(att(2000, 0, 0, 2)))
     assert read_recorded_states(path).att_time_us.tolist() == [1000, 2000]
     assert capfd.readouterr().out == ""
+
+
+def kinds_of(log: Any) -> list[str]:
+    found = []
+    while (record := log.recv_match(type=["ATT", "XKF4"])) is not None:
+        found.append(f"{record.get_type()} {record.TimeUS}")
+    return found
+
+
+def test_kinds_are_read_as_from_the_whole_log() -> None:
+    columns = read_columns(FIRMWARE_LOG)
+    kept = read_kinds(FIRMWARE_LOG, columns, ["ATT", "XKF4"], kinds_of)
+    assert kept == read_log(FIRMWARE_LOG, kinds_of)
+    assert len(kept) == columns.counts["ATT"] + columns.counts["XKF4"]
+
+
+def test_kinds_are_read_past_damage(path: Path) -> None:
+    path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + bytes((0xA3, 0x95, 1)) + log_bytes(att(2000, 0, 0, 2)))
+    columns = read_columns(path)
+    assert [lost.size for lost in columns.lost] == [3]
+    assert read_kinds(path, columns, ["ATT"], kinds_of) == ["ATT 1000", "ATT 2000"]
+
+
+def test_log_as_columns_is_refused_like_any_other(path: Path) -> None:
+    path.write_bytes(b"text")
+    with pytest.raises(InputError, match="not a DataFlash log"):
+        read_columns(path)
+
+
+def test_log_without_a_needed_field_is_refused(path: Path) -> None:
+    writer = DataFlashWriter([one for one in COMMON_STRUCTURES if one.name != "ATT"])
+    other = writer.define("ATT", "TimeUS,Roll", "Qf")
+    path.write_bytes(b"".join(writer.start_up([], time_us=0)) + writer.record(other, (1, 2.0)))
+    assert error_of(path) == f"{path}: not a DataFlash log: 'Pitch'"

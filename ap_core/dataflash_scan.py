@@ -1,0 +1,203 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the records of a DataFlash log begin, found without a step for each.
+
+A record is as long as its type says, and the next one follows it; in a damaged log the next header follows of which
+the type is known. So everything that looks like a header has a successor, and in a sound log that is nearly always
+the very next one: only where it is another, because the two bytes of a header came up among values, is a step taken.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ap_core.dataflash_dtype import Records, dtype_of, record_dtype
+from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
+
+Offsets: TypeAlias = npt.NDArray[np.int64]
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+
+HEADER_BYTES: Final = 3
+NO_HEADER: Final = "no record begins here"
+CUT_SHORT: Final = "the log ends within this record"
+_FMT_DTYPE: Final = record_dtype(FMT)
+_MOST_PASSES: Final = 8
+
+
+class Lost(NamedTuple):
+    """Bytes of a log that are in no record.
+
+    Attributes:
+        offset: of the first one, from the begin of the log.
+        size: how many.
+        reason: why.
+    """
+
+    offset: int
+    size: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What an FMT record says of a type.
+
+    Attributes:
+        msg_type: 0..255.
+        name: of the type.
+        format: a character a field.
+        labels: of the fields.
+        dtype: of a record, header included.
+    """
+
+    msg_type: int
+    name: str
+    format: str
+    labels: tuple[str, ...]
+    dtype: np.dtype[np.void]
+
+
+_FMT_LAYOUT: Final = Layout(FMT.msg_type, FMT.name, FMT.format, FMT.fields, _FMT_DTYPE)
+
+
+@dataclass(frozen=True, slots=True)
+class Formats:
+    """What the FMT records of a log say.
+
+    Attributes:
+        layouts: by type.
+        ill: why a type is not among them, though it has an FMT.
+    """
+
+    layouts: dict[int, Layout]
+    ill: dict[int, str]
+
+    @property
+    def lengths(self) -> Offsets:
+        """The bytes of a record by its type, 0 of a type that is not known."""
+        lengths = np.zeros(256, np.int64)
+        for msg_type, layout in self.layouts.items():
+            lengths[msg_type] = layout.dtype.itemsize
+        return lengths
+
+
+class Chain(NamedTuple):
+    """The records of a log, in its order.
+
+    Attributes:
+        begins, ends: of each, from the begin of the log.
+        types: of each.
+        cut_short: where a record begins that the log ends in; the end of the log if there is none.
+    """
+
+    begins: Offsets
+    ends: Offsets
+    types: Bytes
+    cut_short: int
+
+
+def rows_at(data: Bytes, offsets: Offsets, dtype: np.dtype[np.void]) -> Records:
+    """Return the records of a type at the given offsets; all have to be within the data."""
+    size = dtype.itemsize
+    if not len(offsets):
+        return np.empty(0, dtype)
+    windows: Any = np.ndarray((len(data) - size + 1,), f"V{size}", data.data, strides=(1,))
+    return np.ascontiguousarray(windows[offsets]).view(dtype)
+
+
+def scan(data: Bytes) -> tuple[Chain, Formats]:
+    """Find all records of a log, and what its FMT records say.
+
+    FMT records anywhere in the log count, as DFReader has it: a log that lost its begin may repeat them later. Of
+    several for one type the last one counts.
+    """
+    headers = _headers(data)
+    formats, chain = Formats({FMT.msg_type: _FMT_LAYOUT}, {}), None
+    for _ in range(_MOST_PASSES):
+        lengths = formats.lengths
+        chain = _chain(data, headers, lengths)
+        formats = _formats(rows_at(data, chain.begins[chain.types == FMT.msg_type], _FMT_DTYPE))
+        if (formats.lengths == lengths).all():
+            break
+    assert chain is not None, "there is a pass"
+    return chain, formats
+
+
+def _headers(data: Bytes) -> Offsets:
+    """Return all places that look like a header, of whatever type."""
+    if len(data) < HEADER_BYTES:
+        return np.zeros(0, np.int64)
+    first: Offsets = np.flatnonzero(data[:-2] == HEAD_BYTE1)
+    return first.compress(data[first + 1] == HEAD_BYTE2)
+
+
+def _chain(data: Bytes, headers: Offsets, lengths: Offsets) -> Chain:
+    sizes = lengths[data[headers + 2]]
+    begins, sizes = headers[sizes > 0], sizes[sizes > 0]
+    ends = begins + sizes
+    is_record = np.ones(len(begins), np.bool_)
+    # Where a record reaches over the next header, that one is none.
+    overlapping = np.flatnonzero(ends[:-1] > begins[1:])
+    successors = np.searchsorted(begins, ends[overlapping])
+    reached = 0
+    for number, successor in zip(overlapping.tolist(), successors.tolist(), strict=True):
+        if number >= reached:
+            is_record[number + 1 : successor] = False
+            reached = successor
+    begins, ends = begins[is_record], ends[is_record]
+    whole = int(np.argmax(ends > len(data))) if (ends[-1:] > len(data)).any() else len(begins)
+    cut_short = int(begins[whole]) if whole < len(begins) else len(data)
+    begins, ends = begins[:whole], ends[:whole]
+    return Chain(begins, ends, data[begins + 2], cut_short)
+
+
+def _formats(records: Records) -> Formats:
+    formats = Formats({FMT.msg_type: _FMT_LAYOUT}, {})
+    for record in records:
+        msg_type = int(record["Type"])
+        try:
+            layout = _layout(msg_type, int(record["Length"]), *(_text(record[label]) for label in FMT.fields[2:]))
+        except ValueError as error:
+            formats.ill[msg_type] = str(error)
+            formats.layouts.pop(msg_type, None)
+        else:
+            formats.layouts[msg_type] = layout
+            formats.ill.pop(msg_type, None)
+    formats.layouts[FMT.msg_type] = _FMT_LAYOUT
+    return formats
+
+
+def _layout(msg_type: int, length: int, name: str, format: str, columns: str) -> Layout:
+    labels = tuple(columns.split(",")) if columns else ()
+    dtype = dtype_of(format, labels)
+    if length != dtype.itemsize:
+        raise ValueError(f"the FMT of {name!r} tells {length} bytes, and a format of {dtype.itemsize}")
+    return Layout(msg_type, name, format, labels, dtype)
+
+
+def _text(value: bytes) -> str:
+    return value.decode(errors="backslashreplace").partition("\0")[0]
+
+
+def lost_bytes(data: Bytes, chain: Chain, formats: Formats) -> tuple[Lost, ...]:
+    """Return what is in no record, in the order of the log, and why."""
+    begins, ends = np.append(chain.begins, chain.cut_short), np.insert(chain.ends, 0, 0)
+    gaps = np.flatnonzero(begins > ends)
+    lost = [Lost(begin, end - begin, _reason(data, begin, formats)) for begin, end in _pairs(ends[gaps], begins[gaps])]
+    if chain.cut_short < len(data):
+        lost.append(Lost(chain.cut_short, len(data) - chain.cut_short, CUT_SHORT))
+    return tuple(lost)
+
+
+def _pairs(first: Offsets, second: Offsets) -> Iterator[tuple[int, int]]:
+    return zip(first.tolist(), second.tolist(), strict=True)
+
+
+def _reason(data: Bytes, begin: int, formats: Formats) -> str:
+    head = data[begin : begin + HEADER_BYTES].tolist()
+    if len(head) < HEADER_BYTES or head[:2] != [HEAD_BYTE1, HEAD_BYTE2]:
+        return NO_HEADER
+    return formats.ill.get(head[2], f"no FMT describes type {head[2]}")
