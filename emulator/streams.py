@@ -3,6 +3,7 @@
 """Recorded streams of every kind: a new one is a file in ``stream_kinds`` and a row here."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -10,7 +11,8 @@ from typing import Final, NamedTuple
 from emulator.errors import InputError
 from emulator.stream_kinds.capture import CAPTURE_BAUD, read_capture
 from emulator.stream_kinds.flight_log import read_flight_log
-from emulator.stream_kinds.stream import MAX_GAP_US, Stream, StreamMessage
+from emulator.stream_kinds.recorded_poses import read_as_recorded
+from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 from emulator.stream_kinds.telemetry_log import read_telemetry_log
 from emulator.stream_kinds.trajectory import TrajectoryOptions, read_trajectory
 
@@ -18,11 +20,13 @@ __all__ = [
     "CAPTURE_BAUD",
     "MAX_GAP_US",
     "STREAM_KINDS",
+    "Aspect",
     "Stream",
     "StreamKind",
     "StreamMessage",
     "TrajectoryOptions",
     "kind_of",
+    "read_as_recorded",
     "read_capture",
     "read_flight_log",
     "read_stream",
@@ -112,3 +116,16 @@ def read_stream(path: Path, lead_us: int, options: TrajectoryOptions = _AS_A_TRA
         InputError: if the kind is unknown or the file cannot be read.
     """
     return STREAM_KINDS[kind_of(path, options)].read(path, lead_us, options)
+
+
+def read_whole_stream(
+    path: Path, lead_us: int, options: TrajectoryOptions = _AS_A_TRAJECTORY, form: str | None = None
+) -> Stream:
+    """Read a recorded stream with all its faults; see ``read_stream``, and ``read_as_recorded`` for trajectories.
+
+    Raises:
+        InputError: if the kind is unknown or the file cannot be read.
+    """
+    if kind_of(path, options if form is None else replace(options, form=form)) == TRAJECTORY:
+        return read_as_recorded(path, lead_us, options, form)
+    return read_stream(path, lead_us, options)

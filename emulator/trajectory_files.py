@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from companion.recorded.axes import parse_axes
 from companion.recorded.messages import FORMS, Form
-from companion.recorded.readers import Source, load_trajectory
-from companion.recorded.records import TrajectoryError
+from companion.recorded.readers import Source, load_records, load_trajectory
+from companion.recorded.records import Records, TrajectoryError
 from companion.recorded.trajectory import RecordedTrajectory
 from companion.vio.se3 import Array
 from emulator.errors import InputError
@@ -32,6 +32,14 @@ def load(source: Source, format_name: str | None) -> RecordedTrajectory:
     """Return what a file holds. Raises InputError if it cannot be read."""
     try:
         return load_trajectory(source, format_name)
+    except TrajectoryError as error:
+        raise InputError(str(error)) from error
+
+
+def load_as_it_is(source: Source, format_name: str | None) -> Records:
+    """Return what a file holds, usable or not. Raises InputError if it cannot be read."""
+    try:
+        return load_records(source, format_name)
     except TrajectoryError as error:
         raise InputError(str(error)) from error
 

@@ -11,13 +11,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import quaternion
 
 from companion.recorded.trajectory import RecordedTrajectory
 from companion.vio.se3 import ORTHONORMAL, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+
+if TYPE_CHECKING:
+    import quaternion
 
 # North and forward are x of the autopilot, east and right y, down z.
 _DIRECTIONS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
@@ -149,6 +151,8 @@ class FrameChange:
 
     def apply(self, trajectory: RecordedTrajectory) -> RecordedTrajectory:
         """Return the trajectory of the vehicle: attitudes from FRD, positions and velocities in NED or FRD."""
+        import quaternion  # as in _quaternion
+
         sign = _handedness(self.world)
         world = _turn(2, self.yaw_rad) @ self.world
         origin = trajectory.positions[0] if self.from_zero else np.zeros(3)
@@ -173,5 +177,7 @@ class FrameChange:
         return changed
 
 
-def _quaternion(rotation: Array) -> quaternion.quaternion:
+def _quaternion(rotation: Array) -> "quaternion.quaternion":
+    import quaternion  # with the splines that it brings it takes longer than all else, and few flights are turned
+
     return quaternion.quaternion(*quat_wxyz_from_rotation(rotation))

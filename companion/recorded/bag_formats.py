@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from companion.recorded.records import TrajectoryError, from_records
+from companion.recorded.records import Records, TrajectoryError, usable
 from companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
 from companion.vio.se3 import rotation_from_quat_wxyz
 
@@ -61,6 +61,11 @@ POSE_TYPES: Final[Mapping[str, Callable[[Any], _Record]]] = MappingProxyType(
 
 
 def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
+    """Read what can be used of a bag, see ``bag_records``; raises TrajectoryError."""
+    return usable(bag_records(path, topic))
+
+
+def bag_records(path: Path, topic: str | None) -> Records:
     """Read the poses of a topic, by default of the only one that has any.
 
     Args:
@@ -117,24 +122,28 @@ def _choose(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
     raise TrajectoryError(f"{path}: {what}; there are: {listed}")
 
 
-def _collect(path: Path, messages: Iterator[tuple[int, str, Any]]) -> RecordedTrajectory:
+def _collect(path: Path, messages: Iterator[tuple[int, str, Any]]) -> Records:
     times_ns: list[int] = []
+    arrivals_ns: list[int] = []
     records: list[_Record] = []
     for number, (bag_time_ns, kind, message) in enumerate(messages, 1):
         stamp = message.header.stamp
-        time_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or bag_time_ns
-        if not 0 <= time_ns < TIME_END_NS:
-            raise TrajectoryError(f"{path}: message {number}: not a time: {time_ns} ns")
+        time_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        if not 0 <= (time_ns or bag_time_ns) < TIME_END_NS:
+            raise TrajectoryError(f"{path}: message {number}: not a time: {time_ns or bag_time_ns} ns")
         times_ns.append(time_ns)
+        arrivals_ns.append(bag_time_ns)
         records.append(POSE_TYPES[kind](message))
+    has_arrivals = all(0 <= time_ns < TIME_END_NS for time_ns in arrivals_ns)
     has_velocity = all(record.velocity is not None for record in records)
-    return from_records(
+    return Records(
         str(path),
         times_ns,
         [_xyz(record.position) for record in records],
         [_wxyz(record.quat) for record in records],
         [_world_velocity(record) for record in records] if has_velocity else None,
         [[record.covariance[row : row + 6] for row in range(0, 36, 6)] for record in records],
+        arrivals_ns if has_arrivals else None,
     )
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from companion.recorded.bag_formats import POSE_TYPES, read_bag
-from companion.recorded.records import TrajectoryError
-from companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, detect, read_kitti, read_table, read_text
+from companion.recorded.bag_formats import POSE_TYPES, bag_records
+from companion.recorded.records import Records, TrajectoryError, usable
+from companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, detect, kitti_records, read_text, table_records
 from companion.recorded.trajectory import RecordedTrajectory
 
 _POSES: Final = ", ".join(kind.rpartition("/")[2] for kind in POSE_TYPES)
@@ -41,7 +41,7 @@ class Format:
         writers: who writes it.
     """
 
-    read: Callable[[Source], RecordedTrajectory]
+    read: Callable[[Source], Records]
     content: str
     writers: str
 
@@ -49,33 +49,33 @@ class Format:
 FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
         "tum": Format(
-            lambda source: read_table(source.path, TUM),
+            lambda source: table_records(source.path, TUM),
             "text: t x y z qx qy qz qw; t in s, or in ns when that large",
             "evo, ORB-SLAM, most others",
         ),
         "openvins": Format(
-            lambda source: read_table(source.path, OPENVINS),
+            lambda source: table_records(source.path, OPENVINS),
             "text: as TUM, then the upper triangles of the covariances of rotation and of position",
             "OpenVINS (pose_to_file)",
         ),
         "euroc": Format(
-            lambda source: read_table(source.path, EUROC),
+            lambda source: table_records(source.path, EUROC),
             "csv: ns, x, y, z, qw, qx, qy, qz, and velocity if there is one",
             "EuRoC's ground truth, VINS-Mono, VINS-Fusion",
         ),
         "okvis": Format(
-            lambda source: read_table(source.path, OKVIS),
+            lambda source: table_records(source.path, OKVIS),
             "csv: ns, x, y, z, qx, qy, qz, qw, and velocity if there is one",
             "OKVIS2",
         ),
         "kitti": Format(
-            lambda source: read_kitti(source.path, source.times),
+            lambda source: kitti_records(source.path, source.times),
             "text: the upper three rows of a homogeneous matrix; times in s in a file of their own",
             "KITTI, visual odometries compared on it",
         ),
-        "ros1": Format(lambda source: read_bag(source.path, source.topic), f"bag (.bag): {_POSES}", "ROS 1"),
+        "ros1": Format(lambda source: bag_records(source.path, source.topic), f"bag (.bag): {_POSES}", "ROS 1"),
         "ros2": Format(
-            lambda source: read_bag(source.path, source.topic), f"bag (folder, .db3, .mcap): {_POSES}", "ROS 2"
+            lambda source: bag_records(source.path, source.topic), f"bag (folder, .db3, .mcap): {_POSES}", "ROS 2"
         ),
     }
 )
@@ -97,8 +97,8 @@ def format_of(path: Path) -> str:
     return found
 
 
-def load_trajectory(source: Source, format_name: str | None = None) -> RecordedTrajectory:
-    """Read a trajectory.
+def load_records(source: Source, format_name: str | None = None) -> Records:
+    """Read what a file holds, as it stands there.
 
     Args:
         source: the file.
@@ -111,3 +111,12 @@ def load_trajectory(source: Source, format_name: str | None = None) -> RecordedT
     if name not in FORMATS:
         raise TrajectoryError(f"no format {name!r}; there are {', '.join(FORMATS)}")
     return FORMATS[name].read(source)
+
+
+def load_trajectory(source: Source, format_name: str | None = None) -> RecordedTrajectory:
+    """Read the trajectory of what a file holds; arguments and errors as of ``load_records``.
+
+    Raises:
+        TrajectoryError: also if fewer than 2 records can be used; messages without a stamp have the time of the bag.
+    """
+    return usable(load_records(source, format_name))

@@ -3,6 +3,7 @@
 """What a file holds becomes a trajectory: what cannot be used is left out, and counted with a reason."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -31,6 +32,51 @@ class TrajectoryError(Exception):
 
     def __init__(self, text: str) -> None:
         super().__init__(" ".join(text.split()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Records:
+    """What a file holds, as it stands there, whether it can be used or not.
+
+    Attributes:
+        source: the file's name.
+        times_ns: [N], in the order of the file, each from 0 to ``TIME_END_NS``.
+        positions: [N, 3] in m.
+        quats_wxyz: [N, 4], of whatever norm.
+        velocities: [N, 3] in m/s, in the world; None if the file has none.
+        covariances: [N, 6, 6], NaN where there is none; None if the file has none.
+        arrivals_ns: [N], when who wrote the file got each record; None if the file does not tell.
+        left_out: what was left out already, by reason.
+    """
+
+    source: str
+    times_ns: Sequence[int]
+    positions: Any
+    quats_wxyz: Any
+    velocities: Any = None
+    covariances: Any = None
+    arrivals_ns: Sequence[int] | None = None
+    left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def usable(records: Records) -> RecordedTrajectory:
+    """Return the trajectory of what can be used; a record without a time has that of its arrival.
+
+    Raises:
+        TrajectoryError: see ``from_records``.
+    """
+    times_ns = records.times_ns
+    if records.arrivals_ns is not None:
+        times_ns = [time or arrival for time, arrival in zip(times_ns, records.arrivals_ns, strict=True)]
+    return from_records(
+        records.source,
+        times_ns,
+        records.positions,
+        records.quats_wxyz,
+        records.velocities,
+        records.covariances,
+        records.left_out,
+    )
 
 
 def from_records(

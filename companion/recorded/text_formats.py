@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from companion.recorded.records import CUT_SHORT, TrajectoryError, from_records
+from companion.recorded.records import CUT_SHORT, Records, TrajectoryError, usable
 from companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
 from companion.vio.se3 import Array, quat_wxyz_from_rotation
 
@@ -101,6 +101,11 @@ def detect(text: str) -> str | None:
 
 
 def read_table(path: Path, layout: Layout) -> RecordedTrajectory:
+    """Read what can be used of a file whose rows hold a time and a pose; raises TrajectoryError."""
+    return usable(table_records(path, layout))
+
+
+def table_records(path: Path, layout: Layout) -> Records:
     """Read a file whose rows hold a time and a pose.
 
     Raises:
@@ -113,10 +118,15 @@ def read_table(path: Path, layout: Layout) -> RecordedTrajectory:
     velocities = table[:, start : start + 3] if start is not None and table.shape[1] >= start + 3 else None
     covariances = None if layout.covariance is None else _covariances(table[:, layout.covariance :])
     quats = table[:, list(layout.quat)]
-    return from_records(str(path), times_ns, table[:, 1:4], quats, velocities, covariances, left_out)
+    return Records(str(path), times_ns, table[:, 1:4], quats, velocities, covariances, left_out=left_out)
 
 
 def read_kitti(path: Path, times: Path | None) -> RecordedTrajectory:
+    """Read what can be used of KITTI's poses, see ``kitti_records``; raises TrajectoryError."""
+    return usable(kitti_records(path, times))
+
+
+def kitti_records(path: Path, times: Path | None) -> Records:
     """Read rows of 12 numbers, the upper three of a homogeneous matrix, and a file with the time of each in s.
 
     Raises:
@@ -130,7 +140,7 @@ def read_kitti(path: Path, times: Path | None) -> RecordedTrajectory:
         raise TrajectoryError(f"{path}: {len(rows)} poses, but {len(times_ns)} times in {times}")
     table = np.array([_numbers(path, row) for row in rows])[:, :KITTI_COLUMNS].reshape(-1, 3, 4)
     quats = [_quat_wxyz(matrix[:, :3]) for matrix in table]
-    return from_records(str(path), times_ns[: len(rows)], table[:, :, 3], quats, left_out=left_out)
+    return Records(str(path), times_ns[: len(rows)], table[:, :, 3], quats, left_out=left_out)
 
 
 def _full_rows(path: Path, columns: int) -> tuple[list[Row], dict[str, int]]:

@@ -12,31 +12,38 @@ from typing import Annotated, Final
 
 import typer
 
+from companion.recorded.axes import PRESETS as AXES
+from companion.recorded.readers import FORMATS
 from emulator.console import err, out, progress
 from emulator.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from emulator.doctor.live import LinkRecorder
 from emulator.doctor.outputs import as_json, as_junit, as_sarif
 from emulator.doctor.summary import summarise
 from emulator.doctor.terminal import count_text, finding_lines, summary_lines, summary_table
-from emulator.doctor.vehicle_data import vehicle_of_log
+from emulator.doctor.vehicle_data import is_log, vehicle_of_log
+from emulator.doctor.vehicle_position import position_of_log
 from emulator.errors import InputError
 from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from emulator.presets import PRESET_HELP, preset_files
 from emulator.settings import load_settings
 from emulator.signals import stop_on_signal
-from emulator.streams import Stream, read_stream
+from emulator.stream_kinds.recorded_poses import FORMS_AS_RECORDED
+from emulator.stream_kinds.sessions import one_session
+from emulator.streams import Stream, TrajectoryOptions, read_whole_stream
 from emulator.text_files import write_text
 from mav_handlers.links import LINKS, open_link
 
 EXIT_FINDINGS: Final = 1
 _LONGEST_S: Final = 86_400.0
+_TRAJECTORY: Final = TrajectoryOptions()
 
 
 def doctor(
     source: Annotated[
         str,
         typer.Argument(
-            help="A recording that viso replay reads, or a link to listen to, such as udpin:0.0.0.0:14550.",
+            help="A telemetry log (.tlog), a DataFlash log (.BIN, .BIN.xz), a capture (.jsonl), a trajectory (TUM, "
+            "EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP), or a link to listen to, such as udpin:0.0.0.0:14550.",
             metavar="FILE_OR_LINK",
         ),
     ],
@@ -65,6 +72,26 @@ def doctor(
     lead: Annotated[float, typer.Option(help="Seconds from boot to the first message, if the file does not tell.")] = (
         30.0
     ),
+    session: Annotated[
+        int | None,
+        typer.Option(help="Which one, from 1, if the autopilot was rebooted; default that with most to look at."),
+    ] = None,
+    axes: Annotated[
+        str, typer.Option(help=f"Of a trajectory: WORLD/BODY, such as ENU/FLU, or {', '.join(AXES)}.")
+    ] = _TRAJECTORY.axes,
+    topic: Annotated[str | None, typer.Option(help="Of a bag; default the only one with poses.")] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--as",
+            help=f"What a trajectory is sent as: {', '.join(FORMS_AS_RECORDED)}; default the one that carries what the "
+            "file holds.",
+        ),
+    ] = None,
+    format_name: Annotated[
+        str | None, typer.Option("--format", help=f"Of a trajectory, if not to be found out: {', '.join(FORMATS)}.")
+    ] = None,
+    times: Annotated[Path | None, typer.Option(help="File with the times of KITTI's poses.", metavar="FILE")] = None,
 ) -> None:
     """Tell what the autopilot would do with a stream of external navigation, and what to change.
 
@@ -72,6 +99,10 @@ def doctor(
     given, else those found in the recording, else a set-up that fits the stream. What the autopilot itself says in the
     recording, its attitude above all, is held against the stream. Each finding has a code, which the page on the doctor
     explains.
+
+    A trajectory or a bag is sent as it stands in the file, with all that may be wrong with it; what no such file holds,
+    such as how messages crossed a link, is passed over. If the autopilot was rebooted within a recording, one session
+    is looked at, and a note tells which.
 
     Exit code 1: there is an error (see --fail-on). Example: viso doctor tests/data/captures/voxl.jsonl.gz
     """
@@ -84,9 +115,15 @@ def doctor(
     files = [*preset_files(preset), *(defaults or [])]
     profile = firmware_of(firmware)
     params = load_settings(files, param or [], links=1, allow_unknown=allow_unknown, firmware=profile)
-    stream = (
-        _listen(source, seconds, int(lead * 1e6)) if _is_link(source) else read_stream(Path(source), int(lead * 1e6))
-    )
+    trajectory = TrajectoryOptions(format_name=format_name, topic=topic, times=times, axes=axes)
+    if _is_link(source):
+        stream = _listen(source, seconds, int(lead * 1e6))
+    else:
+        stream = read_whole_stream(Path(source), int(lead * 1e6), trajectory, form)
+    try:
+        stream = one_session(stream, session)
+    except ValueError as error:
+        raise InputError(f"--session {session}: {error}") from error
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
@@ -125,11 +162,13 @@ def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
 
 
 def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherOptions:
-    """Return options with the vehicle's attitude and height of a log, of the source itself if that is one."""
-    attitude, height = vehicle_of_log(source if log is None else log)
+    """Return options with the vehicle's attitude and place of a log, of the source itself if that is one."""
+    of_vehicle = source if log is None else log
+    attitude, height = vehicle_of_log(of_vehicle)
     if log is not None and attitude is None:
         raise InputError(f"{log}: not a DataFlash log with ATT records")
-    return replace(options, attitude=attitude, height=height)
+    position = position_of_log(of_vehicle) if is_log(of_vehicle) else None
+    return replace(options, attitude=attitude, height=height, position=position)
 
 
 def _examine(stream: Stream, options: GatherOptions) -> Evidence:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import quaternion
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
+from emulator import quaternion_arrays as quaternion
 from emulator.doctor.seen import SeenMessage
 from emulator.doctor.tracks import Floats, Ints, Poses
 from emulator.doctor.vehicle_data import AttitudeSeries
@@ -32,6 +32,7 @@ class Comparison:
         since_arrival: likewise, of the times of arrival.
         orientation: of the stream's body.
         world: of the stream's world.
+        transport_ms: what the autopilot takes off at least, of every time of arrival, for the bytes' way.
     """
 
     poses: Poses
@@ -39,6 +40,7 @@ class Comparison:
     since_arrival: Delay
     orientation: Orientation
     world: WorldAxes
+    transport_ms: float = 0.0
 
 
 def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
@@ -86,7 +88,8 @@ def compare(
     found = []
     for one in poses:
         quats = oriented(one.quat_wxyz, viso_type, orient)
-        time_us, quats = _usable(_corrected_us(one, by_number), quats)
+        corrected_us = _corrected_us(one, by_number)
+        time_us, quats = _usable(corrected_us, quats)
         if len(time_us) < _FEWEST:
             continue
         delay = estimate_delay(time_us, quats, vehicle_us, vehicle_quats)
@@ -97,5 +100,6 @@ def compare(
         )
         arrived_us, as_sent = _usable(one.track.arrival_us, one.quat_wxyz)
         since_arrival = estimate_delay(arrived_us, as_sent, vehicle_us, vehicle_quats)
-        found.append(Comparison(one, delay, since_arrival, orientation, world))
+        transport_ms = float(np.min(one.track.arrival_us - corrected_us)) * 1e-3
+        found.append(Comparison(one, delay, since_arrival, orientation, world, transport_ms))
     return tuple(found)

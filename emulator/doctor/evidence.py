@@ -8,11 +8,13 @@ from typing import Final
 
 from emulator.doctor.compare import Comparison
 from emulator.doctor.motion import Motion
+from emulator.doctor.paths import PathComparison
 from emulator.doctor.seen import SeenMessage
 from emulator.doctor.tracks import Poses, Track, Velocities
 from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from emulator.filter_watch import AidingSpan, Innovations
 from emulator.firmware import Firmware
+from emulator.streams import Aspect
 from mav_handlers.handlers import VISION_MESSAGES
 
 __all__ = ["Assumed", "Evidence", "SeenMessage"]
@@ -54,6 +56,8 @@ class Evidence:
         end_us: when the stream ends, us since boot.
         notes: on how the stream was read.
         vision: the messages that carry external navigation.
+        lacks: what of the messages was made up, because the recording does not hold it.
+        paths: what the vehicle's own path says about the stream's positions.
     """
 
     name: str
@@ -77,6 +81,8 @@ class Evidence:
     end_us: int
     notes: tuple[str, ...]
     vision: tuple[SeenMessage, ...]
+    lacks: frozenset[Aspect] = frozenset()
+    paths: tuple[PathComparison, ...] = ()
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from emulator.streams import Aspect
+
 if TYPE_CHECKING:
     from emulator.doctor.evidence import Evidence
 
@@ -69,6 +71,7 @@ class Rule:
         fix: what to change.
         check: finds it; must not raise whatever the stream.
         is_model: whether it rests on what the filter, a model of EKF3, makes of samples.
+        needs: what a recording must hold; of one that lacks it the rule says nothing.
     """
 
     code: str
@@ -79,6 +82,7 @@ class Rule:
     fix: str
     check: Callable[["Evidence"], Iterable[Sighting]]
     is_model: bool = False
+    needs: frozenset[Aspect] = frozenset()
 
     @property
     def family(self) -> str:
@@ -139,7 +143,8 @@ def make_finding(rule: Rule, sighting: Sighting) -> Finding:
 def diagnose(evidence: "Evidence", rules: Iterable[Rule]) -> list[Finding]:
     """Return what rules find, worst first, then by code."""
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
-        findings = [make_finding(rule, sighting) for rule in rules for sighting in rule.check(evidence)]
+        fitting = [rule for rule in rules if rule.needs.isdisjoint(evidence.lacks)]
+        findings = [make_finding(rule, sighting) for rule in fitting for sighting in rule.check(evidence)]
     return sorted(findings, key=lambda finding: (finding.severity.rank, finding.code))
 
 

@@ -2,32 +2,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tries a stream on the autopilot in virtual time, and keeps all that the rules want to know."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from emulator.doctor.compare import compare
+from emulator.doctor.compare import Comparison, compare
 from emulator.doctor.evidence import Assumed, Evidence, vision_of
 from emulator.doctor.motion import motions_of
+from emulator.doctor.paths import compare_paths
 from emulator.doctor.seen import SeenMessage
 from emulator.doctor.settle import settle
 from emulator.doctor.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
+from emulator.doctor.vehicle_position import PositionSeries
 from emulator.errors import InputError
 from emulator.filter_watch import FilterWatch
 from emulator.firmware import REFERENCE, Firmware
 from emulator.imu.follow import FollowSource
 from emulator.imu.options import ImuOptions
 from emulator.replay import Replay, ReplayedMessage
-from emulator.streams import Stream
+from emulator.streams import Aspect, Stream
 from emulator.vehicle import Vehicle, VehicleConfig
 from emulator.vehicle_config import by_ekf3
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Received
 
+_TURNING_RAD: Final = 0.05  # a second
 _NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 
 
@@ -42,7 +45,7 @@ class GatherOptions:
     Attributes:
         params: parameters that the user gives; they win over those of the stream.
         baud: rate of the link's transport-time model; None for a link without delay.
-        attitude, height: the vehicle's, where something else than the stream tells it.
+        attitude, height, position: the vehicle's, where something else than the stream tells it.
         heading_rad: where the vehicle points at first, if its attitude is not known.
         firmware: which release to try it on.
     """
@@ -51,6 +54,7 @@ class GatherOptions:
     baud: int | None = None
     attitude: AttitudeSeries | None = None
     height: HeightSeries | None = None
+    position: PositionSeries | None = None
     heading_rad: float = 0.0
     firmware: Firmware = REFERENCE
 
@@ -148,6 +152,12 @@ def gather(
         return _evidence(stream, options, told, attitude, frozenset(params), assumed, trial, messages)
 
 
+def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
+    """Tell whether the vehicle turns, and nowhere as the stream does: a trajectory has a clock of its own."""
+    turning = [one for one in comparisons if one.since_arrival.rate_rad > _TURNING_RAD]
+    return bool(turning) and not any(one.since_arrival.enough_motion for one in turning)
+
+
 def _evidence(
     stream: Stream,
     options: GatherOptions,
@@ -160,6 +170,12 @@ def _evidence(
 ) -> Evidence:
     vision = vision_of(messages)
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
+    comparisons = compare(poses, vision, attitude, trial.params)
+    notes = stream.notes
+    if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):
+        attitude, comparisons = None, ()
+        notes = (*notes, f"{stream.name}: the vehicle turns otherwise, or at other times (--lead): left out of account")
+    position = told.position if options.position is None else options.position
     return Evidence(
         name=stream.name,
         firmware=options.firmware,
@@ -170,7 +186,7 @@ def _evidence(
         motions=motions_of(poses, velocities),
         attitude=attitude,
         height=options.height or told.height,
-        comparisons=compare(poses, vision, attitude, trial.params),
+        comparisons=comparisons,
         params=trial.params,
         known_params=params - {one.name for one in assumed},
         assumed=assumed,
@@ -180,6 +196,8 @@ def _evidence(
         aiding=tuple(trial.watch.aiding()),
         innovations=dict(trial.watch.innovations),
         end_us=messages[-1].arrival_us if messages else 0,
-        notes=stream.notes,
+        notes=notes,
         vision=vision,
+        lacks=stream.lacks,
+        paths=compare_paths(poses, position, comparisons, trial.params),
     )

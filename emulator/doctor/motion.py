@@ -11,7 +11,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from emulator.doctor.stamps import time_base_us
-from emulator.doctor.tracks import Bools, Floats, Ints, Poses, Sender, Velocities, rotated
+from emulator.doctor.tracks import (
+    Bools,
+    Floats,
+    Ints,
+    Poses,
+    Sender,
+    Velocities,
+    down_in_body,
+    euler_of_quat,
+    reordered,
+    rotated,
+)
 
 WINDOW_S: Final = 0.25
 LONGEST_WINDOW_S: Final = 0.6
@@ -19,6 +30,7 @@ FEWEST_WINDOWS: Final = 30
 LEAST_SPEED: Final = 0.25  # m/s, for directions to mean anything
 _LEAST_RESIDUAL: Final = 0.3  # m/s, below which nothing is an outlier
 _CLEARLY_BETTER: Final = 0.02
+_FAILED: Final = -1  # of a quality
 _INVERSE: Final = np.array([1.0, -1.0, -1.0, -1.0])
 
 
@@ -35,6 +47,8 @@ class Motion:
         told: from the velocities as sent.
         turned: from the velocities as sent, turned by the attitude.
         path_body: from the positions, in the axes of the body.
+        reordered: from the velocities as sent, turned by the attitude with its numbers taken as x, y, z, w.
+        is_level_reordered: whether that attitude is more or less level, as those of vehicles are.
     """
 
     pose_sender: Sender
@@ -46,6 +60,8 @@ class Motion:
     told: Floats
     turned: Floats
     path_body: Floats
+    reordered: Floats
+    is_level_reordered: bool
 
     @property
     def is_enough(self) -> bool:
@@ -149,6 +165,12 @@ def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | N
     return np.column_stack([np.interp(time_us, times, velocities.told[:, axis]) for axis in range(3)])
 
 
+def _is_level(quat_wxyz: Floats) -> bool:
+    """Tell whether most of some attitudes are tilted by less than 45 deg."""
+    upright = down_in_body(euler_of_quat(quat_wxyz))[:, 2]
+    return float(np.nanmedian(upright)) > math.cos(math.radians(45))
+
+
 def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
     time_us = time_base_us(poses.track)
     told = _on_times(velocities, poses, time_us)
@@ -156,7 +178,8 @@ def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
         return None
     time_s: Floats = np.asarray(time_us * 1e-6, dtype=np.float64)
     turned = rotated(poses.quat_wxyz, told)
-    fine: Bools = np.asarray(np.isfinite(np.column_stack((poses.pos_m, told, turned))).all(axis=1), dtype=np.bool_)
+    finite = np.isfinite(np.column_stack((poses.pos_m, told, turned))).all(axis=1)
+    fine: Bools = np.asarray(finite & (poses.quality != _FAILED), dtype=np.bool_)
     first = np.arange(len(time_s))
     last = np.searchsorted(time_s, time_s + WINDOW_S)
     first, last = first[last < len(time_s)], last[last < len(time_s)]
@@ -175,6 +198,7 @@ def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
     with np.errstate(all="ignore"):
         path = (poses.pos_m[last] - poses.pos_m[first]) / dt
         mean_turned, mean_told = mean_of(turned), mean_of(told)
+        mean_reordered = mean_of(rotated(reordered(poses.quat_wxyz), told))
     is_body = velocities.track.sender.name == "ODOMETRY"
     return Motion(
         poses.track.sender,
@@ -186,6 +210,8 @@ def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
         mean_told,
         mean_turned,
         rotated(poses.quat_wxyz[(first + last) // 2] * _INVERSE, path),
+        mean_reordered,
+        _is_level(reordered(poses.quat_wxyz[first])),
     )
 
 

@@ -15,6 +15,7 @@ from ekf_stub.aiding import AidingMode
 from emulator.doctor.evidence import Evidence
 from emulator.doctor.stamps import are_us, lag_ms
 from emulator.filter_fates import Fate, fate_of
+from emulator.streams import Aspect
 
 HEALTHY_US: Final = 300_000
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
@@ -49,7 +50,7 @@ class Summary:
         unhealthy: how often the sensor turned unhealthy before the end.
         aiding_from_us: when the filter would navigate by it first, a model's opinion; None if never.
         aiding_until_us: when it would stop for good; None if it never starts or goes on to the end.
-        lags: of each sender's messages of each type.
+        lags: of each sender's messages of each type; none if the recording does not tell when they arrived.
     """
 
     outcomes: Mapping[tuple[str, Outcome], int]
@@ -130,5 +131,5 @@ def summarise(evidence: Evidence) -> Summary:
         unhealthy=sum(later - earlier >= HEALTHY_US for earlier, later in itertools.pairwise(taken)),
         aiding_from_us=aided[0].start_us if aided else None,
         aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
-        lags=_lags(evidence),
+        lags=() if Aspect.ARRIVAL in evidence.lacks else _lags(evidence),
     )

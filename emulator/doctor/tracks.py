@@ -89,7 +89,7 @@ class Poses:
         pos_m: N x 3, as sent.
         quat_wxyz: N x 4, of Euler angles or as sent.
         euler_rad: N x 3, roll, pitch, yaw as sent; None of messages that carry a quaternion.
-        covariance: N x 21, as sent; None where the firmware ignores it.
+        covariance: N x 21, as sent.
         reset_counter: N; 0 where the message carries none.
         quality: N; 0 where the message carries none.
     """
@@ -98,7 +98,7 @@ class Poses:
     pos_m: Floats
     quat_wxyz: Floats
     euler_rad: Floats | None
-    covariance: Floats | None
+    covariance: Floats
     reset_counter: Ints
     quality: Ints
 
@@ -166,6 +166,17 @@ def euler_of_quat(quat_wxyz: Floats) -> Floats:
         )
 
 
+def reordered(quat_wxyz: Floats) -> Floats:
+    """Return N x 4 quaternions whose numbers stood in the order x, y, z, w, in the order w, x, y, z."""
+    return np.roll(quat_wxyz, 1, axis=1)
+
+
+def down_in_body(euler_rad: Floats) -> Floats:
+    """Return N x 3 the world's down in body axes, of roll, pitch and yaw."""
+    roll, pitch = euler_rad[:, 0], euler_rad[:, 1]
+    return np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
+
+
 def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
     """Return N x 3 vectors turned by N x 4 quaternions as the firmware does it, of whatever norm."""
     with np.errstate(all="ignore"):
@@ -177,22 +188,22 @@ def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
 def _poses(sender: Sender, seen: Sequence[SeenMessage]) -> Poses:
     messages = [one.message for one in seen]
     pos_m = np.array([(m.x, m.y, m.z) for m in messages if isinstance(m, POSE_TYPES)], dtype=np.float64)
-    euler_rad = covariance = None
+    euler_rad = None
+    covariance = [
+        m.pose_covariance if isinstance(m, ODOMETRY) else m.covariance for m in messages if isinstance(m, POSE_TYPES)
+    ]
     if isinstance(messages[0], _EULER_TYPES):
         euler_rad = np.array([(m.roll, m.pitch, m.yaw) for m in messages if isinstance(m, _EULER_TYPES)], np.float64)
-        covariance = np.array([m.covariance for m in messages if isinstance(m, _EULER_TYPES)], np.float64)
         with np.errstate(all="ignore"):
             quat_wxyz = quats_of_euler(euler_rad)
     else:
         quat_wxyz = np.array([m.q for m in messages if isinstance(m, ATT_POS_MOCAP | ODOMETRY)], np.float64)
-    if isinstance(messages[0], ODOMETRY):
-        covariance = np.array([m.pose_covariance for m in messages if isinstance(m, ODOMETRY)], np.float64)
     return Poses(
         _track(sender, seen),
         pos_m,
         quat_wxyz,
         euler_rad,
-        covariance,
+        np.array(covariance, np.float64),
         _ints([getattr(m, "reset_counter", 0) for m in messages]),
         _ints([getattr(m, "quality", 0) for m in messages]),
     )

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from emulator.doctor.tracks import Floats, Ints
+from emulator.doctor.vehicle_position import PositionListener, PositionSeries, sources_of
 from emulator.errors import InputError
 from emulator.recorded_log import read_recorded_states
 from emulator.streams import Stream
@@ -81,6 +82,7 @@ class VehicleData:
         changes: of parameters that were heard more than once.
         texts: time in us since boot, severity, text.
         has_all_params: whether a whole list was heard.
+        position: what it said of its place, if that does not come from the stream itself.
     """
 
     system_id: int | None = None
@@ -90,6 +92,7 @@ class VehicleData:
     changes: tuple[ParamChange, ...] = ()
     texts: tuple[tuple[int, int, str], ...] = ()
     has_all_params: bool = False
+    position: PositionSeries | None = None
 
 
 class _Listener:
@@ -99,11 +102,13 @@ class _Listener:
         self._heights: dict[int, list[tuple[int, float]]] = {}
         self._params: dict[int, list[tuple[int, PARAM_VALUE]]] = {}
         self._texts: dict[int, list[tuple[int, int, str]]] = {}
+        self._positions: dict[int, PositionListener] = {}
 
     def take(self, time_us: int, header: Header, message: Message | None) -> None:
         if header.component_id != MAV_COMP_ID_AUTOPILOT1:
             return
         sender = header.system_id
+        self._positions.setdefault(sender, PositionListener()).take(time_us, message)
         if isinstance(message, HEARTBEAT):
             if self.system_id is None and message.autopilot != MAV_AUTOPILOT_INVALID:
                 self.system_id = sender
@@ -131,6 +136,9 @@ class _Listener:
             changes,
             tuple(self._texts.get(self.system_id, [])),
             has_all_params=0 < total <= len(first),
+            position=self._positions[self.system_id].told(
+                sources_of((*first.items(), *((change.name, change.new) for change in changes)))
+            ),
         )
 
 
@@ -180,9 +188,14 @@ def listen(stream: Stream) -> VehicleData:
     return listener.told()
 
 
+def is_log(path: Path) -> bool:
+    """Tell whether a file is a DataFlash log by its name."""
+    return path.name.lower().endswith(_LOG_ENDINGS)
+
+
 def vehicle_of_log(path: Path) -> tuple[AttitudeSeries | None, HeightSeries | None]:
     """Return attitude and height that a DataFlash log holds; None of a file of another kind or of a log without."""
-    if not path.name.lower().endswith(_LOG_ENDINGS):
+    if not is_log(path):
         return None, None
     try:
         states = read_recorded_states(path)

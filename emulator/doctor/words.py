@@ -39,3 +39,8 @@ def of_track(text: str, track: Track, mask: npt.ArrayLike) -> Sighting:
     text = f"{track.sender}: {share(len(chosen), len(track))} messages {text}"
     arrivals = track.arrival_us[chosen]
     return Sighting(text, track.numbers[chosen].tolist(), int(arrivals[0]), int(arrivals[-1]))
+
+
+def of_whole(text: str, track: Track, fix: str | None = None) -> Sighting:
+    """Return what all messages of a track show together."""
+    return Sighting(text, track.numbers.tolist(), int(track.arrival_us[0]), int(track.arrival_us[-1]), fix)

@@ -20,7 +20,8 @@ BODY_WORDS: Final = ("forward", "right", "down", "back", "left", "up")
 EARTH_WORDS: Final = ("north", "east", "down", "south", "west", "up")
 
 _OF_RIGHT_ANGLES: Final = 38  # the rotations after it are of other angles
-_DOCUMENTED: Final = tuple(next(row for row in VAR_INFO if row.name == "_ORIENT").values or ())
+_ORIENT_NAMES: Final = next(row for row in VAR_INFO if row.name == "_ORIENT").values or {}
+_DOCUMENTED: Final = tuple(_ORIENT_NAMES)
 
 
 def _signed_permutations() -> list[Array]:
@@ -97,6 +98,11 @@ class AxisMap:
             f"{subject.format(name)} {'-' if axis < 0 else ''}{'xyz'[abs(axis) - 1]} ({word})"
             for name, axis, word in parts
         )
+
+
+def orient_name(rotation: Rotation) -> str:
+    """Return what VISO_ORIENT calls an orientation, such as Left; the firmware's name of one that it does not list."""
+    return _ORIENT_NAMES.get(int(rotation), rotation.name)
 
 
 def rotation_matrix(rotation: int) -> Array:

@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import quaternion
 
+from emulator import quaternion_arrays as quaternion
 from emulator.estimators.axes import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
 from emulator.estimators.least_squares import FEWEST_BLOCKS, blocks_of, fit, mean_and_sigma
 from emulator.estimators.pairs import best_rotation, centred, correlation_of, cross_matrices, turn_pair

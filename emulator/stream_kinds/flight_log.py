@@ -15,13 +15,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+from ap_core.dataflash_scan import Lost
 from companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from emulator.errors import InputError
 from emulator.firmware import REFERENCE
 from emulator.record_fields import RecordError, numbers, text, whole
-from emulator.recorded_log import read_log
+from emulator.recorded_log import read_columns, read_kinds
 from emulator.stream_kinds.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
-from emulator.stream_kinds.stream import MAX_GAP_US, Stream, StreamMessage
+from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 from mav_handlers.wire.codec import Codec, full_length
 from mav_handlers.wire.messages import (
     ODOMETRY,
@@ -76,6 +77,7 @@ class _LogContent:
     events: list[_Event] = field(default_factory=list)
     banner: str | None = None
     texts_of_alignment: int = 0
+    lost: tuple[Lost, ...] = ()
 
 
 class _Reader:
@@ -188,7 +190,9 @@ def _read(path: Path) -> _LogContent:
                 kind = record.get_type()
                 raise InputError(f"{path}: {kind} record {reader.numbers[kind]}: {error}") from error
 
-    read_log(path, collect)
+    columns = read_columns(path)
+    reader.content.lost = columns.lost
+    read_kinds(path, columns, reader.kinds, collect)
     if not any(isinstance(event, PoseRecord | VelocityRecord | DeltaRecord) for event in reader.content.events):
         raise InputError(f"{path}: no VISP, VISV or VISO records: VISO_TYPE was 0, or no external navigation came")
     return reader.content
@@ -217,7 +221,15 @@ def read_flight_log(path: Path) -> Stream:
         sent[type(message).__name__] += 1
     baud = _baud_of(content.events, sent)
     notes = tuple(f"{path}: {note}" for note in _notes(content, sent, baud, apart=apart))
-    return Stream(path.name.split(".")[0], tuple(messages), content.params, baud, shared_arrival=True, notes=notes)
+    return Stream(
+        path.name.split(".")[0],
+        tuple(messages),
+        content.params,
+        baud,
+        shared_arrival=True,
+        notes=notes,
+        lacks=frozenset({Aspect.LINK}),
+    )
 
 
 def _came_apart(events: Sequence[_Event]) -> bool:
@@ -309,6 +321,10 @@ def _waiting_lengths(sent: Counter[str]) -> list[int]:
 def _notes(content: _LogContent, sent: Counter[str], baud: int | None, *, apart: bool) -> Iterator[str]:
     """Yield what the log cannot tell, and what was taken for true instead."""
     counts = ", ".join(f"{count} {name}" for name, count in sorted(sent.items()))
+    if content.lost:
+        reasons = ", ".join(sorted({lost.reason for lost in content.lost}))
+        size = sum(lost.size for lost in content.lost)
+        yield f"damaged: {size} bytes in {len(content.lost)} places are in no record ({reasons})"
     yield f"rebuilt from records: {counts}; what left no record (dropped messages, commands, the origin) is not there"
     if sent[ODOMETRY.__name__]:
         yield "each VISP with its VISV is taken for an ODOMETRY in the accepted frames"

@@ -4,10 +4,21 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Final
 
 # A vehicle runs through the silence between two messages; a damaged stamp would have it run for years.
 MAX_GAP_US: Final = 86_400_000_000
+
+
+class Aspect(Enum):
+    """Something that a recording may hold or not."""
+
+    LINK = "how messages crossed a link: MAVLink's version, ids and sequence numbers, labels of frames"
+    ARRIVAL = "when messages arrived"
+    RESETS = "a reset counter"
+    QUALITY = "a quality"
+    COVARIANCE = "a covariance"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +35,8 @@ class Stream:
 
     ``shared_arrival`` tells that messages with the same arrival time were waiting together, and that one which made no
     record carries its predecessor's time. ``params`` are the vehicle's as far as they were recorded, ``baud`` the rate
-    of the UART that delivered the stream, ``notes`` what the recording cannot tell, a line each.
+    of the UART that delivered the stream, ``notes`` what the recording cannot tell, a line each. ``lacks`` is what of
+    its messages was made up, because the recording does not hold it.
     """
 
     name: str
@@ -33,3 +45,4 @@ class Stream:
     baud: int | None = None
     shared_arrival: bool = False
     notes: tuple[str, ...] = ()
+    lacks: frozenset[Aspect] = frozenset()

@@ -260,6 +260,15 @@ def test_dark_and_light_follow_the_system_until_chosen(page: Page) -> None:
         assert (page.driver.execute_script(background) < 60) == (name == "dark")
 
 
+@pytest.mark.parametrize("width", [1100, 1600])
+def test_nothing_moves_when_the_vehicle_has_more_to_say(page: Page, width: int) -> None:
+    page.media("light", width)
+    height = "return document.querySelector('header').offsetHeight"
+    before = page.driver.execute_script(height)
+    page.driver.execute_script("document.querySelector('#tiles dd').textContent = 'roll/pitch diff 36.3 deg (>10)'")
+    assert page.driver.execute_script(height) == before
+
+
 @pytest.mark.parametrize("width", [360, 1100, 1800])
 def test_nothing_needs_scrolling_sideways(page: Page, width: int) -> None:
     page.media("light", width)

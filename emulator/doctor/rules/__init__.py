@@ -9,14 +9,18 @@ from typing import Final
 from emulator.doctor.findings import Rule
 from emulator.doctor.rules import (
     alignment,
+    axes,
+    clocks,
     frames,
+    lateness,
     numbers,
     outcome,
     parameters,
+    quality,
     rate,
+    release,
     resets,
     sizes,
-    timing,
     transport,
 )
 
@@ -34,7 +38,10 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
-_TABLES: Final = (transport, frames, timing, rate, numbers, sizes, resets, parameters, alignment, outcome)
+_TABLES: Final = (
+    *(transport, frames, axes, clocks, lateness, rate, numbers, sizes),
+    *(release, resets, quality, parameters, alignment, outcome),
+)
 
 RULES: Final[tuple[Rule, ...]] = tuple(
     sorted((rule for table in _TABLES for rule in table.RULES), key=lambda rule: rule.code)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """XN8: does the stream's frame agree with the vehicle's attitude, and would it be aligned?"""
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import Final
@@ -12,12 +13,14 @@ from emulator.doctor.compare import ALIGNING_TYPES, oriented
 from emulator.doctor.evidence import EXTNAV, Evidence
 from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.stamps import FEWEST
-from emulator.doctor.tracks import Floats, Poses, euler_of_quat
-from emulator.doctor.words import at
+from emulator.doctor.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
+from emulator.doctor.words import at, share
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"
 _LIMIT_RAD: Final = math.radians(10)
+_LASTING_US: Final = 1_000_000
+_NEVER_US: Final = 1 << 62
 
 
 def _shifted(evidence: Evidence) -> Iterator[Sighting]:
@@ -77,33 +80,75 @@ def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
+def _lasting(time_us: Ints, mask: Bools) -> Bools:
+    """Return a mask without what lasts no more than a second: a late camera in a quick turn is no disagreement."""
+    edges = np.flatnonzero(np.diff(mask.astype(np.int8))) + 1
+    kept = mask.copy()
+    for run in np.split(np.arange(len(mask)), edges):
+        if time_us[run[-1]] - time_us[run[0]] <= _LASTING_US:
+            kept[run] = False
+    return kept
+
+
+def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severity | None = None) -> Sighting:
+    """Return what messages show that are some of those chosen of a track."""
+    shown = chosen[mask]
+    arrivals = poses.track.arrival_us[shown]
+    return Sighting(
+        f"{poses.track.sender}: {text}, in {share(len(shown), len(poses.track))} messages, the first at "
+        f"{at(int(arrivals[0]))}",
+        poses.track.numbers[shown].tolist(),
+        int(arrivals[0]),
+        int(arrivals[-1]),
+        severity=severity,
+    )
+
+
+def _beside_vehicle(evidence: Evidence, poses: Poses) -> tuple[Ints, Floats, Floats] | None:
+    """Return which poses can be compared, and their attitude, VISO_ORIENT taken off, beside the vehicle's own."""
+    if evidence.attitude is None or len(poses.track) < FEWEST:
+        return None
+    quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
+    told, vehicle = euler_of_quat(quats), evidence.attitude.at(poses.track.arrival_us)
+    chosen = np.flatnonzero(np.isfinite(np.column_stack((told, vehicle))).all(axis=1))
+    return (chosen, told[chosen], vehicle[chosen]) if len(chosen) >= FEWEST else None
+
+
 def _tilted(evidence: Evidence) -> Iterator[Sighting]:
+    severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
     for poses in evidence.poses:
-        if evidence.attitude is None or len(poses.track) < FEWEST:
+        pair = _beside_vehicle(evidence, poses)
+        if pair is None:
             continue
-        is_aligned = evidence.viso_type in ALIGNING_TYPES
-        quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
-        told, vehicle = euler_of_quat(quats), evidence.attitude.at(poses.track.arrival_us)
-        fine = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
-        if np.count_nonzero(fine) < FEWEST:
-            continue
-        down_told, down_vehicle = _down(told[fine]), _down(vehicle[fine])
-        angle = np.arccos(np.clip(np.sum(down_told * down_vehicle, axis=1), -1, 1))
-        middle = float(np.median(angle))
-        if middle > _LIMIT_RAD:
-            yield Sighting(
-                f"{poses.track.sender}: roll and pitch are {math.degrees(middle):.0f} deg from the vehicle's own",
-                poses.track.numbers.tolist(),
-                int(poses.track.arrival_us[0]),
-                int(poses.track.arrival_us[-1]),
-                severity=None if is_aligned else Severity.WARNING,
-            )
+        chosen, told, vehicle = pair
+        angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
+        mask = _lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD)
+        if mask.any():
+            middle = math.degrees(float(np.median(angle[mask])))
+            text = f"roll and pitch are {middle:.0f} deg from the vehicle's own"
+            yield _apart(poses, chosen, mask, text, severity)
 
 
-def _down(euler_rad: Floats) -> Floats:
-    """Return the world's down in body axes."""
-    roll, pitch = euler_rad[:, 0], euler_rad[:, 1]
-    return np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
+def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
+    """Find yaw that leaves the vehicle's own after it was aligned to that."""
+    aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_SHIFTED)]
+    for poses in evidence.poses if aligned_us else ():
+        pair = _beside_vehicle(evidence, poses)
+        if pair is None:
+            continue
+        chosen, told, vehicle = pair
+        times, off = poses.track.arrival_us[chosen], told[:, 2] - vehicle[:, 2]
+        mask, worst = np.zeros(len(times), dtype=np.bool_), 0.0
+        for start, end in itertools.pairwise([*aligned_us, _NEVER_US]):
+            first = (times >= start) & (times < min(start + _LASTING_US, end))
+            inside = (times >= start) & (times < end)
+            if first.any():
+                since = np.abs(np.angle(np.exp(1j * (off - _mean_angle(off[first])[0]))))
+                mask |= _lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_))
+                worst = max(worst, float(since[inside].max()))
+        if mask.any():
+            text = f"since it was aligned the yaw has left the vehicle's own by up to {math.degrees(worst):.0f} deg"
+            yield _apart(poses, chosen, mask, text)
 
 
 def _not_aligned(evidence: Evidence) -> Iterator[Sighting]:
@@ -192,5 +237,16 @@ RULES: Final = (
         "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::align_position_to_ahrs",
         "Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
         _switch_jumps,
+    ),
+    Rule(
+        "XN8-08",
+        Severity.WARNING,
+        "The yaw leaves the vehicle's after alignment",
+        "Types 2 and 3 align the yaw once. Afterwards they compare: more than 10 deg, and arming fails with VisOdom: "
+        "yaw diff. In flight positions and velocities turn away from north with the camera's yaw.",
+        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+        "Look for a camera that drifts or a compass that is disturbed; align again with the auxiliary function VISODOM "
+        "ALIGN (80) before take-off.",
+        _yaw_drifts,
     ),
 )

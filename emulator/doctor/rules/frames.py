@@ -1,28 +1,25 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN2: frames of reference and axes."""
+"""XN2: frames of reference, and velocities held against the path."""
 
 import math
 from collections import Counter
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from emulator.doctor.compare import Comparison
 from emulator.doctor.evidence import Evidence
 from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
-from emulator.doctor.tracks import Floats, Poses
+from emulator.doctor.tracks import Floats
 from emulator.doctor.words import seen_in, share
+from emulator.streams import Aspect
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
 
 _FITS: Final = 0.9
 _BETTER: Final = 0.01
+_ORDER: Final = "XN2-10"
 _LEAST_HEADING_RAD: Final = math.radians(8)
-_LEAST_CLIMB_M: Final = 0.5
-_MIRRORED: Final = -0.7
 _FRAMES: Final = {
     0: "GLOBAL",
     1: "LOCAL_NED",
@@ -135,6 +132,19 @@ def _frame_mix(motion: Motion) -> _Mixed:
     return _Mixed("XN2-03", other, f"the velocity fits the path only if it is in {where} axes", fix)
 
 
+def _order_mix(motion: Motion) -> Iterator[_Mixed]:
+    """Yield how velocities of ODOMETRY fit if its quaternion is read as x, y, z, w; the rule is among the axes."""
+    if motion.velocity_sender.name == "ODOMETRY" and motion.is_level_reordered:
+        correlation = agreement(motion.path, _scaled(motion, motion.reordered)).correlation
+        yield _Mixed(_ORDER, correlation, "")
+
+
+def is_misordered(motion: Motion) -> bool:
+    """Tell whether velocities fit a path only if the quaternion is read as x, y, z, w."""
+    mixed = _mix_up(motion)
+    return mixed is not None and mixed.code == _ORDER
+
+
 def _axes_mix(motion: Motion) -> Iterator[_Mixed]:
     """Yield how velocities fit if axes are mixed up, in the local frame or in the body's."""
     axes, fit = best_axes(motion.path, _scaled(motion, motion.used))
@@ -162,7 +172,7 @@ def _mix_up(motion: Motion) -> _Mixed | None:
         return None
     used = _as_used(motion)
     best: _Mixed | None = None
-    for mixed in (_frame_mix(motion), *_heading_mix(motion), *_axes_mix(motion)):
+    for mixed in (*_order_mix(motion), _frame_mix(motion), *_heading_mix(motion), *_axes_mix(motion)):
         if mixed.correlation > max(_FITS, used + _BETTER, 0.0 if best is None else best.correlation + _BETTER):
             best = mixed
     return best
@@ -189,78 +199,6 @@ def _velocity_heading(evidence: Evidence) -> Iterator[Sighting]:
     yield from _mixed_as(evidence, "XN2-05")
 
 
-def _whole(poses: Poses, text: str, fix: str | None = None) -> Sighting:
-    arrivals = poses.track.arrival_us
-    return Sighting(text, poses.track.numbers.tolist(), int(arrivals[0]), int(arrivals[-1]), fix)
-
-
-def _is_ros(compared: Comparison) -> bool:
-    """Tell whether an attitude is of an FLU body in a world whose z is up."""
-    orientation, world = compared.orientation, compared.world
-    return orientation.enough_motion and orientation.name == "FLU" and world.sufficient and world.is_up
-
-
-def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
-    for compared in evidence.comparisons:
-        if _is_ros(compared):
-            sender = compared.poses.track.sender
-            yield _whole(
-                compared.poses,
-                f"{sender}: against the vehicle's own attitude the body is FLU, and the world {compared.world.name} "
-                f"(correlation {compared.orientation.choice.correlation:.2f})",
-            )
-
-
-def _mounting(evidence: Evidence) -> Iterator[Sighting]:
-    for compared in evidence.comparisons:
-        orientation = compared.orientation
-        if not orientation.enough_motion or orientation.axes.is_identity or _is_ros(compared):
-            continue
-        rotation = orientation.axes.rotation
-        number = "" if rotation is None else f"{int(rotation)} ({rotation.name})"
-        is_obeyed = evidence.viso_type in (2, 3) and evidence.param("VISO_ORIENT") == 0 and rotation is not None
-        by_code = "turn the attitude in the sender: " + orientation.text
-        yield _whole(
-            compared.poses,
-            f"{compared.poses.track.sender}: against the vehicle's own attitude the axes point {orientation.name} "
-            f"rather than FRD: {orientation.text} (correlation {orientation.choice.correlation:.2f}, next best "
-            f"{orientation.choice.second_correlation:.2f})",
-            f"Set VISO_ORIENT to {number}, or {by_code}."
-            if is_obeyed
-            else f"{by_code[0].upper()}{by_code[1:]}; or use VISO_TYPE 2 with VISO_ORIENT {number}.",
-        )
-
-
-def _world_up(evidence: Evidence) -> Iterator[Sighting]:
-    for compared in evidence.comparisons:
-        world = compared.world
-        tilted = world.sufficient and world.axes.signed_axes[2] != 3
-        if compared.orientation.enough_motion and tilted and not _is_ros(compared):
-            yield _whole(
-                compared.poses,
-                f"{compared.poses.track.sender}: against the vehicle's own attitude the stream's world is {world.name}",
-            )
-
-
-def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.height is None:
-        return
-    for poses in evidence.poses:
-        there = evidence.height.at(poses.track.arrival_us)
-        down = poses.pos_m[:, 2]
-        fine = np.isfinite(there) & np.isfinite(down)
-        if np.count_nonzero(fine) < 20 or np.ptp(there[fine]) < _LEAST_CLIMB_M or np.std(down[fine]) == 0:
-            continue
-        correlation = float(np.corrcoef(there[fine], down[fine])[0, 1])
-        if correlation < _MIRRORED:
-            climbed = float(np.ptp(there[fine]))
-            yield _whole(
-                poses,
-                f"{poses.track.sender}: z grows as the vehicle climbs, over {climbed:.1f} m (correlation "
-                f"{correlation:.2f})",
-            )
-
-
 RULES: Final = (
     Rule(
         "XN2-01",
@@ -271,17 +209,7 @@ RULES: Final = (
         ODOMETRY_FRAMES.rule.source,
         "Set frame_id 20 and child_frame_id 12, with data to match.",
         _wrong_frames,
-    ),
-    Rule(
-        "XN2-02",
-        Severity.ERROR,
-        "Attitude in ROS axes",
-        "Attitude is taken as that of a body FRD in a world whose z is down; with ROS axes (FLU in ENU) pitch and yaw "
-        "are the other way round.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
-        "MAVROS does it for you.",
-        _ros_axes,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN2-03",
@@ -313,32 +241,5 @@ RULES: Final = (
         "Attitude and position must be of one frame: look for a yaw that is set or aligned for one of them only, or "
         "for a camera that points another way than the attitude says.",
         _velocity_heading,
-    ),
-    Rule(
-        "XN2-06",
-        Severity.ERROR,
-        "Attitude of the camera, not of the vehicle",
-        "Type 1 takes the attitude for the vehicle's; types 2 and 3 turn it by VISO_ORIENT.",
-        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
-        "Set VISO_ORIENT, or turn the attitude in the sender.",
-        _mounting,
-    ),
-    Rule(
-        "XN2-07",
-        Severity.ERROR,
-        "The stream's world is not z down",
-        "Attitudes and positions are taken for such of a world with z down.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Turn positions and attitude into a world with x forward or north, y right or east, z down.",
-        _world_up,
-    ),
-    Rule(
-        "XN2-08",
-        Severity.ERROR,
-        "Height upside down",
-        "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
-        "Send -z, and with it the other axes and the attitude of a world with z down.",
-        _height_mirrored,
     ),
 )

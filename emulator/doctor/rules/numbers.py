@@ -12,6 +12,10 @@ from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.stamps import FEWEST
 from emulator.doctor.tracks import Bools, Floats, Poses
 from emulator.doctor.words import at, of_track
+from emulator.streams import Aspect
+from mav_handlers.covariance import no_errors
+from mav_handlers.vision_columns import error_columns
+from mav_handlers.wire.messages import ATT_POS_MOCAP
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
@@ -24,6 +28,7 @@ _HUGE_POSITION_M: Final = 10.0
 _MOST_RADIANS: Final = 6.4
 _NORM_TOLERANCE: Final = 0.02
 _FROZEN_US: Final = 500_000
+_FAILED: Final = -1  # of a quality
 _LEAP_M: Final = 0.2
 _BRAKES_AT_MOST: Final = 20.0  # m/s^2
 
@@ -82,12 +87,19 @@ def _degrees(evidence: Evidence) -> Iterator[Sighting]:
                 yield of_track(f"have angles beyond a full turn, up to {most:.1f} rad", poses.track, mask)
 
 
-def _posErr(covariance: Floats, diagonal: tuple[int, ...]) -> Floats:
-    return np.asarray(np.cbrt(np.sum(covariance[:, diagonal] ** 2, axis=1)), dtype=np.float64)
+def _is_read(evidence: Evidence, poses: Poses) -> bool:
+    ignored = evidence.firmware.endpoint.mocap_errors is no_errors
+    return not (ignored and poses.track.sender.name == ATT_POS_MOCAP.__name__)
 
 
-def _is_given(poses: Poses) -> Bools:
-    if poses.covariance is None:
+def _errors(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats]:
+    """Return posErr (m) and angErr (rad) as the endpoint makes them, before they are limited."""
+    pos, ang = error_columns(poses.covariance.astype(np.float32), evidence.firmware.endpoint)
+    return pos.astype(np.float64), ang.astype(np.float64)
+
+
+def _is_given(evidence: Evidence, poses: Poses) -> Bools:
+    if not _is_read(evidence, poses):
         return np.zeros(len(poses.track), dtype=np.bool_)
     given = ~np.isnan(poses.covariance[:, 0])
     return np.asarray(given & (np.nan_to_num(poses.covariance) != 0).any(axis=1), dtype=np.bool_)
@@ -95,23 +107,21 @@ def _is_given(poses: Poses) -> Bools:
 
 def _no_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        mask = ~_is_given(poses)
+        mask = ~_is_given(evidence, poses)
         if mask.any():
-            why = "a covariance that is ignored" if poses.covariance is None else "a covariance of zeros or NaN"
+            why = "a covariance of zeros or NaN" if _is_read(evidence, poses) else "a covariance that is ignored"
             floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
             yield of_track(f"have {why}: the EKF gets {floors[0]:.2g} m and {floors[1]:.2g} rad", poses.track, mask)
 
 
 def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        given = _is_given(poses)
-        for name, diagonal, unit in (
-            ("VISO_POS_M_NSE", _DIAGONAL_POSITION, "m"),
-            ("VISO_YAW_M_NSE", _DIAGONAL_ANGLE, "rad"),
+        given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
+        for name, diagonal, error, unit in (
+            ("VISO_POS_M_NSE", _DIAGONAL_POSITION, pos_err, "m"),
+            ("VISO_YAW_M_NSE", _DIAGONAL_ANGLE, ang_err, "rad"),
         ):
-            if poses.covariance is None or not given.any():
-                continue
-            floor, error = evidence.param(name), _posErr(poses.covariance, diagonal)
+            floor = evidence.param(name)
             mask = given & (error < floor)
             if mask.any():
                 variances = np.clip(poses.covariance[mask][:, diagonal], 0, None)
@@ -127,7 +137,7 @@ def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
 
 def _nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        if poses.covariance is None:
+        if not _is_read(evidence, poses):
             continue
         used = poses.covariance[:, (*_DIAGONAL_POSITION, *_DIAGONAL_ANGLE)]
         mask = ~np.isnan(used[:, 0]) & np.isnan(used[:, 1:]).any(axis=1)
@@ -137,14 +147,12 @@ def _nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
 
 def _huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        if poses.covariance is None:
-            continue
-        for diagonal, most, limit, unit in (
-            (_DIAGONAL_POSITION, _HUGE_POSITION_M, _MOST_POSITION_M, "m"),
-            (_DIAGONAL_ANGLE, _MOST_ANGLE_RAD, _MOST_ANGLE_RAD, "rad"),
+        given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
+        for error, most, limit, unit in (
+            (pos_err, _HUGE_POSITION_M, _MOST_POSITION_M, "m"),
+            (ang_err, _MOST_ANGLE_RAD, _MOST_ANGLE_RAD, "rad"),
         ):
-            error = _posErr(poses.covariance, diagonal)
-            mask = _is_given(poses) & (error > most)
+            mask = given & (error > most)
             if mask.any():
                 in_effect = min(float(np.median(error[mask])), limit)
                 yield of_track(f"have a covariance that means {in_effect:.3g} {unit} to the EKF", poses.track, mask)
@@ -159,7 +167,9 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             length = int(track.arrival_us[last] - track.arrival_us[first])
-            if length >= _FROZEN_US and _is_in_motion(poses, int(first), int(last)):
+            # A sender may repeat the last pose while it says that tracking failed.
+            is_told = bool((poses.quality[first + 1 : last + 1] == _FAILED).all())
+            if length >= _FROZEN_US and not is_told and _is_in_motion(poses, int(first), int(last)):
                 yield Sighting(
                     f"{track.sender}: in full motion the pose stops for {length * 1e-6:.1f} s at "
                     f"{at(int(track.arrival_us[first]))}, the same to the last bit",
@@ -170,12 +180,15 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
-    """Tell whether the pose stops as no vehicle can, or goes on elsewhere."""
+    """Tell whether the pose stops as no vehicle can, or goes on elsewhere; a leap between two rests is no motion."""
+    pos_m = poses.pos_m
     start, end = max(0, first - 1), min(len(poses.track) - 1, last + 1)
     time_s = max(float(poses.track.arrival_us[first] - poses.track.arrival_us[start]) * 1e-6, 5e-3)
-    speed = float(np.linalg.norm(poses.pos_m[first] - poses.pos_m[start])) / time_s
-    leap = float(np.linalg.norm(poses.pos_m[end] - poses.pos_m[last]))
-    return (start < first and speed / time_s > _BRAKES_AT_MOST) or leap > _LEAP_M
+    speed = float(np.linalg.norm(pos_m[first] - pos_m[start])) / time_s
+    leap = float(np.linalg.norm(pos_m[end] - pos_m[last]))
+    came = start > 0 and bool((pos_m[start] != pos_m[start - 1]).any())
+    goes_on = end + 1 < len(pos_m) and bool((pos_m[end + 1] != pos_m[end]).any())
+    return (came and speed / time_s > _BRAKES_AT_MOST) or (goes_on and leap > _LEAP_M)
 
 
 RULES: Final = (
@@ -247,11 +260,12 @@ RULES: Final = (
         "XN5-09",
         Severity.NOTE,
         "Noise floors hide the covariance",
-        "The firmware takes the cube root of the sum of squared variances, which is not a standard deviation and "
-        "smaller for small errors, and raises it to the floor.",
+        "Of the variances the firmware makes one error, and raises it to the floor. Up to October 2025 it takes the "
+        "cube root of the sum of their squares, which is not a standard deviation and smaller for small errors.",
         _CLAMP,
         "If the source's figures are to count, lower the floor; mind the cube root.",
         _hidden_by_floor,
+        needs=frozenset({Aspect.COVARIANCE}),
     ),
     Rule(
         "XN5-10",
@@ -262,6 +276,7 @@ RULES: Final = (
         "AP_Math.cpp, constrain_value_line",
         "Set the first element to NaN, or all to 0.",
         _nan_covariance,
+        needs=frozenset({Aspect.COVARIANCE}),
     ),
     Rule(
         "XN5-11",
@@ -271,6 +286,7 @@ RULES: Final = (
         _CLAMP,
         "Look whether variances are in m^2 and rad^2.",
         _huge_covariance,
+        needs=frozenset({Aspect.COVARIANCE}),
     ),
     Rule(
         "XN5-13",

@@ -24,6 +24,8 @@ _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
 _READY_US: Final = 8_000_000
 _REJECTED_SHARE: Final = 0.05
+_SILENCE_US: Final = 500_000
+_EPISODE_US: Final = 2_000_000
 _FEWEST_REJECTED: Final = 5
 _LOST_SHARE: Final = 0.2
 _WARNING: Final = 4  # MAV_SEVERITY
@@ -76,7 +78,8 @@ def _stops(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"it would stop aiding {often}, first at {at(stops[0])}", start_us=stops[0], end_us=stops[-1])
 
 
-def _rejected(evidence: Evidence) -> Iterator[Sighting]:
+def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenMessage]]]:
+    """Yield each kind of samples of which some were rejected: how many were tested, and the messages of those."""
     tested: Counter[str] = Counter()
     rejected: dict[str, list[SeenMessage]] = {}
     for one in evidence.vision:
@@ -87,18 +90,53 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
                 if what is Fate.REJECTED:
                     rejected.setdefault(kind, []).append(one)
     for kind, messages in sorted(rejected.items()):
-        if len(messages) >= _FEWEST_REJECTED and len(messages) > _REJECTED_SHARE * tested[kind]:
-            worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
-            hard = _accelerates(evidence, messages)
-            why = ", where the path accelerates harder than the model's vehicle can follow" if hard else ""
-            yield Sighting(
-                f"{share(len(messages), tested[kind])} {kind} samples would be rejected, from "
-                f"{at(messages[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off",
-                [one.number for one in messages],
-                messages[0].arrival_us,
-                messages[-1].arrival_us,
-                severity=Severity.NOTE if hard else None,
-            )
+        yield kind, tested[kind], messages
+
+
+def _rejected(evidence: Evidence) -> Iterator[Sighting]:
+    for kind, tested, messages in _rejected_by_kind(evidence):
+        blind = _after_silence(evidence, messages)
+        seen = [one for one in messages if one.number not in blind]
+        counted = seen if _is_much(seen, tested) else messages
+        if not _is_much(counted, tested):
+            continue
+        why = ""
+        if counted is not seen:
+            why = ", after a time without samples, over which nobody can tell how the vehicle moved"
+        elif _accelerates(evidence, counted):
+            why = ", where the path accelerates harder than the model's vehicle can follow"
+        worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
+        yield Sighting(
+            f"{share(len(counted), tested)} {kind} samples would be rejected, from "
+            f"{at(counted[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off",
+            [one.number for one in counted],
+            counted[0].arrival_us,
+            counted[-1].arrival_us,
+            severity=Severity.NOTE if why else None,
+        )
+
+
+def _is_much(messages: list[SeenMessage], tested: int) -> bool:
+    return len(messages) >= _FEWEST_REJECTED and len(messages) > _REJECTED_SHARE * tested
+
+
+def _after_silence(evidence: Evidence, messages: list[SeenMessage]) -> set[int]:
+    """Return the numbers of messages whose rejection began behind a gap of accepted ones.
+
+    The model's vehicle follows what is accepted; over a gap it is guessed, where a real one has its own inertial data.
+    """
+    accepted_us = np.array([one.arrival_us for one in _accepted(evidence)], dtype=np.int64)
+    found: set[int] = set()
+    latest_us, is_blind = -_EPISODE_US, False
+    for one in messages if len(accepted_us) else ():
+        if one.arrival_us - latest_us > _EPISODE_US:
+            start_us = max(one.arrival_us - _EPISODE_US, int(accepted_us[0]))
+            near = (accepted_us >= start_us) & (accepted_us <= one.arrival_us)
+            is_blind = bool((np.diff(accepted_us[near], prepend=start_us) > _SILENCE_US).any())
+        if is_blind:
+            found.add(one.number)
+        latest_us = one.arrival_us
+    return found
 
 
 def _accelerates(evidence: Evidence, messages: list[SeenMessage]) -> bool:

@@ -57,17 +57,21 @@ def _unfed(evidence: Evidence) -> Iterator[Sighting]:
     poses = [name for name in ("POSXY", "POSZ", "YAW") if evidence.source(name) == EXTNAV]
     velocities = [name for name in ("VELXY", "VELZ") if evidence.source(name) == EXTNAV]
     if poses and not evidence.poses:
-        yield Sighting(f"{_parameters(poses)} is 6 (ExtNav), and the stream carries no poses")
+        yield Sighting(f"{_parameters(poses)} {_is(poses)} 6 (ExtNav), and the stream carries no poses")
     if velocities and not has_velocity:
         has_position = "POSXY" in poses and bool(evidence.poses)
         yield Sighting(
-            f"{_parameters(velocities)} is 6 (ExtNav), and the stream carries no velocities",
+            f"{_parameters(velocities)} {_is(velocities)} 6 (ExtNav), and the stream carries no velocities",
             severity=Severity.WARNING if has_position else None,
         )
 
 
 def _parameters(names: list[str]) -> str:
     return " and ".join(f"EK3_SRC1_{name}" for name in names)
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"
 
 
 def _unused(evidence: Evidence) -> Iterator[Sighting]:

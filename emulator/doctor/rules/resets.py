@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN6: jumps, reset counters and quality."""
+"""XN6: jumps and reset counters."""
 
 import math
 from collections.abc import Iterator
@@ -8,18 +8,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ap_visualodom.verdicts import QUALITY_BELOW_MIN
 from emulator.doctor.evidence import Evidence
 from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.seen import SeenMessage
 from emulator.doctor.stamps import FEWEST, time_base_us
 from emulator.doctor.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
-from emulator.doctor.words import at, seen_in, share
-from mav_handlers.wire.messages import ODOMETRY
+from emulator.doctor.words import at, seen_in
+from emulator.streams import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
 _CONSUME: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::should_consume_sensor_data"
-_GATE: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 _BASE_M: Final = 0.5
 _ACCELERATION: Final = 20.0
 _TURN: Final = 17.0  # rad/s^2
@@ -212,64 +209,6 @@ def _first_counter(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-def _odometry(evidence: Evidence) -> list[tuple[SeenMessage, int]]:
-    return [(one, one.message.quality) for one in evidence.vision if isinstance(one.message, ODOMETRY)]
-
-
-def _quality_wraps(evidence: Evidence) -> Iterator[Sighting]:
-    odometry = _odometry(evidence)
-    found = [(one, quality) for one, quality in odometry if quality < -1 or quality > 100]
-    if found:
-        worst = min(quality for _, quality in found)
-        meant = f" ({worst + 256} before it was cut to a byte?)" if worst < 0 else ""
-        yield seen_in(
-            f"{share(len(found), len(odometry))} ODOMETRY have a quality outside -1..100, such as {worst}{meant}",
-            [one for one, _ in found],
-        )
-
-
-def _gate_against_none(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is QUALITY_BELOW_MIN and one.name != "ODOMETRY"]
-    for name in sorted({one.name for one in found}):
-        of_name = [one for one in found if one.name == name]
-        minimum = evidence.param("VISO_QUAL_MIN")
-        yield seen_in(
-            f"{len(of_name)} {name} withheld: their quality counts as 0, VISO_QUAL_MIN is {minimum:.0f}", of_name
-        )
-
-
-def _gate_closed(evidence: Evidence) -> Iterator[Sighting]:
-    odometry = _odometry(evidence)
-    found = [one for one, quality in odometry if one.verdict is QUALITY_BELOW_MIN and quality != -1]
-    if found:
-        minimum = evidence.param("VISO_QUAL_MIN")
-        yield seen_in(
-            f"{share(len(found), len(odometry))} ODOMETRY withheld: quality below VISO_QUAL_MIN {minimum:.0f}", found
-        )
-
-
-def _failed(evidence: Evidence) -> Iterator[Sighting]:
-    odometry = _odometry(evidence)
-    found = [one for one, quality in odometry if quality == -1]
-    if found and not any(one.verdict is QUALITY_BELOW_MIN for one in found):
-        yield seen_in(
-            f"{share(len(found), len(odometry))} ODOMETRY say that tracking failed (quality -1), and none is withheld",
-            found,
-        )
-    elif found:
-        severity = Severity.WARNING if len(found) > 0.1 * len(odometry) else Severity.NOTE
-        sighting = seen_in(
-            f"{share(len(found), len(odometry))} ODOMETRY say that tracking failed (quality -1) and are withheld", found
-        )
-        yield Sighting(sighting.text, sighting.numbers, sighting.start_us, sighting.end_us, severity=severity)
-
-
-def _quality_never_set(evidence: Evidence) -> Iterator[Sighting]:
-    odometry = _odometry(evidence)
-    if len(odometry) >= FEWEST and all(quality == 0 for _, quality in odometry):
-        yield seen_in("every ODOMETRY has quality 0, which stands for unknown", [one for one, _ in odometry])
-
-
 def _poses_apart(evidence: Evidence) -> Iterator[Sighting]:
     """Find two senders of poses whose positions lie apart at the same time."""
     for index in range(1, len(evidence.poses)):
@@ -322,6 +261,7 @@ RULES: Final = (
         _CONSUME,
         "Change reset_counter with the first message behind a jump, and only then.",
         _counter_without_jump,
+        needs=frozenset({Aspect.RESETS}),
     ),
     Rule(
         "XN6-04",
@@ -333,6 +273,7 @@ RULES: Final = (
         "reset_counter is not a counter of messages; and messages without one count as 0, so do not mix them with "
         "others.",
         _counter_always_changes,
+        needs=frozenset({Aspect.RESETS}),
     ),
     Rule(
         "XN6-05",
@@ -343,52 +284,7 @@ RULES: Final = (
         _RESET,
         "Start at 0, or bear with it: it happens once.",
         _first_counter,
-    ),
-    Rule(
-        "XN6-06",
-        Severity.WARNING,
-        "Quality outside its range",
-        "The field is a signed byte: what is above 127 arrives as a negative number, and is below every VISO_QUAL_MIN.",
-        _GATE,
-        "Send -1 for failed, 0 for unknown, else 1 to 100.",
-        _quality_wraps,
-    ),
-    Rule(
-        "XN6-07",
-        Severity.ERROR,
-        "Quality gate against messages without a quality",
-        "Only ODOMETRY carries a quality; every other message counts as 0, and with VISO_QUAL_MIN above 0 none of them "
-        "reaches the filter.",
-        _GATE,
-        "Set VISO_QUAL_MIN to 0, or send ODOMETRY.",
-        _gate_against_none,
-    ),
-    Rule(
-        "XN6-08",
-        Severity.WARNING,
-        "Samples withheld for their quality",
-        "Samples below VISO_QUAL_MIN do not reach the filter; they count for health all the same.",
-        _GATE,
-        "Improve the light and texture that the camera sees; or lower VISO_QUAL_MIN if the source's figures mean less.",
-        _gate_closed,
-    ),
-    Rule(
-        "XN6-09",
-        Severity.WARNING,
-        "Tracking failed",
-        "Quality -1 means failed; with VISO_QUAL_MIN at 0 or above such samples are withheld, at -1 they are fused.",
-        _GATE,
-        "Keep VISO_QUAL_MIN at 0 or above.",
-        _failed,
-    ),
-    Rule(
-        "XN6-10",
-        Severity.NOTE,
-        "Quality is never told",
-        "0 passes a VISO_QUAL_MIN of 0; the gate can do nothing with it.",
-        _GATE,
-        "Fill in quality, 1 to 100, and -1 while tracking is lost; MAVROS leaves it at 0.",
-        _quality_never_set,
+        needs=frozenset({Aspect.RESETS}),
     ),
     Rule(
         "XN6-11",
@@ -409,5 +305,6 @@ RULES: Final = (
         "Change reset_counter with the first message behind the jump: look for a counter that is not read together "
         "with the pose.",
         _counter_shifted,
+        needs=frozenset({Aspect.RESETS}),
     ),
 )

@@ -12,13 +12,15 @@ from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.motion import Agreement, Motion, agreement, typical_speed
 from emulator.doctor.stamps import FEWEST, time_base_us
 from emulator.doctor.tracks import Poses, median_of
-from emulator.doctor.words import at, of_track
+from emulator.doctor.words import at, of_track, of_whole
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
 _FITS: Final = 0.9
 _SCALE_TOLERANCE: Final = 0.07
+_VEHICLE_TOLERANCE: Final = 0.04
+_SIGMAS: Final = 4.0
 _UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 _FASTEST: Final = 60.0  # m/s that a vehicle with a camera may be thought to fly
 _GLITCH: Final = 2.0  # m/s
@@ -82,6 +84,23 @@ def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
                 motion,
                 f"If velocities are right, set VISO_SCALE to {scale:.3f}, or correct the source; else correct them.",
             )
+
+
+def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
+    setting = evidence.param("VISO_SCALE")
+    for compared in evidence.paths:
+        found = compared.scale
+        off = found.scale - setting
+        if not found.sufficient or abs(off) <= max(_VEHICLE_TOLERANCE * setting, _SIGMAS * found.sigma):
+            continue
+        track = compared.poses.track
+        yield of_whole(
+            f"{track.sender}: against the vehicle's own path ({compared.origin}) positions have to be multiplied by "
+            f"{found.scale:.3f} +- {found.sigma:.3f} (correlation {found.correlation:.2f}), and VISO_SCALE is "
+            f"{setting:.3g}",
+            track,
+            f"Set VISO_SCALE to {found.scale:.3f}, or correct the source's scale. VISO_SCALE leaves velocities alone.",
+        )
 
 
 def _no_speed(evidence: Evidence) -> Iterator[Sighting]:
@@ -198,5 +217,15 @@ RULES: Final = (
         _FUSE,
         "Look for a drift of the source's map or a bias of its velocity.",
         _drifts,
+    ),
+    Rule(
+        "XN5-18",
+        Severity.WARNING,
+        "Positions of another scale than the vehicle's path",
+        "Positions are multiplied by VISO_SCALE and taken for metres: what is left over stretches or shrinks every way "
+        "that the vehicle flies.",
+        _SCALED,
+        "Set VISO_SCALE, or correct the scale at the source.",
+        _scale_of_vehicle,
     ),
 )

@@ -13,6 +13,7 @@ from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.stamps import FEWEST, are_us
 from emulator.doctor.tracks import Bools, Ints, Track
 from emulator.doctor.words import at, listed, seen_in, share
+from emulator.streams import Aspect
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.messages import (
     COMMAND_INT,
@@ -183,6 +184,7 @@ RULES: Final = (
         "GCS_MAVLINK::handle_common_vision_position_estimate_data",
         "Send MAVLink 2: pymavlink with MAVLINK20=1 in the environment, MAVROS with fcu_protocol v2.0.",
         _version_1,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-03",
@@ -192,6 +194,7 @@ RULES: Final = (
         "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy",
         "Raise the baud rate or lower the message rate, use flow control, and look for buffers that overflow.",
         _lost,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-04",
@@ -202,6 +205,7 @@ RULES: Final = (
         "Check baud rate, cable and ground; if every frame of a type is refused, both ends use different definitions "
         "of that message.",
         _damaged,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-05",
@@ -212,6 +216,7 @@ RULES: Final = (
         "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
         "Let one program send external navigation; end the others, or give each a link and use only one of them.",
         _many_senders,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-06",
@@ -221,6 +226,7 @@ RULES: Final = (
         _ROUTING,
         "Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY).",
         _own_ids,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-07",
@@ -230,6 +236,7 @@ RULES: Final = (
         _ROUTING,
         "Address the autopilot: its system id is MAV_SYSID, its component 1; or 0 for everyone.",
         _wrong_target,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-08",
@@ -239,6 +246,7 @@ RULES: Final = (
         "GCS_Common.cpp, GCS_MAVLINK::accept_packet",
         "Send with the vehicle's own system id and another component id, or clear bit 0 of MAV_OPTIONS.",
         _only_gcs,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-09",
@@ -248,6 +256,7 @@ RULES: Final = (
         "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
         "Look for two routes from sender to autopilot, such as two endpoints of mavlink-router.",
         _repeated,
+        needs=frozenset({Aspect.LINK}),
     ),
     Rule(
         "XN1-10",
@@ -258,5 +267,6 @@ RULES: Final = (
         "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
         "Send over a serial port or TCP, or over one network path only.",
         _reordered,
+        needs=frozenset({Aspect.LINK}),
     ),
 )

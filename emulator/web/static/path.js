@@ -183,7 +183,7 @@ export function drawInnovations(points, nowS, units) {
     const isNow = last && nowS - last.t < 1.5;
     const now = isNow ? last.innovations[kind] : null;
     setText(strip.value, now ? `${short(now.value)} of ${short(now.gate)} ${units[kind] || ""}` : "not tested now");
-    setText(strip.ratio, now ? `ratio ${short(now.ratio)}${now.ratio > 1 ? " ✕ over the gate" : ""}` : "");
+    setText(strip.ratio, now ? `${now.ratio > 1 ? "✕ over, ratio" : "ratio"} ${short(now.ratio)}` : "");
     strip.ratio.dataset.tone = now && now.ratio > 1 ? "bad" : "";
     describe(strip.canvas, `Innovation of ${kind}: ${strip.value.textContent} ${strip.ratio.textContent}`);
   }

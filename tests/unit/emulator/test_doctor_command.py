@@ -4,6 +4,7 @@
 
 import json
 import re
+import shlex
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -143,6 +144,34 @@ def test_page_shows_what_happens(viso: Viso, monkeypatch: pytest.MonkeyPatch) ->
     assert len(shown) == 1
     assert outcome.out.startswith(shown[0])
     assert outcome.code == 1
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param(line, marks=() if "trajectories" in line else pytest.mark.slow)
+        for line in re.findall(r"^viso doctor (.*)$", PAGE, re.MULTILINE)
+    ],
+)
+def test_command_of_the_page_works(viso: Viso, line: str) -> None:
+    Path("tests").symlink_to(ROOT / "tests")
+    outcome = viso("doctor", *line.split())
+    assert (outcome.code == 0) == ("t265" not in line)
+    assert outcome.out
+
+
+@pytest.mark.slow
+def test_path_of_the_readme_leads_to_its_finding(viso: Viso) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    Path("tests").symlink_to(ROOT / "tests")
+    (make,) = re.findall(r"^tools/viso (faults .*mystream\.tlog.*)$", readme, re.MULTILINE)
+    (ask,) = re.findall(r"^tools/viso (doctor .*)$", readme, re.MULTILINE)
+    (shown,) = re.findall(r"```\n(error.*?)```", readme, re.DOTALL)
+    assert viso(*shlex.split(make)).code == 0
+    outcome = viso(*shlex.split(ask))
+    assert outcome.code == 1
+    # The page breaks lines, as a terminal does.
+    assert " ".join(outcome.out.split()).startswith(" ".join(shown.split()))
 
 
 @pytest.mark.slow

@@ -328,3 +328,13 @@ def test_file_that_is_no_log_is_one_line(tmp_path: Path) -> None:
 def test_missing_log_is_one_line() -> None:
     with pytest.raises(InputError, match=r"^none\.BIN: No such file"):
         read_stream(Path("none.BIN"), 0)
+
+
+def test_bytes_lost_to_damage_are_counted_in_a_note(tmp_path: Path) -> None:
+    log = fly([odometry(START_US + number * 40_000) for number in range(5)], tmp_path)
+    sound = read_stream(log, 0)
+    assert not any("damaged" in note for note in sound.notes)
+    log.write_bytes(log.read_bytes() + b"nonsense")
+    damaged = read_stream(log, 0)
+    assert damaged.notes[0] == f"{log}: damaged: 8 bytes in 1 places are in no record (no record begins here)"
+    assert damaged.messages == sound.messages

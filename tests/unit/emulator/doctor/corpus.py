@@ -117,6 +117,8 @@ CORPUS: Final = (
     _seen("camera looks down", ODOMETRY, "{kind: axes, body_axes: DRB, of: attitude}", "XN2-06"),
     _case("yaw off by 25 deg", ODOMETRY, "{kind: yawerr, yaw_deg: 25}", "XN2-05"),
     _case("yaw off by -40 deg", ODOMETRY, "{kind: yawerr, yaw_deg: -40}", "XN2-05"),
+    _case("quaternion x, y, z, w", ODOMETRY, "{kind: quat_xyzw}", "XN2-10"),
+    _seen("quaternion x, y, z, w, against the vehicle", ODOMETRY, "{kind: quat_xyzw}", "XN2-10"),
     # Time
     _case("stamps of zero", ODOMETRY, "{kind: stamp_constant}", "XN3-01"),
     _case("stamps constant", SPEED, "{kind: stamp_constant, stamp_us: 12345678}", "XN3-01"),

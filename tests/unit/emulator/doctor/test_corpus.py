@@ -64,3 +64,13 @@ def test_clean_capture_gives_no_warning(name: str, knows_attitude: bool) -> None
 def test_what_was_done_to_a_capture_is_found_and_nothing_else(name: str, expected: set[str]) -> None:
     _, findings = examine(recording(name))
     assert codes(findings, Severity.WARNING) == expected
+
+
+@pytest.mark.slow
+def test_what_the_vehicle_knows_of_a_capture_is_found_as_well() -> None:
+    # The firmware refused to arm: VisOdom: roll/pitch diff 17.8 deg, VisOdom: yaw diff 22.9 deg.
+    _, findings = examine(recording("prearm"), shifted("prearm", LEAD_US * 1e-6))
+    assert codes(findings, Severity.WARNING) == {"XN6-02", "XN8-05", "XN8-08"}
+    told = {finding.code: finding.evidence for finding in findings}
+    assert "roll and pitch are 17 deg" in told["XN8-05"]
+    assert "by up to 23 deg" in told["XN8-08"]

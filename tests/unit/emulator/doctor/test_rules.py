@@ -16,6 +16,7 @@ from emulator.doctor.rules import FAMILIES
 from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from emulator.estimators.turning import quats_of_euler
 from emulator.firmware import PROFILES
+from emulator.streams import Aspect
 from mav_handlers.verdicts import NOT_ADDRESSED
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN, Message
 from tests.unit.emulator.conftest import odometry
@@ -33,7 +34,9 @@ from tests.unit.emulator.doctor.evidences import (
 HERE = {
     *("XN1-07", "XN2-03", "XN2-07", "XN2-08", "XN4-02", "XN4-07", "XN5-04", "XN5-08", "XN5-10"),
     *("XN6-10", "XN6-11", "XN6-12", "XN7-05", "XN7-06", "XN7-11", "XN7-13", "XN7-14", "XN7-15", "XN7-16"),
-    *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN9-01", "XN9-05", "XN9-06"),
+    *("XN5-31", "XN5-32", "XN5-33"),
+    *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN8-08", "XN9-01", "XN9-05", "XN9-06"),
+    *("XN2-09", "XN5-18"),
 }
 """Codes that tests of this folder show beside the corpus."""
 
@@ -130,6 +133,36 @@ def test_tilted_attitude_is_told() -> None:
     assert "23 deg" in finding.evidence
 
 
+@pytest.mark.parametrize(("turned", "is_found"), [(range(150, 300), True), (range(150, 160), False)])
+def test_yaw_that_leaves_the_vehicles_once_aligned_is_told(turned: range, is_found: bool) -> None:
+    straight, series = swaying(300)
+    aside, _ = swaying(300, quats_of_euler([[0.0, 0.0, 0.4]])[0])
+    messages = [aside[number] if number in turned else straight[number] for number in range(300)]
+    text = (START_US + 50 * 40_000, 6, "VisOdom: yaw shifted 20 to 30 deg")
+    found = findings_of(evidence_of(stream_of(messages), {"VISO_TYPE": 2}, attitude=series, texts=(text,)))
+    assert ("XN8-08" in found) == is_found
+    if is_found:
+        assert found["XN8-08"].message_numbers == tuple(number + 1 for number in turned)
+        assert "by up to 23 deg" in found["XN8-08"].evidence
+
+
+def test_short_disagreement_of_roll_and_pitch_is_let_pass() -> None:
+    straight, series = swaying(300)
+    tilted, _ = swaying(300, np.array([math.cos(0.2), math.sin(0.2), 0.0, 0.0]))
+    for last, is_found in ((120, False), (140, True)):
+        messages = [*straight[:100], *tilted[100:last], *straight[last:]]
+        found = findings_of(evidence_of(stream_of(messages), {"VISO_TYPE": 2}, attitude=series))
+        assert ("XN8-05" in found) == is_found
+
+
+def test_rule_says_nothing_of_what_the_recording_does_not_hold() -> None:
+    stamps_back = [odometry(1 + 40_000 * number - 900_000 * (number >= 50)) for number in range(100)]
+    made = evidence_of(stream_of([replace(one, reset_counter=number % 2) for number, one in enumerate(stamps_back)]))
+    assert "XN6-04" in findings_of(made)
+    assert "XN6-04" not in findings_of(replace(made, lacks=frozenset({Aspect.RESETS})))
+    assert "XN3-03" in findings_of(replace(made, lacks=frozenset(Aspect)))
+
+
 def test_height_that_grows_downwards_is_told() -> None:
     climb = [odometry(1 + number * 40_000, z=0.02 * number) for number in range(100)]
     times = START_US + np.arange(0, 4_000_000, 100_000)
@@ -157,6 +190,27 @@ def test_two_poses_apart_are_told() -> None:
 def test_infinity_is_told() -> None:
     messages = [*still(50), odometry(3_100_000, x=math.inf), odometry(3_140_000, vx=math.inf)]
     assert "XN5-04" in findings_of(evidence_of(stream_of(messages)))
+
+
+def test_steps_between_rests_are_jumps_and_no_frozen_pose() -> None:
+    stepping = [odometry(1 + number * 40_000, x=4.0 * (number // 50)) for number in range(150)]
+    found = findings_of(evidence_of(stream_of(stepping)))
+    assert "XN5-13" not in found
+    assert found["XN6-01"].message_numbers == (51, 101)
+
+
+@pytest.mark.parametrize(("start", "end"), [(50, 80), (0, 80), (50, 150)])
+def test_pose_that_freezes_or_thaws_in_motion_is_told(start: int, end: int) -> None:
+    held = [start if start <= number < end else number for number in range(150)]
+    messages = [odometry(1 + number * 40_000, x=0.1 * place) for number, place in enumerate(held)]
+    assert "XN5-13" in findings_of(evidence_of(stream_of(messages)))
+
+
+def test_last_pose_may_be_repeated_while_tracking_failed() -> None:
+    held = [(50, -1) if 50 < number < 80 else (number, 90) for number in range(150)]
+    messages = [odometry(1 + n * 40_000, x=0.1 * place, vx=2.5, quality=q) for n, (place, q) in enumerate(held)]
+    found = findings_of(evidence_of(stream_of(messages)))
+    assert not {"XN5-13", "XN5-16"} & set(found)
 
 
 def test_missing_covariance_is_told_with_the_floors() -> None:

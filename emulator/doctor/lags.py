@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How late messages are, by a clock that may step: the least lag of each half second tells the others' lateness."""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.stamps import FEWEST, are_us, is_constant, lag_ms
+from emulator.doctor.tracks import Floats, Ints, Track
+
+STEP_BACK_US: Final = 1000
+LEAST_JUMP_MS: Final = 100.0
+LEAST_STEP_MS: Final = 20.0
+STEADY_WINDOWS: Final = 4
+_WINDOW_US: Final = 500_000
+
+
+def usable_tracks(evidence: Evidence) -> Iterator[Track]:
+    """Yield the tracks whose stamps are us of some clock."""
+    for track in evidence.tracks:
+        if len(track) >= FEWEST and not is_constant(track) and are_us(track):
+            yield track
+
+
+class Minima(NamedTuple):
+    """The least lag in each of some windows, none of which goes over a step of the clock.
+
+    Attributes:
+        time_s: when the window begins.
+        lag_ms: the least in it.
+        first: its first message.
+        segment: how many steps of the clock there were before.
+    """
+
+    time_s: Floats
+    lag_ms: Floats
+    first: Ints
+    segment: Ints
+
+
+def _segments(track: Track) -> Ints:
+    """Return for each message how many steps of the sender's clock there were before it."""
+    step = np.diff(track.stamp_us)
+    lag = lag_ms(track)
+    ahead = np.minimum.accumulate(lag)[:-1] - lag[1:] > LEAST_JUMP_MS
+    back = (step < -STEP_BACK_US) & (np.diff(track.sequence) % 256 < 192)
+    return np.concatenate([[0], np.cumsum(ahead | back)]).astype(np.int64)
+
+
+def minima_of(track: Track) -> Minima:
+    """Return the least lag of each half second."""
+    window = (track.arrival_us - track.arrival_us[0]) // _WINDOW_US
+    segment = _segments(track)
+    is_first = np.concatenate([[True], (np.diff(window) != 0) | (np.diff(segment) != 0)])
+    first = np.flatnonzero(is_first)
+    lag = np.minimum.reduceat(lag_ms(track), first)
+    return Minima(window[first] * (_WINDOW_US * 1e-6), lag, first, segment[first])
+
+
+def _slope(minima: Minima) -> float:
+    """Return the median of the slopes in ms/s between all pairs of one segment (Theil and Sen); 0 without any."""
+    i, j = np.triu_indices(len(minima.lag_ms), 1)
+    apart_s = minima.time_s[j] - minima.time_s[i]
+    usable = (apart_s > 0) & (minima.segment[i] == minima.segment[j])
+    if not usable.any():
+        return 0.0
+    rise = minima.lag_ms[j[usable]] - minima.lag_ms[i[usable]]
+    return float(np.median(rise / apart_s[usable]))
+
+
+def _thinned(minima: Minima, most: int = 300) -> Minima:
+    every = max(1, len(minima.lag_ms) // most)
+    return Minima(minima.time_s[::every], minima.lag_ms[::every], minima.first[::every], minima.segment[::every])
+
+
+def drift_ppm(minima: Minima) -> float | None:
+    """Return the steady drift of the clocks; None where the lag does not follow a line."""
+    if len(minima.lag_ms) < 2 * STEADY_WINDOWS:
+        return None
+    minima = _thinned(minima)
+    slope = _slope(minima)
+    off = minima.lag_ms - slope * minima.time_s
+    change = abs(slope) * float(minima.time_s[-1] - minima.time_s[0])
+    is_line = float(np.median(np.abs(off - np.median(off)))) < 0.1 * change
+    return slope * 1000 if is_line and change > LEAST_STEP_MS else None
+
+
+def lateness_ms(track: Track) -> Floats:
+    """Return how much later messages are than the quickest around them."""
+    minima = minima_of(track)
+    least = minima.lag_ms.copy()
+    same = minima.segment[1:] == minima.segment[:-1]
+    least[1:] = np.where(same, np.minimum(least[1:], minima.lag_ms[:-1]), least[1:])
+    least[:-1] = np.where(same, np.minimum(least[:-1], minima.lag_ms[1:]), least[:-1])
+    window = np.searchsorted(minima.first, np.arange(len(track)), side="right") - 1
+    return np.asarray(lag_ms(track) - least[window], dtype=np.float64)

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN3: stamps, and the clock that makes them."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, usable_tracks
+from emulator.doctor.stamps import FEWEST, are_us, is_constant, lag_ms, stamp_rate
+from emulator.doctor.tracks import Track
+from emulator.doctor.words import at, of_whole
+from emulator.streams import Aspect
+
+CORRECTION: Final = "AP_RTC/JitterCorrection.cpp, JitterCorrection::correct_offboard_timestamp_usec"
+_LEAST_DRIFT_PPM: Final = 2000.0
+_APART_US: Final = 500_000
+_UNITS: Final = (
+    ("s", 1e-6, "seconds", "multiply them by 1000000"),
+    ("ms", 1e-3, "milliseconds", "multiply them by 1000"),
+    ("ns", 1e3, "nanoseconds", "divide them by 1000"),
+)
+
+
+def _constant(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        if is_constant(track):
+            yield of_whole(
+                f"{track.sender}: the stamp is always {int(track.first_stamp + np.median(track.stamp_us))}", track
+            )
+            continue
+        if not are_us(track):
+            continue
+        runs = np.split(np.arange(len(track)), np.flatnonzero(np.diff(track.stamp_us) != 0) + 1)
+        longest = max(runs, key=len, default=np.arange(0))
+        if len(longest) >= FEWEST:
+            value, start = int(track.first_stamp + track.stamp_us[longest[0]]), int(track.arrival_us[longest[0]])
+            yield Sighting(
+                f"{track.sender}: the stamp stays at {value} for {len(longest)} messages, from {at(start)} on",
+                track.numbers[longest].tolist(),
+                start,
+                int(track.arrival_us[longest[-1]]),
+            )
+
+
+def _wrong_unit(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        if is_constant(track) or are_us(track):
+            continue
+        # Whole seconds show over half of the track alone.
+        rates = [rate for rate in (stamp_rate(track), stamp_rate(track, parts=2)) if rate is not None]
+        for unit, factor, name, cure in _UNITS:
+            if any(0.8 < rate / factor < 1.25 for rate in rates):
+                advance = int(track.stamp_us[-1] - track.stamp_us[0])
+                if Aspect.ARRIVAL in evidence.lacks:
+                    yield _wrong_unit_of_file(track, advance, factor)
+                    continue
+                text = f"{track.sender}: in {track.span_s:.1f} s the stamps advance by {advance}: they count {name}"
+                yield of_whole(text, track, f"The field is in us; your stamps are {unit}: {cure}.")
+
+
+def _wrong_unit_of_file(track: Track, advance_us: int, factor: float) -> Sighting:
+    """Return what to say of a file that does not tell when its poses came: its times alone look unlikely."""
+    period_s = advance_us * 1e-6 / (len(track) - 1)
+    cure = f"Divide them by {factor:g}" if factor > 1 else f"Multiply them by {1 / factor:g}"
+    return of_whole(
+        f"{track.sender}: by the file's times there is a pose every {period_s:.3g} s; no camera is that "
+        f"{'slow' if factor > 1 else 'quick'}: they count another unit than the format has",
+        track,
+        f"{cure}: TUM's are in s, EuRoC's in ns.",
+    )
+
+
+def _steps_back(evidence: Evidence) -> Iterator[Sighting]:
+    for track in usable_tracks(evidence):
+        step = np.diff(track.stamp_us)
+        in_order = np.diff(track.sequence) % 256 < 192
+        back = np.flatnonzero((step < -STEP_BACK_US) & in_order)
+        if len(back):
+            largest = int(-step[back].min())
+            times = "once" if len(back) == 1 else f"{len(back)} times"
+            yield Sighting(
+                f"{track.sender}: stamps step back {times}, by up to {largest / 1000:.0f} ms, the first time at "
+                f"{at(int(track.arrival_us[back[0] + 1]))}",
+                track.numbers[back + 1].tolist(),
+                int(track.arrival_us[back[0] + 1]),
+                int(track.arrival_us[back[-1] + 1]),
+            )
+
+
+def _steps_forward(evidence: Evidence) -> Iterator[Sighting]:
+    for track in usable_tracks(evidence):
+        lag = lag_ms(track)
+        least = np.minimum.accumulate(lag)
+        ahead = np.flatnonzero(least[:-1] - lag[1:] > LEAST_JUMP_MS)
+        if len(ahead):
+            by = float((least[:-1] - lag[1:])[ahead].max())
+            yield Sighting(
+                f"{track.sender}: stamps leap ahead by {by:.0f} ms at {at(int(track.arrival_us[ahead[0] + 1]))}",
+                track.numbers[ahead + 1].tolist(),
+                int(track.arrival_us[ahead[0] + 1]),
+                int(track.arrival_us[ahead[-1] + 1]),
+            )
+
+
+def _drift(evidence: Evidence) -> Iterator[Sighting]:
+    for track in usable_tracks(evidence):
+        ppm = drift_ppm(minima_of(track))
+        if ppm is not None and abs(ppm) >= _LEAST_DRIFT_PPM:
+            way = "slow" if ppm > 0 else "fast"
+            yield of_whole(f"{track.sender}: the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}", track)
+
+
+def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
+    tracks = [track for track in evidence.tracks if len(track) >= FEWEST]
+    offsets = [int(np.median(track.arrival_us - track.stamp_us)) - track.first_stamp for track in tracks]
+    for index in range(1, len(tracks)):
+        one, other = tracks[0], tracks[index]
+        apart_us = abs(offsets[index] - offsets[0])
+        together = one.arrival_us[0] < other.arrival_us[-1] and other.arrival_us[0] < one.arrival_us[-1]
+        if together and apart_us > _APART_US:
+            yield of_whole(f"the clocks of {one.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other)
+
+
+RULES: Final = (
+    Rule(
+        "XN3-01",
+        Severity.ERROR,
+        "Stamps do not advance",
+        "The corrector ties the stamp to the time of arrival and lets it lag by 500 ms at most: after half a second "
+        "every sample counts as 500 ms old.",
+        CORRECTION,
+        "Put the time of the measurement in us into usec or time_usec, of a clock that runs steadily; its epoch does "
+        "not matter.",
+        _constant,
+    ),
+    Rule(
+        "XN3-02",
+        Severity.ERROR,
+        "Stamps are not in microseconds",
+        "Only differences of stamps count, and they are taken for us: stamps that advance too slowly end up 500 ms "
+        "old, stamps that advance too fast lose all meaning and count as the time of arrival.",
+        CORRECTION,
+        "The field is in us.",
+        _wrong_unit,
+    ),
+    Rule(
+        "XN3-03",
+        Severity.WARNING,
+        "Stamps step back",
+        "Samples behind the step count as older than they are, by the step but 500 ms at most, until a window of 100 "
+        "samples has passed that lies wholly behind it.",
+        CORRECTION,
+        "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
+        _steps_back,
+    ),
+    Rule(
+        "XN3-04",
+        Severity.NOTE,
+        "Stamps leap ahead",
+        "The corrector follows at once: the first message behind the leap counts as just measured, and all later ones "
+        "relative to it.",
+        CORRECTION,
+        "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
+        _steps_forward,
+        needs=frozenset({Aspect.ARRIVAL}),
+    ),
+    Rule(
+        "XN3-05",
+        Severity.WARNING,
+        "The clocks drift apart",
+        "A fast clock is followed at once, a slow one only every 100 samples; until then samples count as older than "
+        "they are.",
+        CORRECTION,
+        "A quartz is good to 0.01 %: look how the stamps are made, for instance from a frame count and a nominal rate.",
+        _drift,
+        needs=frozenset({Aspect.ARRIVAL}),
+    ),
+    Rule(
+        "XN3-09",
+        Severity.ERROR,
+        "Two clocks on one link",
+        "A link has one time corrector: it follows the clock that is ahead, and the samples of the other count as "
+        "500 ms old.",
+        "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
+        "Stamp all messages of a link with one clock.",
+        _two_clocks,
+        needs=frozenset({Aspect.LINK}),
+    ),
+)

@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN5: what becomes of a covariance depends on the release of the firmware."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
+from emulator.doctor.evidence import Evidence
+from emulator.doctor.findings import Rule, Severity, Sighting
+from emulator.doctor.seen import SeenMessage
+from emulator.doctor.words import seen_in, share
+from emulator.firmware import PROFILES, Firmware
+from emulator.streams import Aspect
+from mav_handlers.covariance import pose_errors
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    ODOMETRY,
+    VICON_POSITION_ESTIMATE,
+    VISION_POSITION_ESTIMATE,
+)
+
+_EULER: Final = VISION_POSITION_ESTIMATE | GLOBAL_VISION_POSITION_ESTIMATE | VICON_POSITION_ESTIMATE
+_NEEDS: Final = frozenset({Aspect.COVARIANCE})
+
+Errors = tuple[float, float]
+"""Of position (m) and of attitude (rad), as the filter gets them."""
+
+
+class _Judge:
+    """Works out what releases make of covariances, of which a stream repeats a few as a rule."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
+        self._known: dict[tuple[str, bool, Sequence[float]], Errors] = {}
+
+    def raw(self, message: object, firmware: Firmware) -> Errors | None:
+        """Return both errors before they are limited; None of a message without a covariance."""
+        covariance = _covariance(message)
+        if covariance is None or _is_empty(covariance):
+            return None
+        key = firmware.name, isinstance(message, ATT_POS_MOCAP), covariance
+        if key not in self._known:
+            release = firmware.endpoint
+            make = release.mocap_errors if key[1] else pose_errors
+            pos, ang = make(covariance, release.error_formula)
+            self._known[key] = float(pos), float(ang)
+        return self._known[key]
+
+    def limited(self, message: object, firmware: Firmware) -> Errors | None:
+        """Return both errors as the filter gets them; NaN becomes the midpoint."""
+        errors = self.raw(message, firmware)
+        if errors is None:
+            return None
+        limits = zip(errors, self._floors, (POS_ERR_MAX_M, ANG_ERR_MAX_RAD), strict=True)
+        pos, ang = (_limited(error, floor, float(most)) for error, floor, most in limits)
+        return pos, ang
+
+
+def _covariance(message: object) -> Sequence[float] | None:
+    if isinstance(message, ODOMETRY):
+        return message.pose_covariance
+    return message.covariance if isinstance(message, _EULER | ATT_POS_MOCAP) else None
+
+
+def _is_empty(covariance: Sequence[float]) -> bool:
+    return math.isnan(covariance[0]) or not any(covariance)
+
+
+def _limited(error: float, floor: float, most: float) -> float:
+    return (floor + most) / 2 if math.isnan(error) else max(floor, min(error, most))
+
+
+def _told(errors: Errors) -> str:
+    return f"{errors[0]:.3g} m, {errors[1]:.3g} rad"
+
+
+def _by_type(found: Sequence[SeenMessage]) -> Iterator[tuple[str, list[SeenMessage]]]:
+    for name in sorted({one.name for one in found}):
+        yield name, [one for one in found if one.name == name]
+
+
+def _depends(evidence: Evidence) -> Iterator[Sighting]:
+    judge, here = _Judge(evidence), evidence.firmware
+    others = [one for one in PROFILES.values() if one is not here]
+    for other in others:
+        if other.endpoint.error_formula is here.endpoint.error_formula:
+            continue
+        differ = [one for one in evidence.vision if not _agree(judge, one.message, here, other)]
+        for name, found in _by_type(differ):
+            ours, theirs = (judge.limited(found[0].message, one) for one in (here, other))
+            if ours is not None and theirs is not None:
+                whole = sum(one.name == name for one in evidence.vision)
+                yield seen_in(
+                    f"{share(len(found), whole)} {name}, first: {_told(ours)} here ({here.name}), {_told(theirs)} in "
+                    f"{other.name}",
+                    found,
+                )
+
+
+def _agree(judge: _Judge, message: object, here: Firmware, other: Firmware) -> bool:
+    if isinstance(message, ATT_POS_MOCAP):  # has a rule of its own
+        return True
+    ours, theirs = judge.limited(message, here), judge.limited(message, other)
+    return ours is None or theirs is None or all(map(_is_close, ours, theirs))
+
+
+def _is_close(a: float, b: float) -> bool:
+    return math.isclose(a, b, rel_tol=0.01)
+
+
+def _mocap_ignored(evidence: Evidence) -> Iterator[Sighting]:
+    judge, here = _Judge(evidence), evidence.firmware
+    readers = [one for one in PROFILES.values() if one.endpoint.mocap_errors is not here.endpoint.mocap_errors]
+    found = [one for one in evidence.vision if isinstance(one.message, ATT_POS_MOCAP)]
+    told = [one for one in found if judge.raw(one.message, here) == (0.0, 0.0)]
+    if told and readers:
+        theirs = judge.limited(told[0].message, readers[0])
+        if theirs is not None:
+            text = f"{share(len(told), len(found))} ATT_POS_MOCAP have a covariance, which {readers[0].name} would read"
+            yield seen_in(f"{text}: {_told(theirs)} of the first", told)
+
+
+def _no_number(evidence: Evidence) -> Iterator[Sighting]:
+    judge, here = _Judge(evidence), evidence.firmware
+    found = [one for one in evidence.vision if _has_negative_sum(judge, one.message, here)]
+    for name, messages in _by_type(found):
+        whole = sum(one.name == name for one in evidence.vision)
+        yield seen_in(f"{share(len(messages), whole)} {name}", messages)
+
+
+def _has_negative_sum(judge: _Judge, message: object, firmware: Firmware) -> bool:
+    errors, covariance = judge.raw(message, firmware), _covariance(message)
+    # NaN from NaN is another finding.
+    return errors is not None and any(map(math.isnan, errors)) and not any(map(math.isnan, covariance or ()))
+
+
+RULES: Final = (
+    Rule(
+        "XN5-31",
+        Severity.NOTE,
+        "Errors depend on the release",
+        "Up to October 2025 an error is the cube root of the sum of squared variances, in the master of February 2026 "
+        "the root of their sum. The filter weighs samples by it.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+        "Tell --firmware which release flies, and tune variances on that; replay --versus shows both.",
+        _depends,
+        needs=_NEEDS,
+    ),
+    Rule(
+        "XN5-32",
+        Severity.NOTE,
+        "This release does not read the covariance of motion capture",
+        "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; the master of February 2026 reads "
+        "its covariance.",
+        "GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
+        "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for, or send ODOMETRY.",
+        _mocap_ignored,
+        needs=_NEEDS,
+    ),
+    Rule(
+        "XN5-33",
+        Severity.ERROR,
+        "Variances whose sum is negative",
+        "This release takes the root of the sum: no number, of which it makes half the limit (50.1 m, 0.85 rad) and "
+        "the internal error 0x400: arming is refused until reboot.",
+        "AP_Math.cpp, constrain_value_line",
+        "Variances are never negative: send them squared, or a first element of NaN.",
+        _no_number,
+        needs=_NEEDS,
+    ),
+)

@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recorded trajectories with all their faults: what a sender would send that passes poses on as they are.
+
+A player leaves out what cannot be used; this leaves everything in: NaN, attitudes that are no rotations, times that
+step back. It is for those who want to know what is wrong with a recording.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.odometry.encoding import UNKNOWN
+from companion.recorded.messages import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
+from companion.recorded.readers import Source
+from companion.recorded.records import Records
+from companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+from companion.vio.se3 import Array, quat_wxyz_from_rotation
+from emulator import quaternion_arrays as quaternion
+from emulator.errors import InputError
+from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
+from emulator.stream_kinds.trajectory import TrajectoryOptions
+from emulator.trajectory_files import axes_of, load_as_it_is
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    ODOMETRY,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+    Message,
+)
+
+Times = NDArray[np.int64]
+
+_MAX_STAMP_US: Final = (1 << 62) - 1
+_LONGEST_GAP_US: Final = 3_600_000_000
+"""A time further ahead of the one before is damaged, or in another unit."""
+_USUAL_US: Final = 33_333
+_QUICKEST_US, _SLOWEST_US = 1_000, 2_000_000
+_QUALITY: Final = 100
+_UPPER: Final = np.triu_indices(6)
+_NO_RATES: Final = (math.nan,) * 3
+_UNKNOWN_SPEED: Final = (math.nan, *(0.0,) * 8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Poses:
+    """Poses in the autopilot's axes, as recorded: position in m, attitude w, x, y, z, velocity in m/s in the world."""
+
+    stamp_us: Times
+    positions: Array
+    quats_wxyz: Array
+    velocities: Array
+    covariances: Array | None
+
+    def three(self, values: Array, index: int) -> tuple[float, float, float]:
+        x, y, z = values[index].tolist()
+        return x, y, z
+
+    def covariance(self, index: int) -> tuple[float, ...]:
+        matrix = None if self.covariances is None else self.covariances[index]
+        return UNKNOWN if matrix is None else tuple(matrix[_UPPER].tolist())
+
+
+def _odometry(poses: _Poses, index: int) -> tuple[Message, ...]:
+    quat = tuple(poses.quats_wxyz[index].tolist())
+    return (
+        ODOMETRY(
+            int(poses.stamp_us[index]),
+            MAV_FRAME_LOCAL_FRD,
+            MAV_FRAME_BODY_FRD,
+            *poses.three(poses.positions, index),
+            quat,
+            *_in_body(poses.quats_wxyz[index], poses.velocities[index]),
+            *_NO_RATES,
+            poses.covariance(index),
+            UNKNOWN,
+            0,
+            MAV_ESTIMATOR_TYPE_VIO,
+            _QUALITY,
+        ),
+    )
+
+
+def _vision(poses: _Poses, index: int) -> tuple[Message, ...]:
+    position, angles = poses.three(poses.positions, index), _euler(poses.quats_wxyz[index])
+    return (VISION_POSITION_ESTIMATE(int(poses.stamp_us[index]), *position, *angles, poses.covariance(index), 0),)
+
+
+def _vision_with_speed(poses: _Poses, index: int) -> tuple[Message, ...]:
+    speed = poses.three(poses.velocities, index)
+    estimate = VISION_SPEED_ESTIMATE(int(poses.stamp_us[index]), *speed, _UNKNOWN_SPEED, 0)
+    return (*_vision(poses, index), estimate)
+
+
+def _mocap(poses: _Poses, index: int) -> tuple[Message, ...]:
+    quat, position = tuple(poses.quats_wxyz[index].tolist()), poses.three(poses.positions, index)
+    return (ATT_POS_MOCAP(int(poses.stamp_us[index]), quat, *position, poses.covariance(index)),)
+
+
+FORMS_AS_RECORDED: Final[Mapping[str, Callable[[_Poses, int], tuple[Message, ...]]]] = MappingProxyType(
+    {"odometry": _odometry, "vision": _vision, "vision+speed": _vision_with_speed, "mocap": _mocap}
+)
+
+
+def _in_body(quat_wxyz: Array, velocity: Array) -> tuple[float, float, float]:
+    """Return a velocity in the axes of the body; as it is where the attitude has no direction."""
+    norm = float(np.linalg.norm(quat_wxyz))
+    if not math.isfinite(norm) or norm < 1e-6:
+        x, y, z = velocity.tolist()
+        return x, y, z
+    w, axis = quat_wxyz[0] / norm, -quat_wxyz[1:] / norm
+    twice = 2 * np.cross(axis, velocity)
+    x, y, z = (velocity + w * twice + np.cross(axis, twice)).tolist()
+    return x, y, z
+
+
+def _euler(quat_wxyz: Array) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw in rad of an attitude of whatever norm but 0; NaN of others."""
+    norm = float(np.linalg.norm(quat_wxyz))
+    if not math.isfinite(norm) or norm == 0:
+        return math.nan, math.nan, math.nan
+    w, x, y, z = (quat_wxyz / norm).tolist()
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0))
+    return roll, pitch, math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def _in_axes(records: Records, axes: str) -> _Poses:
+    """Return records in the autopilot's axes; numbers that are none stay so."""
+    world, body = axes_of(axes)
+    sign = math.copysign(1.0, float(np.linalg.det(world)))  # mirrored axes are so on both sides
+    left, right = (quaternion.quaternion(*quat_wxyz_from_rotation(sign * matrix)) for matrix in (world, body))
+    positions = np.array(records.positions, dtype=np.float64).reshape(-1, 3)
+    quats = np.array(records.quats_wxyz, dtype=np.float64).reshape(-1, 4)
+    turned = quaternion.as_float_array(left * quaternion.as_quat_array(quats) * right.conj())
+    velocities = np.zeros_like(positions)
+    if records.velocities is not None:
+        velocities = np.array(records.velocities, dtype=np.float64).reshape(-1, 3)
+    covariances = None
+    if records.covariances is not None:
+        change = np.zeros((6, 6))
+        change[:3, :3], change[3:, 3:] = world, sign * world  # a rotation vector is an axial one
+        covariances = change @ np.array(records.covariances, dtype=np.float64).reshape(-1, 6, 6) @ change.T
+    stamps = np.minimum(np.array(records.times_ns, dtype=np.int64) // 1000, _MAX_STAMP_US)
+    return _Poses(
+        stamps,
+        _as_sent(positions @ world.T),
+        _as_sent(turned),
+        _as_sent(velocities @ world.T),
+        None if covariances is None else _as_sent(covariances),
+    )
+
+
+def _as_sent(values: Array) -> Array:
+    """Return numbers as binary32 holds them: what is too large for it is infinite."""
+    return np.asarray(values.astype(np.float32), dtype=np.float64)
+
+
+def _arrivals_us(records: Records, stamp_us: Times) -> Times:
+    """Return when each record comes, in us since the first: as the file tells, else as its times let one think."""
+    if records.arrivals_ns is not None:
+        told = np.array(records.arrivals_ns, dtype=np.int64) // 1000
+        arrivals_us = np.asarray(np.maximum.accumulate(told - told[0]), dtype=np.int64)
+        late = np.flatnonzero(np.diff(arrivals_us) > MAX_GAP_US)
+        if len(late):
+            raise InputError(f"{records.source}: message {int(late[0]) + 2}: more than a day after the one before")
+        return arrivals_us
+    step = np.diff(stamp_us)
+    usual = float(np.median(step[step > 0])) if (step > 0).any() else _USUAL_US
+    # Times of another unit: a camera gives a pose every few ms, not every half a minute.
+    scale = next((factor for factor in (1.0, 1e-3, 1e3, 1e-6, 1e6) if _is_likely(usual * factor)), 0.0)
+    period = usual * scale if scale else _USUAL_US
+    taken = np.where((step > 0) & (step * scale < _LONGEST_GAP_US), step * scale, period) if scale else period
+    steps = np.broadcast_to(np.asarray(taken, dtype=np.float64), step.shape)
+    return np.concatenate([[0], np.cumsum(np.rint(steps).astype(np.int64))]).astype(np.int64)
+
+
+def _is_likely(period_us: float) -> bool:
+    return _QUICKEST_US <= period_us <= _SLOWEST_US
+
+
+def _lacks(records: Records) -> frozenset[Aspect]:
+    lacks = {Aspect.LINK, Aspect.RESETS, Aspect.QUALITY}
+    if records.arrivals_ns is None:
+        lacks.add(Aspect.ARRIVAL)
+    if records.covariances is None:
+        lacks.add(Aspect.COVARIANCE)
+    return frozenset(lacks)
+
+
+def _frames(records: Records, poses: _Poses, form: str, lead_us: int) -> Iterator[StreamMessage]:
+    codec = Codec(1, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
+    encode = FORMS_AS_RECORDED[form]
+    for index, arrival_us in enumerate(_arrivals_us(records, poses.stamp_us).tolist()):
+        for message in encode(poses, index):
+            yield StreamMessage(lead_us + arrival_us, codec.encode(message))
+
+
+def read_as_recorded(path: Path, lead_us: int, options: TrajectoryOptions, form: str | None = None) -> Stream:
+    """Read a trajectory as messages that hold what the file holds, usable or not.
+
+    Args:
+        path: the file, or the folder of a bag.
+        lead_us: from boot to the first message.
+        options: how to take it; a rate is not obeyed.
+        form: what to send, one of ``FORMS_AS_RECORDED``; None for the message that carries what the file holds, and no
+            more: ODOMETRY with velocities, VISION_POSITION_ESTIMATE with covariances, else ATT_POS_MOCAP.
+
+    Raises:
+        InputError: if it cannot be read, or an option cannot be used.
+    """
+    if form is not None and form not in FORMS_AS_RECORDED:
+        raise InputError(f"--as {form}: as recorded, there are {', '.join(FORMS_AS_RECORDED)}")
+    records = load_as_it_is(Source(path, options.topic, options.times), options.format_name)
+    if not len(records.times_ns):
+        raise InputError(f"{path}: no poses")
+    moves = records.velocities is not None
+    if form in ("odometry", "vision+speed") and not moves:
+        raise InputError(f"--as {form}: {path} holds no velocities")
+    chosen = form or ("odometry" if moves else "mocap" if records.covariances is None else "vision")
+    with np.errstate(all="ignore"):
+        messages = tuple(_frames(records, _in_axes(records, options.axes), chosen, lead_us))
+    notes = [f"{path}: {count} with {reason}" for reason, count in records.left_out.items()]
+    what = "poses and velocities" if moves else "poses, no velocities"
+    notes.append(f"{path}: {what}; taken as {options.axes} (--axes), sent as {chosen} (--as)")
+    return Stream(path.stem, messages, notes=tuple(notes), lacks=_lacks(records))

@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A recording over which the autopilot was rebooted holds several flights, each with a time since boot of its own.
+
+Its clock, which many of its messages carry, falls back then. Alignment, resets, parameters that need a reboot all begin
+anew.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+from emulator.stream_kinds.stream import Stream, StreamMessage
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, Message
+
+MAV_COMP_ID_AUTOPILOT1: Final = 1
+MAV_AUTOPILOT_INVALID: Final = 8
+LEAST_STEP_BACK_MS: Final = 2_000
+"""Datagrams may overtake each other, by less."""
+_WRAP_MS: Final = 1 << 31
+_VISION: Final = tuple(VISION_MESSAGES)
+
+
+def _messages(stream: Stream) -> Iterator[tuple[int, int, int, Message | None]]:
+    """Yield number, system, component and content of what is in each message of a stream."""
+    codec = Codec(0, 0)
+    for number, message in enumerate(stream.messages):
+        codec.feed(message.frame)
+        while (received := codec.next_received()) is not None:
+            if isinstance(received, Received):
+                yield number, received.header.system_id, received.header.component_id, received.message
+
+
+def _is_autopilot(component_id: int, message: Message | None) -> bool:
+    is_beat = isinstance(message, HEARTBEAT) and message.autopilot != MAV_AUTOPILOT_INVALID
+    return is_beat and component_id == MAV_COMP_ID_AUTOPILOT1
+
+
+def _starts(stream: Stream) -> tuple[list[int], int | None]:
+    """Return where sessions begin, behind the last message with a time of the one before; and whose times they are."""
+    system_id, starts, latest_ms, behind = None, [0], -1, 0
+    for number, sender, component_id, message in _messages(stream):
+        if system_id is None and _is_autopilot(component_id, message):
+            system_id = sender
+        boot_ms = getattr(message, "time_boot_ms", None)
+        if (sender, component_id) != (system_id, MAV_COMP_ID_AUTOPILOT1) or not isinstance(boot_ms, int):
+            continue
+        if LEAST_STEP_BACK_MS < latest_ms - boot_ms < _WRAP_MS:
+            starts.append(behind)
+            latest_ms = boot_ms
+        latest_ms = max(latest_ms, boot_ms) if latest_ms - boot_ms < _WRAP_MS else boot_ms
+        behind = number + 1
+    return starts, system_id
+
+
+def _all_params(stream: Stream, end: int, system_id: int | None) -> dict[str, float]:
+    """Return what the autopilot's parameters were at a message, if the whole list was heard before; else nothing."""
+    heard, total = {}, 0
+    for number, sender, component_id, message in _messages(stream):
+        if number >= end:
+            break
+        if isinstance(message, PARAM_VALUE) and (sender, component_id) == (system_id, MAV_COMP_ID_AUTOPILOT1):
+            heard[message.param_id] = float(message.param_value)
+            total = max(total, message.param_count)
+    return heard if 0 < total <= len(heard) else {}
+
+
+def _part(stream: Stream, start: int, end: int, system_id: int | None) -> Stream:
+    first_us = next((one.arrival_us for one in stream.messages if one.arrival_us is not None), 0)
+    begins_us = next((one.arrival_us for one in stream.messages[start:end] if one.arrival_us is not None), first_us)
+    by_us = begins_us - first_us
+    messages = tuple(
+        StreamMessage(None if one.arrival_us is None else one.arrival_us - by_us, one.frame)
+        for one in stream.messages[start:end]
+    )
+    params = stream.params or (_all_params(stream, start, system_id) if start else {})
+    return replace(stream, messages=messages, params=params)
+
+
+def sessions_of(stream: Stream) -> tuple[Stream, ...]:
+    """Return a stream's parts between reboots of the autopilot in it, each as if it were a recording of its own."""
+    starts, system_id = _starts(stream)
+    if len(starts) == 1:
+        return (stream,)
+    ends = [*starts[1:], len(stream.messages)]
+    return tuple(_part(stream, start, end, system_id) for start, end in zip(starts, ends, strict=True))
+
+
+def vision_count(stream: Stream) -> int:
+    """Return how many messages of external navigation a stream holds."""
+    return sum(isinstance(message, _VISION) for *_, message in _messages(stream))
+
+
+def one_session(stream: Stream, number: int | None = None) -> Stream:
+    """Return one of a stream's sessions, and tell in its notes which.
+
+    Args:
+        stream: of any kind.
+        number: from 1; None for the one with most external navigation.
+
+    Raises:
+        ValueError: if there is no session of that number.
+    """
+    sessions = sessions_of(stream)
+    if number is not None and not 1 <= number <= len(sessions):
+        raise ValueError(f"there are {len(sessions)}" if len(sessions) > 1 else "the autopilot was not rebooted")
+    if len(sessions) == 1:
+        return stream
+    counts = [vision_count(one) for one in sessions]
+    chosen = counts.index(max(counts)) if number is None else number - 1
+    before = sum(len(one.messages) for one in sessions[:chosen])
+    parts = ", ".join(str(count) for count in counts)
+    note = (
+        f"{stream.name}: the autopilot was rebooted, its time falls back {_often(len(sessions) - 1)}; session "
+        f"{chosen + 1} of {len(sessions)} is looked at (--session), from message {before + 1} of the file on, which "
+        f"counts as 1; messages of external navigation in each: {parts}"
+    )
+    return replace(sessions[chosen], notes=(*stream.notes, note))
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""VISO_DELAY_MS is recovered from a recorded flight, and from delays made of it."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from emulator.doctor import RULES, Evidence, diagnose, gather
+from emulator.doctor.compare import compare
+from emulator.doctor.vehicle_data import AttitudeSeries
+from tests.unit.emulator.doctor.streams import piece, shifted
+
+SET_MS = 30
+"""VISO_DELAY_MS of the recorded flight, whose camera is that late."""
+TOLERANCE_MS = 5
+START_S = 40.0
+
+
+@pytest.fixture(scope="module", params=[None, 115200], ids=["network", "wire"])
+def flight(request: pytest.FixtureRequest) -> Evidence:
+    """Return what becomes of a piece of the flight, over a link that takes no time or by the simulator's baud rate."""
+    return gather(piece("flight_t265", START_S, 12.0), replace(shifted("flight_t265", START_S), baud=request.param))
+
+
+def advised_ms(flight: Evidence, delay_ms: int, setting_ms: float) -> list[int]:
+    """Return the values in the advice, if the vehicle had moved so much earlier, and VISO_DELAY_MS were set so."""
+    assert flight.attitude is not None
+    earlier_us = flight.attitude.time_us - (delay_ms - SET_MS) * 1000
+    attitude = AttitudeSeries(earlier_us, flight.attitude.euler_rad)
+    params = {**flight.params, "VISO_DELAY_MS": setting_ms}
+    compared = compare(flight.poses, flight.vision, attitude, params)
+    evidence = replace(flight, attitude=attitude, params=params, comparisons=compared)
+    fixes = [one.fix for one in diagnose(evidence, RULES) if one.code == "XN3-11"]
+    return [int(value) for fix in fixes for value in re.findall(r"\bto (\d+)\b", fix)]
+
+
+@pytest.mark.parametrize("delay_ms", [10, 30, 50, 100, 150, 200])
+def test_delay_made_of_the_flight_is_recovered(flight: Evidence, delay_ms: int) -> None:
+    wrong_ms = 250 if delay_ms < 100 else 0
+    first, *_ = advised_ms(flight, delay_ms, wrong_ms)
+    assert first == pytest.approx(delay_ms, abs=TOLERANCE_MS)
+
+
+@pytest.mark.parametrize("delay_ms", [30, 100, 200])
+def test_delay_that_is_set_as_it_is_needs_no_advice(flight: Evidence, delay_ms: int) -> None:
+    assert advised_ms(flight, delay_ms, delay_ms) == []
+
+
+def test_wire_that_may_be_quicker_than_its_rate_gets_both_values(flight: Evidence) -> None:
+    values = advised_ms(flight, 100, 0)
+    transport_ms = 244 * 86e-3  # an ODOMETRY at 115200 baud
+    is_wire = len(values) == 2
+    assert values[-1] == pytest.approx(100 - is_wire * transport_ms, abs=2 * TOLERANCE_MS)

@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the filter rejects is told, but not held against a stream that was silent before."""
+
+import pytest
+
+from ap_core.verdict import Rule
+from ap_visualodom.verdicts import QUALITY_BELOW_MIN
+from ekf_stub.ext_nav_ingest import FilterOutcome
+from ekf_stub.ingest_rules import FUSED, GATE_POSITION
+from emulator.doctor import Finding, SeenMessage, Severity
+from emulator.filter_watch import SampleTest
+from emulator.sample_fates import HandedSample
+from tests.unit.emulator.conftest import odometry
+from tests.unit.emulator.doctor.evidences import START_US, evidence_of, findings_of, seen
+
+PERIOD_US = 40_000
+
+
+def message(number: int, rule: Rule | None) -> SeenMessage:
+    """Return a message whose pose had a fate in the filter, or which was withheld."""
+    at_us = START_US + number * PERIOD_US
+    told = odometry(number * PERIOD_US + 1, x=0.02 * number)
+    if rule is None:
+        return seen(number + 1, at_us, told, QUALITY_BELOW_MIN)
+    test = SampleTest(at_us, FilterOutcome("pose", rule, at_us // 1000, 1.5), 1.0)
+    return seen(number + 1, at_us, told, samples=(HandedSample("pose", at_us // 1000, [test]),))
+
+
+def found_of(fates: list[Rule | None]) -> Finding | None:
+    messages = [message(number, rule) for number, rule in enumerate(fates)]
+    return findings_of(evidence_of(messages)).get("XN9-04")
+
+
+@pytest.mark.parametrize(("withheld", "severity"), [(5, Severity.WARNING), (40, Severity.NOTE)])
+def test_rejection_after_a_silence_is_a_note(withheld: int, severity: Severity) -> None:
+    finding = found_of([*[FUSED] * 50, *[None] * withheld, *[GATE_POSITION] * 20, *[FUSED] * 20])
+    assert finding is not None
+    assert finding.severity is severity
+    assert finding.message_numbers == tuple(range(51 + withheld, 71 + withheld))
+    assert ("after a time without samples" in finding.evidence) == (severity is Severity.NOTE)
+
+
+def test_rejection_in_full_sight_counts_beside_one_after_a_silence() -> None:
+    finding = found_of([*[FUSED] * 50, *[None] * 40, *[GATE_POSITION] * 20, *[FUSED] * 80, *[GATE_POSITION] * 30])
+    assert finding is not None
+    assert finding.severity is Severity.WARNING
+    assert finding.message_numbers == tuple(range(191, 221))
+
+
+def test_rejection_from_the_first_message_on_is_in_full_sight() -> None:
+    finding = found_of([*[GATE_POSITION] * 30, *[FUSED] * 20])
+    assert finding is not None
+    assert finding.severity is Severity.WARNING
+
+
+@pytest.mark.parametrize("rejected", [0, 3])
+def test_few_rejections_are_let_pass(rejected: int) -> None:
+    assert found_of([*[FUSED] * 50, *[GATE_POSITION] * rejected, *[FUSED] * 50]) is None
