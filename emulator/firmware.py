@@ -12,10 +12,11 @@ from ap_visualodom import release as visual_odom
 from ap_visualodom.release import VisualOdomRelease
 from ekf_stub.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
 from emulator import release_parameters as params
+from emulator.log_structure import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
 from emulator.release_parameters import ParameterRelease
 from mav_handlers import release as endpoint
 from mav_handlers.covariance import pose_errors, root_of_sum
-from mav_handlers.endpoint_params import MAV_NAMES, SYSID_NAMES
+from mav_handlers.endpoint_params import MAV_NAMES_WITH_RANGE, SYSID_NAMES
 from mav_handlers.release import EndpointRelease, tell_origin_after_texts
 
 OFFICIAL: Final = 255
@@ -36,6 +37,7 @@ class Firmware:
         visual_odom: what AP_VisualOdom does.
         endpoint: what the MAVLink endpoint does.
         event_order: the replay records of an event that both filters know, in their order.
+        log: what its log records look like.
         params: which parameters there are.
     """
 
@@ -50,6 +52,7 @@ class Firmware:
     visual_odom: VisualOdomRelease
     endpoint: EndpointRelease
     event_order: tuple[LogStructure, LogStructure]
+    log: LogRelease
     params: ParameterRelease
 
     @property
@@ -75,6 +78,7 @@ REFERENCE: Final = Firmware(
     visual_odom.REFERENCE,
     endpoint.REFERENCE,
     EKF2_BEFORE_EKF3,
+    PLAIN_TEXTS,
     params.REFERENCE,
 )
 """The release that is meant where none is named."""
@@ -91,6 +95,7 @@ STABLE_4_6: Final = Firmware(
     visual_odom.REFERENCE,
     replace(endpoint.REFERENCE, params=SYSID_NAMES),
     EKF2_BEFORE_EKF3,
+    PLAIN_TEXTS,
     params.UP_TO_4_6,
 )
 
@@ -104,8 +109,9 @@ FEBRUARY_2026: Final = Firmware(
     0,
     0,
     VisualOdomRelease(visual_odom.no_axes, visual_odom.position_with_correction),
-    EndpointRelease(root_of_sum, pose_errors, True, tell_origin_after_texts, MAV_NAMES),
+    EndpointRelease(root_of_sum, pose_errors, True, tell_origin_after_texts, MAV_NAMES_WITH_RANGE),
     EKF3_BEFORE_EKF2,
+    NUMBERED_TEXTS,
     params.FEBRUARY_2026,
 )
 

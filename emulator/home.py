@@ -19,6 +19,7 @@ from mav_handlers.mission import Mission
 EV_SET_HOME: Final = 25
 FIELD_ELEVATION_PERIOD_MS: Final = 1000
 
+_CENTI: Final = f32(0.01)
 _MAV_SEVERITY_INFO: Final = 6
 
 
@@ -114,7 +115,7 @@ class Home:
         now_ms = self._clock.millis()
         if u32(now_ms - self._field_elevation_ms) < FIELD_ELEVATION_PERIOD_MS:
             return
-        self._field_elevation_m = f32(origin.alt_cm * 0.01)
+        self._field_elevation_m = f32(f32(origin.alt_cm) * _CENTI)
         self._field_elevation_ms = now_ms
         self._ahrs.reset_height_datum()
         self._texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {self._field_elevation_m:.0f}m")

@@ -1,10 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The log records of sensors that MAVLink messages feed (AP_GPS/LogStructure.h, AP_Logger/LogStructure.h)."""
+"""The log records of sensors that MAVLink messages feed, and what releases lay out otherwise.
 
+Source: AP_GPS/LogStructure.h, AP_Logger/LogStructure.h, AP_Logger/LogFile.cpp.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
-from ap_core.log_structure import LogStructure
+from ap_core.cint import u8
+from ap_core.log_field import LogValue
+from ap_core.log_structure import MSG, LogStructure
 
 GPS: Final = LogStructure(
     94,
@@ -25,3 +32,38 @@ GPA: Final = LogStructure(
 OF: Final = LogStructure(180, "OF", "QBffff", "TimeUS,Qual,flowX,flowY,bodyX,bodyY", "s-EEEE", "F-0000")
 
 LOG_STRUCTURE_FROM_GPS: Final = (GPS, GPA)
+
+MSG_NUMBERED: Final = LogStructure(59, "MSG", "QBBZ", "TimeUS,ID,Seq,Message", "s---", "F---")
+"""MSG since the end of 2025: a text has a number, and its pieces of 64 characters count from 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogRelease:
+    """Where releases differ in their logs.
+
+    Attributes:
+        message: layout of MSG.
+        message_head: takes how many texts there were before, returns what precedes the text itself in MSG.
+        filter_version: VER.FV, the version of the estimators (AP_FILTER_VERSION).
+    """
+
+    message: LogStructure
+    message_head: Callable[[int], tuple[LogValue, ...]]
+    filter_version: int
+
+
+def no_head(_texts_before: int) -> tuple[LogValue, ...]:
+    """Return nothing: MSG has a text alone (AP_Logger_Backend::Write_Message)."""
+    return ()
+
+
+def number_and_piece(texts_before: int) -> tuple[LogValue, ...]:
+    """Return ID, a byte that counts the texts from 1, and Seq, which is 0: no text here is longer than one piece."""
+    return u8(texts_before + 1), 0
+
+
+PLAIN_TEXTS: Final = LogRelease(MSG, no_head, 2)
+"""The master of October 2025, and 4.6."""
+
+NUMBERED_TEXTS: Final = LogRelease(MSG_NUMBERED, number_and_piece, 3)
+"""The master of February 2026."""

@@ -11,7 +11,7 @@ import numpy as np
 from ap_core.clock import Clock
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
-from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, PARM, LogStructure
+from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, MSG, PARM, LogStructure
 from ap_core.param import ParamTable
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from ekf_stub.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
@@ -35,6 +35,13 @@ def _in_firmware_order() -> Iterator[LogStructure]:
 
 
 STRUCTURES: Final = tuple(_in_firmware_order())
+
+
+def structures_with(message: LogStructure) -> tuple[LogStructure, ...]:
+    """Return all layouts, with a release's own of MSG."""
+    return tuple(message if structure is MSG else structure for structure in STRUCTURES)
+
+
 RETRY_US: Final = 5_000_000
 
 
@@ -45,15 +52,20 @@ class Logger:
         clock: time since boot.
         open_sink: opens the next log; raises LogStoreError. None: no logging at all.
         on_open: called when a log has its start-up block, to write what every log begins with.
+        structures: layouts of the records of fixed types.
     """
 
     def __init__(
-        self, clock: Clock, open_sink: Callable[[], LogSink] | None, on_open: Callable[[], None] = lambda: None
+        self,
+        clock: Clock,
+        open_sink: Callable[[], LogSink] | None,
+        on_open: Callable[[], None] = lambda: None,
+        structures: Sequence[LogStructure] = STRUCTURES,
     ) -> None:
         self._clock = clock
         self._open_sink = open_sink
         self._on_open = on_open
-        self._writer = DataFlashWriter(STRUCTURES)
+        self._writer = DataFlashWriter(structures)
         self._sink: LogSink | None = None
         self._retry_us = 0
         self._dropped_before = 0

@@ -12,11 +12,13 @@ from typing import Final
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 from emulator import copter_parameters as copter
+from emulator.ekf3_parameters import FLOW_LIMIT, FLOW_LIMIT_LATER
 from emulator.param_conversion import NO_RENAMES, Rename, Renames, skip_instead_of_check
 
 INT8: Final = ParamType.INT8
 INT16: Final = ParamType.INT16
 INT32: Final = ParamType.INT32
+FLOAT: Final = ParamType.FLOAT
 
 MAX_LINKS: Final = 8
 """How many MAVLink links the firmware can have (GCS_MAVLink.h, MAVLINK_COMM_NUM_BUFFERS)."""
@@ -45,6 +47,9 @@ class ParameterRelease:
         arming_check: which of its rows says what is checked.
         enabled_checks: takes that row's value, returns the checks to make as ARMING_CHECK has them; bit 0 is all.
         renames: what earlier releases call otherwise.
+        more_ahrs: rows that end the AHRS_ group.
+        more_stat: rows that end the STAT_ group.
+        flow_limit: what the limit of optical flow rates is called in the EK3_ group.
     """
 
     early: Sequence[ParamInfo]
@@ -56,11 +61,19 @@ class ParameterRelease:
     arming_check: str
     enabled_checks: Callable[[int], int]
     renames: Renames
+    more_ahrs: Sequence[ParamInfo] = ()
+    more_stat: Sequence[ParamInfo] = ()
+    flow_limit: str = FLOW_LIMIT
 
 
-_MAV: Final = (
+_MAV_IDS: Final = (
     ParamInfo("_SYSID", INT16, 1, "System id of this vehicle", "", (1.0, 255.0)),
     ParamInfo("_GCS_SYSID", INT16, 255, "System id of the ground station in charge", "", (1.0, 255.0)),
+)
+_GCS_SYSID_HI: Final = ParamInfo(
+    "_GCS_SYSID_HI", INT16, 0, "The last of several such ids, of which MAV_GCS_SYSID is the first", "", (0.0, 255.0)
+)
+_MAV_BEHAVIOUR: Final = (
     ParamInfo("_OPTIONS", INT16, 0, "Bits: 0 obey only the ground station in charge"),
     ParamInfo("_TELEM_DELAY", INT8, 0, "Silence of telemetry radios after start-up", "s", (0.0, 30.0)),
 )
@@ -99,11 +112,15 @@ def _check_links(number_of_links: int) -> None:
         raise ValueError(f"link {number_of_links}: there are parameters for links 1 to {MAX_LINKS}")
 
 
-def _mav_links(number_of_links: int) -> list[ParamGroup]:
+def _mav_groups(rows: Sequence[ParamInfo], number_of_links: int) -> list[ParamGroup]:
     _check_links(number_of_links)
     prefixes = (f"MAV{number}" for number in range(1, number_of_links + 1))
     links = (ParamGroup(prefix, _MAV_LINK, top_level_prefix="MAV") for prefix in prefixes)
-    return [ParamGroup("MAV", _MAV, top_level_prefix="MAV"), *links]
+    return [ParamGroup("MAV", rows, top_level_prefix="MAV"), *links]
+
+
+def _mav_links(number_of_links: int) -> list[ParamGroup]:
+    return _mav_groups((*_MAV_IDS, *_MAV_BEHAVIOUR), number_of_links)
 
 
 # Up to 4.6
@@ -142,6 +159,24 @@ _SKIPCHK: Final = ParamInfo(
 )
 _ARMING_LATER: Final = (*(row for row in copter.ARMING if row.name != "CHECK"), _SKIPCHK)
 
+# Since February 2026
+
+
+def _mav_links_with_range(number_of_links: int) -> list[ParamGroup]:
+    return _mav_groups((*_MAV_IDS, _GCS_SYSID_HI, *_MAV_BEHAVIOUR), number_of_links)
+
+
+# FIRMWARE PARITY: with bits of AHRS_OPTIONS the firmware keeps its origin here and takes it from here; not so here.
+_ORIGIN: Final = (
+    ParamInfo("ORIGIN_LAT", FLOAT, 0.0, "Latitude of the last origin", "deg", (-90.0, 90.0)),
+    ParamInfo("ORIGIN_LON", FLOAT, 0.0, "Longitude of the last origin", "deg", (-180.0, 180.0)),
+    ParamInfo("ORIGIN_ALT", FLOAT, 0.0, "Altitude of the last origin above mean sea level", "m"),
+)
+_FLIGHTS: Final = (
+    ParamInfo("_FLTCNT", INT32, 0, "How many flights so far"),
+    ParamInfo("_DISTFLWN", FLOAT, 0.0, "Distance flown so far", "m"),
+)
+
 # How what is stored is carried over
 
 
@@ -158,7 +193,11 @@ RENAMES_OF_4_7: Final[Renames] = {
     "TELEM_DELAY": Rename("MAV_TELEM_DELAY"),
     **dict(_renamed_streams()),
 }
-ALL_RENAMES: Final[Renames] = {**RENAMES_OF_4_7, "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check)}
+ALL_RENAMES: Final[Renames] = {
+    **RENAMES_OF_4_7,
+    "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check),
+    f"EK3_{FLOW_LIMIT}": Rename(f"EK3_{FLOW_LIMIT_LATER}"),
+}
 """Those of all releases."""
 
 
@@ -172,5 +211,16 @@ UP_TO_4_6: Final = ParameterRelease(
 )
 
 FEBRUARY_2026: Final = ParameterRelease(
-    (), _no_links, (), _mav_links, INT32, _ARMING_LATER, "SKIPCHK", checks_not_skipped, ALL_RENAMES
+    (),
+    _no_links,
+    (),
+    _mav_links_with_range,
+    INT32,
+    _ARMING_LATER,
+    "SKIPCHK",
+    checks_not_skipped,
+    ALL_RENAMES,
+    _ORIGIN,
+    _FLIGHTS,
+    FLOW_LIMIT_LATER,
 )

@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What another firmware would have made of a stream: the errors that it works out, beside what any comparison tells."""
+"""What another firmware would have made of a stream: errors and innovations, beside what any comparison tells."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from rich.table import Column, Table
 
 from ap_visualodom.log_structure import VISP
+from emulator.filter_watch import UNITS, Innovations
 from emulator.replay import ReplayedMessage
 from emulator.replay_run import ReplayOutcome
 
@@ -61,4 +62,51 @@ def error_table(changes: Sequence[ErrorChange]) -> Table:
     for change in changes:
         both = (f"{pos:.4g}, {ang:.4g}" for pos, ang in (change.before, change.after))
         table.add_row(change.type, str(change.messages), str(change.first), *both)
+    return table
+
+
+class InnovationChange(NamedTuple):
+    """How far samples of a kind were off from what the filter expected, where that differs; a model's.
+
+    ``rms_before`` and ``rms_after`` are in the unit of the kind, ``ratio_...`` is the worst, of which 1 is at the gate.
+    """
+
+    kind: str
+    rejected_before: int
+    rejected_after: int
+    rms_before: float
+    rms_after: float
+    ratio_before: float
+    ratio_after: float
+
+
+def innovation_changes(before: ReplayOutcome, after: ReplayOutcome) -> list[InnovationChange]:
+    """Return the kinds of sample whose innovations differ between two replays; none where no filter was watched."""
+    sides = before.innovations or {}, after.innovations or {}
+    return [change for kind in sorted({*sides[0], *sides[1]}) if (change := _innovation_change(kind, *sides))]
+
+
+def _innovation_change(
+    kind: str, before: Mapping[str, Innovations], after: Mapping[str, Innovations]
+) -> InnovationChange | None:
+    first, second = before.get(kind, Innovations()), after.get(kind, Innovations())
+    if first == second:
+        return None
+    ratios = first.worst_ratio, second.worst_ratio
+    return InnovationChange(kind, first.rejected, second.rejected, first.rms, second.rms, *ratios)
+
+
+def innovation_change_rows(changes: Sequence[InnovationChange]) -> list[dict[str, object]]:
+    """Return them for machine-readable output."""
+    return [{**change._asdict(), "unit": UNITS[change.kind], "model": True} for change in changes]
+
+
+def innovation_change_table(changes: Sequence[InnovationChange]) -> Table:
+    """Return the table of them: before and after in one cell."""
+    numbers = [Column(name, justify="right") for name in ("rejected", "rms", "worst ratio")]
+    table = Table("sample", *numbers, title="Innovations that differ, before and after (a model's)")
+    for change in changes:
+        rejected = f"{change.rejected_before}, {change.rejected_after}"
+        rms = f"{change.rms_before:.4g}, {change.rms_after:.4g} {UNITS[change.kind]}"
+        table.add_row(change.kind, rejected, rms, f"{change.ratio_before:.3g}, {change.ratio_after:.3g}")
     return table

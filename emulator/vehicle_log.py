@@ -13,9 +13,9 @@ import numpy as np
 from ap_core.clock import Clock
 from ap_core.fmath import degrees, f32
 from ap_core.log_field import LogValue
-from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
+from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, ORGN, VER
 from ap_core.quaternion import Quaternion
-from emulator.firmware import Firmware
+from emulator.firmware import REFERENCE, Firmware
 from emulator.logger import Logger
 from mav_handlers.channel import Channel
 from mav_handlers.ports import Location
@@ -26,22 +26,32 @@ ORGN_HOME: Final = 1
 
 _BOARD_TYPE_SITL: Final = 3
 _NO_BOARD_SUBTYPE: Final = 65535
-_TEXT_LEN: Final = 50
 _EKF3: Final = 3
+_BUILT_FOR_COPTER: Final = 2
 
 
 class VehicleLog:
-    """Writes records, each stamped with the time of writing; the rest of a record is the arguments."""
+    """Writes records, each stamped with the time of writing; the rest of a record is the arguments.
 
-    def __init__(self, logger: Logger, clock: Clock) -> None:
+    Args:
+        logger: where to.
+        clock: time since boot.
+        firmware: which release the vehicle is.
+    """
+
+    def __init__(self, logger: Logger, clock: Clock, firmware: Firmware = REFERENCE) -> None:
         self._logger = logger
         self._clock = clock
+        self._firmware = firmware
+        self._texts = 0
 
-    def start(self, firmware: Firmware, banner: Sequence[str], mode: int, reason: int) -> None:
+    def start(self, banner: Sequence[str], mode: int, reason: int) -> None:
         """Write what every log begins with, after what describes it: firmware, frame, mode."""
+        firmware = self._firmware
         self.text(banner[0])
         version = (firmware.major, firmware.minor, firmware.patch, firmware.release_type)
-        numbers = (*version, int(firmware.source_hash, 16), firmware.banner, 0, 2, 2, 0, 0)
+        build = (0, _BUILT_FOR_COPTER, firmware.log.filter_version, 0, 0)
+        numbers = (*version, int(firmware.source_hash, 16), firmware.banner, *build)
         self._logger.write(VER, (self._clock.micros64(), _BOARD_TYPE_SITL, _NO_BOARD_SUBTYPE, *numbers))
         for line in banner[1:]:
             self.text(line)
@@ -87,8 +97,10 @@ class VehicleLog:
         self._logger.write(ARM, (self._clock.micros64(), *values))
 
     def text(self, text: str) -> None:
-        """Write MSG, which holds the first 50 characters."""
-        self._logger.write(MSG, (self._clock.micros64(), text[:_TEXT_LEN]))
+        """Write MSG, which holds the first 64 characters (AP_Logger_Backend::Write_Message)."""
+        release = self._firmware.log
+        self._logger.write(release.message, (self._clock.micros64(), *release.message_head(self._texts), text))
+        self._texts += 1
 
     def parameter(self, name: str, value: np.float32) -> None:
         """Write PARM of a change."""

@@ -3,7 +3,7 @@
 """The parameters that the endpoint itself reads, by what they are for: releases call them by different names."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from ap_core.param import ParamTable
@@ -27,6 +27,7 @@ class EndpointParams:
         telem_delay: the silence after start-up, s.
         stream_rate: takes the number of a link from 0 and a row's name such as ``_EXTRA1``, returns the full name.
         link_options: takes the parameters and the number of a link, returns its options, as the bits of MAVn_OPTIONS.
+        last_ground_station_id: the last id where several ground stations are in charge, in a release that knows that.
     """
 
     system_id: str
@@ -36,6 +37,14 @@ class EndpointParams:
     telem_delay: str
     stream_rate: Callable[[int, str], str]
     link_options: Callable[[ParamTable, int], int]
+    last_ground_station_id: str | None = None
+
+    def is_ground_station(self, params: ParamTable, system_id: int) -> bool:
+        """Tell whether a system is a ground station in charge: one, or a range of ids (GCS::sysid_is_gcs)."""
+        first = last = params.get_int(self.ground_station_id)
+        if self.last_ground_station_id is not None:
+            last = max(first, params.get_int(self.last_ground_station_id))
+        return first <= system_id <= last
 
 
 def options_of_link(params: ParamTable, index: int) -> int:
@@ -69,6 +78,9 @@ MAV_NAMES: Final = EndpointParams(
     options_of_link,
 )
 """Since 4.7."""
+
+MAV_NAMES_WITH_RANGE: Final = replace(MAV_NAMES, last_ground_station_id="MAV_GCS_SYSID_HI")
+"""Since February 2026."""
 
 SYSID_NAMES: Final = EndpointParams(
     "SYSID_THISMAV",

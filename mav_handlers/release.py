@@ -38,8 +38,12 @@ class EndpointRelease:
 
 
 def tell_origin_at_once(ctx: "Context") -> None:
-    """Send GPS_GLOBAL_ORIGIN to the requester; all are told when home follows (GCS_MAVLINK::set_ekf_origin)."""
+    """Send GPS_GLOBAL_ORIGIN to the requester, and then the texts; all are told when home follows.
+
+    Source: GCS_MAVLINK::set_ekf_origin; home is set by the next pass of the main loop, when the texts are gone.
+    """
     ctx.endpoint.send_origin(ctx.channel, ctx.now_us)
+    ctx.endpoint.send_texts_first()
 
 
 def tell_origin_after_texts(ctx: "Context") -> None:

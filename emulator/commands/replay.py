@@ -40,7 +40,14 @@ from emulator.presets import PRESET_HELP, preset_files
 from emulator.replay import ReplayedMessage
 from emulator.replay_comparison import compare, comparison_rows, comparison_tables, setting_lines
 from emulator.replay_run import ReplayOutcome, ReplaySetup, run_replay
-from emulator.replay_versus import error_changes, error_rows, error_table
+from emulator.replay_versus import (
+    error_changes,
+    error_rows,
+    error_table,
+    innovation_change_rows,
+    innovation_change_table,
+    innovation_changes,
+)
 from emulator.settings import load_settings, needing_reboot, parse_assignments
 from emulator.single_log import SingleLog
 from emulator.streams import Stream, TrajectoryOptions, read_stream
@@ -132,7 +139,7 @@ def replay(
 
     With --set the stream is replayed twice, and what differs is told: counts, the first messages that fare otherwise,
     texts, and when the filter navigates. Both vehicles have their parameters from boot on. With --versus the two are
-    different firmware, and the errors that they work out are compared as well.
+    different firmware, and the errors that they work out are compared as well, with --ekf the innovations too.
 
     A trajectory is sent as a companion computer would send it; viso play has more ways to do so, and writes a .tlog.
 
@@ -273,15 +280,19 @@ def _tell_versus(
 ) -> None:
     before, after = outcomes
     comparison, errors = compare(before, after), error_changes(before, after)
+    innovations = innovation_changes(before, after)
     names = [profile.name for profile in profiles]
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
-        differs = {**comparison_rows(comparison), "errors": error_rows(errors)}
+        own = {"errors": error_rows(errors), "innovations": innovation_change_rows(innovations)}
+        differs = {**comparison_rows(comparison), **own}
         firmware = dict(zip(both, names, strict=True))
         out.print_json(data={"stream": stream.name, "firmware": firmware, **both, "differs": differs})
         return
     out.print(f"before: firmware {names[0]}; after: firmware {names[1]}")
     if errors:
         out.print(error_table(errors))
+    if innovations:
+        out.print(innovation_change_table(innovations))
     for part in comparison_tables(comparison, with_filter=before.aiding is not None):
         out.print(part)

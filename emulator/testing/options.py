@@ -38,7 +38,8 @@ class AutopilotOptions:
     """What autopilot a test wants.
 
     Attributes:
-        params: values by name, over those of the preset; they hold from boot on.
+        params: values by name, over those of the preset; they hold from boot on. Names are those of the firmware, or of
+            an earlier one, whose values are converted.
         preset: parameters of a usual set-up, by a name that ``viso serve --preset`` takes; ``DEFAULT_PARAMS`` for None.
         imu: what its sensors say, as for ``viso serve --imu``: ``follow`` moves as external navigation says, ``bench``
             stands still.
@@ -91,10 +92,13 @@ class AutopilotOptions:
             return DEFAULT_PARAMS
         if self.preset not in PRESETS:
             raise ValueError(f"preset {self.preset!r}: no such preset; there are {', '.join(PRESETS)}")
-        return load_settings([PRESETS[self.preset]], [], links=1)
+        return load_settings([PRESETS[self.preset]], [], links=1, firmware=PROFILES[self.firmware])
 
     def _own_params(self) -> Mapping[str, float]:
+        firmware = PROFILES[self.firmware]
+        earlier = {name: float(self.params[name]) for name in self.params if name in firmware.params.renames}
+        others = [f"{name}={float(value)!r}" for name, value in self.params.items() if name not in earlier]
         try:
-            return load_settings([], [f"{name}={float(value)!r}" for name, value in self.params.items()], links=1)
+            return {**earlier, **load_settings([], others, links=1, firmware=firmware)}
         except InputError as error:
             raise ValueError(str(error).replace("--param", "params:", 1)) from None

@@ -5,6 +5,8 @@
 from collections.abc import Iterator, Mapping
 
 from ap_core.param import ParamOutcome
+from emulator.param_conversion import name_here
+from emulator.release_parameters import ALL_RENAMES
 from emulator.vehicle import Vehicle
 
 
@@ -22,7 +24,7 @@ class LiveParams(Mapping[str, float]):
         """Return a value; KeyError if there is no such parameter."""
         found = self._vehicle.params.find(name)
         if found is None:
-            raise KeyError(f"{name}: no such parameter")
+            raise KeyError(self._unknown(name))
         return float(found.value)
 
     def __setitem__(self, name: str, value: float) -> None:
@@ -35,12 +37,16 @@ class LiveParams(Mapping[str, float]):
         vehicle = self._vehicle
         result = vehicle.params.set_from_mavlink(name, value)
         if result.outcome is ParamOutcome.UNKNOWN:
-            raise KeyError(f"{name}: no such parameter")
+            raise KeyError(self._unknown(name))
         if result.outcome is not ParamOutcome.SET:
             why = "read-only" if result.outcome is ParamOutcome.READ_ONLY else f"{value} is not finite"
             raise ValueError(f"{name}: {why}")
         vehicle.log.parameter(name, result.value)
         vehicle.endpoint.echo_parameters(result.echoes)
+
+    def _unknown(self, name: str) -> str:
+        other = name_here(name, self._vehicle.params, ALL_RENAMES)
+        return f"{name}: no such parameter" + ("" if other is None else f"; this firmware calls it {other}")
 
     def __iter__(self) -> Iterator[str]:
         """Go through the names in the order in which ground stations see them."""

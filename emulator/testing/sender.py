@@ -51,7 +51,7 @@ def _typed(message: Any) -> Message:
     if cls is None:
         raise ValueError(f"{name}: the emulator knows the name alone; send its bytes: message.pack(mav)")
     # An older dialect may lack a field that was added later, which is then as if it were not sent.
-    known = {field.name for field in dataclasses.fields(cls)}  # type: ignore[arg-type]  # all are dataclasses
+    known = {field.name for field in dataclasses.fields(cls)}
     return cls(**{field: _plain(getattr(message, field)) for field in message.get_fieldnames() if field in known})
 
 

@@ -32,7 +32,7 @@ def handle_heartbeat(_ctx: Context, _message: HEARTBEAT) -> Verdict:
 def handle_statustext(ctx: Context, message: STATUSTEXT) -> Verdict:
     """Log somebody else's text, with its origin (GCS_MAVLINK::handle_statustext)."""
     header = ctx.header
-    if header.system_id == ctx.vehicle.params.get_int(ctx.vehicle.release.params.ground_station_id):
+    if ctx.vehicle.release.params.is_ground_station(ctx.vehicle.params, header.system_id):
         prefix = "GCS:"
     else:
         prefix = f"SRC={header.system_id}/{header.component_id}:"

@@ -22,7 +22,7 @@ _MAV_SEVERITY_WARNING: Final = 4
 
 def handle_param_request_list(ctx: Context, _message: PARAM_REQUEST_LIST) -> Verdict:
     """Introduce the vehicle and start the list at index 0 (handle_param_request_list)."""
-    ctx.endpoint.send_banner()
+    ctx.endpoint.send_banner(ctx.channel)
     start_param_list(ctx.vehicle.params, ctx.channel, ctx.now_us)
     return HANDLED
 

@@ -31,6 +31,9 @@ from mav_handlers.wire.messages import (
 MAV_FRAME_BODY_FRD: Final = 12
 MAV_FRAME_LOCAL_FRD: Final = 20
 
+# Infinities and NaN are data.
+_ieee754 = np.errstate(all="ignore")
+
 _EulerPose = VISION_POSITION_ESTIMATE | GLOBAL_VISION_POSITION_ESTIMATE | VICON_POSITION_ESTIMATE
 
 
@@ -73,14 +76,14 @@ def odometry_frames_accepted(message: ODOMETRY) -> bool:
     return message.frame_id == MAV_FRAME_LOCAL_FRD and message.child_frame_id == MAV_FRAME_BODY_FRD
 
 
+@_ieee754
 def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
     """Take a pose, then the velocity turned by the message's own quaternion; one time correction serves both."""
     if not odometry_frames_accepted(message):
         return ODOMETRY_FRAMES
     q = Quaternion(*message.q)
     posErr, angErr = pose_errors(message.pose_covariance, ctx.vehicle.release.error_formula)
-    with np.errstate(all="ignore"):
-        vel = q.rotate_vector(Vector3f(message.vx, message.vy, message.vz))
+    vel = q.rotate_vector(Vector3f(message.vx, message.vy, message.vz))
     timestamp_ms = ctx.correct_time_ms(ODOMETRY, message.time_usec)
     visual_odom = ctx.vehicle.visual_odom
     verdict = visual_odom.handle_pose_estimate(

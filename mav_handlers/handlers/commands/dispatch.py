@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import int_of_float
+from ap_core.fmath import f32
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.handlers.commands.results import MavCmd, MavResult
@@ -18,6 +19,7 @@ from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG
 MAV_FRAME_GLOBAL: Final = 0
 MAV_FRAME_GLOBAL_RELATIVE_ALT: Final = 3
 
+_UNITS_PER_DEGREE: Final = f32(1e7)
 _CARRY_LOCATION: Final = frozenset(
     {
         MavCmd.DO_SET_HOME,
@@ -34,13 +36,15 @@ _NO_ASSUMED_FRAME: Final = frozenset(
 
 
 def _location_param(value: float, carries_location: bool) -> int:
+    # convert_COMMAND_LONG_loc_param: the firmware's constants are float32, so that degrees lose up to a metre.
     if math.isnan(value):
         return 0
-    return int_of_float(value * 1e7 if carries_location else value)
+    with np.errstate(over="ignore"):
+        return int_of_float(float(f32(value) * _UNITS_PER_DEGREE) if carries_location else value)
 
 
 def to_command_int(message: COMMAND_LONG) -> COMMAND_INT:
-    """Convert a COMMAND_LONG: param5 and 6 become integers, x 1e7 where they are a place.
+    """Convert a COMMAND_LONG: param5 and 6 become integers, x 1e7 in float32 where they are a place.
 
     Source: GCS_MAVLINK::convert_COMMAND_LONG_to_COMMAND_INT.
     """

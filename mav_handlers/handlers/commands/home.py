@@ -25,6 +25,8 @@ ABSOLUTE_FRAMES: Final = frozenset({0, 5})
 TERRAIN_FRAMES: Final = frozenset({10, 11})
 
 _ONE: Final = f32(1)
+_US_PER_S: Final = f32(1e6)
+_MS_PER_S: Final = f32(1e3)
 _MAV_SEVERITY_INFO: Final = 6
 
 
@@ -98,8 +100,10 @@ def external_position_estimate(ctx: Context, command: COMMAND_INT) -> MavResult:
     """
     if command.frame not in ABSOLUTE_FRAMES or not math.isnan(command.z):
         return MavResult.DENIED
-    time_ms = ctx.correct_time_ms(COMMAND_INT, u64_of_float(float(f32(command.param1)) * 1e6))
-    delay_ms = u32_of_float(float(f32(command.param2)) * 1e3)
+    with np.errstate(over="ignore"):
+        sent_us = u64_of_float(float(f32(command.param1) * _US_PER_S))
+        delay_ms = u32_of_float(float(f32(command.param2) * _MS_PER_S))
+    time_ms = ctx.correct_time_ms(COMMAND_INT, sent_us)
     if time_ms > delay_ms:
         time_ms -= delay_ms
     place = Location(command.x, command.y, 0)

@@ -34,7 +34,7 @@ def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavRes
 
 def do_send_banner(ctx: Context, _command: COMMAND_INT) -> MavResult:
     """Introduce the vehicle in texts."""
-    ctx.endpoint.send_banner()
+    ctx.endpoint.send_banner(ctx.channel)
     return MavResult.ACCEPTED
 
 

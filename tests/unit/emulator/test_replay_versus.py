@@ -45,6 +45,22 @@ def test_difference_is_told_to_people(viso: "Viso", short: Path) -> None:
     assert "Errors of poses that differ" in outcome.out
 
 
+def test_what_the_filter_makes_of_other_errors_is_told(viso: "Viso", short: Path) -> None:
+    args = [str(short), "--versus", "2026-02", "--ekf"]
+    told = json.loads(viso("replay", *args, "--json").out)["differs"]["innovations"]
+    kinds = {row["kind"]: row for row in told}
+    assert {"pose", "yaw"} <= kinds.keys()
+    assert kinds["pose"]["unit"] == "m"
+    assert kinds["pose"]["model"] is True
+    assert kinds["pose"]["rms_before"] != kinds["pose"]["rms_after"]
+    assert "Innovations that differ" in viso("replay", *args).out
+
+
+def test_innovations_are_told_with_the_filter_alone(viso: "Viso", short: Path) -> None:
+    told = json.loads(viso("replay", str(short), "--versus", "2026-02", "--json").out)
+    assert told["differs"]["innovations"] == []
+
+
 def test_releases_that_agree_differ_in_nothing(viso: "Viso", short: Path) -> None:
     outcome = viso("replay", str(short), "--firmware", "4.6", "--versus", "4.7-dev")
     assert "Errors of poses" not in outcome.out

@@ -50,16 +50,18 @@ class TestMessage:
         assert origin is not None
         assert (origin.lat, origin.lng, origin.alt_cm) == (LAT, LNG, 48_800)
 
-    def test_requester_is_told_at_once(self, bench: "Bench", client: "Client") -> None:
+    def test_requester_is_told_at_once_and_the_texts_follow(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
-        assert client.read() == [GPS_GLOBAL_ORIGIN(LAT, LNG, ALT_MM, bench.now_us)]
+        told, *texts = client.read()
+        assert told == GPS_GLOBAL_ORIGIN(LAT, LNG, ALT_MM, bench.now_us)
+        assert shorthand(texts) == ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set"]
 
     def test_vehicle_that_keeps_its_origin_to_itself_tells_nobody(
         self, bench: "Bench", client: "Client", monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(bench.vehicle, "origin", lambda: None)
         assert client.tell(SET) is HANDLED
-        assert client.read() == []
+        assert client.read_of(GPS_GLOBAL_ORIGIN) == []
 
     def test_second_origin_is_refused_in_silence(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
@@ -111,15 +113,15 @@ class TestMessage:
 class TestConsequences:
     """Texts, home, and who is told."""
 
-    def test_requester_gets_origin_then_origin_and_home_then_the_texts(self, bench: "Bench", client: "Client") -> None:
+    def test_requester_gets_origin_then_the_texts_then_origin_and_home(self, bench: "Bench", client: "Client") -> None:
         client.tell(SET)
         bench.run_ms(10)
         assert shorthand(client.read()) == [
             "GPS_GLOBAL_ORIGIN",
-            "GPS_GLOBAL_ORIGIN",
-            "HOME_POSITION",
             "EKF3 IMU0 origin set",
             "EKF3 IMU1 origin set",
+            "GPS_GLOBAL_ORIGIN",
+            "HOME_POSITION",
             "Field Elevation Set: 488m",
         ]
 

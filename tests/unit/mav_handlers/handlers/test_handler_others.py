@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mav_handlers.verdicts import HANDLED
+from emulator.firmware import FEBRUARY_2026
+from mav_handlers.verdicts import HANDLED, NOT_ACCEPTED
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
     ATTITUDE,
@@ -136,6 +137,28 @@ class TestRequestDataStream:
 
 class TestStatustext:
     """STATUSTEXT, in."""
+
+    def test_whole_text_is_logged_after_its_prefix(self, bench: "Bench", client: "Client") -> None:
+        client.codec.system_id = 7
+        client.tell(STATUSTEXT(6, "x" * 50))
+        assert [fields["Message"] for fields in bench.logged("MSG")] == [f"SRC=7/190:{'x' * 50}"]
+
+    def test_several_ground_stations_may_be_in_charge_of_the_later_firmware(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(firmware=FEBRUARY_2026, MAV_GCS_SYSID=250, MAV_GCS_SYSID_HI=252)
+        for system in (249, 250, 252, 253):
+            bench.client.codec.system_id = system
+            bench.client.tell(STATUSTEXT(6, "hello"))
+        prefixes = [str(fields["Message"]).partition("hello")[0] for fields in bench.logged("MSG")]
+        assert prefixes == ["SRC=249/190:", "GCS:", "GCS:", "SRC=253/190:"]
+
+    def test_they_alone_are_obeyed_with_option_bit_0(self, make_bench: "MakeBench") -> None:
+        params = {"MAV_OPTIONS": 1, "MAV_GCS_SYSID": 250, "MAV_GCS_SYSID_HI": 252}
+        bench = make_bench(firmware=FEBRUARY_2026, **params)
+        verdicts = []
+        for system in (249, 250, 251, 252, 253):
+            bench.client.codec.system_id = system
+            verdicts.append(bench.client.tell(STATUSTEXT(6, "hello")))
+        assert verdicts == [NOT_ACCEPTED, HANDLED, HANDLED, HANDLED, NOT_ACCEPTED]
 
     def test_text_of_the_ground_station_is_logged_as_such(self, bench: "Bench", client: "Client") -> None:
         assert client.tell(STATUSTEXT(6, "hello")) is HANDLED

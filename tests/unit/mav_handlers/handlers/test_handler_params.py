@@ -92,15 +92,23 @@ class TestList:
         quiet_bench.client.tell(LIST)
         quiet_bench.run_ms(1000)
         kinds = [type(message) for message in quiet_bench.client.read()]
-        assert kinds[:2] == [STATUSTEXT, STATUSTEXT]
-        assert STATUSTEXT not in kinds[2:]
+        assert kinds[:3] == [STATUSTEXT] * 3
+        assert STATUSTEXT not in kinds[3:]
+
+    def test_banner_is_for_the_requester_alone(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(bauds=(None, None), until_ms=7000)
+        bench.clients[1].tell(LIST)
+        bench.clients[0].tell(LIST)
+        bench.run_ms(1000)
+        assert [len(client.read_of(STATUSTEXT)) for client in bench.clients] == [3, 3]
 
     def test_banner_names_firmware_and_frame(self, bench: "Bench", client: "Client") -> None:
         client.tell(LIST)
         bench.run_ms(3)
-        firmware, frame = client.read_of(STATUSTEXT)
+        firmware, system, frame = client.read_of(STATUSTEXT)
         assert firmware.text.startswith("ArduCopter V4.7.0-dev (")
-        assert (frame.text, frame.severity) == ("Frame: QUAD/X", 6)
+        assert len(system.text) == 32
+        assert (frame.text, frame.severity) == ("Frame: QUAD/PLUS", 6)
 
     def test_first_part_comes_after_100_ms(self, bench: "Bench", client: "Client") -> None:
         client.tell(LIST)

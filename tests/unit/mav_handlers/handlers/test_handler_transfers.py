@@ -43,7 +43,7 @@ class TestFiles:
         client.tell(to_open(PARAMETER_FILE))
         bench.run_ms(3)
         kinds = [type(message) for message in client.read()]
-        assert kinds == [FILE_TRANSFER_PROTOCOL, STATUSTEXT, STATUSTEXT]
+        assert kinds == [FILE_TRANSFER_PROTOCOL, STATUSTEXT, STATUSTEXT, STATUSTEXT]
 
     def test_file_that_is_not_there_is_refused_without_a_banner(self, bench: "Bench", client: "Client") -> None:
         client.tell(to_open(b"nothing"))

@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a log says of texts and versions, in the layout of each release."""
+
+import lzma
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from ap_core.log_structure import MSG, VER, LogStructure
+from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from emulator.log_sink import MemoryLog
+from emulator.log_structure import MSG_NUMBERED, number_and_piece
+from emulator.logger import STRUCTURES, structures_with
+from emulator.scheduler import Scheduler
+from emulator.vehicle import Vehicle, VehicleConfig
+from tests.unit.emulator.log_records import records
+
+DATA = Path(__file__).parents[2] / "data"
+RECORDED: Final = {
+    REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
+    FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
+}
+
+every_firmware = pytest.mark.parametrize("firmware", PROFILES.values(), ids=lambda one: one.name)
+
+
+def written(firmware: Firmware, *texts: str) -> bytes:
+    """Return the log of a vehicle that has booted and said something."""
+    log = MemoryLog()
+    vehicle = Vehicle(VehicleConfig(open_log=lambda: log, firmware=firmware))
+    Scheduler(vehicle).run_until(2_600_000)
+    for text in texts:
+        vehicle.log.text(text)
+    return bytes(log.data)
+
+
+def first(data: bytes, name: str) -> dict[str, Any]:
+    _kind, values, layout = next(record for record in records(data) if record[0] == name)
+    return dict(zip(layout[2].split(","), values, strict=True))
+
+
+def layouts(data: bytes) -> dict[str, tuple[str, str]]:
+    """Return format and labels by name, of the layouts that come before the firmware's text."""
+    found = {}
+    for name, values, _ in records(data):
+        if name != "FMT":
+            break
+        found[values[2]] = values[3:]
+    return found
+
+
+@pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+def test_layouts_are_those_of_the_recorded_log(firmware: Firmware) -> None:
+    recorded = layouts(lzma.decompress(RECORDED[firmware.name].read_bytes()))
+    ours = {one.name: (one.format, one.labels) for one in structures_with(firmware.log.message)}
+    common = ours.keys() & recorded.keys()
+    assert {"MSG", "VER", "VISP", "REPH", "PARM"} <= common
+    assert {name: ours[name] for name in common} == {name: recorded[name] for name in common}
+
+
+@pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+def test_first_text_and_version_are_those_of_the_recorded_log(firmware: Firmware) -> None:
+    recorded, ours = lzma.decompress(RECORDED[firmware.name].read_bytes()), written(firmware)
+    assert first(ours, "MSG")["Message"] == first(recorded, "MSG")["Message"]
+    versions = [first(data, "VER") for data in (ours, recorded)]
+    for version in versions:
+        del version["TimeUS"]
+    assert versions[0] == versions[1]
+
+
+@every_firmware
+def test_log_describes_the_texts_that_it_holds(firmware: Firmware) -> None:
+    data = written(firmware, "hello")
+    layout = firmware.log.message
+    assert layouts(data)["MSG"] == (layout.format, layout.labels)
+    texts = [values[-1] for name, values, _ in records(data) if name == "MSG"]
+    assert texts[0] == firmware.banner
+    assert texts[-1] == "hello"
+
+
+@pytest.mark.parametrize("firmware", [STABLE_4_6, REFERENCE], ids=lambda one: one.name)
+def test_texts_have_no_numbers_before_2026(firmware: Firmware) -> None:
+    assert firmware.log.message is MSG
+
+
+def test_texts_are_numbered_one_after_the_other() -> None:
+    data = written(FEBRUARY_2026, "a", "b")
+    heads = [values[1:-1] for name, values, _ in records(data) if name == "MSG"]
+    assert [number for number, _ in heads] == list(range(1, 1 + len(heads)))
+    assert {piece for _, piece in heads} == {0}
+
+
+def test_number_of_a_text_is_a_byte() -> None:
+    assert [number_and_piece(before) for before in (0, 254, 255, 256)] == [(1, 0), (255, 0), (0, 0), (1, 0)]
+
+
+@every_firmware
+def test_text_is_cut_to_its_field(firmware: Firmware) -> None:
+    values = [values for name, values, _ in records(written(firmware, "x" * 70)) if name == "MSG"]
+    assert values[-1][-1] == "x" * 64
+
+
+def test_layouts_of_a_release_are_all_of_them_in_the_same_order() -> None:
+    assert structures_with(MSG) == STRUCTURES
+    later: tuple[LogStructure, ...] = structures_with(MSG_NUMBERED)
+    assert [one.name for one in later] == [one.name for one in STRUCTURES]
+    assert VER in later
