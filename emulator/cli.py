@@ -1,49 +1,61 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ``viso`` command: one row a command."""
+"""The ``viso`` command: one row a command, of which only the one that is asked for is imported."""
 
+import ast
+import atexit
 import contextlib
+import gc
 import io
 import os
 import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final
 
 import typer
+from typer.core import TyperGroup
 
-from emulator.commands.bench import bench
-from emulator.commands.demo import demo
-from emulator.commands.doctor import doctor
-from emulator.commands.ekf import ekf
-from emulator.commands.faults import faults
-from emulator.commands.landmarks import landmarks
-from emulator.commands.play import play
-from emulator.commands.replay import replay
-from emulator.commands.report import report
-from emulator.commands.serve import serve
-from emulator.commands.vectors import vectors
-from emulator.commands.vio import vio
-from emulator.errors import InputError
-from emulator.log_files import LogStoreError
-from mav_handlers.links.base import LinkError
+from emulator.long_lived import uncollected
 
 EXIT_USAGE: Final = 2
 
-COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
-    "demo": demo,
-    "serve": serve,
-    "replay": replay,
-    "doctor": doctor,
-    "vio": vio,
-    "play": play,
-    "landmarks": landmarks,
-    "faults": faults,
-    "report": report,
-    "ekf": ekf,
-    "vectors": vectors,
-    "bench": bench,
+COMMANDS: Final[Mapping[str, str]] = {
+    "demo": "emulator.commands.demo",
+    "serve": "emulator.commands.serve",
+    "replay": "emulator.commands.replay",
+    "doctor": "emulator.commands.doctor",
+    "vio": "emulator.commands.vio",
+    "play": "emulator.commands.play",
+    "landmarks": "emulator.commands.landmarks",
+    "faults": "emulator.commands.faults",
+    "report": "emulator.commands.report",
+    "ekf": "emulator.commands.ekf",
+    "vectors": "emulator.commands.vectors",
+    "sweep": "emulator.commands.sweep",
+    "bench": "emulator.commands.bench",
 }
+"""The module of each command; the function in it has the name of the command."""
+
+
+def command_function(name: str) -> Callable[..., Any]:
+    """Import a command and return its function."""
+    with uncollected():
+        function: Callable[..., Any] = getattr(import_module(COMMANDS[name]), name)
+    return function
+
+
+def command_help(name: str) -> str:
+    """Return the help of a command out of its source: to import them all for a list of them takes long."""
+    spec = find_spec(COMMANDS[name])
+    if spec is None or spec.origin is None:
+        return ""
+    body = ast.parse(Path(spec.origin).read_bytes()).body
+    functions = (node for node in body if isinstance(node, ast.FunctionDef) and node.name == name)
+    return next((ast.get_docstring(function) or "" for function in functions), "")
 
 
 def _discard_output() -> None:
@@ -66,10 +78,36 @@ def _ending_with_its_reader(function: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
+def _not_imported() -> None:
+    """Stand for a command that nobody has asked for."""
+
+
+class _Commands(TyperGroup):
+    """The commands: known by name alone until one is run, or until they are listed."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the name, the command itself in place of what stands for it, and its arguments."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, None if name is None else _command(name), rest
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of the commands."""
+        for name, command in self.commands.items():
+            command.help = command_help(name)
+        super().format_commands(ctx, formatter)
+
+
+def _command(name: str) -> Any:
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command(name)(_ending_with_its_reader(command_function(name)))
+    return typer.main.get_command(app)
+
+
 def make_app() -> typer.Typer:
     """Return the command line with all its commands."""
     app = typer.Typer(
         name="viso",
+        cls=_Commands,
         help="The autopilot's end of ArduPilot external navigation.",
         no_args_is_help=True,
         add_completion=False,
@@ -77,20 +115,32 @@ def make_app() -> typer.Typer:
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    for name, function in COMMANDS.items():
-        app.command(name)(_ending_with_its_reader(function))
+    for name in COMMANDS:
+        app.command(name)(_not_imported)
     return app
+
+
+def _reported() -> tuple[type[Exception], ...]:
+    # Looked for once something has gone wrong, for links take time to import.
+    from emulator.errors import InputError
+    from emulator.log_files import LogStoreError
+    from mav_handlers.links.base import LinkError
+
+    return InputError, LinkError, LogStoreError
 
 
 def main() -> None:
     """Run the command line: exit code 0 fine, 1 findings, 2 usage or unreadable input."""
+    atexit.register(gc.freeze)  # at the end everything goes anyway; to look through it for cycles first takes long
     try:
         make_app()()
-    except (InputError, LinkError, LogStoreError) as error:
-        print(f"viso: {error}", file=sys.stderr)
-        sys.exit(EXIT_USAGE)
     except OSError as error:
         # Files and links give errors of their own; left is standard output, for instance on a full disk.
         _discard_output()
         print(f"viso: {error.strerror or error}", file=sys.stderr)
+        sys.exit(EXIT_USAGE)
+    except Exception as error:
+        if not isinstance(error, _reported()):
+            raise
+        print(f"viso: {error}", file=sys.stderr)
         sys.exit(EXIT_USAGE)

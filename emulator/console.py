@@ -4,14 +4,17 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 from rich.text import Text
 
 from ap_core.verdict import Outcome, Rule
 from mav_handlers.all_verdicts import ALL_VERDICTS
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 _STYLES = {
     Outcome.ACCEPTED: "green",
@@ -58,8 +61,11 @@ def verdict_rows(counts: VerdictCounts) -> list[dict[str, object]]:
 
 
 @contextmanager
-def progress(title: str, total: int | None) -> Iterator[Progress]:
+def progress(title: str, total: int | None) -> "Iterator[Progress]":
     """Show progress on standard error, if that is a terminal; the one task has id 0."""
+    # Imported by those who wait: it makes every other command start slower.
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         bar.add_task(title, total=total)

@@ -4,14 +4,16 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rich.table import Column, Table
 
-from companion.landmarks.fit import PoseErrors
 from companion.landmarks.residuals import Innovation
 from companion.landmarks.scene import Scene
 from companion.landmarks.statistics import InnovationStatistics, Summary
+
+if TYPE_CHECKING:
+    from companion.landmarks.fit import PoseErrors
 
 MOST_ROWS: Final = 20
 """Of single landmarks or aircraft in a table; machines get all."""
@@ -76,7 +78,7 @@ def live_line(scene: Scene) -> str:
     return ", ".join(parts)
 
 
-def errors_row(errors: PoseErrors) -> dict[str, Any]:
+def errors_row(errors: "PoseErrors") -> dict[str, Any]:
     """Return a fit for JSON: angles in degrees, times in ms; null where the data do not tell."""
     return {
         "yaw_offset_deg": _scaled(errors.yaw_offset_rad, math.degrees(1)),
@@ -129,7 +131,7 @@ def oddities(summary: Summary) -> Iterator[str]:
             yield f"{what}: {', '.join(names)}{more}"
 
 
-def fit_lines(errors: PoseErrors) -> Iterator[str]:
+def fit_lines(errors: "PoseErrors") -> Iterator[str]:
     """Yield what a fit says, in sentences."""
     if not errors.used:
         yield f"no fit: {errors.rejected} observations of known landmarks with poses around them are too few"
@@ -141,7 +143,7 @@ def fit_lines(errors: PoseErrors) -> Iterator[str]:
     yield f"from {used} observations, {rejected} left out; {errors.rms_px:.2f} px rms are left"
 
 
-def _heading(errors: PoseErrors) -> str:
+def _heading(errors: "PoseErrors") -> str:
     if errors.yaw_offset_rad is None or errors.yaw_sigma_rad is None:
         return _UNTOLD
     off_deg, sigma_deg = math.degrees(errors.yaw_offset_rad), math.degrees(errors.yaw_sigma_rad)
@@ -152,7 +154,7 @@ def _heading(errors: PoseErrors) -> str:
     return f"your heading is off by {_measured(off_deg, sigma_deg)} deg: the true one is {side} it ({makes_up})"
 
 
-def _mounting(errors: PoseErrors) -> str:
+def _mounting(errors: "PoseErrors") -> str:
     if errors.pitch_trim_rad is None or errors.pitch_sigma_rad is None:
         return _UNTOLD
     off_deg, sigma_deg = math.degrees(errors.pitch_trim_rad), math.degrees(errors.pitch_sigma_rad)
@@ -163,7 +165,7 @@ def _mounting(errors: PoseErrors) -> str:
     return f"the camera looks {_measured(off_deg, sigma_deg)} deg {side} than believed ({makes_up})"
 
 
-def _delay(errors: PoseErrors) -> str:
+def _delay(errors: "PoseErrors") -> str:
     if errors.delay_s is None or errors.delay_sigma_s is None:
         return f"{_UNTOLD}: a vehicle that stands still shows no delay"
     off_ms, sigma_ms = 1e3 * errors.delay_s, 1e3 * errors.delay_sigma_s

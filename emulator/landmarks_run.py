@@ -7,10 +7,9 @@ import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from companion.landmarks.aircraft import state_vectors_record
-from companion.landmarks.fit import PoseErrors, fit_pose_errors
 from companion.landmarks.residuals import Residuals
 from companion.landmarks.scene import Scene
 from companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
@@ -18,6 +17,9 @@ from companion.landmarks.statistics import Summary, summarise
 from companion.landmarks.types import Event
 from emulator.errors import InputError
 from emulator.landmarks_report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
+
+if TYPE_CHECKING:
+    from companion.landmarks.fit import PoseErrors
 
 LINE_PERIOD_S: Final = 1.0
 _ROUNDING_S: Final = 1e-6
@@ -71,8 +73,10 @@ class Run:
         """Return the statistics of landmarks and aircraft."""
         return {"landmark": summarise(self._landmarks), "aircraft": summarise(self._aircraft)}
 
-    def fit(self) -> PoseErrors:
+    def fit(self) -> "PoseErrors":
         """Return which errors would explain the innovations of the landmarks."""
+        from companion.landmarks.fit import fit_pose_errors  # with splines that take longer to import than all else
+
         session = self.session
         return fit_pose_errors(session.camera, session.poses, session.landmarks, session.pictures)
 

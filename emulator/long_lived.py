@@ -13,9 +13,25 @@ def long_lived() -> Iterator[None]:
     if gc.get_freeze_count():
         yield
         return
-    gc.collect()
-    gc.freeze()
+    gc.freeze()  # with the little garbage that starting has made: to find it would delay the first message
     try:
         yield
     finally:
         gc.unfreeze()
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Look for no garbage while something is made that stays, such as modules; afterwards it counts as old."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if not gc.get_freeze_count():
+            # Everything goes into the oldest generation at once; a collector that is just switched on would go
+            # through all of it on its way there.
+            gc.freeze()
+            gc.unfreeze()
+        if was_on:
+            gc.enable()

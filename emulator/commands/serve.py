@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -41,8 +41,10 @@ from emulator.settings import load_settings
 from emulator.signals import stop_on_signal
 from emulator.vehicle import Vehicle, VehicleConfig
 from emulator.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file
-from emulator.web.live_view import LiveView
 from mav_handlers.links import Link, open_link
+
+if TYPE_CHECKING:
+    from emulator.web.live_view import LiveView
 
 MAX_DURATION_S = 4e9
 STORAGE_NAME = "storage.parm"
@@ -78,7 +80,10 @@ def _profile_text(firmware: Firmware) -> str:
     return f"firmware {firmware.name}, --firmware {others} for another"
 
 
-def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, stack: ExitStack) -> LiveView:
+def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, stack: ExitStack) -> "LiveView":
+    # Imported where it is wanted: with the faults that it can switch on it takes as long as the autopilot itself.
+    from emulator.web.live_view import LiveView
+
     view = LiveView(address, links, title, speedup=speedup)
     stack.callback(view.close)
     return view

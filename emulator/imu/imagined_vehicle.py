@@ -4,8 +4,7 @@
 
 from typing import Final, NamedTuple
 
-import quaternion
-
+from ekf_stub import quaternions as quaternion
 from ekf_stub.error_state import GRAVITY_MSS, euler_of
 from emulator.imu.attitude import quat_of_rpy, rotation_between
 from emulator.imu.vectors import ZERO, Three

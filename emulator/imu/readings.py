@@ -7,8 +7,7 @@ The reference reads both ten times a second, and its filter sees a reading in th
 
 from typing import Final
 
-import quaternion
-
+from ekf_stub import quaternions as quaternion
 from ekf_stub.inertial import Array
 from emulator.imu.attitude import rotate_to_body
 from emulator.imu.errors import to_single

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import quaternion
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub import quaternions as quaternion
 from ekf_stub.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
 from ekf_stub.sensors import Sensors
 from emulator.errors import InputError

@@ -6,8 +6,7 @@ import math
 from collections import Counter
 from typing import Final, NamedTuple
 
-import quaternion
-
+from ekf_stub import quaternions as quaternion
 from ekf_stub.error_state import euler_of
 from emulator.imu.attitude import quat_of_rpy
 from emulator.imu.imagined_vehicle import Movement

@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub import quaternions as quaternion
 from ekf_stub.inertial import Array
 from emulator.imu.attitude import rotation_between
 from emulator.imu.imagined_vehicle import MAX_ACCEL, Movement

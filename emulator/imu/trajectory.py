@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
-import quaternion
-
+from ekf_stub import quaternions as quaternion
 from ekf_stub.error_state import GRAVITY_MSS
 from emulator.imu.attitude import Three, quat_of_rpy
 from emulator.imu.legs import Leg, Motion

@@ -6,16 +6,11 @@ Field names, units and order are those of the message definitions (common.xml, a
 text is ``str`` without its padding. Extension fields, which a sender may leave out, default to zero as on the wire.
 """
 
-from dataclasses import dataclass
+from mav_handlers.wire.message_class import Message as Message
+from mav_handlers.wire.message_class import message
 
 
-class Message:
-    """Base of all messages; the class name is MAVLink's name of the message."""
-
-    __slots__ = ()
-
-
-@dataclass(frozen=True, slots=True)
+@message
 class HEARTBEAT(Message):
     """Presence, type, mode and state of a component."""
 
@@ -27,7 +22,7 @@ class HEARTBEAT(Message):
     mavlink_version: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SYS_STATUS(Message):
     """Sensors present, enabled and healthy (bit masks), load, battery and error counters."""
 
@@ -49,7 +44,7 @@ class SYS_STATUS(Message):
     onboard_control_sensors_health_extended: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SYSTEM_TIME(Message):
     """UTC in us (0 while unknown) and ms since boot."""
 
@@ -57,7 +52,7 @@ class SYSTEM_TIME(Message):
     time_boot_ms: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SET_MODE(Message):
     """Request for a flight mode."""
 
@@ -66,7 +61,7 @@ class SET_MODE(Message):
     custom_mode: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PARAM_REQUEST_READ(Message):
     """Request for one parameter, by index or (index -1) by name."""
 
@@ -76,7 +71,7 @@ class PARAM_REQUEST_READ(Message):
     param_index: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PARAM_REQUEST_LIST(Message):
     """Request for all parameters."""
 
@@ -84,7 +79,7 @@ class PARAM_REQUEST_LIST(Message):
     target_component: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PARAM_VALUE(Message):
     """One parameter: value as float32 whatever its type."""
 
@@ -95,7 +90,7 @@ class PARAM_VALUE(Message):
     param_index: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PARAM_SET(Message):
     """Request to change a parameter."""
 
@@ -106,7 +101,7 @@ class PARAM_SET(Message):
     param_type: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PARAM_ERROR(Message):
     """Why a parameter was not read or set (MAV_PARAM_ERROR); by name with index -1."""
 
@@ -117,7 +112,7 @@ class PARAM_ERROR(Message):
     error: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class GPS_RAW_INT(Message):
     """What a GPS says: degE7, mm, dilutions x 100 (65535 unknown), cm/s, centidegrees; accuracies in mm and mm/s."""
 
@@ -139,7 +134,7 @@ class GPS_RAW_INT(Message):
     yaw: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SCALED_IMU(Message):
     """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
 
@@ -156,7 +151,7 @@ class SCALED_IMU(Message):
     temperature: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class RAW_IMU(Message):
     """First IMU and compass, as the firmware scales them: mG, mrad/s, mgauss, 0.01 degC."""
 
@@ -174,7 +169,7 @@ class RAW_IMU(Message):
     temperature: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SCALED_PRESSURE(Message):
     """First barometer: hPa, 0.01 degC."""
 
@@ -185,7 +180,7 @@ class SCALED_PRESSURE(Message):
     temperature_press_diff: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ATTITUDE(Message):
     """Roll, pitch, yaw in rad, body rates in rad/s."""
 
@@ -198,7 +193,7 @@ class ATTITUDE(Message):
     yawspeed: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ATTITUDE_QUATERNION(Message):
     """Attitude as w, x, y, z (body to NED), body rates in rad/s."""
 
@@ -213,7 +208,7 @@ class ATTITUDE_QUATERNION(Message):
     repr_offset_q: tuple[float, ...] = (0.0,) * 4
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOCAL_POSITION_NED(Message):
     """Position in m and velocity in m/s, NED from the EKF origin."""
 
@@ -226,7 +221,7 @@ class LOCAL_POSITION_NED(Message):
     vz: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class GLOBAL_POSITION_INT(Message):
     """Place and velocity: degE7, mm above sea level and above home, cm/s NED, centidegrees."""
 
@@ -241,7 +236,7 @@ class GLOBAL_POSITION_INT(Message):
     hdg: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class RC_CHANNELS_RAW(Message):
     """Eight radio channels in us, for MAVLink 1."""
 
@@ -258,7 +253,7 @@ class RC_CHANNELS_RAW(Message):
     rssi: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SERVO_OUTPUT_RAW(Message):
     """Sixteen servo outputs in us."""
 
@@ -282,7 +277,7 @@ class SERVO_OUTPUT_RAW(Message):
     servo16_raw: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_CURRENT(Message):
     """The mission's present item, number of items, state and mode."""
 
@@ -292,7 +287,7 @@ class MISSION_CURRENT(Message):
     mission_mode: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SET_GPS_GLOBAL_ORIGIN(Message):
     """Request to set the EKF origin: degE7, mm above mean sea level."""
 
@@ -303,7 +298,7 @@ class SET_GPS_GLOBAL_ORIGIN(Message):
     time_usec: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class GPS_GLOBAL_ORIGIN(Message):
     """The EKF origin: degE7, mm above mean sea level, us since boot."""
 
@@ -313,7 +308,7 @@ class GPS_GLOBAL_ORIGIN(Message):
     time_usec: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class NAV_CONTROLLER_OUTPUT(Message):
     """Where the controllers want to go: degrees, m, m/s."""
 
@@ -327,7 +322,7 @@ class NAV_CONTROLLER_OUTPUT(Message):
     xtrack_error: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class RC_CHANNELS(Message):
     """Eighteen radio channels in us, signal strength (255 unknown)."""
 
@@ -354,7 +349,7 @@ class RC_CHANNELS(Message):
     rssi: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class REQUEST_DATA_STREAM(Message):
     """Request for the rate in Hz of a group of messages."""
 
@@ -365,7 +360,7 @@ class REQUEST_DATA_STREAM(Message):
     start_stop: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class VFR_HUD(Message):
     """What a pilot looks at: m/s, degrees, percent, m above sea level, m/s upwards."""
 
@@ -377,7 +372,7 @@ class VFR_HUD(Message):
     climb: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class COMMAND_INT(Message):
     """A command with x and y as integers."""
 
@@ -396,7 +391,7 @@ class COMMAND_INT(Message):
     z: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class COMMAND_LONG(Message):
     """A command with seven float32 parameters."""
 
@@ -413,7 +408,7 @@ class COMMAND_LONG(Message):
     param7: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class COMMAND_ACK(Message):
     """Result of a command."""
 
@@ -425,7 +420,7 @@ class COMMAND_ACK(Message):
     target_component: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class GLOBAL_VISION_POSITION_ESTIMATE(Message):
     """An alias of VISION_POSITION_ESTIMATE to the firmware; not a geodetic position."""
 
@@ -440,7 +435,7 @@ class GLOBAL_VISION_POSITION_ESTIMATE(Message):
     reset_counter: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class VISION_POSITION_ESTIMATE(Message):
     """Position in m NED, roll, pitch, yaw in rad, row-major upper triangle of the 6x6 covariance."""
 
@@ -455,7 +450,7 @@ class VISION_POSITION_ESTIMATE(Message):
     reset_counter: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class VISION_SPEED_ESTIMATE(Message):
     """Velocity in m/s NED, 3x3 covariance."""
 
@@ -467,7 +462,7 @@ class VISION_SPEED_ESTIMATE(Message):
     reset_counter: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class VICON_POSITION_ESTIMATE(Message):
     """As VISION_POSITION_ESTIMATE, without a reset counter."""
 
@@ -481,7 +476,7 @@ class VICON_POSITION_ESTIMATE(Message):
     covariance: tuple[float, ...] = (0.0,) * 21
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class HIGHRES_IMU(Message):
     """Inertial sensors, compass and barometer with a mask of what is new: m/s/s, rad/s, hPa, m, degC."""
 
@@ -503,7 +498,7 @@ class HIGHRES_IMU(Message):
     id: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class TIMESYNC(Message):
     """Time in ns: tc1 of the answering side (0 in a request), ts1 of the asking side."""
 
@@ -511,7 +506,7 @@ class TIMESYNC(Message):
     ts1: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SCALED_IMU2(Message):
     """Second IMU and compass, as SCALED_IMU."""
 
@@ -528,7 +523,7 @@ class SCALED_IMU2(Message):
     temperature: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class POWER_STATUS(Message):
     """Voltages of the board and of the servo rail in mV."""
 
@@ -537,7 +532,7 @@ class POWER_STATUS(Message):
     flags: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SCALED_IMU3(Message):
     """Third IMU and compass, as SCALED_IMU."""
 
@@ -554,7 +549,7 @@ class SCALED_IMU3(Message):
     temperature: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SCALED_PRESSURE2(Message):
     """Second barometer, as SCALED_PRESSURE."""
 
@@ -565,7 +560,7 @@ class SCALED_PRESSURE2(Message):
     temperature_press_diff: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ATT_POS_MOCAP(Message):
     """Attitude as w, x, y, z and position in m NED."""
 
@@ -577,7 +572,7 @@ class ATT_POS_MOCAP(Message):
     covariance: tuple[float, ...] = (0.0,) * 21
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class BATTERY_STATUS(Message):
     """A battery: mV of each cell (65535 none), cA, mAh, hJ, percent."""
 
@@ -597,7 +592,7 @@ class BATTERY_STATUS(Message):
     fault_bitmask: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MEMINFO(Message):
     """Free memory in bytes."""
 
@@ -606,7 +601,7 @@ class MEMINFO(Message):
     freemem32: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class AHRS(Message):
     """Gyro bias in rad/s and DCM's errors."""
 
@@ -619,7 +614,7 @@ class AHRS(Message):
     error_yaw: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class HWSTATUS(Message):
     """Voltage of the board in mV, errors of the I2C bus."""
 
@@ -627,7 +622,7 @@ class HWSTATUS(Message):
     I2Cerr: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class AHRS2(Message):
     """Attitude in rad and place (m, degE7) of the second estimator."""
 
@@ -639,7 +634,7 @@ class AHRS2(Message):
     lng: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class AUTOPILOT_VERSION_REQUEST(Message):
     """Request for AUTOPILOT_VERSION."""
 
@@ -647,7 +642,7 @@ class AUTOPILOT_VERSION_REQUEST(Message):
     target_component: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class AUTOPILOT_VERSION(Message):
     """Capabilities, versions and ids."""
 
@@ -665,7 +660,7 @@ class AUTOPILOT_VERSION(Message):
     uid2: tuple[int, ...] = (0,) * 18
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class EKF_STATUS_REPORT(Message):
     """What the EKF says of itself: flags, and square roots of test ratios, 1.0 at the gate."""
 
@@ -678,7 +673,7 @@ class EKF_STATUS_REPORT(Message):
     airspeed_variance: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class VIBRATION(Message):
     """Vibration levels in m/s/s and how often each accelerometer clipped."""
 
@@ -691,7 +686,7 @@ class VIBRATION(Message):
     clipping_2: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class HOME_POSITION(Message):
     """Home: degE7, mm; m NED from the EKF origin."""
 
@@ -708,7 +703,7 @@ class HOME_POSITION(Message):
     time_usec: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MESSAGE_INTERVAL(Message):
     """Interval of a message in us: -1 not sent, 0 unknown."""
 
@@ -716,7 +711,7 @@ class MESSAGE_INTERVAL(Message):
     interval_us: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class EXTENDED_SYS_STATE(Message):
     """Kind of flight of a VTOL, and whether landed."""
 
@@ -724,7 +719,7 @@ class EXTENDED_SYS_STATE(Message):
     landed_state: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class NAMED_VALUE_FLOAT(Message):
     """A value with a name, for debugging."""
 
@@ -733,7 +728,7 @@ class NAMED_VALUE_FLOAT(Message):
     value: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class STATUSTEXT(Message):
     """A text with its severity; longer ones come in chunks of 50 characters that share an id."""
 
@@ -743,7 +738,7 @@ class STATUSTEXT(Message):
     chunk_seq: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ODOMETRY(Message):
     """Pose and velocity: m, m/s, rad/s; q as w, x, y, z; quality -1 failed, 0 unknown, 1..100."""
 
@@ -767,7 +762,7 @@ class ODOMETRY(Message):
     quality: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class VISION_POSITION_DELTA(Message):
     """Change of angle (rad) and position (m) in the body frame over time_delta_usec."""
 
@@ -778,7 +773,7 @@ class VISION_POSITION_DELTA(Message):
     confidence: float
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class FILE_TRANSFER_PROTOCOL(Message):
     """One request or reply of MAVLink FTP, 251 bytes."""
 
@@ -788,7 +783,7 @@ class FILE_TRANSFER_PROTOCOL(Message):
     payload: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOG_REQUEST_LIST(Message):
     """Request for a list of logs: first and last id."""
 
@@ -798,7 +793,7 @@ class LOG_REQUEST_LIST(Message):
     end: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOG_ENTRY(Message):
     """One log: id 1..num_logs, last id of this list, UTC in s (0 while unknown), bytes; all 0 when there is none."""
 
@@ -809,7 +804,7 @@ class LOG_ENTRY(Message):
     size: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOG_REQUEST_DATA(Message):
     """Request for ``count`` bytes of a log from offset ``ofs`` on."""
 
@@ -820,7 +815,7 @@ class LOG_REQUEST_DATA(Message):
     count: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOG_DATA(Message):
     """Up to 90 bytes of a log, padded with zeros; fewer end the transfer."""
 
@@ -830,7 +825,7 @@ class LOG_DATA(Message):
     data: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOG_ERASE(Message):
     """Request to erase all logs."""
 
@@ -838,7 +833,7 @@ class LOG_ERASE(Message):
     target_component: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LOG_REQUEST_END(Message):
     """Request to stop a log transfer."""
 
@@ -846,7 +841,7 @@ class LOG_REQUEST_END(Message):
     target_component: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SETUP_SIGNING(Message):
     """Signing key of 32 bytes and first timestamp (10 us since 2015); all zero ends signing."""
 
@@ -856,7 +851,7 @@ class SETUP_SIGNING(Message):
     initial_timestamp: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class RADIO_STATUS(Message):
     """Signal and noise of a radio and its peer, free transmit buffer (%), receive errors and corrected packets."""
 
@@ -869,7 +864,7 @@ class RADIO_STATUS(Message):
     fixed: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class OPTICAL_FLOW(Message):
     """Movement of an image: flow in 0.1 pixels (as the sender sees it), compensated flow in m/s, quality 0..255."""
 
@@ -885,7 +880,7 @@ class OPTICAL_FLOW(Message):
     flow_rate_y: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class DISTANCE_SENSOR(Message):
     """A distance in cm, its limits, and where the sensor looks."""
 
@@ -903,7 +898,7 @@ class DISTANCE_SENSOR(Message):
     signal_quality: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class LANDING_TARGET(Message):
     """Where a landing target is: angles in rad from the image's middle, distance in m, or a position in m."""
 
@@ -923,7 +918,7 @@ class LANDING_TARGET(Message):
     position_valid: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class GPS_INPUT(Message):
     """A GPS solution: degE7, m above mean sea level, m/s NED, accuracies in m/s and m; yaw in 0.01 deg, 0 for none."""
 
@@ -948,7 +943,7 @@ class GPS_INPUT(Message):
     yaw: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class HIL_SENSOR(Message):
     """A simulator's sensors with a mask of what is new: m/s/s (gravity felt), rad/s, gauss, hPa, m, degC."""
 
@@ -970,7 +965,7 @@ class HIL_SENSOR(Message):
     id: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class HIL_STATE_QUATERNION(Message):
     """A simulator's truth: w, x, y, z (body to NED), rad/s, degE7, mm, cm/s NED, airspeeds in cm/s, mG."""
 
@@ -992,7 +987,7 @@ class HIL_STATE_QUATERNION(Message):
     zacc: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ADSB_VEHICLE(Message):
     """An aircraft: degE7, mm, heading in 0.01 deg, speeds in cm/s, seconds since it was last heard of."""
 
@@ -1011,7 +1006,7 @@ class ADSB_VEHICLE(Message):
     squawk: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class RADIO(Message):
     """RADIO_STATUS as older radios send it."""
 
@@ -1024,7 +1019,7 @@ class RADIO(Message):
     fixed: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class AVAILABLE_MODES(Message):
     """One flight mode: how many there are, its index from 1, its numbers, its properties (bits) and its name."""
 
@@ -1036,14 +1031,14 @@ class AVAILABLE_MODES(Message):
     mode_name: str
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class AVAILABLE_MODES_MONITOR(Message):
     """A number that changes with the list of modes."""
 
     seq: int
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_REQUEST_LIST(Message):
     """Request for the number of items: of a mission (0), a fence (1) or rally points (2)."""
 
@@ -1052,7 +1047,7 @@ class MISSION_REQUEST_LIST(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_COUNT(Message):
     """How many items there are, or will come."""
 
@@ -1062,7 +1057,7 @@ class MISSION_COUNT(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_REQUEST(Message):
     """Request for one item, in float32."""
 
@@ -1072,7 +1067,7 @@ class MISSION_REQUEST(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_REQUEST_INT(Message):
     """Request for one item."""
 
@@ -1082,7 +1077,7 @@ class MISSION_REQUEST_INT(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_ITEM(Message):
     """One item; x and y are degrees where they are a place, z is metres."""
 
@@ -1103,7 +1098,7 @@ class MISSION_ITEM(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_ITEM_INT(Message):
     """One item; x and y are degE7 where they are a place, z is metres."""
 
@@ -1124,7 +1119,7 @@ class MISSION_ITEM_INT(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_ACK(Message):
     """End of a transfer, with a MAV_MISSION_RESULT."""
 
@@ -1134,7 +1129,7 @@ class MISSION_ACK(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_CLEAR_ALL(Message):
     """Request to forget all items."""
 
@@ -1143,7 +1138,7 @@ class MISSION_CLEAR_ALL(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class MISSION_WRITE_PARTIAL_LIST(Message):
     """Announcement of items that replace some."""
 
@@ -1154,7 +1149,7 @@ class MISSION_WRITE_PARTIAL_LIST(Message):
     mission_type: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SET_HOME_POSITION(Message):
     """Wish for another home: degE7, mm; the firmware ignores it."""
 

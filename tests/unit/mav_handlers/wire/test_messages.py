@@ -20,7 +20,7 @@ def definition(cls: type[Message]) -> Any:
 
 
 def fields_of(cls: type[Message]) -> tuple[Any, ...]:
-    return fields(cls)  # type: ignore[arg-type]  # all are dataclasses
+    return fields(cls)
 
 
 @every_message
