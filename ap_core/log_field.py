@@ -32,7 +32,8 @@ def _int_of_float_wide(value: float) -> int:
     return math.trunc(value) if -_I64_LIMIT <= value < _I64_LIMIT else -_I64_LIMIT
 
 
-def _scaled(value: float | np.floating, scale: int) -> float:
+def scaled(value: float | np.floating, scale: int) -> float:
+    """Return what an integer field takes of a physical value before it cuts off the rest."""
     product = float(value) * scale
     if isinstance(value, np.float32) and abs(product) < _I64_LIMIT:
         return float(np.float32(product))  # exact product rounded once: what a float32 multiplication gives
@@ -48,7 +49,7 @@ def _integer(bits: int, *, wide: bool = False, scale: int = 1) -> Converter:
         if isinstance(value, _TEXT_TYPES):
             raise TypeError("text in a numeric field")
         if isinstance(value, _FLOAT_TYPES):
-            return truncate(_scaled(value, scale)) & mask
+            return truncate(scaled(value, scale)) & mask
         return operator.index(value) & mask
 
     return convert
@@ -108,6 +109,9 @@ FORMATS: Final[dict[str, tuple[str, Converter]]] = {
     "Z": ("64s", _text(64)),
 }
 """Format character: struct code, converter. Integers arrive reduced to their width, floats as their bytes."""
+
+SCALES: Final[dict[str, int]] = {**dict.fromkeys("cCeE", 100), "L": 10_000_000}
+"""Format character of an integer that holds a physical value: by what it is multiplied."""
 
 DIRECT: Final[dict[str, str]] = {
     **dict.fromkeys("MB", "B"),

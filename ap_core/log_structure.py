@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.log_field import DIRECT, FORMATS, Converter, LogValue
+from ap_core.log_field import DIRECT, FORMATS, SCALES, Converter, LogValue, scaled
 
 HEAD_BYTE1: Final = 0xA3
 HEAD_BYTE2: Final = 0x95
@@ -121,10 +121,27 @@ class LogStructure:
         if self._direct is None:
             return None
         try:
+            if self._scales:
+                values = self._with_scaled(values)
             is_plain = math.isfinite(math.fsum(values))  # type: ignore[arg-type]  # text is a TypeError
             return self._direct.pack(self._header, *values) if is_plain else None
-        except (TypeError, ValueError, OverflowError, struct.error):
+        except (TypeError, ValueError, IndexError, OverflowError, struct.error):
             return None
+
+    def _with_scaled(self, values: Sequence[LogValue]) -> list[LogValue]:
+        """Return values with the floats of integer fields as the integers that are stored, where they fit."""
+        raw = list(values)
+        for index, scale in self._scales:
+            value = raw[index]
+            if type(value) is float:  # the most frequent
+                raw[index] = math.trunc(value * scale)
+            elif isinstance(value, np.floating):
+                raw[index] = math.trunc(scaled(value, scale))
+        return raw
+
+    @cached_property
+    def _scales(self) -> tuple[tuple[int, int], ...]:
+        return tuple((index, SCALES[char]) for index, char in enumerate(self.format) if char in SCALES)
 
     def _pack_each(self, values: Sequence[LogValue]) -> bytes:
         if len(values) != len(self._converters):

@@ -37,19 +37,21 @@ class Numbers:
 
     Args:
         params: all parameters.
+        prefix: what precedes each of the names that are asked for.
     """
 
-    def __init__(self, params: ParamTable) -> None:
+    def __init__(self, params: ParamTable, prefix: str = "") -> None:
         self._params = params
+        self._prefix = prefix
         self._generation: int | None = None
         self._values: dict[str, float] = {}
 
     def __call__(self, name: str) -> float:
-        """Return a parameter by its full name; ValueError when there is none."""
+        """Return a parameter by its name after the prefix; ValueError when there is none."""
         if self._generation != self._params.generation:
             self._values.clear()
             self._generation = self._params.generation
         value = self._values.get(name)
         if value is None:
-            value = self._values[name] = self._params.get_number(name)
+            value = self._values[name] = self._params.get_number(self._prefix + name)
         return value

@@ -5,6 +5,8 @@
 Components are (q1, q2, q3, q4) = (w, x, y, z), Hamilton convention. Nothing is normalised on the way in or out.
 """
 
+import math
+
 import numpy as np
 
 from ap_core.fmath import (
@@ -33,7 +35,7 @@ _DOWN = Vector3f(0, 0, 1)
 class Quaternion:
     """Attitude as (w, x, y, z); the identity when constructed without arguments. Treat it as immutable."""
 
-    __slots__ = ("q1", "q2", "q3", "q4")
+    __slots__ = ("_yaw", "q1", "q2", "q3", "q4")
 
     def __init__(
         self,
@@ -46,6 +48,7 @@ class Quaternion:
         self.q2 = q2 if type(q2) is f32 else f32(q2)
         self.q3 = q3 if type(q3) is f32 else f32(q3)
         self.q4 = q4 if type(q4) is f32 else f32(q4)
+        self._yaw: np.float32 | None = None
 
     def __repr__(self) -> str:
         return f"Quaternion({self.q1}, {self.q2}, {self.q3}, {self.q4})"
@@ -59,6 +62,10 @@ class Quaternion:
     def to_wxyz(self) -> tuple[np.float32, np.float32, np.float32, np.float32]:
         """Return (w, x, y, z)."""
         return self.q1, self.q2, self.q3, self.q4
+
+    def is_nan(self) -> bool:
+        """Tell whether any component is NaN (QuaternionT::is_nan)."""
+        return math.isnan(self.q1) or math.isnan(self.q2) or math.isnan(self.q3) or math.isnan(self.q4)
 
     @classmethod
     def from_euler(cls, roll: np.float32, pitch: np.float32, yaw: np.float32) -> "Quaternion":
@@ -113,9 +120,11 @@ class Quaternion:
         return safe_asin(_TWO * (self.q1 * self.q3 - self.q4 * self.q2))
 
     def get_euler_yaw(self) -> np.float32:
-        """Return yaw in radians, -pi..pi."""
-        q1, q2, q3, q4 = self.q1, self.q2, self.q3, self.q4
-        return atan2f(_TWO * (q1 * q4 + q2 * q3), _ONE - _TWO * (q3 * q3 + q4 * q4))
+        """Return yaw in radians, -pi..pi; worked out once, as several ask for that of a sample."""
+        if self._yaw is None:
+            q1, q2, q3, q4 = self.q1, self.q2, self.q3, self.q4
+            self._yaw = atan2f(_TWO * (q1 * q4 + q2 * q3), _ONE - _TWO * (q3 * q3 + q4 * q4))
+        return self._yaw
 
     def to_euler(self) -> tuple[np.float32, np.float32, np.float32]:
         """Return (roll, pitch, yaw) in radians (QuaternionT::to_euler)."""

@@ -29,6 +29,8 @@ BACKENDS: Final[Mapping[VisualOdom_Type, Callable[["AP_VisualOdom"], AP_VisualOd
     VisualOdom_Type.VOXL: AP_VisualOdom_IntelT265,
 }
 
+_NO_TYPE: Final = VisualOdom_Type.NONE
+
 # Infinities and NaN are data here: the firmware computes on, and so does the port.
 _ieee754 = np.errstate(all="ignore")
 
@@ -78,7 +80,7 @@ class AP_VisualOdom:
 
     def enabled(self) -> bool:
         """Tell whether VISO_TYPE is set (AP_VisualOdom::enabled)."""
-        return self.get_type() != VisualOdom_Type.NONE
+        return self.get_type() != _NO_TYPE
 
     def healthy(self) -> bool:
         """Tell whether there is a backend and it receives data (AP_VisualOdom::healthy)."""

@@ -22,9 +22,9 @@ from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.aiding import AidingMode
 from ekf_stub.core_report import CoreReport
 from ekf_stub.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
-from ekf_stub.ekf3_core import Ekf3Core, Frame
+from ekf_stub.ekf3_core import Ekf3Core, Frame, MakeState
 from ekf_stub.ekf_log import UNINITIALISED, EkfLog
-from ekf_stub.error_state import euler_of
+from ekf_stub.error_state import ErrorState, euler_of
 from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.ext_nav_log import VisualOdomFrame
 from ekf_stub.filter_status import FilterFlag, FilterStatus
@@ -58,10 +58,10 @@ class Ekf3Ahrs(AhrsBase):
         has_compass: tells whether a compass is in use; without one DCM's yaw is never initialised.
         around: the vehicle around it.
         estimates: where estimates are logged, if anywhere.
+        make_state: makes the filter's state; `ekf_stub.compiled_state` has a faster one.
 
     Attributes:
         core: the filter, once it has been set up; None also when no core is wanted.
-        on_filter_outcome: hears what becomes of each sample of external navigation (``ExtNavIngest.on_outcome``).
     """
 
     def __init__(
@@ -74,6 +74,7 @@ class Ekf3Ahrs(AhrsBase):
         has_compass: Callable[[], bool] = lambda: True,
         around: Surroundings | None = None,
         estimates: EkfLog | None = None,
+        make_state: MakeState = ErrorState,
         start_us: int = AHRS_START_US,
     ) -> None:
         super().__init__(clock, sources, log, start_us=start_us)
@@ -82,6 +83,7 @@ class Ekf3Ahrs(AhrsBase):
         self._has_compass = has_compass
         self._around = around or Surroundings()
         self._estimates = estimates
+        self._make_state = make_state
         self._camera: VisualOdomFrame | None = None
         self._places: tuple[Vector3f, Vector3f] | None = None
         self._lever = (0.0, 0.0, 0.0)
@@ -93,7 +95,7 @@ class Ekf3Ahrs(AhrsBase):
         self._quat: Quaternion | None = None
         self._reset_ms = 0
         self.core: Ekf3Core | None = None
-        self.on_filter_outcome: Callable[[FilterOutcome], None] | None = None
+        self._on_filter_outcome: Callable[[FilterOutcome], None] | None = None
         self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))  # refuses all until the filter is set up
 
     # Frames
@@ -102,18 +104,20 @@ class Ekf3Ahrs(AhrsBase):
         """Run one frame."""
         self._camera = camera
         now_us = self._clock.micros64()
-        self._source.set_armed(self._around.is_armed())
+        armed = self._around.is_armed()
+        self._source.set_armed(armed)
         sensors = self._source.sense(now_us)
         if sensors is not None:
             self._sensors = sensors
             if self.estimator_started():
-                self._run_frame(sensors, now_us)
+                self._run_frame(sensors, now_us, armed=armed)
         self._quat = None
 
-    def _run_frame(self, sensors: Sensors, now_us: int) -> None:
+    def _run_frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> None:
         if not self._is_set_up:
             self._set_up()
-        self._log_frame(sensors, now_us)
+        frame = self._frame(sensors, now_us, armed=armed)
+        self._log_frame(sensors, frame)
         core = self.core
         if core is None:
             return
@@ -121,7 +125,7 @@ class Ekf3Ahrs(AhrsBase):
         if was_initialised and not self._active:
             self._active = True
             self._around.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
-        core.run(self._frame(sensors, now_us))
+        core.run(frame)
         self._replay_log.note_run(was_initialised=was_initialised)
         self._log_tests(core, now_us)
         if core.yaw_resets != self._yaw_resets:
@@ -149,6 +153,7 @@ class Ekf3Ahrs(AhrsBase):
             CoreTexts(self._around.texts, cores),
             self.ext_nav_counts,
             self._has_compass,
+            self._make_state,
         )
         self._hand_to(self.core.ingest)
         if self._origin is not None:
@@ -156,20 +161,27 @@ class Ekf3Ahrs(AhrsBase):
 
     def _hand_to(self, ingest: ExtNavIngest) -> None:
         self._ingest = ingest
-        ingest.on_outcome = self._tell_outcome
+        ingest.on_outcome = self._on_filter_outcome
 
-    def _tell_outcome(self, outcome: FilterOutcome) -> None:
-        if self.on_filter_outcome is not None:
-            self.on_filter_outcome(outcome)
+    @property
+    def on_filter_outcome(self) -> Callable[[FilterOutcome], None] | None:
+        """What hears of each sample of external navigation what becomes of it (``ExtNavIngest.on_outcome``)."""
+        return self._on_filter_outcome
 
-    def _log_frame(self, sensors: Sensors, now_us: int) -> None:
-        around, log = self._around, self._replay_log
+    @on_filter_outcome.setter
+    def on_filter_outcome(self, on_filter_outcome: Callable[[FilterOutcome], None] | None) -> None:
+        self._on_filter_outcome = on_filter_outcome
+        if self._ingest is not None:
+            self._hand_to(self._ingest)
+
+    def _log_frame(self, sensors: Sensors, frame: Frame) -> None:
+        log = self._replay_log
         if self._sources.active_set != self._source_set:
             self._source_set = self._sources.active_set
             log.event(SOURCE_SET_1 + self._source_set)
-        if log.start_frame(now_us, around.flying_ms()):
-            log.vehicle(VehicleFrame(around.is_armed(), home=around.home()))
-            log.sensors(self._with_zeroed_baro(sensors), around.gps())
+        if log.start_frame(frame.time_us, frame.flying_ms):
+            log.vehicle(VehicleFrame(frame.armed, home=self._around.home()))
+            log.sensors(self._with_zeroed_baro(sensors), frame.gps)
         if self._camera is not None:
             log.frame(self._camera)
 
@@ -179,15 +191,15 @@ class Ekf3Ahrs(AhrsBase):
         height = float(np.float32(sensors.baro[1] - self._baro_zero_m))
         return Sensors(sensors.delta, (sensors.baro[0], height), sensors.mag, sensors.declination)
 
-    def _frame(self, sensors: Sensors, now_us: int) -> Frame:
+    def _frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> Frame:
         around = self._around
         home = around.home()
         return Frame(
             now_us,
             sensors.delta,
-            armed=around.is_armed(),
+            armed=armed,
             flying_ms=around.flying_ms(),
-            baro=self._with_zeroed_baro(sensors).baro,
+            baro=self._with_zeroed_baro(sensors).baro if self._baro_zero_m else sensors.baro,
             mag=sensors.mag,
             gps=around.gps(),
             declination=sensors.declination,

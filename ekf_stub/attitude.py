@@ -5,8 +5,8 @@
 import math
 
 import numpy as np
-import quaternion
 
+from ekf_stub import quaternions as quaternion
 from ekf_stub.inertial import Array, limited
 
 

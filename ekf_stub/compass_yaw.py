@@ -8,8 +8,7 @@ Source: AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, AP_NavEKF3/AP_NavEKF3_Control.cpp (
 import math
 from typing import Final
 
-import quaternion
-
+from ekf_stub import quaternions as quaternion
 from ekf_stub.error_state import ErrorState
 from ekf_stub.height_source import Vehicle
 from ekf_stub.inertial import limited
@@ -56,7 +55,7 @@ class CompassAlignment:
             self._snapshot(innovation)
 
     def _snapshot(self, innovation: float) -> None:
-        self._down_at_reset = float(self._state.pos[2])
+        self._down_at_reset = self._state.down
         self._quat_at_reset = self._state.quat
         self._innovation_at_reset = innovation
 
@@ -90,7 +89,7 @@ class CompassAlignment:
         return next((reason for reason, holds in reasons.items() if holds), None)
 
     def _is_anomalous(self, innovation: float) -> bool:
-        climbs = self._down_at_reset - float(self._state.pos[2]) > ANOMALY_CLIMB_M
+        climbs = self._down_at_reset - self._state.down > ANOMALY_CLIMB_M
         increase = abs(innovation) - abs(self._innovation_at_reset)
         turned = angle_between(self._quat_at_reset, self._state.quat) > increase
         return self._anomalies < MAX_ANOMALIES and climbs and increase > ANOMALY_INNOVATION and not turned

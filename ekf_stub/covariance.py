@@ -15,7 +15,7 @@ import numpy as np
 from ekf_stub.inertial import Array
 from ekf_stub.states import ACCEL, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, StateLimits
 
-_ROUNDING = 1e-13
+ROUNDING = 1e-13
 _NO_VAR = 1e-30
 
 
@@ -27,7 +27,7 @@ def diagonal(cov: Array) -> Array:
 def is_positive(cov: Array) -> bool:
     """Tell whether no mix of errors has a negative variance, but for rounding."""
     try:
-        np.linalg.cholesky(cov + np.diag(_ROUNDING * diagonal(cov) + _NO_VAR))
+        np.linalg.cholesky(cov + np.diag(ROUNDING * diagonal(cov) + _NO_VAR))
     except np.linalg.LinAlgError:
         return False
     return True
@@ -87,5 +87,5 @@ def fused(cov: Array, gain: Array, left_alone: Sequence[int], *, is_sharp: bool)
     if min(variances.tolist()) < 0.0:
         return None
     if is_sharp:
-        variances += _ROUNDING * diagonal(cov)
+        variances += ROUNDING * diagonal(cov)
     return after

@@ -8,19 +8,20 @@ Optical flow, range beacons, airspeed and wind are not fused; external navigatio
 import math
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
+from ekf_stub import quaternions as quaternion
 from ekf_stub.aiding import Aiding, AidingMode
 from ekf_stub.body_odometry import BodyOdometry
 from ekf_stub.core_report import CoreReport
 from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 from ekf_stub.error_state import EARTH_RATE, ErrorState, ProcessNoise, quat_of_euler
 from ekf_stub.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
+from ekf_stub.frame import Frame as Frame
 from ekf_stub.frame_door import FrameDoor
 from ekf_stub.gps_checks import GpsChecks
 from ekf_stub.gps_reading import GpsReading
@@ -31,7 +32,7 @@ from ekf_stub.measurements import BaroSample, Delayed, MagSample
 from ekf_stub.mode_control import ModeControl
 from ekf_stub.obs_ring import RingSizes
 from ekf_stub.output_predictor import OutputPredictor
-from ekf_stub.reporting import report_of, three
+from ekf_stub.reporting import report_of
 from ekf_stub.resets import POS_NE, Resets
 from ekf_stub.sources import EkfSources, SourceYaw
 from ekf_stub.stillness import Stillness
@@ -52,29 +53,14 @@ _FIX_2D: Final = 2
 _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE_P_NSE", "MAGB_P_NSE")
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """What the filter is given in a frame.
+MakeState = Callable[[quaternion.quaternion, Array], ErrorState]
+"""Makes the filter from an attitude and the variances of velocity and position."""
 
-    ``baro`` is (time of its last update in ms, height in m), ``mag`` (time in us, field in mGauss, body), ``gps`` the
-    newest solution; None when there is none. ``lever_arm`` is the camera's place from the IMU in m, body, ``home_lat``
-    the latitude of home in 1e-7 deg. ``declination`` (rad) is the compass's own; ``place_declination`` that of the
-    origin by a table of the world, where there is one.
-    """
-
-    time_us: int
-    delta: InertialDelta
-    armed: bool = False
-    flying_ms: int = 0
-    takeoff_expected: bool = False
-    touchdown_expected: bool = False
-    baro: tuple[int, float] | None = None
-    mag: tuple[int, Array] | None = None
-    gps: GpsSample | None = None
-    declination: float = 0.0
-    place_declination: float | None = None
-    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    home_lat: int = 0
+# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
+_ABSOLUTE: Final = AidingMode.ABSOLUTE
+_NO_AIDING: Final = AidingMode.NONE
+_YAW_COMPASS: Final = SourceYaw.COMPASS
+_YAW_EXTNAV: Final = SourceYaw.EXTNAV
 
 
 class Ekf3Core:
@@ -87,6 +73,7 @@ class Ekf3Core:
         texts: what the ground station is told.
         counts: what became of samples of external navigation.
         has_compass: tells whether a compass is in use.
+        make_state: makes the filter; `ekf_stub.compiled_state` has a faster one.
 
     Attributes:
         ingest: where external navigation is handed in.
@@ -105,12 +92,14 @@ class Ekf3Core:
         texts: CoreTexts,
         counts: Counter[tuple[str, str]],
         has_compass: Callable[[], bool],
+        make_state: MakeState = ErrorState,
     ) -> None:
         self.sources = sources
         self._get_float = get_float
         self._sizes = sizes
         self._texts = texts
         self._has_compass = has_compass
+        self._create_state = make_state
         self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self.gps = GpsReading(GpsChecks(), get_float, sizes.slow)
@@ -186,7 +175,7 @@ class Ekf3Core:
         quat = quat_of_euler(math.atan2(-accel[1], -accel[2]), math.asin(limited(accel[0], -1.0, 1.0)), 0.0)
         get = self._get_float
         variances = np.array([get("VELNE_M_NSE")] * 2 + [get("VELD_M_NSE")] + [get("POSNE_M_NSE")] * 2) ** 2
-        state = ErrorState(quat, np.append(variances, get("ALT_M_NSE") ** 2))
+        state = self._create_state(quat, np.append(variances, get("ALT_M_NSE") ** 2))
         latitude = math.radians(1e-7 * frame.home_lat)
         state.earth_rate_ned = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
         return state
@@ -216,6 +205,7 @@ class Ekf3Core:
         self.control = ModeControl(self)
         self._fusion_waits = False
         self._biases = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        self._densities: list[float] = []
 
     # Every frame
 
@@ -231,7 +221,7 @@ class Ekf3Core:
         self._check_stuck(frame, now_ms)
 
     def _check_stillness(self) -> None:
-        if (self.yaw.uses_compass() and self.yaw.source() == SourceYaw.COMPASS) or not self.control.vehicle.on_ground:
+        if (self.yaw.uses_compass() and self.yaw.source() == _YAW_COMPASS) or not self.control.vehicle.on_ground:
             self.stillness.skip()
             return
         self.stillness.test(*self._biases, self._sampler.dt_ekf_avg, self._get_float("OGNM_TEST_SF"))
@@ -246,11 +236,11 @@ class Ekf3Core:
         )
 
     def _run_step(self, frame: Frame, now_ms: int, step: InertialStep) -> None:
-        get, vehicle = self._get_float, self.control.vehicle
-        noise = ProcessNoise(*(get(name) for name in _NOISES))
+        get, vehicle, dt = self._get_float, self.control.vehicle, self._sampler.dt_ekf_avg
+        noise = self._process_noise(get)
         self.yaw.field.begin_step()
-        aided = self.aiding.mode is not AidingMode.NONE
-        self.state.predict(step, noise, self._sampler.dt_ekf_avg, aided=aided, on_ground=vehicle.on_ground)
+        aided = self.aiding.mode is not _NO_AIDING
+        self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground)
         self._read_sensors(frame, now_ms)
         climbed_m = self.control.climbed_m()
         self.yaw.step(now_ms, vehicle, step, is_still=self.stillness.is_still, climbed_m=climbed_m)
@@ -262,8 +252,13 @@ class Ekf3Core:
             self.fusion.step(now_ms, vehicle)
             self.odometry.step(now_ms, step)
         self.control.update_flags(frame, now_ms)
-        dt = self._sampler.dt_ekf_avg
-        self._biases = three(self.state.gyro_bias / dt), three(self.state.accel_bias / dt)
+        self._biases = self.state.bias_rates(dt)
+
+    def _process_noise(self, get: Callable[[str], float]) -> ProcessNoise:
+        densities = [get(name) for name in _NOISES]
+        if densities != self._densities:
+            self._densities, self._noise = densities, ProcessNoise(*densities)
+        return self._noise
 
     def _read_sensors(self, frame: Frame, now_ms: int) -> None:
         if frame.baro is not None and u32(frame.baro[0] - self._baro_ms) > SENSOR_INTERVAL_MS:
@@ -282,7 +277,7 @@ class Ekf3Core:
         fix = self.gps.read(
             frame.gps,
             now_ms,
-            absolute=self.aiding.mode is AidingMode.ABSOLUTE,
+            absolute=self.aiding.mode is _ABSOLUTE,
             worst_ratios=(innovations.vel_ratio, innovations.pos_ratio),
         )
         if fix is not None and self.gps.checks.good and self.origin is None:
@@ -335,7 +330,7 @@ class Ekf3Core:
             time_ms: when it was there, since boot; up to 5 s ago.
         """
         age_ms = self._now_ms - self.aiding.times.pos
-        if self.origin is None or self.aiding.mode is AidingMode.NONE or age_ms < DEAD_RECKONING_MS:
+        if self.origin is None or self.aiding.mode is _NO_AIDING or age_ms < DEAD_RECKONING_MS:
             return False
         age_of_place_ms = min(max(i32(self._now_ms - time_ms), 0), MAX_PLACE_AGE_MS)
         ahead_s = 1e-3 * (age_of_place_ms - u32(self._now_ms - self.ingest.horizon_ms))
@@ -366,11 +361,11 @@ class Ekf3Core:
         """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
         if self.initialised:
             return self.yaw.uses_ext_nav(now_ms)
-        return self.sources.yaw() == SourceYaw.EXTNAV and now_ms < YAW_IN_USE_MS
+        return self.sources.yaw() == _YAW_EXTNAV and now_ms < YAW_IN_USE_MS
 
     def is_still(self) -> bool | None:
         """Return the answer of the test for standing still, None while it does not run."""
-        return None if self.stillness.report is None else self.stillness.is_still
+        return self.stillness.is_still if self.stillness.is_tested else None
 
     @property
     def inertial(self) -> InertialDelta | None:
@@ -397,8 +392,8 @@ class Ekf3Core:
         """
         north, east, down = self.output.now.pos
         if self.origin is None:
-            is_unknown = self.aiding.mode is AidingMode.NONE
+            is_unknown = self.aiding.mode is _NO_AIDING
             return np.array([0.0, 0.0, down]) if is_unknown else np.array([north, east, down])
-        if self.aiding.mode is AidingMode.NONE and self._fix is not None and self._fix.fix_type >= _FIX_2D:
+        if self.aiding.mode is _NO_AIDING and self._fix is not None and self._fix.fix_type >= _FIX_2D:
             north, east = (float(value) for value in self.origin.distance_ned(self._fix.location).to_tuple()[:2])
         return np.array([north, east, down + 0.01 * (self.origin.alt_cm - self._origin_alt_cm)])

@@ -145,9 +145,10 @@ class EkfLog:
             return
         with np.errstate(over="ignore", invalid="ignore"):
             records = self._records(report, now_us // 1000, only_xkf4=level >= _ONLY_XKF4)
+        primary = self._primary()
         for core in self._cores():
             for structure, values, is_of_primary in records:
-                if core == self._primary() or not is_of_primary:
+                if core == primary or not is_of_primary:
                     self._logger.write(structure, (now_us, core, *values))
 
     def _primary(self) -> int:

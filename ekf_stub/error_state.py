@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-import quaternion
 
 from ekf_stub import covariance
+from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
 from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
 from ekf_stub.nominal_state import EARTH_RATE, NominalState
@@ -72,6 +72,8 @@ class ErrorState(NominalState):
             self.clear(slice(state, state + 1), variance)
         self.predicted_tilt_variance = self.tilt_variance()
         self._frozen_accel_vars: list[float | None] = [None, None, None]
+        self._added_for: tuple[ProcessNoise, float, bool, bool] | None = None
+        self._added: tuple[float, ...] = ()
         self._aided = False
         self._model = ProcessModel()
 
@@ -116,12 +118,27 @@ class ErrorState(NominalState):
         if self.learns_biases:
             self._freeze_unobservable(on_ground=on_ground)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
-        added = noise.variances(dt, biases=self.learns_biases, fields=self.learns_field)
-        self._model.predict(self.cov, self, del_ang, del_vel, dt, noise.attitude_variance(dt), added)
+        added = self._added_variances(noise, dt)
+        self._grow(del_ang, del_vel, dt, noise.attitude_variance(dt), added)
         self._isolate()
+        self._bound()
+        self.predicted_tilt_variance = self.tilt_variance()
+
+    def _added_variances(self, noise: ProcessNoise, dt: float) -> tuple[float, ...]:
+        key = noise, dt, self.learns_biases, self.learns_field
+        if key != self._added_for:  # from one step to the next little of it changes
+            self._added_for = key
+            self._added = noise.variances(dt, biases=self.learns_biases, fields=self.learns_field)
+        return self._added
+
+    def _grow(
+        self, del_ang: Array, del_vel: Array, dt: float, attitude_variance: float, variances: tuple[float, ...]
+    ) -> None:
+        self._model.predict(self.cov, self, del_ang, del_vel, dt, attitude_variance, variances)
+
+    def _bound(self) -> None:
         covariance.lower(self.cov, self.limits)
         covariance.lift(self.cov, self.limits)
-        self.predicted_tilt_variance = self.tilt_variance()
 
     def _freeze_unobservable(self, *, on_ground: bool) -> None:
         # On the ground only the bias of an axis that points along gravity can be told from tilt.
@@ -182,7 +199,7 @@ class ErrorState(NominalState):
     def _fuse(
         self, spread: Array, expected: float, innovation: float, variance: float, left_alone: Sequence[int] = ()
     ) -> bool:
-        if not (abs(innovation) <= MAX_INNOVATION and 0.0 <= variance < math.inf and expected < math.inf):
+        if not self._can_fuse(innovation, variance, expected):
             self.refused += 1
             return False
         variance = max(variance, MIN_NOISE_VAR)
@@ -197,6 +214,10 @@ class ErrorState(NominalState):
             gain[left_alone] = 0.0
         self.correct(gain * (-innovation / sigma))
         return True
+
+    @staticmethod
+    def _can_fuse(innovation: float, variance: float, expected: float) -> bool:
+        return abs(innovation) <= MAX_INNOVATION and 0.0 <= variance < math.inf and expected < math.inf
 
     # Resets
 
@@ -236,6 +257,7 @@ class ErrorState(NominalState):
         Each component of the quaternion counts for itself, as if they had nothing to do with each other.
         """
         w, x, y, z = self.quat.w, self.quat.x, self.quat.y, self.quat.z
-        w_var, x_var, y_var, z_var = covariance.diagonal(self.cov)[ATT].tolist()
+        var = self.cov.item
+        w_var, x_var, y_var, z_var = var(0, 0), var(1, 1), var(2, 2), var(3, 3)
         variance: float = 4 * ((x * x + y * y) * (w_var + z_var) + (w * w + z * z) * (x_var + y_var))
         return min(variance, MAX_TILT_VAR)

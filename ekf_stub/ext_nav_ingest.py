@@ -31,6 +31,11 @@ MIN_YAW_ERR: Final = f32(math.radians(5))
 T = TypeVar("T", bound=Timed)
 
 
+@np.errstate(over="ignore", invalid="ignore")
+def _yaw_of(quat: Quaternion) -> np.float32:
+    return quat.get_euler_yaw()
+
+
 @dataclass(frozen=True, slots=True)
 class PoseSample:
     """A position (m, NED) and its error; ``pos_reset`` after the camera's frame has jumped."""
@@ -161,11 +166,10 @@ class ExtNavIngest:
         pos_reset = reset_ms != self._reset_time_ms
         self._reset_time_ms = reset_ms
         taken = self._push("pose", self._poses, PoseSample(time_ms, pos, errors[0], pos_reset))
-        if any(math.isnan(part) for part in (*quat.to_wxyz(), errors[1])):
+        if quat.is_nan() or math.isnan(errors[1]):
             self.tell("yaw", rules.YAW_NOT_A_NUMBER, time_ms)
         else:
-            with np.errstate(over="ignore", invalid="ignore"):
-                yaw = quat.get_euler_yaw()
+            yaw = _yaw_of(quat)
             self._push("yaw", self._yaws, YawSample(time_ms, yaw, max(errors[1], MIN_YAW_ERR)))
         return taken
 

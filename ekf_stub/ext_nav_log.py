@@ -43,7 +43,7 @@ class ExtNavLog:
     def __init__(self, logger: RecordSink, enabled: Callable[[], bool]) -> None:
         self._logger = logger
         self._enabled = enabled
-        self._last: dict[tuple[str, int], bytes] = {}
+        self._last: dict[tuple[str, int], bytes | tuple[LogValue, ...]] = {}
         self._in_frames = False
         self._awaits_camera = False
         self._is_first = False
@@ -61,9 +61,15 @@ class ExtNavLog:
     def _write_changed(
         self, structure: LogStructure, values: Sequence[LogValue], *, instance: int = 0, force: bool = False
     ) -> None:
-        payload = structure.pack(values)
         key = structure.name, instance
-        if force or self._last.get(key) != payload:
+        if not force and not (self._in_frames and self._enabled()):
+            self._last[key] = tuple(values)  # which may never be needed
+            return
+        payload = structure.pack(values)
+        last = self._last.get(key)
+        if isinstance(last, tuple):
+            last = structure.pack(last)
+        if force or last != payload:
             self._last[key] = payload
             self._write(structure, values)
 
@@ -83,7 +89,7 @@ class ExtNavLog:
         self._awaits_camera = False
         if self._has_camera is None:
             self._has_camera = frame.enabled
-        if self._has_camera and (self._is_first or frame != self._camera):
+        if self._has_camera and (self._is_first or (frame is not self._camera and frame != self._camera)):
             self._camera = frame
             state = (u32(frame.delay_ms), int(frame.healthy), int(frame.enabled))
             self._write_changed(RVOH, (*frame.pos_offset.to_tuple(), *state), force=self._is_first)

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The estimator's status flags (AP_NavEKF3/AP_NavEKF3_Control.cpp, updateFilterStatus)."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ekf_stub.aiding import AidingMode
 from ekf_stub.filter_status import FilterFlag
 
 
-@dataclass(frozen=True, slots=True)
-class FilterState:
+class FilterState(NamedTuple):
     """What the flags follow from.
 
     ``keeps_velocity`` is true while a velocity of external navigation is among what the filter navigates by;

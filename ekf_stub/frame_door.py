@@ -9,13 +9,10 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from operator import is_
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from ekf_stub.frame import Frame
 from ekf_stub.inertial import MIN_DT, InertialDelta, InertialGuard
-
-if TYPE_CHECKING:
-    from ekf_stub.ekf3_core import Frame
 
 MAX_BARO_M: Final = 1e5
 MAX_FIELD_MGAUSS: Final = 1e5
@@ -31,11 +28,11 @@ def _within(limit: float, *values: float) -> bool:
     return sum(map(abs, values)) <= limit
 
 
-def _is_mag_sound(frame: "Frame") -> bool:
+def _is_mag_sound(frame: Frame) -> bool:
     return frame.mag is None or _within(MAX_FIELD_MGAUSS, *frame.mag[1].tolist())
 
 
-def _is_gps_sound(frame: "Frame") -> bool:
+def _is_gps_sound(frame: Frame) -> bool:
     gps = frame.gps
     if gps is None:
         return True
@@ -47,11 +44,11 @@ def _is_gps_sound(frame: "Frame") -> bool:
     )
 
 
-def _is_place_declination_sound(frame: "Frame") -> bool:
+def _is_place_declination_sound(frame: Frame) -> bool:
     return frame.place_declination is None or _within(MAX_DECLINATION_RAD, frame.place_declination)
 
 
-_SLOW: Final[dict[str, tuple[Callable[["Frame"], bool], Any]]] = {
+_SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
     "baro": (lambda frame: frame.baro is None or _within(MAX_BARO_M, frame.baro[1]), None),
     "mag": (_is_mag_sound, None),
     "gps": (_is_gps_sound, None),
@@ -76,21 +73,33 @@ class FrameDoor:
         self._inertial = InertialGuard()
         self.delta: InertialDelta | None = None
         self.refused: Counter[str] = Counter()
-        self._seen: tuple[object, ...] = ()
+        self._seen: Frame | None = None
         self._stand_ins: dict[str, Any] = {}
 
-    def admit(self, frame: "Frame") -> "Frame":
+    def admit(self, frame: Frame) -> Frame:
         """Return the frame with something else in place of what is refused."""
-        slow = frame.baro, frame.mag, frame.gps, frame.declination, frame.place_declination, frame.lever_arm
-        if not (self._seen and all(map(is_, slow, self._seen))):  # most frames bring what the one before has brought
-            self._seen = slow
+        if not self._has_been_seen(frame):
+            self._seen = frame
             self._stand_ins = {name: instead for name, (sound, instead) in _SLOW.items() if not sound(frame)}
         delta = self.delta = self._sound(frame.delta)
         if delta is frame.delta and not self._stand_ins:
             return frame
         stand_ins = self._stand_ins if delta is frame.delta else {"delta": delta, **self._stand_ins}
         self.refused.update(stand_ins.keys())
-        return replace(frame, **stand_ins)
+        return frame._replace(**stand_ins)
+
+    def _has_been_seen(self, frame: Frame) -> bool:
+        # Most frames bring what the one before has brought, but for inertial data.
+        seen = self._seen
+        return (
+            seen is not None
+            and frame.baro is seen.baro
+            and frame.mag is seen.mag
+            and frame.gps is seen.gps
+            and frame.declination is seen.declination
+            and frame.place_declination is seen.place_declination
+            and frame.lever_arm is seen.lever_arm
+        )
 
     def _sound(self, delta: InertialDelta) -> InertialDelta:
         delta = self._inertial.sound(delta)

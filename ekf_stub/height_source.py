@@ -31,6 +31,12 @@ EXT_NAV: Final = "ext_nav"
 GPS: Final = "gps"
 NO_SOURCE: Final = "none"
 
+# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
+_Z_BARO: Final = SourceZ.BARO
+_Z_EXTNAV: Final = SourceZ.EXTNAV
+_Z_GPS: Final = SourceZ.GPS
+_Z_NONE: Final = SourceZ.NONE
+
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
@@ -107,7 +113,7 @@ class HeightSource:
             self.baro_height = baro.height
         self._choose(now_ms)
         if baro is not None and self.active != BARO:
-            error = baro.height + float(self._state.pos[2]) - self._baro_offset
+            error = baro.height + self._state.down - self._baro_offset
             self._baro_offset += _OFFSET_GAIN * limited(error, -_OFFSET_STEP_LIMIT, _OFFSET_STEP_LIMIT)
         self.is_new = self._measure(now_ms, baro, vehicle)
         has_changed = self.is_new and self.active != self._fused
@@ -131,13 +137,13 @@ class HeightSource:
         source = self._sources.pos_z()
         gps_age_ms = u32(now_ms - self._gps.received_ms)
         ext_nav_is_fresh = self._ingest.have_pose and u32(now_ms - self._ingest.pose_stamp_ms) < FRESH_MS
-        if source == SourceZ.NONE:
+        if source == _Z_NONE:
             self.active = NO_SOURCE
-        elif source == SourceZ.BARO:
+        elif source == _Z_BARO:
             self.active = BARO
-        elif source == SourceZ.GPS and gps_age_ms < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
+        elif source == _Z_GPS and gps_age_ms < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
             self.active = GPS
-        elif source == SourceZ.EXTNAV and ext_nav_is_fresh:
+        elif source == _Z_EXTNAV and ext_nav_is_fresh:
             self.active = EXT_NAV
         gps_is_lost = self.active == GPS and gps_age_ms > GPS_LOST_MS
         if gps_is_lost or (self.active == EXT_NAV and not ext_nav_is_fresh):

@@ -9,11 +9,14 @@ an array of three takes 0.3 us and 5 us (1.3 us for the product, 4 us for the ma
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import quaternion
+
+from ekf_stub import quaternions as quaternion
+from ekf_stub.core_report import Three
 
 Array = npt.NDArray[np.float64]
 
@@ -27,17 +30,48 @@ MAX_DEL_ANG: Final = 10.0
 _SLOW: Final = 0.02  # weight of the newest interval in an average
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class InertialDelta:
     """What an IMU has measured since the last pass: m/s (specific force, gravity included) and rad, body (FRD).
 
-    ``del_vel_dt`` and ``del_ang_dt`` are the seconds over which each was measured.
+    ``del_vel_dt`` and ``del_ang_dt`` are the seconds over which each was measured. What a pass works out of them it
+    works out once: several parts of the filter ask for it.
     """
 
     del_vel: Array
     del_ang: Array
     del_vel_dt: float
     del_ang_dt: float
+
+    @cached_property
+    def pure_vel(self) -> quaternion.quaternion:
+        """``del_vel`` as a pure quaternion."""
+        return pure_quat(self.del_vel)
+
+    @cached_property
+    def pure_ang(self) -> quaternion.quaternion:
+        """``del_ang`` as a pure quaternion."""
+        return pure_quat(self.del_ang)
+
+    @cached_property
+    def turn(self) -> quaternion.quaternion:
+        """The rotation as a quaternion."""
+        return quat_of_rotation(self.del_ang)
+
+    @cached_property
+    def accel(self) -> Three | None:
+        """Specific force in m/s/s, None for no interval."""
+        return _rate(self.del_vel, self.del_vel_dt)
+
+    @cached_property
+    def gyro(self) -> Three | None:
+        """Body rates in rad/s, None for no interval."""
+        return _rate(self.del_ang, self.del_ang_dt)
+
+    @cached_property
+    def is_sound(self) -> bool:
+        """Whether it is finite, and no more than a vehicle survives."""
+        return is_sound(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +83,11 @@ class InertialStep:
     del_ang: Array
     del_vel_dt: float
     del_ang_dt: float
+
+
+def _rate(delta: Array, dt: float) -> Three | None:
+    x, y, z = delta.tolist()
+    return (x / dt, y / dt, z / dt) if dt > 0 else None
 
 
 def limited(value: float, low: float, high: float) -> float:
@@ -99,7 +138,7 @@ class InertialGuard:
 
     def sound(self, delta: InertialDelta) -> InertialDelta:
         """Return the data of a pass, or what stands in for it."""
-        if is_sound(delta):
+        if delta.is_sound:
             self._sound = delta
         else:
             self.refused += 1
@@ -133,8 +172,8 @@ class DownSampler:
         self.dt_imu_avg = dt_imu + _SLOW * (limited(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
         self._ang_dt += max(delta.del_ang_dt, MIN_DT)
         self._vel_dt += max(delta.del_vel_dt, MIN_DT)
-        turned = self._turned = (self._turned * quat_of_rotation(delta.del_ang)).normalized()
-        self._del_vel += turned * pure_quat(delta.del_vel) * turned.conjugate()
+        turned = self._turned = (self._turned * delta.turn).normalized()
+        self._del_vel += turned * delta.pure_vel * turned.conjugate()
         return self._complete(time_ms) if self._ang_dt >= EKF_TARGET_DT - 0.5 * self.dt_imu_avg else None
 
     def _complete(self, time_ms: int) -> InertialStep:

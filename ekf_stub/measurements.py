@@ -102,11 +102,11 @@ class Delayed:
 
     def _is_finite(self, kind: str, time_ms: int, values: Iterable[np.float32]) -> bool:
         # FIRMWARE PARITY: there an infinite position fails its gate, but is fused once position has timed out.
-        if all(math.isfinite(value) for value in values):
+        if all(map(math.isfinite, values)):
             return True
         self._ingest.tell(kind, rules.NOT_FINITE, time_ms)
         return False
 
 
 def _array(values: tuple[np.float32, np.float32, np.float32]) -> Array:
-    return np.array([float(value) for value in values])
+    return np.array(values, dtype=np.float64)

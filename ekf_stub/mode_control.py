@@ -18,11 +18,12 @@ from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 from ekf_stub.error_state import GYRO
 from ekf_stub.filter_flags import FilterState, filter_flags
 from ekf_stub.filter_status import FilterFlag
+from ekf_stub.frame import Frame
 from ekf_stub.height_source import Vehicle
 from ekf_stub.sources import SourceXY, SourceYaw, SourceZ
 
 if TYPE_CHECKING:
-    from ekf_stub.ekf3_core import Ekf3Core, Frame
+    from ekf_stub.ekf3_core import Ekf3Core
 
 HEALTHY_AFTER_MS: Final = 1000
 TILT_ALIGNED_VAR: Final = math.radians(5.0) ** 2
@@ -36,6 +37,15 @@ ODOMETRY_IN_USE_MS: Final = 5000
 MAX_ODOMETRY_ERR: Final = f32(1)
 NO_DRAG_MS: Final = 5000
 _TAKEOFF, _TOUCHDOWN, _USING_POSITION, _GLITCHING, _QUALITY_GOOD, _INITIALISED = 11, 12, 13, 14, 15, 16
+
+# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
+_ABSOLUTE: Final = AidingMode.ABSOLUTE
+_NO_AIDING: Final = AidingMode.NONE
+_RELATIVE: Final = AidingMode.RELATIVE
+_XY_EXTNAV: Final = SourceXY.EXTNAV
+_XY_GPS: Final = SourceXY.GPS
+_YAW_NONE: Final = SourceYaw.NONE
+_Z_GPS: Final = SourceZ.GPS
 
 
 class ModeControl:
@@ -54,14 +64,17 @@ class ModeControl:
         self._core = core
         self._initialised_ms: int | None = None
         self.vehicle = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)
+        self._known = (False, False, False, False)
         self._down_on_ground = 0.0
         self.tilt_aligned = False
-        self.flags = 0
+        self.flags = self._state_flags = self._now_ms = 0
+        self._dt_ekf_avg = 0.0
+        self._state: FilterState | None = None
 
     # Every frame
 
     def update(
-        self, frame: "Frame", now_ms: int, dt_ekf_avg: float, get_float: Callable[[str], float], texts: CoreTexts
+        self, frame: Frame, now_ms: int, dt_ekf_avg: float, get_float: Callable[[str], float], texts: CoreTexts
     ) -> None:
         """Find out what the vehicle is about, and choose how to navigate."""
         core = self._core
@@ -73,36 +86,38 @@ class ModeControl:
             texts.add("tilt alignment complete")
         self._detect_flight(frame)
         core.yaw.control(self.vehicle)
-        no_yaw = core.yaw.source() == SourceYaw.NONE and not frame.armed
-        if no_yaw and core.aiding.mode is not AidingMode.NONE:
+        no_yaw = core.yaw.source() == _YAW_NONE and not frame.armed
+        if no_yaw and core.aiding.mode is not _NO_AIDING:
             core.yaw.aligned = False
-        if core.aiding.update(now_ms, lambda: self._ready(now_ms, dt_ekf_avg), no_yaw_on_ground=no_yaw):
-            self._enter_mode(now_ms, self._ready(now_ms, dt_ekf_avg), texts)
+        self._now_ms, self._dt_ekf_avg = now_ms, dt_ekf_avg
+        if core.aiding.update(now_ms, self._ready, no_yaw_on_ground=no_yaw):
+            self._enter_mode(now_ms, self._ready(), texts)
 
-    def _detect_flight(self, frame: "Frame") -> None:
+    def _detect_flight(self, frame: Frame) -> None:
         if not frame.armed:
-            self._down_on_ground = float(self._core.state.pos[2])
+            self._down_on_ground = self._core.state.down
         in_flight = frame.armed and (
             self.vehicle.in_flight or self.climbed_m() > IN_FLIGHT_CLIMB_M or frame.flying_ms > FLYING_MS
         )
         near_ground = frame.takeoff_expected or frame.touchdown_expected
-        known, before = (frame.armed, in_flight, near_ground, self.tilt_aligned), self.vehicle
-        if known != (before.armed, before.in_flight, before.near_ground, before.tilt_aligned):
+        known = frame.armed, in_flight, near_ground, self.tilt_aligned
+        if known != self._known:
+            self._known = known
             self.vehicle = Vehicle(frame.armed, not frame.armed, in_flight, near_ground, self.tilt_aligned)
 
     def climbed_m(self) -> float:
         """Return the height above where the vehicle was disarmed."""
-        return self._down_on_ground - float(self._core.state.pos[2])
+        return self._down_on_ground - self._core.state.down
 
-    def _ready(self, now_ms: int, dt_ekf_avg: float) -> Ready:
-        core = self._core
+    def _ready(self) -> Ready:
+        core, now_ms, dt_ekf_avg = self._core, self._now_ms, self._dt_ekf_avg
         source = core.sources.pos_xy()
         if not self.tilt_aligned:
             return Ready(gps=False, ext_nav=False, odometry=False)
         gps = core.gps.checks.good and core.gps.is_due and core.origin is not None and core.yaw.aligned
         return Ready(
-            gps=source == SourceXY.GPS and gps and self._knows_gyro_bias(dt_ekf_avg),
-            ext_nav=source == SourceXY.EXTNAV and core.delayed.has_pose,
+            gps=source == _XY_GPS and gps and self._knows_gyro_bias(dt_ekf_avg),
+            ext_nav=source == _XY_EXTNAV and core.delayed.has_pose,
             odometry=self._odometry_is_good(now_ms) and self._knows_gyro_bias(dt_ekf_avg),
         )
 
@@ -114,19 +129,19 @@ class ModeControl:
         ingest = self._core.ingest
         fresh = ingest.have_odometry and u32(now_ms - ingest.odometry_ms) < ODOMETRY_FRESH_MS
         exact = bool(ingest.odometry_err < MAX_ODOMETRY_ERR)
-        return fresh and exact and self._core.sources.uses_vel_xy(SourceXY.EXTNAV)
+        return fresh and exact and self._core.sources.uses_vel_xy(_XY_EXTNAV)
 
     def _enter_mode(self, now_ms: int, ready: Ready, texts: CoreTexts) -> None:
         core = self._core
         mode = core.aiding.mode
         by_velocity = by_gps = False
-        if mode is AidingMode.NONE:
+        if mode is _NO_AIDING:
             texts.add("stopped aiding", MAV_SEVERITY_WARNING)
             core.fusion.innovations.vel_ratio = core.fusion.innovations.pos_ratio = 0.0
             core.resets.last_known_ne = core.state.pos[:2].copy()
             core.state.pos = np.array([*core.state.pos[:2], -core.height.baro_height])
             core.odometry.is_fused = False
-        elif mode is AidingMode.RELATIVE:
+        elif mode is _RELATIVE:
             texts.add("started relative aiding")
         elif ready.gps:
             by_gps = True
@@ -162,32 +177,33 @@ class ModeControl:
         if min(innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio) > 1:
             return False
         drifts = math.hypot(*innovations.pos[:2].tolist()) > MAX_STILL_INNOVATION_M
-        return not (drifts and self.vehicle.on_ground and self._core.aiding.mode is AidingMode.NONE)
+        return not (drifts and self.vehicle.on_ground and self._core.aiding.mode is _NO_AIDING)
 
-    def update_flags(self, frame: "Frame", now_ms: int) -> None:
+    def update_flags(self, frame: Frame, now_ms: int) -> None:
         """Work out the status flags, those of EKF_STATUS_REPORT and beyond."""
         core = self._core
         aiding = core.aiding
         healthy = self.healthy(now_ms)
-        flags = filter_flags(
-            FilterState(
-                healthy=healthy,
-                tilt_aligned=self.tilt_aligned,
-                yaw_aligned=core.yaw.aligned,
-                uses_compass=core.yaw.uses_compass(),
-                mode=aiding.mode,
-                pos_timeout=aiding.pos_timeout,
-                vel_timeout=aiding.vel_timeout,
-                height_timeout=core.height.is_lost,
-                has_vertical_velocity=core.ingest.have_velocity,
-                odometry_in_use=core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
-                keeps_velocity=core.ingest.have_velocity,
-                height_needs_origin=core.sources.pos_z() == SourceZ.GPS and core.origin is None,
-            )
+        state = FilterState(
+            healthy=healthy,
+            tilt_aligned=self.tilt_aligned,
+            yaw_aligned=core.yaw.aligned,
+            uses_compass=core.yaw.uses_compass(),
+            mode=aiding.mode,
+            pos_timeout=aiding.pos_timeout,
+            vel_timeout=aiding.vel_timeout,
+            height_timeout=core.height.is_lost,
+            has_vertical_velocity=core.ingest.have_velocity,
+            odometry_in_use=core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
+            keeps_velocity=core.ingest.have_velocity,
+            height_needs_origin=core.sources.pos_z() == _Z_GPS and core.origin is None,
         )
-        value = int(flags & ~FilterFlag.UNINITIALISED)
-        absolute = aiding.mode is AidingMode.ABSOLUTE
-        by_gps = absolute and core.sources.pos_xy() == SourceXY.GPS
+        if state != self._state:  # from one step to the next it seldom changes
+            self._state = state
+            self._state_flags = int(filter_flags(state) & ~FilterFlag.UNINITIALISED)
+        value = self._state_flags
+        absolute = aiding.mode is _ABSOLUTE
+        by_gps = absolute and core.sources.pos_xy() == _XY_GPS
         value |= frame.takeoff_expected << _TAKEOFF | frame.touchdown_expected << _TOUCHDOWN
         value |= (absolute and now_ms - aiding.times.pos < USING_POSITION_MS) << _USING_POSITION
         value |= (by_gps and not core.gps.accuracy_good) << _GLITCHING

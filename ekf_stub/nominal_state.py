@@ -10,9 +10,10 @@ import math
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import matrix_of_quat, yaw_of
+from ekf_stub.core_report import Three
 from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep, quat_of_rotation
 from ekf_stub.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, StateLimits, but_attitude, within
 
@@ -21,6 +22,8 @@ MAX_ACCEL_WITHOUT_AIDING: Final = 5.0
 
 _VELOCITY: Final = but_attitude(VEL)
 _POSITION: Final = but_attitude(POS)
+_DOWN: Final = _POSITION.stop - 1
+_BIASES: Final = slice(but_attitude(GYRO).start, but_attitude(ACCEL).stop)
 
 
 class _Part:
@@ -101,6 +104,25 @@ class NominalState:
         if corrected.norm() > 0.0:
             self.quat = corrected.normalized()
         self.states = within(self.states + error[ATT.stop :], self.limits.lowest, self.limits.highest)
+
+    def component(self, state: int) -> float:
+        """Return one of the states by its number among all of them; not of the attitude."""
+        return self.states.item(state - ATT.stop)
+
+    @property
+    def down(self) -> float:
+        """The third of the position, m."""
+        return self.states.item(_DOWN)
+
+    def acceleration(self) -> float:
+        """Return how large the filtered acceleration is, m/s/s."""
+        return math.sqrt(self.accel_filtered.dot(self.accel_filtered))
+
+    def bias_rates(self, dt_ekf_avg: float) -> tuple[Three, Three]:
+        """Return the biases in rad/s and m/s/s, by the average length of a step in s."""
+        gx, gy, gz, ax, ay, az = self.states[_BIASES].tolist()
+        dt = dt_ekf_avg
+        return (gx / dt, gy / dt, gz / dt), (ax / dt, ay / dt, az / dt)
 
     def rotation_now(self) -> Array:
         """Return the rotation from body to earth, shape (3, 3), with what was fused since the last prediction."""

@@ -58,6 +58,8 @@ class ObsRing(Generic[T]):
 
         A sample from the future blocks those that arrived after it.
         """
+        if not self._samples:
+            return Recalled(None, 0, 0)
         found: T | None = None
         superseded = too_old = 0
         while self._samples:

@@ -9,22 +9,21 @@ filter says now. Vectors are pure quaternions, for speed; see `ekf_stub.inertial
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-import quaternion
 
+from ekf_stub import quaternions as quaternion
 from ekf_stub.error_state import ErrorState
 from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
-from ekf_stub.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, within
+from ekf_stub.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, POS, but_attitude, within
 
 _ATTITUDE_GAIN: Final = 0.5
 _INTEGRAL_GAIN: Final = 0.1
+_END_OF_POS: Final = but_attitude(POS).stop
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
+class Output(NamedTuple):
     """Attitude (body to earth), and velocity and position (NED) as pure quaternions."""
 
     quat: quaternion.quaternion
@@ -65,6 +64,8 @@ class OutputPredictor:
         self.height_rate: float = self.now.pure_vel.z
         self._filtered_down: float = self.now.pure_pos.z
         self._filtered_accel = 0.0
+        self._states = state.states
+        self._pure_biases = pure_quat(state.gyro_bias), pure_quat(state.accel_bias)
 
     def integrate(
         self, delta: InertialDelta, state: ErrorState, dt_ekf_avg: float, *, height_filter_hz: float = 2.0
@@ -72,8 +73,12 @@ class OutputPredictor:
         """Move on by a pass of the main loop, whose inertial data must be sound."""
         before = self.now
         dt = delta.del_vel_dt
-        angle = pure_quat(delta.del_ang) - pure_quat(state.gyro_bias) * (delta.del_ang_dt / dt_ekf_avg)
-        velocity = pure_quat(delta.del_vel) - pure_quat(state.accel_bias) * (dt / dt_ekf_avg)
+        if state.states is not self._states:  # which most passes of the main loop leave as they are
+            self._states = state.states
+            self._pure_biases = pure_quat(state.gyro_bias), pure_quat(state.accel_bias)
+        gyro_bias, accel_bias = self._pure_biases
+        angle = delta.pure_ang - gyro_bias * (delta.del_ang_dt / dt_ekf_avg)
+        velocity = delta.pure_vel - accel_bias * (dt / dt_ekf_avg)
         quat = (before.quat * ((angle + self._angle_correction) * 0.5).exp()).normalized()
         by_gravity = quaternion.quaternion(0.0, 0.0, 0.0, GRAVITY_MSS * dt)
         del_vel = quat * velocity * quat.conjugate() + by_gravity
@@ -103,8 +108,9 @@ class OutputPredictor:
         attitude_gain = _ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
         self._angle_correction = (error - error.conjugate()) * (attitude_gain if error.w >= 0 else -attitude_gain)
         gain = dt_ekf_avg / limited(tau_s, dt_ekf_avg, 10.0)
-        pos_error = pure_quat(state.pos) - delayed.pure_pos
-        vel_error = pure_quat(state.vel) - delayed.pure_vel
+        vel_x, vel_y, vel_z, pos_x, pos_y, pos_z = state.states[:_END_OF_POS].tolist()
+        pos_error = quaternion.quaternion(0.0, pos_x, pos_y, pos_z) - delayed.pure_pos
+        vel_error = quaternion.quaternion(0.0, vel_x, vel_y, vel_z) - delayed.pure_vel
         self.angle_error = 2.0 * math.hypot(error.x, error.y, error.z)
         self.vel_error, self.pos_error = vel_error.abs(), pos_error.abs()
         self._pos_integral += pos_error
@@ -112,7 +118,11 @@ class OutputPredictor:
         by_integral = _INTEGRAL_GAIN * gain * gain
         pos = pos_error * gain + self._pos_integral * by_integral
         vel = vel_error * gain + self._vel_integral * by_integral
-        self._change(lambda output: Output(output.quat, output.pure_vel + vel, output.pure_pos + pos))
+        self._history = deque(
+            [Output(quat, its_vel + vel, its_pos + pos) for quat, its_vel, its_pos in self._history],
+            maxlen=self._history.maxlen,
+        )
+        self.now = self._history[-1]
 
     def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
         """Add to position and velocity, now and in the history; not what is not finite."""
@@ -130,7 +140,7 @@ class OutputPredictor:
 
     def rotate(self, turn: quaternion.quaternion) -> None:
         """Turn the attitude, earth to earth, now and in the history."""
-        self._change(lambda output: replace(output, quat=(turn * output.quat).normalized()))
+        self._change(lambda output: output._replace(quat=(turn * output.quat).normalized()))
 
     def restart_height_filter(self, *, vel: float | None = None) -> None:
         """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import by_rotation
 from ekf_stub.covariance import diagonal
 from ekf_stub.inertial import Array, limited

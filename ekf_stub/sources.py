@@ -82,7 +82,12 @@ class EkfSources:
 
     def value(self, index: int, what: str) -> int:
         """Return a row of a set, such as ``POSXY`` of set 0..2."""
-        return self._param(_NAMES[index][what])
+        name = _NAMES[index][what]
+        if self._generation is not None and self._generation() == self._seen:
+            value = self._known.get(name)
+            if value is not None:
+                return value
+        return self._param(name)
 
     def pos_xy(self) -> int:
         """Return the active source of horizontal position."""
@@ -105,8 +110,10 @@ class EkfSources:
         return self._uses_velocity("VELZ", source)
 
     def _uses_velocity(self, what: str, source: int) -> bool:
+        if self.value(self.active_set, what) == source:
+            return True
         fuse_all = self._param("SRC_OPTIONS") & OPTION_FUSE_ALL_VELOCITIES != 0
-        return self.value(self.active_set, what) == source or (fuse_all and self._any_set_has(what, source))
+        return fuse_all and self._any_set_has(what, source)
 
     def ext_nav_enabled(self) -> bool:
         """Tell whether any set names external navigation for anything."""

@@ -72,6 +72,7 @@ class StateLimits:
         self.highest_var: Array = np.full(STATES, MAX_FIELD_VAR)
         self.highest_var[ATT], self.highest_var[VEL], self.highest_var[POS] = MAX_ATT_VAR, MAX_VEL_VAR, MAX_POS_VAR
         self._max_accel_bias = 0.0
+        self._set_for: tuple[float, float] | None = None
         self.set_step(EKF_TARGET_DT)
 
     def set_accel_bias(self, accel_bias_mss: float, dt_ekf_avg: float) -> None:
@@ -81,6 +82,10 @@ class StateLimits:
 
     def set_step(self, dt_ekf_avg: float) -> None:
         """Set the average length of a step in s."""
+        key = dt_ekf_avg, self._max_accel_bias
+        if key == self._set_for:  # the average settles within seconds
+            return
+        self._set_for = key
         gyro, accel = MAX_GYRO_BIAS * dt_ekf_avg, self._max_accel_bias * dt_ekf_avg
         self.lowest[_GYRO_BIAS], self.highest[_GYRO_BIAS] = -gyro, gyro
         self.lowest[_ACCEL_BIAS], self.highest[_ACCEL_BIAS] = -accel, accel

@@ -28,13 +28,13 @@ class Filtered:
         self.value: Three = (0.0, 0.0, 0.0)
         self._alpha = 0.0
 
-    def add(self, delta: Three, dt: float, loop_dt: float) -> None:
-        """Add an increment over an interval in s."""
+    def add(self, rate: Three | None, loop_dt: float) -> None:
+        """Add a measurement; None for none."""
         if not self._alpha:
             self._alpha = loop_dt / (loop_dt + 1.0 / (2.0 * math.pi * CUTOFF_HZ))
-        if dt > 0:
-            a, (x, y, z) = self._alpha, self.value
-            self.value = x + a * (delta[0] / dt - x), y + a * (delta[1] / dt - y), z + a * (delta[2] / dt - z)
+        if rate is not None:
+            a, (x, y, z), (to_x, to_y, to_z) = self._alpha, self.value, rate
+            self.value = x + a * (to_x - x), y + a * (to_y - y), z + a * (to_z - z)
 
 
 class Stillness:
@@ -52,23 +52,30 @@ class Stillness:
     def reset(self) -> None:
         """Begin the test anew; the filters go on."""
         self.is_still = False
-        self.report: StillnessReport | None = None
+        self._ratios: tuple[float, float, float, float] | None = None
         self._gyro_before: Three | None = None
         self._accel_before: Three = (0.0, 0.0, 0.0)
         self._gyro_diff = self._accel_diff = 0.0
 
     def sense(self, delta: InertialDelta, loop_dt: float) -> None:
         """Filter the data of a pass."""
-        vx, vy, vz = delta.del_vel.tolist()
-        ax, ay, az = delta.del_ang.tolist()
-        self.gyro.add((ax, ay, az), delta.del_ang_dt, loop_dt)
-        self.accel.add((vx, vy, vz), delta.del_vel_dt, loop_dt)
+        self.gyro.add(delta.gyro, loop_dt)
+        self.accel.add(delta.accel, loop_dt)
 
     def skip(self) -> None:
         """Let the test rest, in flight or with a compass."""
         self.is_still = False
-        self.report = None
-        self._gyro_before = None
+        self._ratios = self._gyro_before = None
+
+    @property
+    def is_tested(self) -> bool:
+        """Whether the test runs, so that its answer counts."""
+        return self._ratios is not None
+
+    @property
+    def report(self) -> StillnessReport | None:
+        """What the last test found; None while it does not run."""
+        return None if self._ratios is None else StillnessReport(self.is_still, *self._ratios)
 
     def test(self, gyro_bias: Three, accel_bias: Three, dt_ekf_avg: float, scale: float) -> None:
         """Test anew.
@@ -87,7 +94,7 @@ class Stillness:
         self._gyro_diff += _SLOW * (math.dist(gyro, self._gyro_before) / dt_ekf_avg - self._gyro_diff)
         self._accel_diff += _SLOW * (math.dist(accel, self._accel_before) / dt_ekf_avg - self._accel_diff)
         self._gyro_before, self._accel_before = gyro, accel
-        ratios = (
+        ratios = self._ratios = (
             math.hypot(*gyro) / GYRO_LIMIT,
             (math.hypot(*accel) - GRAVITY_MSS) / ACCEL_LIMIT,
             self._gyro_diff / GYRO_DIFF_LIMIT,
@@ -95,7 +102,6 @@ class Stillness:
         )
         worst = max(ratios[0], abs(ratios[1]), ratios[2], ratios[3])
         self.is_still = worst <= scale if self.is_still else worst < scale * HYSTERESIS
-        self.report = StillnessReport(self.is_still, *ratios)
 
 
 def _less(first: Three, second: Three) -> Three:

@@ -58,6 +58,11 @@ _GPS_LAG_MS: Final = 200  # of a receiver whose own is not known
 _MAX_DELAY_MS: Final = 250
 
 
+def _default_number(name: str) -> float:
+    """Return the default of a parameter by its name after ``EK3_``."""
+    return _NUMBERS[f"EK3_{name}"]
+
+
 def _nothing() -> None:
     """Stand for a listener that nobody has put there."""
 
@@ -69,7 +74,7 @@ class Surroundings:
     Attributes:
         texts: where texts for the ground station go.
         get_int: returns an integer parameter by its full name.
-        get_number: returns any parameter by its full name.
+        ekf3_number: returns a parameter by its name after ``EK3_``; asked for many times in a pass.
         gps: returns the newest solution of the GPS.
         is_armed: tells whether the vehicle is armed.
         is_fitted: tells whether there is a sensor, by its name in ``source_check.SENSORS``.
@@ -81,7 +86,7 @@ class Surroundings:
 
     texts: TextSink = field(default_factory=NoTexts)
     get_int: Callable[[str], int] = _INTS.__getitem__
-    get_number: Callable[[str], float] = _NUMBERS.__getitem__
+    ekf3_number: Callable[[str], float] = _default_number
     gps: Callable[[], GpsSample | None] = lambda: None
     is_armed: Callable[[], bool] = lambda: False
     is_fitted: Callable[[str], bool] = lambda _sensor: True
@@ -89,10 +94,6 @@ class Surroundings:
     flying_ms: Callable[[], int] = lambda: 0
     home: Callable[[], Location | None] = lambda: None
     imu_pos: Callable[[], Vector3f] = Vector3f
-
-    def ekf3_number(self, name: str) -> float:
-        """Return a parameter by its name after ``EK3_``."""
-        return self.get_number(f"EK3_{name}")
 
     def imu_mask(self) -> int:
         """Return which IMUs get a core; none when EK3_ENABLE is off."""

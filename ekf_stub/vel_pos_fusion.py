@@ -29,6 +29,15 @@ GROUND_EFFECT_DEAD_ZONE: Final = 4.0
 POS_NE_MIN_NOISE, POS_NE_MAX_NOISE = 0.01, 100.0
 VEL_MIN_NOISE, VEL_MAX_NOISE, VEL_MAX_GATE_NOISE = 0.05, 50.0, 5.0
 
+# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
+_ABSOLUTE: Final = AidingMode.ABSOLUTE
+_NO_AIDING: Final = AidingMode.NONE
+_XY_EXTNAV: Final = SourceXY.EXTNAV
+_XY_GPS: Final = SourceXY.GPS
+_XY_NONE: Final = SourceXY.NONE
+_Z_EXTNAV: Final = SourceZ.EXTNAV
+_Z_GPS: Final = SourceZ.GPS
+
 
 @dataclass(slots=True)
 class Innovations:
@@ -101,10 +110,10 @@ class VelPosFusion:
     def step(self, now_ms: int, vehicle: Vehicle) -> None:
         """Fuse what came due in a step."""
         self._note_change_of_source()
-        absolute = self._aiding.mode is AidingMode.ABSOLUTE
+        absolute = self._aiding.mode is _ABSOLUTE
         source = self._sources.pos_xy()
-        by_gps = absolute and self._gps.is_due and source == SourceXY.GPS
-        by_ext_nav = absolute and self._delayed.has_pose and source == SourceXY.EXTNAV
+        by_gps = absolute and self._gps.is_due and source == _XY_GPS
+        by_ext_nav = absolute and self._delayed.has_pose and source == _XY_EXTNAV
         if self._height.select(now_ms, vehicle):
             self._resets.shift_height(self._height.down)
         self._height.check_timeout(now_ms)
@@ -117,7 +126,7 @@ class VelPosFusion:
         source = self._sources.pos_xy()
         if source != self._pos_source:
             self._pos_source = source
-            self._pos_source_changed = source != SourceXY.NONE
+            self._pos_source_changed = source != _XY_NONE
 
     def _follow_jump(self, *, by_gps: bool, by_ext_nav: bool) -> None:
         """Follow a camera's frame that has jumped, or the position of another source."""
@@ -132,7 +141,7 @@ class VelPosFusion:
     # What is measured
 
     def _observe(self, vehicle: Vehicle, *, by_gps: bool, by_ext_nav: bool) -> _Observed:
-        if self._aiding.mode is AidingMode.NONE:
+        if self._aiding.mode is _NO_AIDING:
             return self._observe_standstill(vehicle)
         observed = _Observed()
         pose, fix = self._delayed.pose, self._gps.delayed
@@ -147,7 +156,7 @@ class VelPosFusion:
         return observed
 
     def _used_velocity(self) -> Velocity | None:
-        is_used = self._delayed.has_velocity and self._sources.uses_vel_xy(SourceXY.EXTNAV)
+        is_used = self._delayed.has_velocity and self._sources.uses_vel_xy(_XY_EXTNAV)
         return self._delayed.velocity if is_used else None
 
     def _observe_standstill(self, vehicle: Vehicle) -> _Observed:
@@ -164,16 +173,16 @@ class VelPosFusion:
         return observed
 
     def _observe_velocity(self, observed: _Observed, velocity: Velocity) -> None:
-        accel = float(np.linalg.norm(self._state.accel_filtered))
+        accel = self._state.acceleration()
         observed.vel = velocity.vel
-        observed.vel_axes = 3 if self._sources.uses_vel_z(SourceZ.EXTNAV) else 2
+        observed.vel_axes = 3 if self._sources.uses_vel_z(_Z_EXTNAV) else 2
         observed.vel_ne_variance = observed.vel_d_variance = limited(velocity.err, VEL_MIN_NOISE, VEL_MAX_NOISE) ** 2
         observed.vel_gate_variance = (
             limited(velocity.err, VEL_MIN_NOISE, VEL_MAX_GATE_NOISE) ** 2 + (NOISE_OF_ACCELERATION * accel) ** 2
         )
 
     def _observe_by_gps(self, observed: _Observed, fix: GpsFix) -> None:
-        gps, accel = self._gps, float(np.linalg.norm(self._state.accel_filtered))
+        gps, accel = self._gps, self._state.acceleration()
         scale = gps.noise_scaler**2
         pos_noise, vel_noise, down_noise = (
             self._get_float(name) for name in ("POSNE_M_NSE", "VELNE_M_NSE", "VELD_M_NSE")
@@ -183,10 +192,10 @@ class VelPosFusion:
         own = limited(pos_noise, 0.1, 10.0) ** 2 + by_accel
         observed.pos_variance = gps.pos_accuracy**2 if gps.pos_accuracy > 0 else own
         observed.pos_variance *= scale
-        if not self._sources.uses_vel_xy(SourceXY.GPS):
+        if not self._sources.uses_vel_xy(_XY_GPS):
             return
         observed.vel = fix.vel
-        observed.vel_axes = 3 if fix.has_vertical_velocity and self._sources.uses_vel_z(SourceZ.GPS) else 2
+        observed.vel_axes = 3 if fix.has_vertical_velocity and self._sources.uses_vel_z(_Z_GPS) else 2
         observed.vel_gate_variance = limited(vel_noise, 0.05, 5.0) ** 2 + by_accel
         if gps.speed_accuracy > 0:
             observed.vel_ne_variance = scale * limited(gps.speed_accuracy, vel_noise, 50.0) ** 2
@@ -209,18 +218,18 @@ class VelPosFusion:
         height_ok = self._height.is_new and self._test_height(now_ms, vehicle)
         innovations, state = self.innovations, self._state
         if vel_ok and observed.vel is not None:
-            for axis in range(observed.vel_axes):
-                innovation = float(state.vel[axis] - observed.vel[axis])
+            for axis, measured in enumerate(observed.vel.tolist()[: observed.vel_axes]):
+                innovation = state.component(VEL.start + axis) - measured
                 innovations.vel[axis] = innovation
                 variance = observed.vel_d_variance if axis == 2 else observed.vel_ne_variance
                 state.update_state(VEL.start + axis, innovation, variance)
         if pos_ok and observed.pos_ne is not None:
-            for axis in range(2):
-                innovation = float(state.pos[axis] - observed.pos_ne[axis])
+            for axis, measured in enumerate(observed.pos_ne.tolist()):
+                innovation = state.component(POS.start + axis) - measured
                 innovations.pos[axis] = innovation
                 state.update_state(POS.start + axis, innovation, observed.pos_variance)
         if height_ok:
-            innovation = float(state.pos[2]) - self._height.down
+            innovation = state.down - self._height.down
             if vehicle.near_ground and self._height.active == BARO:
                 innovation += limited(
                     GROUND_EFFECT_FLOOR - innovation, 0.0, GROUND_EFFECT_FLOOR + GROUND_EFFECT_DEAD_ZONE
@@ -232,7 +241,8 @@ class VelPosFusion:
         return max(0.01 * self._get_float(name), 1.0) ** 2
 
     def _variances(self, first: int, count: int) -> float:
-        return float(self._state.cov.diagonal()[first : first + count].sum())
+        cov = self._state.cov
+        return sum([cov.item(state, state) for state in range(first, first + count)])
 
     def _limits_glitches(self) -> bool:
         return self._get_float("GLITCH_RAD") > 0
@@ -245,7 +255,7 @@ class VelPosFusion:
         ratio = float(innovation @ innovation) / (self._gate("POS_I_GATE") * (spread + 2 * observed.pos_variance))
         self.innovations.pos_ratio = ratio
         aiding = self._aiding
-        passed = ratio < 1 or aiding.mode is AidingMode.NONE or not self._limits_glitches()
+        passed = ratio < 1 or aiding.mode is _NO_AIDING or not self._limits_glitches()
         if passed:
             aiding.times.pos = now_ms
         if not passed and not aiding.pos_timeout:
@@ -281,7 +291,7 @@ class VelPosFusion:
         if not passed and not aiding.vel_timeout:
             self._tell_velocity(rules.GATE_VELOCITY, ratio)
             return False
-        if aiding.mode is AidingMode.ABSOLUTE and aiding.vel_timeout:
+        if aiding.mode is _ABSOLUTE and aiding.vel_timeout:
             self._resets.velocity(now_ms)
             self.innovations.vel_ratio = 0.0
             self._tell_velocity(rules.RESET_TO)
@@ -291,12 +301,12 @@ class VelPosFusion:
 
     def _test_height(self, now_ms: int, vehicle: Vehicle) -> bool:
         height = self._height
-        innovation = float(self._state.pos[2]) - height.down
+        innovation = self._state.down - height.down
         self.innovations.pos[2] = innovation
         spread = self._variances(POS.start + 2, 1) + height.variance
         ratio = innovation**2 / (self._gate("HGT_I_GATE") * spread)
         self.innovations.height_ratio = ratio
-        standing = self._aiding.mode is AidingMode.NONE and vehicle.on_ground
+        standing = self._aiding.mode is _NO_AIDING and vehicle.on_ground
         passed = ratio < (MAX_RATIO_ON_GROUND if standing else 1.0)
         if passed:
             self._aiding.times.height = now_ms
@@ -327,7 +337,7 @@ class VelPosFusion:
 
     def _tell_pose(self, rule: Rule, ratio: float | None = None) -> None:
         pose = self._delayed.pose
-        by_ext_nav = self._aiding.mode is AidingMode.ABSOLUTE and self._sources.pos_xy() == SourceXY.EXTNAV
+        by_ext_nav = self._aiding.mode is _ABSOLUTE and self._sources.pos_xy() == _XY_EXTNAV
         if by_ext_nav and self._delayed.has_pose and pose is not None:
             self._ingest.tell("pose", rule, pose.time_ms, _root(ratio))
 

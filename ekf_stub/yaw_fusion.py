@@ -28,6 +28,13 @@ MAX_INNOVATION: Final = 0.5
 _BY_GPS: Final = (SourceYaw.GPS, SourceYaw.GPS_COMPASS_FALLBACK)
 _BY_COMPASS: Final = (SourceYaw.COMPASS, SourceYaw.GPS_COMPASS_FALLBACK)
 
+# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
+_YAW_COMPASS: Final = SourceYaw.COMPASS
+_YAW_EXTNAV: Final = SourceYaw.EXTNAV
+_YAW_GPS: Final = SourceYaw.GPS
+_YAW_GSF: Final = SourceYaw.GSF
+_YAW_NONE: Final = SourceYaw.NONE
+
 
 def wrap_pi(angle: float) -> float:
     """Return an angle within -pi..pi."""
@@ -102,13 +109,13 @@ class YawFusion:
 
     def _look_at_sources(self) -> None:
         source, has_compass = self._sources.yaw(), self._has_compass()
-        self._frame_source = SourceYaw.NONE if source == SourceYaw.COMPASS and not has_compass else source
+        self._frame_source = _YAW_NONE if source == _YAW_COMPASS and not has_compass else source
         self._frame_uses_compass = source in _BY_COMPASS and has_compass
 
     def uses_ext_nav(self, now_ms: int) -> bool:
         """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
         in_use = now_ms - max(self._ext_nav_ms, self._synthetic_ms) < IN_USE_MS
-        return self._sources.yaw() == SourceYaw.EXTNAV and in_use
+        return self._sources.yaw() == _YAW_EXTNAV and in_use
 
     def control(self, vehicle: Vehicle) -> None:
         """Look at the sources, every frame, and decide whether the magnetic fields are to be estimated."""
@@ -137,21 +144,21 @@ class YawFusion:
             self._by_321_at_rest = self._state.prefers_321()
             self._yaw_at_rest = self._state.yaw(by_321=self._by_321_at_rest)
         self.field_was_fused = False
-        if source == SourceYaw.GSF or (not self.uses_compass() and source not in (*_BY_GPS, SourceYaw.EXTNAV)):
+        if source == _YAW_GSF or (not self.uses_compass() and source not in (*_BY_GPS, _YAW_EXTNAV)):
             self._source_changed = False
             if self._fuse_synthetic(now_ms, vehicle, is_still=is_still):
                 self.ratio = 0.0
             return
         if source in _BY_GPS:
             self._use_gps(now_ms, vehicle, is_still=is_still)
-            if source == SourceYaw.GPS or self._gps_ms:
+            if source == _YAW_GPS or self._gps_ms:
                 return
         ext_nav = self._ingest.recall_yaw()
         if ext_nav is not None and not (math.isfinite(ext_nav.yaw) and math.isfinite(ext_nav.yaw_err)):
             self._ingest.tell("yaw", rules.NOT_FINITE, ext_nav.time_ms)
         elif ext_nav is not None:
             self._use_ext_nav(ext_nav, now_ms, vehicle)
-        elif source == SourceYaw.EXTNAV and vehicle.tilt_aligned and not self.aligned:
+        elif source == _YAW_EXTNAV and vehicle.tilt_aligned and not self.aligned:
             self._fuse_synthetic(now_ms, vehicle, is_still=is_still)
         mag = self.mag.recall(self._ingest.horizon_ms).sample
         if mag is not None and self.uses_compass():
@@ -176,7 +183,7 @@ class YawFusion:
         return True
 
     def _use_ext_nav(self, sample: YawSample, now_ms: int, vehicle: Vehicle) -> None:
-        if self._source != SourceYaw.EXTNAV:
+        if self._source != _YAW_EXTNAV:
             self._ingest.tell("yaw", rules.UNUSED, sample.time_ms)
             return
         self._ext_nav_ms = now_ms

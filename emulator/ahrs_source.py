@@ -54,20 +54,29 @@ class AhrsChoice:
     heading_deg: float
 
 
+def imu_options(choice: AhrsChoice) -> ImuOptions:
+    """Return the options of inertial data that were chosen.
+
+    Raises:
+        InputError: one cannot be used.
+    """
+    if not math.isfinite(choice.heading_deg):
+        raise InputError(f"--heading {choice.heading_deg}: not an angle in degrees")
+    return ImuOptions(
+        heading_rad=math.remainder(math.radians(choice.heading_deg), 2 * math.pi),
+        errors=parse_errors(choice.imu_errors or []),
+        seed=choice.imu_seed,
+    )
+
+
 def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], VehicleAhrs]:
     """Return the maker of the AHRS that was chosen; files are read now.
 
     Raises:
         InputError: a file cannot be read or lacks what is needed, an option cannot be used, or two exclude each other.
     """
-    if not math.isfinite(choice.heading_deg):
-        raise InputError(f"--heading {choice.heading_deg}: not an angle in degrees")
+    options = imu_options(choice)
     if choice.log is None:
-        options = ImuOptions(
-            heading_rad=math.remainder(math.radians(choice.heading_deg), 2 * math.pi),
-            errors=parse_errors(choice.imu_errors or []),
-            seed=choice.imu_seed,
-        )
         return by_ekf3(read_source(choice.imu or default_imu), options)
     for name, value in (("--imu", choice.imu), ("--imu-error", choice.imu_errors)):
         if value:

@@ -107,7 +107,8 @@ MODES: Final = (
     ParamInfo("FLTMODE_CH", INT8, 5, "Radio channel of the mode switch", values=_MODE_CHANNELS),
     ParamInfo("INITIAL_MODE", INT8, 0, "Mode after start-up", values=_MODES),
     ParamInfo("LOG_BITMASK", INT32, 180222, "Which kinds of records are logged, a bit each"),
-    ParamInfo("FRAME_TYPE", INT8, 1, "Arrangement of the arms", values=_FRAME_TYPE, reboot_required=True),
+    # FIRMWARE PARITY: the firmware's default is 1, that of the simulator 0, as its FRAME_CLASS is 1.
+    ParamInfo("FRAME_TYPE", INT8, 0, "Arrangement of the arms", values=_FRAME_TYPE, reboot_required=True),
 )
 """What stands before the ARMING_ group."""
 

@@ -44,7 +44,7 @@ def _boot(
     return ParamInfo(name, kind, default, text, unit, limits, reboot_required=True)
 
 
-_BEFORE_SOURCES: Final = (
+_BEFORE_FLOW: Final = (
     ParamInfo("ENABLE", INT8, 1, "Run EKF3", "", None, _OFF_ON, ParamFlag.ENABLE, reboot_required=True),
     ParamInfo("VELNE_M_NSE", FLOAT, 0.3, "Noise of horizontal velocity", "m/s", (0.05, 5.0)),
     ParamInfo("VELD_M_NSE", FLOAT, 0.5, "Noise of vertical velocity", "m/s", (0.05, 5.0)),
@@ -58,6 +58,9 @@ _BEFORE_SOURCES: Final = (
     ParamInfo("MAG_M_NSE", FLOAT, 0.05, "Noise of the compass", "Gauss", (0.01, 0.5)),
     ParamInfo("MAG_CAL", INT8, 3, "When all three compass axes are fused", "", None, _MAG_CAL, reboot_required=True),
     ParamInfo("MAG_I_GATE", INT16, 300, "Compass gate, in percent of a sigma", "%", _GATE),
+)
+
+_AFTER_FLOW: Final = (
     _boot("FLOW_DELAY", INT8, 10, "How late optical flow is", "ms", _DELAY),
     ParamInfo("GYRO_P_NSE", FLOAT, 0.015, "Gyro process noise", "rad/s", (0.0001, 0.1)),
     ParamInfo("ACC_P_NSE", FLOAT, 0.35, "Accelerometer process noise", "m/s/s", (0.01, 1.0)),
@@ -101,13 +104,28 @@ def _source_set(number: int) -> tuple[ParamInfo, ...]:
     )
 
 
-EKF3_VAR_INFO: Final = (
-    *_BEFORE_SOURCES,
-    *(row for number in range(1, NUMBER_OF_SOURCE_SETS + 1) for row in _source_set(number)),
-    *_AFTER_SOURCES,
-)
+FLOW_LIMIT: Final = "MAX_FLOW"
+"""The limit of optical flow rates, up to October 2025."""
+
+FLOW_LIMIT_LATER: Final = "FLOW_MAX"
+"""The same in the master of February 2026."""
 
 
-def make_ekf3_group() -> ParamGroup:
-    """Return the EK3_ group with Copter's defaults."""
-    return ParamGroup("EK3_", EKF3_VAR_INFO, top_level_prefix="EK3_")
+def ekf3_var_info(flow_limit: str = FLOW_LIMIT) -> tuple[ParamInfo, ...]:
+    """Return the rows; one of them is called ``flow_limit``."""
+    return (
+        *_BEFORE_FLOW,
+        ParamInfo(flow_limit, FLOAT, 2.5, "Greatest optical flow rate that is used", "rad/s", (1.0, 4.0)),
+        *_AFTER_FLOW,
+        *(row for number in range(1, NUMBER_OF_SOURCE_SETS + 1) for row in _source_set(number)),
+        *_AFTER_SOURCES,
+    )
+
+
+def make_ekf3_group(flow_limit: str = FLOW_LIMIT) -> ParamGroup:
+    """Return the EK3_ group with Copter's defaults; ``flow_limit`` is what the release calls that row."""
+    return ParamGroup("EK3_", ekf3_var_info(flow_limit), top_level_prefix="EK3_")
+
+
+EKF3_VAR_INFO: Final = ekf3_var_info()
+"""The rows of the reference."""

@@ -23,6 +23,7 @@ from ekf_stub.ekf3_core import Ekf3Core, Frame
 from ekf_stub.ekf_log import UNINITIALISED
 from ekf_stub.sources import EkfSources
 from ekf_stub.surroundings import Surroundings
+from emulator.kernels import chosen_kernel, make_state_of
 from emulator.record_fields import RecordError, finite, numbers, text, whole
 from emulator.replay_inputs import ARMED, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs
 
@@ -183,6 +184,7 @@ class EkfPlayer:
             CoreTexts(self._events, self.imus),
             Counter(),
             lambda: self.inputs.mag is not None,
+            make_state_of(chosen_kernel()),
         )
 
     # Between the frames

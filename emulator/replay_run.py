@@ -76,6 +76,7 @@ def run_replay(
     on_message: Callable[[ReplayedMessage], None] | None = None,
     on_progress: Callable[[int], None] = lambda _count: None,
     keep_messages: bool = False,
+    on_start: Callable[[Vehicle, FilterWatch | None], None] = lambda _vehicle, _watch: None,
 ) -> ReplayOutcome:
     """Replay a stream into a fresh vehicle.
 
@@ -87,6 +88,7 @@ def run_replay(
         on_message: told of each message as soon as its fate is known.
         on_progress: told how many messages have been fed.
         keep_messages: whether the outcome has the messages.
+        on_start: told of the vehicle, and of who watches its filter, before anything is fed.
     """
     config = VehicleConfig(setup.make_ahrs, defaults=settings, open_log=open_log, firmware=setup.firmware)
     vehicle = Vehicle(config)
@@ -96,6 +98,7 @@ def run_replay(
         lambda severity, text: texts.append(SaidText(vehicle.clock.micros64(), severity, text))
     )
     kept: list[ReplayedMessage] = []
+    on_start(vehicle, watch)
     try:
         for message in Replay(vehicle, stream, setup.baud, watch).run(on_progress):
             if on_message is not None:

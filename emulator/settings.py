@@ -20,7 +20,8 @@ from emulator.text_files import read_text
 _log = logging.getLogger(__name__)
 
 
-def _known_parameters(links: int, firmware: Firmware = REFERENCE) -> ParamTable:
+def known_parameters(links: int, firmware: Firmware = REFERENCE) -> ParamTable:
+    """Return the parameters of a vehicle with so many links, with their defaults."""
     return ParamTable(make_groups(links, make_params(), firmware.params))
 
 
@@ -96,13 +97,13 @@ def parse_assignments(
     Raises:
         InputError: for the first that cannot be used.
     """
-    table = _known_parameters(links, firmware)
+    table = known_parameters(links, firmware)
     return dict(parse_assignment(text, table, option) for text in texts)
 
 
 def needing_reboot(names: Iterable[str], *, links: int, firmware: Firmware = REFERENCE) -> list[str]:
     """Return those of some parameters that take effect at the next boot only."""
-    rows = {slot.name: slot.row for group in _known_parameters(links, firmware).groups for slot in group.slots}
+    rows = {slot.name: slot.row for group in known_parameters(links, firmware).groups for slot in group.slots}
     return [name for name in names if name in rows and rows[name].reboot_required]
 
 
@@ -119,7 +120,7 @@ def load_settings(
     Raises:
         InputError: for anything that cannot be used.
     """
-    table = _known_parameters(links, firmware)
+    table = known_parameters(links, firmware)
     values: dict[str, float] = {}
     for path in files:
         values.update(load_parm_file(path, table, allow_unknown=allow_unknown, renames=firmware.params.renames))

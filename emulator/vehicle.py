@@ -16,11 +16,12 @@ from ekf_stub.ext_nav_log import VisualOdomFrame
 from ekf_stub.gps_sample import GpsSample
 from ekf_stub.replay_log import ReplayLog
 from ekf_stub.sources import EkfSources
+from emulator.banner import banner
 from emulator.copter import Copter, CopterParts
 from emulator.ftp_files import VehicleFiles
 from emulator.imu.hil import HilSource
 from emulator.log_library import NoLogs, StoredLogs
-from emulator.logger import Logger
+from emulator.logger import Logger, structures_with
 from emulator.mavlink_flow import FLOW_PERIOD_US, MavlinkFlow
 from emulator.mavlink_gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from emulator.modes import AVAILABLE_MODES
@@ -35,7 +36,7 @@ from mav_handlers.endpoint import MavEndpoint
 from mav_handlers.ftp_ports import FtpFiles
 from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.ports import AvailableMode, CopterPort, Location, OriginResult
-from mav_handlers.statustext import StatusTextQueue
+from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
 from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
 __all__ = ["LOOP_PERIOD_US", "AhrsParts", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
@@ -80,11 +81,12 @@ class Vehicle:
         for name, value in config.overrides.items():
             self.params.set(name, value)
         open_log = config.open_log or (config.log_store.open_next if config.log_store else None)
-        self.logger = Logger(self.clock, open_log, self._on_log_open)
-        self.log = VehicleLog(self.logger, self.clock)
+        layouts = structures_with(config.firmware.log.message)
+        self.logger = Logger(self.clock, open_log, self._on_log_open, layouts)
+        self.log = VehicleLog(self.logger, self.clock, config.firmware)
         self._logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
-        self.texts.on_text.append(lambda _severity, text: self.log.text(text))
+        self.texts.on_text.append(lambda _severity, text: self.log.text(text[:TEXT_FIELD_LEN]))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), lambda: self.params.generation)
         wants_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
         self._replay_log = ReplayLog(self.logger, wants_replay, event_order=config.firmware.event_order)
@@ -274,7 +276,7 @@ class Vehicle:
     def _on_log_open(self) -> None:
         self._replay_log.new_log()
         modes = self._copter.modes
-        self.log.start(self._config.firmware, self.banner(), modes.current.number, modes.reason)
+        self.log.start(self.banner(), modes.current.number, modes.reason)
         for kind, place in ((ORGN_EKF, self.origin()), (ORGN_HOME, self.home())):
             if place is not None:
                 self.log.place(kind, place)
@@ -300,8 +302,7 @@ class Vehicle:
 
     def banner(self) -> tuple[str, ...]:
         """Return the texts that introduce the vehicle."""
-        frame_type = "X" if self.params.get_int("FRAME_TYPE") == 1 else "PLUS"
-        return self._config.firmware.banner, f"Frame: QUAD/{frame_type}"
+        return banner(self._config.firmware, self.params)
 
     def is_initialised(self) -> bool:
         """Tell whether booting is over."""

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a handler gets along with its message."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from mav_handlers.channel import Channel
 from mav_handlers.ports import VehiclePort
@@ -14,8 +13,7 @@ if TYPE_CHECKING:
     from mav_handlers.endpoint import MavEndpoint
 
 
-@dataclass(frozen=True, slots=True)
-class Context:
+class Context(NamedTuple):
     """One received message's surroundings.
 
     ``now_us`` is the time of handling, ``read_us`` the time when the link was last read, both in us since boot.

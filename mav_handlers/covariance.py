@@ -4,15 +4,17 @@
 
 import math
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
 
 from ap_core.fmath import cbrtf, f32, sqrtf
 
-_POSITION: Final = (0, 6, 11)
-_ATTITUDE: Final = (15, 18, 20)
+_VARIANCES: Final = itemgetter(0, 6, 11, 15, 18, 20)  # of x, y, z, then of roll, pitch and yaw
 _ZERO: Final = f32(0)
+
+_ieee754 = np.errstate(all="ignore")
 
 ErrorFormula = Callable[[np.float32, np.float32, np.float32], np.float32]
 """Makes one error (m or rad) of three variances (m^2 or rad^2)."""
@@ -34,6 +36,7 @@ def root_of_sum(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
     return sqrtf(a + b + c)
 
 
+@_ieee754
 def pose_errors(
     covariance: Sequence[float], formula: ErrorFormula = cube_root_of_squares
 ) -> tuple[np.float32, np.float32]:
@@ -43,9 +46,8 @@ def pose_errors(
     """
     if math.isnan(covariance[0]):
         return _ZERO, _ZERO
-    with np.errstate(all="ignore"):
-        pos_err, ang_err = (formula(*(f32(covariance[index]) for index in axes)) for axes in (_POSITION, _ATTITUDE))
-    return pos_err, ang_err
+    a, b, c, d, e, f = map(f32, _VARIANCES(covariance))
+    return formula(a, b, c), formula(d, e, f)
 
 
 def no_errors(_covariance: Sequence[float], _formula: ErrorFormula) -> tuple[np.float32, np.float32]:

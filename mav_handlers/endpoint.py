@@ -4,8 +4,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from ap_core.cint import u8, u32
 from ap_core.param import ParamEcho
@@ -37,7 +36,7 @@ from mav_handlers.verdicts import (
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
-from mav_handlers.wire.targets import target_fields
+from mav_handlers.wire.targets import NO_TARGETS, target_fields
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
@@ -45,8 +44,7 @@ UNKNOWN_NAME: Final = "UNKNOWN"
 _MAV_SEVERITY_INFO: Final = 6
 
 
-@dataclass(frozen=True, slots=True)
-class MessageEvent:
+class MessageEvent(NamedTuple):
     """A frame was dealt with. ``header`` is None for bytes that are no frame; ``now_us`` is since boot."""
 
     channel: int
@@ -82,6 +80,7 @@ class MavEndpoint:
         self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
         self._echoes: deque[ParamEcho] = deque()
         self._has_polled = False
+        self._told_system_id: int | None = None
         self._texts_go_first = False
         self._reserve = TransmitReserve()
         self.param_reads = ParamReads(tells_errors=vehicle.release.tells_param_errors)
@@ -102,6 +101,7 @@ class MavEndpoint:
         channel = Channel(len(self.channels), name, codec, baud, reserve=self._reserve, timesync_sent_us=now_us)
         self.channels.append(channel)
         self._private = self._private_of_channels()
+        self._told_system_id = None
         channel.card_intervals_ms = by_name(self._message_intervals.get(channel.index, {}))
         set_defaults(self._vehicle, channel, now_us)
         self.signing.open_link(channel)
@@ -126,7 +126,8 @@ class MavEndpoint:
         channel.bytes_received += len(data)
         while (received := channel.codec.next_received()) is not None:
             self._dispatch(channel, received, now_us, now_us if read_us is None else read_us)
-        self._send_first_texts()
+        if self._texts_go_first:
+            self._send_first_texts()
 
     def _dispatch(self, channel: Channel, received: Received | BadData, now_us: int, read_us: int) -> None:
         if isinstance(received, BadData):
@@ -164,14 +165,17 @@ class MavEndpoint:
         if header.system_id == system_id and header.component_id == MAV_COMP_ID_AUTOPILOT1:
             return OWN_MESSAGE
         self.routes.learn(header, received.message, channel.index, own_system=system_id)
+        targets = target_fields(header)
+        if len(self.channels) == 1 and targets == NO_TARGETS:  # which is for us, and for nobody else
+            return None
         routing = self.routes.decide(
             header,
-            *target_fields(header),
+            *targets,
             channel.index,
             own_system=system_id,
             is_private=self._private().__getitem__,
-            is_active=lambda index: self.channels[index].active,
-            channels=[other.index for other in self._open_channels()],
+            is_active=self._is_active,
+            channels=[other.index for other in self.channels if other.open],
         )
         for index in routing.forward_to:
             self.channels[index].forward(header.frame)
@@ -179,8 +183,8 @@ class MavEndpoint:
 
     def _refuse(self, header: Header) -> Verdict | None:
         if self._only_gcs():
-            admitted = (self._system_id(), self._vehicle.params.get_int(self._vehicle.release.params.ground_station_id))
-            if header.system_id not in admitted and header.name not in RADIO_MESSAGES:
+            is_gcs = self._vehicle.release.params.is_ground_station(self._vehicle.params, header.system_id)
+            if not is_gcs and header.system_id != self._system_id() and header.name not in RADIO_MESSAGES:
                 return NOT_ACCEPTED
         return None
 
@@ -227,10 +231,10 @@ class MavEndpoint:
         """Queue the echoes of a changed parameter for every active link."""
         self._echoes.extend(echoes)
 
-    def send_banner(self) -> None:
-        """Introduce the vehicle in texts (GCS_MAVLINK::send_banner)."""
+    def send_banner(self, channel: Channel) -> None:
+        """Introduce the vehicle in texts to one link (GCS_MAVLINK::send_banner)."""
         for line in self._vehicle.banner():
-            self._vehicle.texts.send_text(_MAV_SEVERITY_INFO, line)
+            self._vehicle.texts.send_text_to(channel.index, _MAV_SEVERITY_INFO, line)
 
     def send_ftp_replies(self, replies: Iterable[FtpReply]) -> None:
         """Send replies of the file server, each to whom it is for."""
@@ -240,7 +244,7 @@ class MavEndpoint:
                 payload = tuple(reply.payload)
                 channel.send(FILE_TRANSFER_PROTOCOL(0, peer.system_id, peer.component_id, payload))
             if reply.banner:
-                self.send_banner()
+                self.send_banner(channel)
 
     def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
         """Send the next part of a listing or of a log on a link, as far as it takes any."""
@@ -251,10 +255,14 @@ class MavEndpoint:
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""
         system_id = self._system_id()
-        for channel in self.channels:
-            channel.codec.system_id = system_id
-        self._send_first_texts()
-        self._send_echoes()
+        if system_id != self._told_system_id:
+            self._told_system_id = system_id
+            for channel in self.channels:
+                channel.codec.system_id = system_id
+        if self._texts_go_first:
+            self._send_first_texts()
+        if self._echoes:
+            self._send_echoes()
         self._send_home()
         if self.ftp.busy:
             self.send_ftp_replies(self.ftp.continue_burst(now_us))
@@ -282,6 +290,9 @@ class MavEndpoint:
             self._vehicle.params,
             lambda: [self._options(channel.index) & OPTION_PRIVATE != 0 for channel in self.channels],
         )
+
+    def _is_active(self, index: int) -> bool:
+        return self.channels[index].active
 
     def _is_private(self, channel: Channel) -> bool:
         return self._private()[channel.index]

@@ -7,7 +7,7 @@ Source: GCS_MAVLink/MAVLink_routing.cpp.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import HEARTBEAT, Message
@@ -29,8 +29,7 @@ class Route:
     vehicle_type: int
 
 
-@dataclass(frozen=True, slots=True)
-class Routing:
+class Routing(NamedTuple):
     """Whether the autopilot looks at a frame, and the links that get it as it came, each once."""
 
     process_locally: bool
@@ -41,12 +40,12 @@ class RouteTable:
     """The components that have been heard, and on which links; what comes after the 20th is not remembered."""
 
     def __init__(self) -> None:
-        self._routes: list[Route] = []
+        self._known: dict[tuple[int, int, int], Route] = {}
 
     @property
     def routes(self) -> tuple[Route, ...]:
         """What has been learned, oldest first."""
-        return tuple(self._routes)
+        return tuple(self._known.values())
 
     def learn(self, header: Header, message: Message | None, channel: int, *, own_system: int) -> None:
         """Remember where a frame's sender is (MAVLink_routing::learn_route).
@@ -61,12 +60,12 @@ class RouteTable:
         if header.system_id == 0 or (header.system_id == own_system and header.component_id in own_ids):
             return
         vehicle_type = message.type if isinstance(message, HEARTBEAT) else 0
-        for route in self._routes:
-            if (route.system_id, route.component_id, route.channel) == (header.system_id, header.component_id, channel):
-                route.vehicle_type = route.vehicle_type or vehicle_type
-                return
-        if len(self._routes) < MAX_ROUTES:
-            self._routes.append(Route(header.system_id, header.component_id, channel, vehicle_type))
+        route = self._known.get((header.system_id, header.component_id, channel))
+        if route is not None:
+            route.vehicle_type = route.vehicle_type or vehicle_type
+        elif len(self._known) < MAX_ROUTES:
+            place = header.system_id, header.component_id, channel
+            self._known[place] = Route(*place, vehicle_type)
 
     def decide(
         self,
@@ -117,7 +116,7 @@ class RouteTable:
     ) -> tuple[int, ...]:
         """Return the links on which a heartbeat's sender has not been heard (MAVLink_routing::handle_heartbeat)."""
         sender = (header.system_id, header.component_id)
-        heard_on = {route.channel for route in self._routes if (route.system_id, route.component_id) == sender}
+        heard_on = {route.channel for route in self._known.values() if (route.system_id, route.component_id) == sender}
         return tuple(link for link in channels if link != channel and link not in heard_on and is_active(link))
 
     def _targets(
@@ -131,12 +130,14 @@ class RouteTable:
     ) -> tuple[int, ...]:
         any_component = target_component in _BROADCAST or not match_system
         targets: list[int] = []
-        for route in self._routes:
+        for route in self._known.values():
+            if route.channel == channel:
+                continue
             exact = (route.system_id, route.component_id) == (target_system, target_component)
             addressed = target_system in _BROADCAST or (
                 route.system_id == target_system and (any_component or route.component_id == target_component)
             )
-            reachable = route.channel in channels and route.channel != channel and route.channel not in targets
+            reachable = route.channel in channels and route.channel not in targets
             if addressed and reachable and (exact or not is_private(route.channel)):
                 targets.append(route.channel)
         return tuple(targets)

@@ -99,7 +99,7 @@ BANS = (
     Ban(
         frozenset({"pymavlink"}),
         PACKAGES,
-        ("mav_handlers/wire/codec.py", "emulator/recorded_log.py"),
+        ("mav_handlers/wire/codec.py", "emulator/recorded_log.py", "emulator/bench/versus_pymavlink.py"),
         "use mav_handlers.wire, or emulator.recorded_log for logs",
     ),
     Ban(frozenset({"builtins.print"}), PACKAGES, ("emulator/cli.py", "emulator/commands/"), "use logging"),

@@ -28,6 +28,7 @@ from companion.sources.kinds import SOURCES
 from companion.vio.config import VioConfig
 from ekf_stub.ingest_rules import RULES as FILTER_RULES
 from emulator.cli import COMMANDS as CLI_COMMANDS
+from emulator.cli import command_function
 from emulator.doctor.rules import FAMILIES as DOCTOR_FAMILIES
 from emulator.doctor.rules import RULES as DOCTOR_RULES
 from emulator.filter_fates import basis, fate_of, is_final, why
@@ -36,6 +37,9 @@ from emulator.parameters import make_groups
 from emulator.presets import PRESETS, preset_title
 from emulator.release_parameters import ALL_RENAMES
 from emulator.streams import STREAM_KINDS
+from emulator.sweep.objectives import OBJECTIVES
+from emulator.web.desk import ACTIONS
+from emulator.web.faults import SWITCHES
 from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
@@ -114,8 +118,8 @@ def _links() -> Iterator[tuple[str, ...]]:
 
 
 def _cli() -> Iterator[tuple[str, ...]]:
-    for name, function in CLI_COMMANDS.items():
-        yield f"`viso {name}`", first_line(function)
+    for name in CLI_COMMANDS:
+        yield f"`viso {name}`", first_line(command_function(name))
 
 
 def _default(row: ParamInfo) -> str:
@@ -179,12 +183,21 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("an origin that a client sets", lambda one: said(one.endpoint.tell_origin))
     yield row("system id", lambda one: f"`{one.endpoint.params.system_id}`")
     yield row("ground station's id", lambda one: f"`{one.endpoint.params.ground_station_id}`")
+    yield row("last of several such ids", lambda one: f"`{one.endpoint.params.last_ground_station_id or '-'}`")
     yield row("obey that alone", lambda one: f"`{one.endpoint.params.only_ground_station}`")
     yield row("silence after start-up", lambda one: f"`{one.endpoint.params.telem_delay}`")
     yield row("rates of the first link", lambda one: f"`{one.endpoint.params.stream_rate(0, '_...')}`")
     yield row("options of a link", lambda one: said(one.endpoint.params.link_options))
     yield row("arming checks", lambda one: f"`ARMING_{one.params.arming_check}`")
+    yield row("parameters that others lack", lambda one: ", ".join(f"`{name}`" for name in _further(one)) or "none")
     yield row("replay records of an event", lambda one: ", ".join(f"`{record.name}`" for record in one.event_order))
+    yield row("texts in a log", lambda one: f"`{one.log.message.labels}`")
+    yield row("version of the filter in a log", lambda one: f"{one.log.filter_version}")
+
+
+def _further(firmware: Firmware) -> Iterator[str]:
+    for prefix, rows in (("AHRS_", firmware.params.more_ahrs), ("STAT", firmware.params.more_stat)):
+        yield from (prefix + row.name for row in rows)
 
 
 def _renames() -> Iterator[tuple[str, ...]]:
@@ -275,6 +288,21 @@ def _vio_config() -> Iterator[tuple[str, ...]]:
     yield from _config_rows(VioConfig(), "vio")
 
 
+def _objectives() -> Iterator[tuple[str, ...]]:
+    for name, objective in OBJECTIVES.items():
+        yield f"`{name}`", objective.unit, objective.what
+
+
+def _web_actions() -> Iterator[tuple[str, ...]]:
+    for action in ACTIONS:
+        yield action.label, f"`{action.key}`" if action.key else "", action.about
+
+
+def _web_faults() -> Iterator[tuple[str, ...]]:
+    for switch in SWITCHES:
+        yield switch.label, switch.about
+
+
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "messages": (("message", "id", "bytes", "", "content"), _messages),
     "ignored": (("message", "content"), _ignored),
@@ -296,7 +324,10 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "sources": (("--source", "what it is", "axes of its IMU"), _sources),
     "faults": (("kind", "what happens", "parameters", "SITL", "`at_s`"), _fault_kinds),
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),
+    "objectives": (("column", "unit", "what it is"), _objectives),
     "doctor_codes": (("code", "at worst", "what is wrong"), _doctor_codes),
+    "web_actions": (("button", "key", "what it does"), _web_actions),
+    "web_faults": (("switch", "what happens"), _web_faults),
     "vio_config": (("key", "default", "values", "what it is"), _vio_config),
     "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
 }

@@ -20,6 +20,7 @@ from emulator.bench.measure import NowS, Part, Round
 from emulator.bench.odometry import odometry_at
 from emulator.imu.bench import BenchSource
 from emulator.imu.options import ImuOptions
+from emulator.kernels import chosen_kernel, make_state_of
 from emulator.vehicle import LOOP_PERIOD_US
 
 WARM_UP_FRAMES: Final = 4000
@@ -42,9 +43,8 @@ class FilterAtRest:
         sources = EkfSources(lambda name: _SOURCES.get(name, 0), generation=lambda: 0)
         self.counts: Counter[tuple[str, str]] = Counter()
         sizes = around.buffer_sizes(sources, has_camera=True)
-        self._core = Ekf3Core(
-            sources, around.ekf3_number, sizes, CoreTexts(NoTexts(), (0,)), self.counts, lambda: False
-        )
+        texts, make_state = CoreTexts(NoTexts(), (0,)), make_state_of(chosen_kernel())
+        self._core = Ekf3Core(sources, around.ekf3_number, sizes, texts, self.counts, lambda: False, make_state)
         self._sensors = BenchSource(ImuOptions())
         self._frames = 0
 

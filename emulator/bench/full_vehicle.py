@@ -34,9 +34,11 @@ class FullVehicle:
     Args:
         yaw_source: EK3_SRC1_YAW.
         log_dir: where its log goes.
+        period_us: from one message to the next.
     """
 
-    def __init__(self, yaw_source: int, log_dir: Path) -> None:
+    def __init__(self, yaw_source: int, log_dir: Path, *, period_us: int = PERIOD_US) -> None:
+        self._period_us = period_us
         config = VehicleConfig(defaults={**_PARAMS, "EK3_SRC1_YAW": yaw_source}, log_store=LogStore(log_dir))
         self.vehicle = Vehicle(config)
         self._scheduler = Scheduler(self.vehicle)
@@ -48,7 +50,7 @@ class FullVehicle:
     def run(self, messages: int, now_s: NowS) -> Part:
         """Run for some messages; what the companion does beforehand is not measured."""
         first_us = self._time_us
-        times_us = [first_us + number * PERIOD_US for number in range(1, messages + 1)]
+        times_us = [first_us + number * self._period_us for number in range(1, messages + 1)]
         frames = [(time_us, self._codec.encode(odometry_at(time_us))) for time_us in times_us]
         begin_s = now_s()
         for time_us, frame in frames:

@@ -17,10 +17,14 @@ MIN_ROUNDS: Final = 5
 
 
 class Part(NamedTuple):
-    """What was done in a round: the seconds that it took, and how much it was."""
+    """What was done in a round: the seconds that it took, and how much it was.
+
+    ``beside_s`` is what something else took for as much in the same round, where there is anything to compare with.
+    """
 
     elapsed_s: float
     amount: float
+    beside_s: float | None = None
 
 
 Round = Callable[[], Mapping[str, Part]]
@@ -34,11 +38,15 @@ class Bench(NamedTuple):
         what: what is measured, in a line.
         unit: what the work is counted in.
         prepare: gets everything ready, and gives a function that does a round.
+        beside: what a part is compared with, if anything.
+        waits: other processes do the work, so that the clock on the wall tells how long it takes.
     """
 
     what: str
     unit: str
     prepare: Callable[[NowS], AbstractContextManager[Round]]
+    waits: bool = False
+    beside: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +63,8 @@ class Figure:
         turns: how many turns of the calibration loop take as long as one; the median of the rounds, each compared with
             the loop just before it. Of all figures the one to compare between machines.
         rounds: in how many rounds it occurred.
+        ratio: how many times as long it takes as what it is compared with, each in its best round; None where there is
+            nothing to compare with.
     """
 
     name: str
@@ -65,6 +75,13 @@ class Figure:
     slow_cost_us: float
     turns: float
     rounds: int
+    ratio: float | None = None
+
+
+class _Cost(NamedTuple):
+    cost_s: float
+    turns: float
+    beside_s: float | None
 
 
 def turn_s(now_s: NowS) -> float:
@@ -83,7 +100,7 @@ def measure(bench: Bench, seconds: float, now_s: NowS) -> list[Figure]:
         seconds: for how long, without preparation.
         now_s: the clock.
     """
-    rounds: dict[str, list[tuple[float, float]]] = {}
+    rounds: dict[str, list[_Cost]] = {}
     with bench.prepare(now_s) as run_round:
         run_round()  # the first one fills caches
         end_s, number = now_s() + seconds, 0
@@ -92,14 +109,16 @@ def measure(bench: Bench, seconds: float, now_s: NowS) -> list[Figure]:
             loop_turn_s = turn_s(now_s)
             for name, part in run_round().items():
                 cost_s = part.elapsed_s / part.amount
-                rounds.setdefault(name, []).append((cost_s, cost_s / loop_turn_s))
+                beside_s = None if part.beside_s is None else part.beside_s / part.amount
+                rounds.setdefault(name, []).append(_Cost(cost_s, cost_s / loop_turn_s, beside_s))
     return [_figure(name, bench.unit, costs) for name, costs in rounds.items()]
 
 
-def _figure(name: str, unit: str, rounds: list[tuple[float, float]]) -> Figure:
-    costs_s = sorted(cost_s for cost_s, _ in rounds)
+def _figure(name: str, unit: str, rounds: list[_Cost]) -> Figure:
+    costs_s = sorted(cost.cost_s for cost in rounds)
     slow_s = costs_s[math.ceil(0.95 * len(costs_s)) - 1]
-    turns = median(in_turns for _, in_turns in rounds)
-    return Figure(
-        name, unit, 1 / costs_s[0], costs_s[0] * 1e6, median(costs_s) * 1e6, slow_s * 1e6, turns, len(costs_s)
-    )
+    turns = median(cost.turns for cost in rounds)
+    beside_s = min((cost.beside_s for cost in rounds if cost.beside_s is not None), default=None)
+    ratio = None if beside_s is None else costs_s[0] / beside_s
+    costs_us = costs_s[0] * 1e6, median(costs_s) * 1e6, slow_s * 1e6
+    return Figure(name, unit, 1 / costs_s[0], *costs_us, turns, len(costs_s), ratio)

@@ -34,6 +34,8 @@ MAVLINK_VERSION: Final = 3
 CAPABILITIES: Final = 64495
 CAPABILITY_MAVLINK2: Final = 8192
 UID2_BYTES: Final = 18
+SYSTEM_TEXT_DIGITS: Final = 32
+_NAME: Final = b"viso"
 
 
 def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEAT:
@@ -92,7 +94,14 @@ def autopilot_version(vehicle: VehiclePort, channel: Channel, _now_us: int) -> A
     return AUTOPILOT_VERSION(capabilities, version, 0, 0, 0, custom, zeros, zeros, 0, 0, 0, _uid2(vehicle))
 
 
+def system_text(system_id: int) -> str:
+    """Return what names a vehicle: 32 hex digits, as of the machine on which the simulator runs.
+
+    FIRMWARE PARITY: here the vehicle's system id makes them.
+    """
+    return f"{system_id & 0xFFFF:04x}{_NAME.hex()}".ljust(SYSTEM_TEXT_DIGITS, "0")
+
+
 def _uid2(vehicle: VehiclePort) -> tuple[int, ...]:
-    # FIRMWARE PARITY: the simulator's uid2 names the machine that it runs on.
-    name = f"viso-{vehicle.params.get_int(vehicle.release.params.system_id):012d}"
-    return tuple(name.encode("ascii").ljust(UID2_BYTES, b"\0"))
+    name = system_text(vehicle.params.get_int(vehicle.release.params.system_id))
+    return tuple(name.encode("ascii")[:UID2_BYTES])

@@ -5,12 +5,14 @@
 import struct
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, Final
+from operator import itemgetter
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from pymavlink.dialects.v20 import development
 
 from mav_handlers.wire import messages
+from mav_handlers.wire.drafts import draft_messages
+from mav_handlers.wire.frames import Form, Header, plain_frame
 from mav_handlers.wire.messages import Message
 from mav_handlers.wire.signature import SIGNATURE_BLOCK_BYTES, LinkSigning
 
@@ -19,29 +21,14 @@ _V1_HEADER_BYTES: Final = 6
 _COMPACT_ABOVE_BYTES: Final = 4096
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
-    """Who sent a frame, and the frame itself."""
-
-    name: str
-    message_id: int
-    system_id: int
-    component_id: int
-    sequence: int
-    version: int
-    frame: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(NamedTuple):
     """A whole frame; ``message`` is None when its type is not one of ours."""
 
     header: Header
     message: Message | None
 
 
-@dataclass(frozen=True, slots=True)
-class BadData:
+class BadData(NamedTuple):
     """Bytes that are no frame, or a frame that failed its check."""
 
     reason: str
@@ -62,7 +49,7 @@ class _Layout:
 def _layout_of(cls: type[Message], dialect_class: Any) -> _Layout:
     types = dict(zip(dialect_class.fieldnames, dialect_class.fieldtypes, strict=True))
     lengths = dict(zip(dialect_class.ordered_fieldnames, dialect_class.array_lengths, strict=True))
-    every = fields(cls)  # type: ignore[arg-type]  # all are dataclasses
+    every = fields(cls)
     names = tuple(field.name for field in every)
     codes = dict(zip(dialect_class.ordered_fieldnames, dialect_class.native_format[1:].decode(), strict=True))
     extensions = [field.name for field in every if field.default is not MISSING]
@@ -78,8 +65,7 @@ def _layout_of(cls: type[Message], dialect_class: Any) -> _Layout:
     )
 
 
-# The firmware's dialect has these already; pymavlink's releases know them as drafts.
-for _draft in (development.MAVLink_available_modes_message, development.MAVLink_available_modes_monitor_message):
+for _draft in draft_messages(dialect.MAVLink_message):
     dialect.mavlink_map.setdefault(_draft.id, _draft)
 
 
@@ -91,6 +77,46 @@ def _layouts() -> dict[str, _Layout]:
 _LAYOUTS: Final = _layouts()
 _NAME_OF_ID: Final[dict[int, str]] = {cls.id: cls.msgname for cls in dialect.mavlink_map.values()}
 _ID_OF_NAME: Final[dict[str, int]] = {name: msg_id for msg_id, name in _NAME_OF_ID.items()}
+
+
+_FORMS: Final[dict[int, Form | None]] = {}
+
+
+def _form_of(msg_id: int) -> Form | None:
+    try:
+        return _FORMS[msg_id]
+    except KeyError:
+        return _make_form(msg_id)
+
+
+def _make_form(msg_id: int) -> Form | None:
+    dialect_class = dialect.mavlink_map.get(msg_id)
+    if dialect_class is None:  # of which there may be millions
+        return None
+    layout = _LAYOUTS.get(dialect_class.msgname)
+    form = None
+    if layout is None or not layout.texts:  # text is pymavlink's to decode
+        make = None if layout is None else _maker(layout)
+        form = Form(dialect_class.msgname, bytes((dialect_class.crc_extra,)), dialect_class.unpacker, make)
+    _FORMS[msg_id] = form
+    return form
+
+
+def _maker(layout: _Layout) -> Callable[[tuple[Any, ...]], Message]:
+    """Return what makes a message of the fields in the order of the wire, elements of arrays one by one."""
+    starts, end = {}, 0
+    for name, length in zip(layout.dialect_class.ordered_fieldnames, layout.dialect_class.lengths, strict=True):
+        starts[name] = slice(end, end + length) if name in layout.arrays else end
+        end += length
+    pick, cls = itemgetter(*[starts[name] for name in layout.names]), layout.cls
+    if len(layout.names) == 1:
+        return lambda values: cls(pick(values))
+    return lambda values: cls(*pick(values))
+
+
+def _crc_of(data: bytes) -> int:
+    crc: int = dialect.x25crc(data).crc
+    return crc
 
 
 def message_id(name: str) -> int:
@@ -196,10 +222,15 @@ class Codec:
     @property
     def unread_bytes(self) -> int:
         """Bytes fed and not yet part of a returned frame."""
-        return int(self._mav.buf_len())
+        return len(self._mav.buf) - int(self._mav.buf_index)
 
     def next_received(self) -> Received | BadData | None:
         """Return the next frame or stretch of bad bytes, or None when more bytes are needed. Never raises."""
+        if not self.unread_bytes:
+            return None
+        received = self._next_plain() if self._signing is None else None
+        if received is not None:
+            return received
         raw = self._mav.parse_char(b"")
         if raw is None:
             return None
@@ -209,6 +240,18 @@ class Codec:
         if kind.startswith("UNKNOWN_"):
             return Received(_unknown_header(raw), None)
         return Received(_to_header(raw), _to_message(raw))
+
+    def _next_plain(self) -> Received | None:
+        """Take a frame that needs no more than reading, from where pymavlink's parser stands."""
+        mav = self._mav
+        found = plain_frame(mav.buf, mav.buf_index, _form_of, _crc_of)
+        if found is None:
+            return None
+        header, message = found
+        mav.buf_index += len(header.frame)
+        if mav.buf_index == len(mav.buf):
+            mav.buf, mav.buf_index = bytearray(), 0
+        return Received(header, message)
 
     def encode(self, message: Message) -> bytes:
         """Return the next frame with this message.

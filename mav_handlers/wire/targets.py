@@ -9,6 +9,7 @@ from mav_handlers.wire.codec import Header, target_offsets
 _V1_HEADER_BYTES: Final = 6
 _V2_HEADER_BYTES: Final = 10
 _OFFSETS: Final = target_offsets()
+NO_TARGETS: Final = (None, None)
 
 
 def target_fields(header: Header) -> tuple[int | None, int | None]:
@@ -18,7 +19,9 @@ def target_fields(header: Header) -> tuple[int | None, int | None]:
 
     Source: GCS_MAVLink/MAVLink_routing.cpp, MAVLink_routing::get_targets.
     """
-    system_at, component_at = _OFFSETS.get(header.message_id, (None, None))
+    system_at, component_at = _OFFSETS.get(header.message_id, NO_TARGETS)
+    if system_at is None and component_at is None:
+        return NO_TARGETS
     start = _V1_HEADER_BYTES if header.version == 1 else _V2_HEADER_BYTES
     payload = header.frame[start : start + header.frame[1]]
     return _byte_at(payload, system_at), _byte_at(payload, component_at)

@@ -53,7 +53,7 @@ def sample(cls: type[Message]) -> Message:
             return "VISO_TYPE"[: lengths[name]]
         return (1,) * lengths[name] if lengths[name] else 1
 
-    message = cls(*(value(field.name) for field in fields(cls)))  # type: ignore[arg-type]  # all are dataclasses
+    message = cls(*(value(field.name) for field in fields(cls)))
     if isinstance(message, ODOMETRY):
         return replace(message, frame_id=20, child_frame_id=12)
     return replace(message, command=401) if isinstance(message, COMMAND_LONG | COMMAND_INT) else message
@@ -138,9 +138,9 @@ class TestMessage:
             return
         message = sample(cls)
         # What MAVLink 1 cannot carry reads as zero.
-        every = fields(cls)  # type: ignore[arg-type]  # all are dataclasses
+        every = fields(cls)
         defaults = {field.name: field.default for field in every if field.default is not MISSING}
-        bare = replace(message, **defaults)  # type: ignore[type-var]  # as above
+        bare = replace(message, **defaults)
         assert effect_of([Codec(255, 190, 1).encode(message)]) == effect_of([Codec(255, 190).encode(bare)])
 
     @pytest.mark.parametrize("cls", sorted(VISION_MESSAGES, key=str), ids=lambda cls: cls.__name__)

@@ -107,6 +107,30 @@ def test_captures_of_the_reference_come_out_otherwise_as_the_later_release(name:
     assert differ == {FEBRUARY_2026.name}
 
 
+def records_of(capture: Path, count: int | None, firmware: Firmware) -> list[Any]:
+    """Return the records that the first messages of a capture make."""
+    stream = read_stream(capture, 0)
+    vehicle = Vehicle(VehicleConfig(defaults=stream.params, firmware=firmware))
+    replay = Replay(vehicle, replace(stream, messages=stream.messages[:count]), BAUD)
+    return [message.as_dict()["out"] for message in replay.run()]
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("voxl", 120),
+        ("flight_mav_extyaw", 120),
+        pytest.param("voxl", None, marks=pytest.mark.slow),
+        pytest.param("prearm", None, marks=pytest.mark.slow),
+    ],
+)
+def test_captures_without_covariance_come_out_the_same_in_all(name: str, count: int | None) -> None:
+    capture = LATER.parent / "captures" / f"{name}.jsonl.gz"
+    first, *others = (repr(records_of(capture, count, firmware)) for firmware in PROFILES.values())
+    assert "VISP" in first
+    assert all(other == first for other in others)
+
+
 @pytest.mark.slow
 def test_filter_says_what_the_later_release_said_over_its_log() -> None:
     log = LATER / "logs" / "t265.BIN.xz"

@@ -218,7 +218,7 @@ def any_message(draw: random.Random, cls: type[Message]) -> Message:
         return float(f32(draw.choice(ODD) if draw.random() < 0.2 else draw.uniform(-3, 3)))
 
     values: dict[str, Any] = {}
-    for field in fields(cls):  # type: ignore[arg-type]  # all are dataclasses
+    for field in fields(cls):
         kind, length = kinds[field.name], lengths[field.name]
         values[field.name] = tuple(one(kind) for _ in range(length)) if length else one(kind)
     return cls(**values)
@@ -237,7 +237,7 @@ def any_vision(draw: random.Random, now_us: int) -> Message:
         changes[stamp] = max(0, now_us - draw.randint(0, 100_000))
     if isinstance(message, VISION_POSITION_DELTA) and draw.random() < 0.8:
         changes["time_delta_usec"] = draw.randint(10_000, 200_000)
-    return replace(message, **changes)  # type: ignore[type-var]  # it is a dataclass
+    return replace(message, **changes)
 
 
 def mischief(draw: random.Random, trip: Trip) -> None:
@@ -247,7 +247,7 @@ def mischief(draw: random.Random, trip: Trip) -> None:
         for _ in range(draw.randint(1, 5)):
             trip.send(any_vision(draw, trip.now_us))
     elif kind == "gps":
-        trip.send(replace(any_message(draw, GPS_INPUT), gps_id=0, fix_type=draw.randint(0, 6)))  # type: ignore[type-var]
+        trip.send(replace(any_message(draw, GPS_INPUT), gps_id=0, fix_type=draw.randint(0, 6)))
     elif kind == "param":
         value = draw.choice(ODD) if draw.random() < 0.5 else draw.uniform(0, 10)
         trip.send(PARAM_SET(1, 1, draw.choice(PARAMETERS), value, 9))

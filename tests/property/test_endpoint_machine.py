@@ -125,7 +125,7 @@ def of_class(cls: type[Message]) -> st.SearchStrategy[Message]:
     raw = dialect.mavlink_map[message_id(cls.__name__)]
     kinds = dict(zip(raw.fieldnames, raw.fieldtypes, strict=True))
     lengths = dict(zip(raw.ordered_fieldnames, raw.array_lengths, strict=True))
-    names = [field.name for field in fields(cls)]  # type: ignore[arg-type]  # all are dataclasses
+    names = [field.name for field in fields(cls)]
     values = {name: of_type(kinds[name], lengths[name]) for name in names}
     if cls is ODOMETRY:
         values["frame_id"] = st.just(20) | st.sampled_from([1, 12])
@@ -136,7 +136,7 @@ def of_class(cls: type[Message]) -> st.SearchStrategy[Message]:
 
 
 VISION = st.sampled_from(sorted(VISION_MESSAGES, key=str)).flatmap(of_class)
-ODOMETRIES = of_class(ODOMETRY).map(lambda message: replace(message, frame_id=20, child_frame_id=12))  # type: ignore[type-var]  # it is a dataclass
+ODOMETRIES = of_class(ODOMETRY).map(lambda message: replace(message, frame_id=20, child_frame_id=12))
 ANYTHING = st.sampled_from(sorted((*HANDLERS, *IGNORED), key=str)).flatmap(of_class)
 COMMAND_NUMBERS = st.sampled_from(sorted(COMMANDS)) | st.integers(0, 65535)
 MESSAGE_IDS = st.sampled_from([float(message_id(name)) for name in SENDERS])

@@ -24,6 +24,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
+from ekf_stub.compiled_state import CompiledErrorState
+from ekf_stub.ekf3_core import MakeState
 from ekf_stub.error_state import (
     ACCEL,
     ATT,
@@ -83,13 +85,15 @@ def check_output(output: OutputPredictor) -> None:
 class FilterMachine(RuleBasedStateMachine):
     """The filter and what follows it."""
 
+    make_state: MakeState = ErrorState
+
     @initialize(
         euler=st.tuples(st.floats(-3, 3), st.floats(-1.57, 1.57), st.floats(-3, 3)),
         variances=st.lists(ANY, min_size=6, max_size=6).map(np.array),
         length=st.integers(1, 20),
     )
     def begin(self, euler: tuple[float, float, float], variances: Array, length: int) -> None:
-        self.state = ErrorState(quat_of_euler(*euler), variances)
+        self.state = type(self).make_state(quat_of_euler(*euler), variances)
         self.output = OutputPredictor(self.state, length)
         self.sampler = DownSampler()
         self.guard = InertialGuard()
@@ -203,16 +207,24 @@ class FilterMachine(RuleBasedStateMachine):
             check_output(self.output)
 
 
-def test_filter_stands_whatever_it_is_given() -> None:
+class CompiledMachine(FilterMachine):
+    """The same with the compiled filter."""
+
+    make_state = CompiledErrorState
+
+
+@pytest.mark.parametrize("machine", [FilterMachine, CompiledMachine])
+def test_filter_stands_whatever_it_is_given(machine: type[FilterMachine]) -> None:
     run_state_machine_as_test(
-        FilterMachine,
+        machine,
         settings=settings(max_examples=50, stateful_step_count=30, deadline=None, derandomize=True),
     )
 
 
 @pytest.mark.slow
-def test_filter_stands_whatever_it_is_given_for_longer() -> None:
-    run_state_machine_as_test(FilterMachine, settings=settings(max_examples=150, stateful_step_count=60, deadline=None))
+@pytest.mark.parametrize("machine", [FilterMachine, CompiledMachine])
+def test_filter_stands_whatever_it_is_given_for_longer(machine: type[FilterMachine]) -> None:
+    run_state_machine_as_test(machine, settings=settings(max_examples=150, stateful_step_count=60, deadline=None))
 
 
 # Long runs
@@ -228,9 +240,9 @@ class Wanderer:
 
     PHASE = 400
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, make_state: MakeState = ErrorState) -> None:
         self._rng = np.random.default_rng(seed)
-        self.state = ErrorState(quat_of_euler(0.1, 0.2, 0.3), VARIANCES)
+        self.state = make_state(quat_of_euler(0.1, 0.2, 0.3), VARIANCES)
         self.fused = 0
 
     def run(self, phases: int, *, check_each: int) -> None:
@@ -304,9 +316,9 @@ def test_covariance_is_one_throughout_a_million_steps() -> None:
     assert wanderer.fused > 100_000
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_covariance_is_one_after_each_of_some_thousand_steps(seed: int) -> None:
-    Wanderer(seed).run(8, check_each=1)
+@pytest.mark.parametrize(("seed", "make_state"), [(2, ErrorState), (3, ErrorState), (2, CompiledErrorState)])
+def test_covariance_is_one_after_each_of_some_thousand_steps(seed: int, make_state: MakeState) -> None:
+    Wanderer(seed, make_state).run(8, check_each=1)
 
 
 def test_same_input_gives_the_same_bytes() -> None:

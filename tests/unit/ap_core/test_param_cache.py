@@ -56,6 +56,14 @@ def test_every_way_to_change_a_parameter_is_noticed(change: Callable[[ParamTable
     assert numbers("G_HALF") == 0.25
 
 
+def test_numbers_of_a_group_are_asked_for_without_its_prefix() -> None:
+    params = table()
+    numbers = Numbers(params, "G_")
+    assert numbers("HALF") == 0.5
+    params.set("G_HALF", 0.25)
+    assert numbers("HALF") == 0.25
+
+
 def test_unknown_number_is_an_error() -> None:
     with pytest.raises(ValueError, match="NO_SUCH"):
         Numbers(table())("NO_SUCH")

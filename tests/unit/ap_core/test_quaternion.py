@@ -265,3 +265,18 @@ def test_quaternion_differs_from_its_tuple() -> None:
 
 def test_representation_shows_w_first() -> None:
     assert repr(Quaternion(1, 2, 3, 4)) == "Quaternion(1.0, 2.0, 3.0, 4.0)"
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_quaternion_is_nan_when_a_component_is(index: int) -> None:
+    parts = [1.0, math.inf, 0.0, 0.0]
+    assert not Quaternion(*parts).is_nan()
+    parts[index] = math.nan
+    assert Quaternion(*parts).is_nan()
+
+
+def test_yaw_is_the_same_when_it_is_asked_for_again() -> None:
+    quat = Quaternion(0.9, 0.1, -0.2, 0.374)
+    first = quat.get_euler_yaw()
+    assert quat.get_euler_yaw().tobytes() == first.tobytes() == quat.to_euler()[2].tobytes()
+    assert quat == Quaternion(0.9, 0.1, -0.2, 0.374)

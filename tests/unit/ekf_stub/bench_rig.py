@@ -82,7 +82,7 @@ class BenchRig:
             around=Surroundings(
                 self,
                 self.params.get_int,
-                Numbers(self.params),
+                Numbers(self.params, "EK3_"),
                 lambda: self.gps,
                 lambda: self.armed,
                 lambda sensor: sensor in self.fitted,

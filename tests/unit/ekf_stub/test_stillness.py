@@ -139,11 +139,11 @@ def test_filters_go_on_as_the_test_begins_anew() -> None:
 
 def test_filter_cuts_off_at_10_hz() -> None:
     filtered = Filtered()
-    filtered.add((LOOP_DT, 0, 0), LOOP_DT, LOOP_DT)
+    filtered.add((1.0, 0.0, 0.0), LOOP_DT)
     assert filtered.value[0] == pytest.approx(LOOP_DT / (LOOP_DT + 1 / (20 * math.pi)))
 
 
 def test_filter_ignores_an_increment_of_no_time() -> None:
     filtered = Filtered()
-    filtered.add((1.0, 0, 0), 0.0, LOOP_DT)
+    filtered.add(None, LOOP_DT)
     assert filtered.value == (0, 0, 0)

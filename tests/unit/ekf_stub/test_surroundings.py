@@ -44,17 +44,6 @@ def test_numbers_are_the_defaults_of_the_vehicles_parameters() -> None:
     assert known == {name: pytest.approx(params.get_number(f"EK3_{name}")) for name in known}
 
 
-def test_parameter_of_the_filter_is_asked_for_without_its_group() -> None:
-    asked: list[str] = []
-
-    def get(name: str) -> float:
-        asked.append(name)
-        return 7.0
-
-    assert Surroundings(get_number=get).ekf3_number("POS_I_GATE") == 7
-    assert asked == ["EK3_POS_I_GATE"]
-
-
 @pytest.mark.parametrize(("params", "mask"), [({}, 3), ({"EK3_IMU_MASK": 1}, 1), ({"EK3_ENABLE": 0}, 0)])
 def test_disabled_filter_has_no_cores(params: dict[str, int], mask: int) -> None:
     assert around(**params).imu_mask() == mask

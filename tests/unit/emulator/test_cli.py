@@ -3,6 +3,7 @@
 """The command line: exit codes, one-line errors, outputs, and the examples of the help texts."""
 
 import gzip
+import inspect
 import json
 import os
 import re
@@ -10,15 +11,16 @@ import shlex
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from emulator import cli
-from emulator.cli import COMMANDS, make_app
+from emulator.cli import COMMANDS, command_function, command_help, make_app
 from emulator.commands import serve as serve_command
 from tests.unit.emulator.command_line import Outcome, Viso, failed_with
 
@@ -50,6 +52,14 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def add_command(monkeypatch: pytest.MonkeyPatch, function: Callable[[], None]) -> None:
+    """Make a function a command of its name."""
+    module = ModuleType("commands_of_a_test")
+    setattr(module, function.__name__, function)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(COMMANDS, function.__name__, module.__name__)
+
+
 def first_lines(path: Path, count: int) -> list[str]:
     with gzip.open(path, "rt", encoding="utf-8") as file:
         return [line for _, line in zip(range(count), file, strict=False)]
@@ -72,6 +82,11 @@ def test_help_lists_the_commands(viso: Viso) -> None:
     assert all(f"  {name} " in outcome.out for name in COMMANDS)
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_the_list_is_that_of_the_command(name: str) -> None:
+    assert command_help(name) == inspect.getdoc(command_function(name)) != ""
+
+
 def test_nothing_given_is_a_usage_error_with_help(viso: Viso) -> None:
     outcome = viso()
     assert outcome.code == 2
@@ -86,7 +101,7 @@ def test_wrong_usage_is_exit_code_2(viso: Viso, args: list[str]) -> None:
 
 
 def example_of(name: str) -> str:
-    (example,) = re.findall(r"Example: (viso .*)", COMMANDS[name].__doc__ or "")
+    (example,) = re.findall(r"Example: (viso .*)", command_function(name).__doc__ or "")
     return str(example)
 
 
@@ -462,7 +477,7 @@ def test_what_is_left_of_the_output_goes_nowhere_when_its_reader_leaves(
         raise BrokenPipeError
 
     redirected: list[int] = []
-    monkeypatch.setitem(COMMANDS, "write", write)
+    add_command(monkeypatch, write)
     monkeypatch.setattr("emulator.cli.os.dup2", lambda _source, target: redirected.append(target))
     monkeypatch.setattr(sys, "argv", ["viso", "write"])
     with pytest.raises(SystemExit) as ended:
@@ -476,7 +491,7 @@ def test_error_of_the_system_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyP
     def write() -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setitem(COMMANDS, "write", write)
+    add_command(monkeypatch, write)
     assert failed_with(viso("write"), "No space left on device")
 
 

@@ -105,12 +105,22 @@ def test_boot_does_not_wait_for_a_client() -> None:
 def test_it_is_what_it_claims_to_be(make_bench: MakeBench) -> None:
     vehicle = make_bench(boot=False).vehicle
     assert vehicle.firmware_version() == (4 << 24 | 7 << 16, "ArduCopter V4.7.0-dev", "2b361bde")
-    assert vehicle.banner() == ("ArduCopter V4.7.0-dev (2b361bde)", "Frame: QUAD/X")
+    system = "00017669736f" + 20 * "0"
+    assert vehicle.banner() == ("ArduCopter V4.7.0-dev (2b361bde)", system, "Frame: QUAD/PLUS")
     assert vehicle.custom_mode() == 0
 
 
-def test_frame_type_is_in_the_banner(make_bench: MakeBench) -> None:
-    assert make_bench(boot=False, FRAME_TYPE=0).vehicle.banner()[1] == "Frame: QUAD/PLUS"
+@pytest.mark.parametrize(
+    ("kind", "text"), [(1, "Frame: QUAD/X"), (14, "Frame: QUAD/CW_X"), (19, "Frame: QUAD/Y4"), (99, "Frame: QUAD")]
+)
+def test_frame_type_is_in_the_banner(make_bench: MakeBench, kind: int, text: str) -> None:
+    assert make_bench(boot=False, FRAME_TYPE=kind).vehicle.banner()[-1] == text
+
+
+def test_banner_names_the_system(make_bench: MakeBench) -> None:
+    first, second = (make_bench(boot=False, MAV_SYSID=number).vehicle.banner()[1] for number in (1, 2))
+    assert len(first) == len(second) == 32
+    assert first != second
 
 
 def test_default_of_an_unknown_parameter_is_noted() -> None:

@@ -8,7 +8,19 @@ from pathlib import Path
 
 import pytest
 
-EXTRAS = ("cv2", "gtsam", "rosbags", "matplotlib", "threadpoolctl", "pymap3d", "pyModeS", "starlette", "uvicorn")
+EXTRAS = (
+    "cv2",
+    "gtsam",
+    "rosbags",
+    "matplotlib",
+    "threadpoolctl",
+    "pymap3d",
+    "pyModeS",
+    "starlette",
+    "uvicorn",
+    "pyarrow",
+    "distributed",
+)
 PROGRAM = f"""
 import sys
 sys.modules.update(dict.fromkeys({EXTRAS!r}))

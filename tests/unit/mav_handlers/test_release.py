@@ -180,7 +180,7 @@ def test_version_and_banner_are_the_firmwares(make_bench: "MakeBench", firmware:
     [version] = bench.client.read_of(AUTOPILOT_VERSION)
     assert version.flight_sw_version == firmware.sw_version
     assert bytes(version.flight_custom_version) == firmware.source_hash.encode()
-    bench.endpoint.send_banner()
+    bench.endpoint.send_banner(bench.client.channel)
     bench.run_ms(50)
     assert firmware.banner in bench.client.read_texts()
 

@@ -8,11 +8,17 @@ from pathlib import Path
 
 import pytest
 
+from ap_core.verdict import Outcome
+from ap_visualodom.batch_samples import CONSUMED_NUMBER
+from ap_visualodom.visualodom_type import VisualOdom_Type
 from companion.vio.types import VioState
 from companion.world.ground import generate_texture
 from ekf_stub.ingest_rules import FUSED
-from emulator.bench import ekf_step
+from emulator.bench import ekf_step, growth, startup, versus_pymavlink
+from emulator.bench.batch_port import BenchPort, no_velocities, poses_of_a_flight
 from emulator.bench.full_vehicle import WARM_UP_MESSAGES, FullVehicle
+from emulator.bench.log_columns import BenchLog
+from emulator.bench.logging_vehicle import LoggingVehicle
 from emulator.bench.measure import measure
 from emulator.bench.odometry import PERIOD_US, odometry_at
 from emulator.bench.table import BENCHES
@@ -23,14 +29,22 @@ from mav_handlers.handlers.vision import odometry_frames_accepted
 PARTS = {
     "loop": {"yaw of the camera", "yaw of the compass"},
     "endpoint": {"ATTITUDE, not acted on", "TIMESYNC, answered", "ODOMETRY with covariance"},
+    "message": set(versus_pymavlink.MESSAGES),
+    "growth": {growth.name_of(times) for times in growth.TIMES},
     "port": {"MAV", "IntelT265"},
+    "batch": {"MAV", "IntelT265", "VOXL", "IntelT265, 10 times as many", "IntelT265, 100 times as many"},
+    "log": {"read", "read, 10 times as many", "written"},
     "ekf_step": {ekf_step.NO_STEP, ekf_step.STEP, ekf_step.FUSING_STEP},
     "vio": {"640x480", "5472x3648, BGR"},
     "codec": {"ODOMETRY to bytes", "bytes to ODOMETRY"},
+    "startup": {*startup.HELP, startup.FIRST_ACCEPTED},
 }
+SLOW = {"startup", "growth"}
 
 
-@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in BENCHES]
+)
 def test_bench_gives_a_figure_for_each_of_its_parts(name: str) -> None:
     figures = measure(BENCHES[name], 0.0, time.perf_counter)
     assert {figure.name for figure in figures} == PARTS[name]
@@ -39,6 +53,7 @@ def test_bench_gives_a_figure_for_each_of_its_parts(name: str) -> None:
         assert figure.per_second == pytest.approx(1e6 / figure.cost_us)
         assert 0 < figure.turns < math.inf
         assert figure.unit == BENCHES[name].unit
+        assert (figure.ratio is not None) == bool(BENCHES[name].beside)
 
 
 @pytest.mark.parametrize("yaw_source", [1, 6])
@@ -67,6 +82,18 @@ def test_filter_at_rest_fuses_each_sample() -> None:
     assert kinds.count(ekf_step.FUSING_STEP) + kinds.count(ekf_step.STEP) == pytest.approx(13 * 30 / 5, abs=1)
 
 
+def test_messages_that_are_compared_with_pymavlink_are_logged_and_parsed() -> None:
+    vehicle = LoggingVehicle()
+    for make in versus_pymavlink.MESSAGES.values():
+        frames = vehicle.frames(make, 3)
+        records, size = vehicle.vehicle.logger.records, vehicle.log.size
+        vehicle.take(frames, lambda: 0.0)
+        assert vehicle.vehicle.logger.records >= records + 3
+        assert vehicle.log.size > size
+        accepted = [event.verdict.outcome for event in iter(vehicle.vehicle.endpoint.next_event, None)]
+        assert accepted == [Outcome.ACCEPTED] * 3
+
+
 def test_odometry_is_what_the_autopilot_takes() -> None:
     message = odometry_at(1_000_000)
     assert odometry_frames_accepted(message)
@@ -80,3 +107,17 @@ def test_strategy_of_the_bench_tracks(enlargement: int) -> None:
         flown.run(lambda: 0.0)
     health = flown.strategy.health_snapshot()
     assert (health.state, health.consecutive_lost) == (VioState.TRACKING, 0)
+
+
+def test_log_of_the_bench_is_the_same_by_columns_and_by_records() -> None:
+    log = BenchLog(400)
+    assert log.write_columns() == log.write_rows() == log.data
+    assert log.read_columns() > log.count == 400
+
+
+def test_batch_bench_does_what_the_scalar_port_does() -> None:
+    port, poses = BenchPort(VisualOdom_Type.VOXL), poses_of_a_flight(50)
+    made, _ = port.batch.handle(poses, no_velocities())
+    port.run(poses_of_a_flight(200), lambda: 0.0)
+    assert set(made.verdict.tolist()) == {CONSUMED_NUMBER}
+    assert port.batch.visual_odom.quality() > 0

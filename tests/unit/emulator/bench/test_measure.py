@@ -86,6 +86,12 @@ def test_rounds_go_on_for_the_time_that_is_given() -> None:
     assert only_figure([one(1.0)], seconds=60.0).rounds == pytest.approx(60 / 3, abs=MIN_ROUNDS)
 
 
+def test_ratio_is_that_of_the_best_rounds_of_both() -> None:
+    times_s = [(1e-9, 1e-9), (9.0, 2.0), (8.0, 4.0), (6.0, 5.0), (7.0, 9.0), (8.0, 9.0)]
+    assert only_figure([{"one": Part(elapsed_s, 2.0, beside_s)} for elapsed_s, beside_s in times_s]).ratio == 3.0
+    assert only_figure([one(1.0)]).ratio is None
+
+
 def test_a_part_that_did_not_occur_in_a_round_counts_in_the_others() -> None:
     figures = measure(bench_of([one(1.0), one(1.0), {"rare": Part(4.0, 2.0)}, one(1.0)]), 0.0, TickingClock())
     assert [(figure.name, figure.cost_us, figure.rounds) for figure in figures] == [

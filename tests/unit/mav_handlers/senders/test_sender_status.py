@@ -99,7 +99,7 @@ def test_capabilities_of_a_mavlink_1_link_lack_mavlink_2(make_bench: "MakeBench"
     assert message.capabilities == 64495 - CAPABILITY_MAVLINK2
 
 
-@pytest.mark.parametrize(("system_id", "name"), [(1, b"viso-000000000001\0"), (255, b"viso-000000000255\0")])
+@pytest.mark.parametrize(("system_id", "name"), [(1, b"00017669736f000000"), (255, b"00ff7669736f000000")])
 def test_unique_id_is_made_of_the_system_id(desk: "Desk", system_id: int, name: bytes) -> None:
     desk.vehicle.params.set("MAV_SYSID", system_id)
     message = desk.ask(autopilot_version)

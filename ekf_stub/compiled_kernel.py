@@ -1,0 +1,304 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The filter's arithmetic as functions of numbers and arrays, compiled by numba. Needs the extra numba.
+
+Formulas and their order are those of `ekf_stub.nominal_state`, `process_model`, `error_state` and `covariance`, which
+define them. Products of matrices leave out what is known to be zero, and so round otherwise than the BLAS does.
+"""
+
+import math
+from typing import Any, Final
+
+import numba
+import numpy as np
+
+from ekf_stub.covariance import ROUNDING
+from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, Array
+from ekf_stub.nominal_state import MAX_ACCEL_WITHOUT_AIDING
+from ekf_stub.process_model import MAX_GROWING_POS_VAR
+from ekf_stub.states import ACCEL, ATT, GYRO, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, POS, STATES, VEL
+
+_GRAVITY: Final = GRAVITY_MSS
+_VEL: Final = VEL.start
+_POS: Final = POS.start
+_GYRO: Final = GYRO.start
+_ACCEL: Final = ACCEL.start
+_ATT_END: Final = ATT.stop
+_QUATERNION_EPS: Final = 1e-14  # of numpy-quaternion
+
+_compiled: Any = numba.njit(cache=True, error_model="numpy")
+
+Quat = tuple[float, float, float, float]
+
+
+def _normalized(w: float, x: float, y: float, z: float) -> Quat:
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    return w / length, x / length, y / length, z / length
+
+
+normalized: Any = _compiled(_normalized)
+
+
+def _turned(quat: Quat, angle: Array) -> Quat:
+    """Return a quaternion after a rotation by a vector in rad."""
+    x, y, z = angle[0] * 0.5, angle[1] * 0.5, angle[2] * 0.5
+    length = math.sqrt(x * x + y * y + z * z)
+    w, scale = 1.0, 0.0
+    if length > _QUATERNION_EPS:
+        w, scale = math.cos(length), math.sin(length) / length
+    x, y, z = scale * x, scale * y, scale * z
+    a, b, c, d = quat
+    product: Quat = normalized(
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
+    return product
+
+
+turned: Any = _compiled(_turned)
+
+
+def _set_rotation(rotation: Array, quat: Quat) -> None:
+    w, x, y, z = quat
+    rotation[0, 0], rotation[0, 1], rotation[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    rotation[1, 0], rotation[1, 1], rotation[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    rotation[2, 0], rotation[2, 1], rotation[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
+set_rotation: Any = _compiled(_set_rotation)
+
+
+def _limit(values: Array, lowest: Array, highest: Array) -> None:
+    for index in range(len(values)):
+        if values[index] < lowest[index]:
+            values[index] = lowest[index]
+        if values[index] > highest[index]:
+            values[index] = highest[index]
+
+
+limit: Any = _compiled(_limit)
+
+
+def _move(
+    quat: Quat,
+    states: Array,
+    rotation: Array,
+    accel_filtered: Array,
+    del_ang: Array,
+    del_vel: Array,
+    del_ang_dt: float,
+    dt: float,
+    dt_ekf_avg: float,
+    earth_rate: Array,
+    aided: bool,
+    lowest: Array,
+    highest: Array,
+) -> Quat:
+    """Move on by a step (NominalState.move): change states, rotation and filtered acceleration; return the attitude."""
+    angle, velocity, del_vel_ned = np.empty(3), np.empty(3), np.empty(3)
+    for axis in range(3):
+        turn = 0.0
+        for row in range(3):
+            turn += earth_rate[row] * rotation[row, axis]
+        angle[axis] = del_ang[axis] - states[_GYRO - _ATT_END + axis] * (del_ang_dt / dt_ekf_avg)
+        angle[axis] -= turn * del_ang_dt
+        velocity[axis] = del_vel[axis] - states[_ACCEL - _ATT_END + axis] * (dt / dt_ekf_avg)
+    for row in range(3):
+        total = 0.0
+        for axis in range(3):
+            total += rotation[row, axis] * velocity[axis]
+        del_vel_ned[row] = total
+    del_vel_ned[2] += _GRAVITY * dt
+    after: Quat = turned(quat, angle)
+    set_rotation(rotation, after)
+    for axis in range(3):
+        accel_filtered[axis] = 0.95 * accel_filtered[axis] + 0.05 / max(dt, MIN_DT) * del_vel_ned[axis]
+    horizontal = math.hypot(accel_filtered[0], accel_filtered[1])
+    if not aided and horizontal > MAX_ACCEL_WITHOUT_AIDING:
+        del_vel_ned[0] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
+        del_vel_ned[1] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
+    for axis in range(3):
+        vel = states[_VEL - _ATT_END + axis]
+        states[_POS - _ATT_END + axis] += dt * (vel + 0.5 * del_vel_ned[axis])
+        states[_VEL - _ATT_END + axis] = vel + del_vel_ned[axis]
+    limit(states, lowest, highest)
+    return after
+
+
+move: Any = _compiled(_move)
+
+
+def _by_rotation(quat: Quat) -> Array:
+    w, x, y, z = 0.5 * quat[0], 0.5 * quat[1], 0.5 * quat[2], 0.5 * quat[3]
+    return np.array(((-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w)))
+
+
+by_rotation: Any = _compiled(_by_rotation)
+
+
+def _by_attitude(quat: Quat, del_ang: Array, del_vel: Array) -> Array:
+    """Return how attitude and velocity after a step depend on the attitude before it, shape (7, 4)."""
+    w, x, y, z = 2 * quat[0], 2 * quat[1], 2 * quat[2], 2 * quat[3]
+    ax, ay, az = 0.5 * del_ang[0], 0.5 * del_ang[1], 0.5 * del_ang[2]
+    vx, vy, vz = del_vel[0], del_vel[1], del_vel[2]
+    return np.array(
+        (
+            (1.0, -ax, -ay, -az),
+            (ax, 1.0, az, -ay),
+            (ay, -az, 1.0, ax),
+            (az, ay, -ax, 1.0),
+            (vz * y - vy * z, vy * y + vz * z, vz * w + vy * x - 2 * vx * y, vz * x - vy * w - 2 * vx * z),
+            (vx * z - vz * x, vx * y - 2 * vy * x - vz * w, vx * x + vz * z, vx * w - 2 * vy * z + vz * y),
+            (vy * x - vx * y, vx * z + vy * w - 2 * vz * x, vy * z - vx * w - 2 * vz * y, vx * x + vy * y),
+        )
+    )
+
+
+by_attitude: Any = _compiled(_by_attitude)
+
+
+def _transit(
+    out: Array, cov: Array, by_att: Array, by_turn: Array, rotation: Array, dt: float, first_axis: int
+) -> None:
+    """Multiply the transition by a matrix. A position follows its velocity from ``first_axis`` on."""
+    for column in range(STATES):
+        for row in range(_POS):
+            total = 0.0
+            for state in range(_ATT_END):
+                total += by_att[row, state] * cov[state, column]
+            for axis in range(3):
+                if row < _VEL:
+                    total -= by_turn[row, axis] * cov[_GYRO + axis, column]
+                else:
+                    total -= rotation[row - _VEL, axis] * cov[_ACCEL + axis, column]
+            out[row, column] = total if row < _VEL else total + cov[row, column]
+        for axis in range(3):
+            moved = dt * cov[_VEL + axis, column] if axis >= first_axis else 0.0
+            out[_POS + axis, column] = cov[_POS + axis, column] + moved
+        for row in range(_GYRO, STATES):
+            out[row, column] = cov[row, column]
+
+
+transit: Any = _compiled(_transit)
+
+
+def _grow(
+    cov: Array,
+    quat: Quat,
+    rotation: Array,
+    del_ang: Array,
+    del_vel: Array,
+    dt: float,
+    attitude_variance: float,
+    variances: tuple[float, ...],
+) -> None:
+    """Move a covariance on by a step (ProcessModel.predict)."""
+    by_turn, by_att = by_rotation(quat), by_attitude(quat, del_ang, del_vel)
+    first_axis = 2 if cov[_POS, _POS] + cov[_POS + 1, _POS + 1] > MAX_GROWING_POS_VAR else 0
+    half, predicted = np.empty((STATES, STATES)), np.empty((STATES, STATES))
+    transit(half, cov, by_att, by_turn, rotation, dt, first_axis)
+    transit(predicted, half.T, by_att, by_turn, rotation, dt, first_axis)
+    for row in range(_ATT_END):
+        for column in range(_ATT_END):
+            total = 0.0
+            for axis in range(3):
+                total += by_turn[row, axis] * by_turn[column, axis]
+            predicted[row, column] += attitude_variance * total
+    for row in range(STATES):
+        for column in range(row + 1):
+            cov[row, column] = cov[column, row] = 0.5 * (predicted[row, column] + predicted[column, row])
+    for state in range(_VEL, STATES):
+        cov[state, state] += variances[state - _VEL]
+
+
+grow: Any = _compiled(_grow)
+
+
+def _clear(cov: Array, first: int, end: int, variance: float, highest: float) -> None:
+    """Forget what some errors have to do with others, and give them a variance (covariance.clear)."""
+    for state in range(first, end):
+        for other in range(STATES):
+            cov[state, other] = cov[other, state] = 0.0
+    value = highest
+    if variance <= highest:
+        value = variance if variance > 0.0 else 0.0
+    for state in range(first, end):
+        cov[state, state] = value
+
+
+clear: Any = _compiled(_clear)
+
+
+def _lift(cov: Array, lowest_var: Array) -> None:
+    """Raise variances that are too small (covariance.lift)."""
+    largest = max(cov[_ACCEL, _ACCEL], cov[_ACCEL + 1, _ACCEL + 1], cov[_ACCEL + 2, _ACCEL + 2])
+    for axis in range(3):
+        lowest_var[_ACCEL + axis] = max(MIN_ACCEL_VAR_RATIO * largest, MIN_ACCEL_VAR)
+    for state in range(STATES):
+        if cov[state, state] < lowest_var[state]:
+            cov[state, state] = lowest_var[state]
+
+
+lift: Any = _compiled(_lift)
+
+
+def _bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
+    """Shrink errors whose variance is too large, and raise what is too small (covariance.lower, covariance.lift)."""
+    for state in range(STATES):
+        if cov[state, state] > highest_var[state]:
+            scale = math.sqrt(highest_var[state] / cov[state, state])
+            for other in range(STATES):
+                cov[state, other] *= scale
+            for other in range(STATES):
+                cov[other, state] *= scale
+            cov[state, state] = highest_var[state]
+    lift(cov, lowest_var)
+
+
+bound: Any = _compiled(_bound)
+
+
+def _fuse(
+    cov: Array,
+    spread: Array,
+    sigma: float,
+    innovation: float,
+    is_sharp: bool,
+    quat: Quat,
+    states: Array,
+    lowest: Array,
+    highest: Array,
+    lowest_var: Array,
+    after: Array,
+) -> tuple[bool, float, float, float, float]:
+    """Fuse a scalar (ErrorState._fuse): set ``after`` and change ``states``; return whether, and the attitude.
+
+    Nothing is changed but ``after`` when a variance would become negative.
+    """
+    w, x, y, z = quat
+    gain = spread / sigma
+    for row in range(STATES):
+        for column in range(STATES):
+            after[row, column] = cov[row, column] - gain[row] * gain[column]
+    for state in range(STATES):
+        if after[state, state] < 0.0:
+            return False, w, x, y, z
+    if is_sharp:
+        for state in range(STATES):
+            after[state, state] += ROUNDING * cov[state, state]
+    lift(after, lowest_var)
+    scale = -innovation / sigma
+    w, x, y, z = w + gain[0] * scale, x + gain[1] * scale, y + gain[2] * scale, z + gain[3] * scale
+    if w * w + x * x + y * y + z * z > 0.0:
+        w, x, y, z = normalized(w, x, y, z)
+    else:
+        w, x, y, z = quat
+    for state in range(_ATT_END, STATES):
+        states[state - _ATT_END] += gain[state] * scale
+    limit(states, lowest, highest)
+    return True, w, x, y, z
+
+
+fuse: Any = _compiled(_fuse)

@@ -1,0 +1,32 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What comes with a pass of the main loop."""
+
+from typing import NamedTuple
+
+from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inertial import Array, InertialDelta
+
+
+class Frame(NamedTuple):
+    """What the filter is given in a frame.
+
+    ``baro`` is (time of its last update in ms, height in m), ``mag`` (time in us, field in mGauss, body), ``gps`` the
+    newest solution; None when there is none. ``lever_arm`` is the camera's place from the IMU in m, body, ``home_lat``
+    the latitude of home in 1e-7 deg. ``declination`` (rad) is the compass's own; ``place_declination`` that of the
+    origin by a table of the world, where there is one.
+    """
+
+    time_us: int
+    delta: InertialDelta
+    armed: bool = False
+    flying_ms: int = 0
+    takeoff_expected: bool = False
+    touchdown_expected: bool = False
+    baro: tuple[int, float] | None = None
+    mag: tuple[int, Array] | None = None
+    gps: GpsSample | None = None
+    declination: float = 0.0
+    place_declination: float | None = None
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    home_lat: int = 0
