@@ -93,10 +93,40 @@ def test_low_quality_is_told_apart_from_a_reset() -> None:
     assert verdicts(made.verdict)[: len(expected)] == expected
 
 
+def test_reset_settles_for_a_second() -> None:
+    counter = np.zeros(MANY, np.uint8)
+    counter[5:] = 1
+    slow_us = np.arange(MANY, dtype=np.uint64) * np.uint64(4 * PERIOD_US) + np.uint64(10_000_000)
+    made, _ = BatchRig(TYPE=2).batch.handle(poses(MANY, reset_counter=counter, time_us=slow_us), velocities(0))
+    # The sixth after the reset is 1 s old, and must be older.
+    assert verdicts(made.verdict) == [CONSUMED] * 5 + [RESET_SETTLING] * 6 + [CONSUMED] * (MANY - 11)
+
+
+@pytest.mark.parametrize("kind", [2, 3])
+def test_every_pose_may_reset(kind: int) -> None:
+    made, _ = BatchRig(TYPE=kind).batch.handle(
+        poses(MANY, reset_counter=np.arange(1, MANY + 1, dtype=np.uint8)), velocities(0)
+    )
+    assert verdicts(made.verdict) == [RESET_SETTLING if kind == 2 else CONSUMED] * MANY
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3])
+def test_velocities_are_the_same_one_by_one_and_in_columns(kind: int) -> None:
+    few, many = (BatchRig(TYPE=kind, QUAL_MIN=60) for _ in range(2))
+    quality = np.where(np.arange(MANY) % 3, 50, 70).astype(np.int8)
+    given = replace(velocities(MANY), quality=quality)
+    _, made = many.batch.handle(poses(0), given)
+    _, made_of_few = few.batch.handle(poses(0), given.rows(0, FEW))
+    assert verdicts(made.verdict) == [CONSUMED if one >= 60 else QUALITY_BELOW_MIN for one in quality]
+    for name in ("verdict", "vel", "err", "delay_ms", "was_healthy"):
+        assert getattr(made_of_few, name).tolist() == getattr(made.rows(0, FEW), name).tolist()
+    assert many.ahrs.calls == few.ahrs.calls == []
+
+
 @pytest.mark.parametrize(("kind", "verdict"), [(0, DISABLED), (9, NO_BACKEND)])
 def test_without_a_backend_all_samples_are_dropped(kind: int, verdict: object) -> None:
     rig = BatchRig(TYPE=kind)
-    made, made_velocities = rig.batch.handle(poses(MANY), velocities(2, MANY))
+    made, made_velocities = rig.batch.handle(poses(MANY), velocities(2, MANY), [(0, lambda: None)])
     assert verdicts(made.verdict) == [verdict] * MANY
     assert verdicts(made_velocities.verdict) == [verdict] * 2
 
@@ -174,6 +204,19 @@ def test_camera_is_aligned_as_soon_as_the_attitude_is_known() -> None:
     assert rig.texts == [(10_000_000 + 25 * PERIOD_US, "VisOdom: yaw shifted 28 to 28 deg")]
     assert made.euler_deg[2, :25].tolist() == [0.0] * 25
     assert made.euler_deg[2, 25:].tolist() == pytest.approx([28.65] * (MANY - 25), abs=0.01)
+
+
+def test_camera_is_shifted_as_soon_as_the_position_is_known() -> None:
+    rig = BatchRig(TYPE=2)
+    rig.batch.visual_odom.align_position_to_ahrs(True, False)
+
+    def know() -> None:
+        rig.ahrs.pos = Vector3f(5, 6, 7)
+
+    made, _ = rig.batch.handle(poses(MANY), velocities(0), [(25, know)])
+    turned = made.pos[:, 24]
+    assert made.pos[:, :25].T.tolist() == [turned.tolist()] * 25
+    assert made.pos[:, 25:].T.tolist() == [[5.0, 6.0, float(turned[2])]] * (MANY - 25)
 
 
 def test_error_that_is_nan_is_the_middle_and_an_internal_error() -> None:
