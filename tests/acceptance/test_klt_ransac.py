@@ -100,6 +100,7 @@ def wrong_height_nees(scale_sigma: float) -> float:
 class TestClip:
     """19 s of hand-shaken motion, then still; from states 1 degree and 0.2 m/s off (A4, A5)."""
 
+    @pytest.mark.slow
     def test_one_start_ends_up_near_the_truth(self) -> None:
         assert fly_clip(NAME, 0).absolute_error().rmse_m <= 0.05
 

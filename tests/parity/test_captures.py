@@ -116,7 +116,13 @@ def without(texts: list[str], exceptions: list[str]) -> list[str]:
     return left[::-1]
 
 
-@pytest.fixture(scope="session", params=CAPTURES)
+LONG = {"flight_mav_extyaw", "flight_voxl_reset"}
+"""The usual run has one like each of them."""
+
+
+@pytest.fixture(
+    scope="session", params=[pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CAPTURES]
+)
 def run(request: pytest.FixtureRequest, replayed: Replays) -> "Replayed":
     """Return one replay after the other; the tests of each come together."""
     return replayed(request.param)

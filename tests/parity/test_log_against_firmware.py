@@ -97,7 +97,14 @@ def firmware_log(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pa
     return unpack
 
 
-@pytest.fixture(scope="session", params=[*KEPT, LATER])
+LONG = {"flight_mav_extyaw", "flight_voxl_reset"}
+"""The usual run has one like each of them."""
+
+
+@pytest.fixture(
+    scope="session",
+    params=[pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in (*KEPT, LATER)],
+)
 def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> tuple[Rows, Rows]:
     """Return the firmware's records and ours, of one log after the other; the tests of each come together."""
     return rows_of(firmware_log(request.param)), rows_of(replayed(request.param).log)

@@ -157,7 +157,13 @@ def firmware_of(name: str) -> Firmware:
     return PROFILES[name.partition("/")[0]] if "/" in name else REFERENCE
 
 
-@pytest.mark.parametrize("name", [*NAMES, LATER])
+LONG: Final = {"bench_pose_velocity", "flight_mav_extyaw", "flight_voxl_reset"}
+"""The usual run has one like each of them."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in (*NAMES, LATER)]
+)
 def test_records_and_their_order_are_the_firmwares(name: str, frames: Callable[[str], list[Sequence[Row]]]) -> None:
     recorded, ours = recorded_and_ours(frames(name), firmware_of(name))
     # The RFRF of the last frame waits for another.

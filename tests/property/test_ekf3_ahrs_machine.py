@@ -357,6 +357,7 @@ def test_whatever_comes_the_vehicle_goes_on() -> None:
     run_state_machine_as_test(AhrsMachine, settings=steps(4))
 
 
+@pytest.mark.slow
 def test_two_vehicles_do_the_same() -> None:
     run_state_machine_as_test(TwinMachine, settings=steps(2))
 
@@ -411,6 +412,7 @@ print(stormy_trip("follow", 3, 0.25).fingerprint())
 """
 
 
+@pytest.mark.slow
 def test_same_input_gives_the_same_bytes_in_any_process() -> None:
     prints = set()
     for hash_seed in ("1", "2"):
@@ -440,6 +442,7 @@ def estimates_of_flight(start_us: int) -> list[tuple[Any, ...]]:
     return said
 
 
+@pytest.mark.slow
 def test_flight_does_not_notice_the_wrap_of_milliseconds() -> None:
     usual, wrapped = map(estimates_of_flight, (20 * DAY_US, (WRAP_US - 9_000_000) // 100_000 * 100_000))
     assert len(usual) > 2000

@@ -258,6 +258,7 @@ RUNNING = [name for name in STARTS if not name.startswith(("cold", "at"))]
 
 
 @pytest.mark.parametrize(("say", "part"), LIES)
+@pytest.mark.slow
 def test_one_lie_spoils_nothing(say: Callable[..., None], part: str) -> None:
     for name in RUNNING:
         rig = copy.deepcopy(started(name))
@@ -270,6 +271,7 @@ def test_one_lie_spoils_nothing(say: Callable[..., None], part: str) -> None:
         rig.check_mixes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter", PARAMETERS)
 def test_no_value_of_a_parameter_spoils_anything(parameter: str) -> None:
     for name in RUNNING:

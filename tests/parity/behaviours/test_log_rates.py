@@ -12,6 +12,8 @@ from tests.parity.behaviours.logs import Log, Recordings
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 OF_ALL_CORES = ("XKF1", "XKF2", "XKF3", "XKFS", "XKQ")
 OF_PRIMARY = ("XKF5",)
 COVARIANCE = ("XKV1", "XKV2")
@@ -25,7 +27,6 @@ def rate_hz(log: Log, name: str, core: int = 0) -> float:
     return (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
 
 
-@pytest.mark.slow
 def test_42_estimates_are_logged_at_10_hz_and_variances_every_half_second(
     recordings: Recordings, make_parked: "MakeParked"
 ) -> None:

@@ -22,6 +22,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 FUSING, STARTED = "fusing odometry", "started relative aiding"
 RATE_HZ = 20
 BEGIN_S, OUTLIERS_S, AGREES_S, WRONG_S, AGAIN_S, END_S = 47.0, 49.0, 49.6, 51.0, 57.5, 58.5

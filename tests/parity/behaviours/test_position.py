@@ -27,6 +27,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 
 def timeouts(log: Log, start_s: float, end_s: float) -> list[int]:
     """Return the values of XKF4.TS one after the other."""

@@ -22,6 +22,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 STEP_S, LOOP_S = 0.0125, 0.0025
 LONGEST_OTHER_DELAY_MS, IMU_PERIOD_MS, HALF_STEP_MS = 60, 12, 6
 LOSS_TIMEOUT_S = 0.3

@@ -26,6 +26,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 EKF_RESET = ("forced reset", "initialised", "tilt alignment complete")
 SET_SOURCE_SET, PREARM_CHECKS, ACCEPTED = 42007, 401, 0
 REV3_SOURCE_SET_1, REV3_SOURCE_SET_2 = 13, 14

@@ -24,6 +24,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 BOOT = ("initialised", "tilt alignment complete")
 LOOP_S = 0.0025
 STEP_S = 0.0125

@@ -33,6 +33,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 LOST_S = 8.0
 LOST_SS = 0x10025
 

@@ -20,6 +20,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked
 
+pytestmark = pytest.mark.slow
+
 GAPS_S = (0.8, 2.0, 5.5)
 SHORT_GAP_S = 0.3
 HEIGHT_STEP_M = 3.0

@@ -26,6 +26,8 @@ from tests.parity.behaviours.status import (
 if TYPE_CHECKING:
     from tests.parity.behaviours.conftest import MakeParked, MakeScripted
 
+pytestmark = pytest.mark.slow
+
 YAW_GATE = 3.0
 STEP_RAD = math.pi / 2
 CLIMB = """

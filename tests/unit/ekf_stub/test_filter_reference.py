@@ -243,6 +243,7 @@ def measure(pair: Pair, flight: Flight, step_number: int) -> None:
             pair.update(field_row(state, axis), float(predicted - measured[axis]), 0.0025)
 
 
+@pytest.mark.slow
 def test_a_minute_of_flight_is_that_of_filterpy() -> None:
     flight, pair = Flight(1), Pair()
     for step_number in range(round(SECONDS / DT)):

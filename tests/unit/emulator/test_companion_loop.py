@@ -77,6 +77,7 @@ def covered() -> CompanionLoop:
     return play(setup, COVERED_END_S, [(BEGIN_ANEW_S, lambda loop: loop.companion.start_from(true_start(loop)))])
 
 
+@pytest.mark.slow
 def test_aiding_starts_and_the_vehicle_arms() -> None:
     wanted = ["EKF3 IMU0 is using external nav data", "Arming motors"]
     assert [text for text in covered().record.texts(AUTOPILOT) if text in wanted][:2] == wanted
@@ -234,7 +235,10 @@ def jump_m(loop: CompanionLoop, before_s: float, after_s: float) -> float:
     return float(np.hypot(*(after - before)[:2]))
 
 
-@pytest.mark.parametrize("viso_type", [1, 2, 3])
+BACKENDS = (1, 2, pytest.param(3, marks=pytest.mark.slow))
+
+
+@pytest.mark.parametrize("viso_type", BACKENDS)
 def test_warm_start_goes_through_init_and_steps_the_counter(viso_type: int) -> None:
     loop = restarted(viso_type)
     assert transitions(loop, RESTART_S, SETTLED_S)[:2] == ["TRACKING -> INIT", "INIT -> TRACKING"]
@@ -242,7 +246,7 @@ def test_warm_start_goes_through_init_and_steps_the_counter(viso_type: int) -> N
     assert {one.message.reset_counter for one in arrived(loop, back_s(loop), SETTLED_S)} == {1}
 
 
-@pytest.mark.parametrize("viso_type", [1, 2, 3])
+@pytest.mark.parametrize("viso_type", BACKENDS)
 def test_nothing_is_sent_between_a_warm_start_and_the_second_good_frame(viso_type: int) -> None:
     loop = restarted(viso_type)
     silent_s = RESTART_S + 0.36  # the next frame, and its latency, at most
@@ -268,6 +272,7 @@ def test_t265_withholds_a_second_and_then_makes_the_estimate_jump() -> None:
     assert jump_m(loop, RESTART_S, back_s(loop) + 1.4) == pytest.approx(2.5, abs=0.4)
 
 
+@pytest.mark.slow
 def test_voxl_takes_the_jump_out() -> None:
     loop = restarted(3)
     assert all(one.is_accepted for one in arrived(loop, back_s(loop), SETTLED_S))
@@ -277,6 +282,7 @@ def test_voxl_takes_the_jump_out() -> None:
     assert jump_m(loop, RESTART_S, SETTLED_S - 0.3) < gone_m
 
 
+@pytest.mark.slow
 def test_yaw_is_aligned_twenty_seconds_after_the_filter_began() -> None:
     texts = [one for one in restarted(3).record.said if one.text.startswith("VisOdom: yaw shifted")]
     assert [one.time_us * 1e-6 for one in texts] == [pytest.approx(22.48, abs=0.1)]

@@ -228,6 +228,7 @@ def test_flags_and_arming_over_time(ran: Callable[[int], Ran]) -> None:
     assert [at(result, time_s).armed for time_s in (25.9, 26.2, 61.9, 62.2)] == [False, True, True, False]
 
 
+@pytest.mark.slow
 def test_filter_run_on_the_log_agrees_with_the_vehicle(ran: Callable[[int], Ran], tmp_path: Path) -> None:
     path = tmp_path / "demo.BIN"
     path.write_bytes(ran(1).log)

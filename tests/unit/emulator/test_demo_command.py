@@ -70,7 +70,7 @@ def test_simulated_camera_for_machines(viso: Viso) -> None:
     assert [span["mode"] for span in answer["aiding"]] == ["none", "absolute"]
 
 
-@pytest.mark.parametrize("camera", [SIMULATED, VIO])
+@pytest.mark.parametrize("camera", [SIMULATED, pytest.param(VIO, marks=pytest.mark.slow)])
 def test_same_seed_writes_the_same_bytes(viso: Viso, camera: tuple[str, str]) -> None:
     for seed in ("7", "7", "8"):
         viso("demo", *camera, "--no-plot", "--seed", seed)

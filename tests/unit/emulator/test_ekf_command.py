@@ -83,6 +83,7 @@ def miss(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ekf_targets.FLIGHT_LIMITS, "Yaw", Limit(0.0))
 
 
+@pytest.mark.slow
 def test_missed_target_is_a_finding_only_when_asked(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     assert viso(LOG, "--check").code == 0
     miss(monkeypatch)
@@ -123,6 +124,7 @@ def test_log_without_estimates_is_noted(viso: Viso) -> None:
 # What it writes
 
 
+@pytest.mark.slow
 def test_log_is_the_same_each_time(viso: Viso, written: Path) -> None:
     viso(LOG, "-o", "new/out.BIN")
     assert Path("new/out.BIN").read_bytes() == written.read_bytes()

@@ -369,6 +369,7 @@ def hear(bench: "Bench", until_s: float, packet: GPS_INPUT) -> None:
         bench.run_for(0.2)
 
 
+@pytest.mark.slow
 def test_estimator_navigates_by_it_and_changes_over_to_external_navigation_and_back(make_bench: "MakeBench") -> None:
     good = replace(PACKET, vn=0.0, ve=0.0, vd=0.0, horiz_accuracy=0.5, vert_accuracy=0.5, speed_accuracy=0.3)
     bench = make_bench(GPS1_TYPE=14, VISO_TYPE=1, EK3_SRC2_POSXY=6, EK3_SRC2_POSZ=6, EK3_SRC2_YAW=6)

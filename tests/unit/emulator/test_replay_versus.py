@@ -45,6 +45,7 @@ def test_difference_is_told_to_people(viso: "Viso", short: Path) -> None:
     assert "Errors of poses that differ" in outcome.out
 
 
+@pytest.mark.slow
 def test_what_the_filter_makes_of_other_errors_is_told(viso: "Viso", short: Path) -> None:
     args = [str(short), "--versus", "2026-02", "--ekf"]
     told = json.loads(viso("replay", *args, "--json").out)["differs"]["innovations"]

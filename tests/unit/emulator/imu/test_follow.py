@@ -435,6 +435,7 @@ class TestNonsense:
 
     @settings(max_examples=50)
     @given(poses=POSES, near=st.booleans())
+    @pytest.mark.slow
     def test_nothing_that_comes_raises_or_makes_the_sensors_absurd(
         self, poses: list[tuple[Three, Wxyz, int, bool]], near: bool
     ) -> None:
