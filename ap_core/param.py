@@ -7,7 +7,7 @@ Source: AP_Param/AP_Param.cpp and GCS_MAVLink/GCS_Param.cpp. There is no storage
 """
 
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -50,6 +50,7 @@ class ParamTable:
 
     Attributes:
         generation: counts the values stored so far, so that what follows from parameters can be kept until it grows.
+        on_change: what is called after each of them.
     """
 
     def __init__(self, groups: Sequence[ParamGroup]) -> None:
@@ -60,6 +61,7 @@ class ParamTable:
         """
         self.groups = tuple(groups)
         self.generation = 0
+        self.on_change: list[Callable[[], None]] = []
         for group in self.groups:
             group.on_change.append(self._note_change)
         self._by_name: dict[str, ParamSlot] = {}
@@ -74,6 +76,8 @@ class ParamTable:
 
     def _note_change(self) -> None:
         self.generation += 1
+        for listener in self.on_change:
+            listener()
 
     def _listing(self) -> tuple[ParamSlot, ...]:
         enabled = tuple(group.enabled for group in self.groups)

@@ -32,8 +32,10 @@ class FromParams(Generic[T]):
         return self._value
 
 
-class Numbers:
-    """Numbers by parameter name, each looked up once until a parameter changes; call it to get one.
+class Numbers(dict[str, float]):
+    """Numbers by parameter name, each looked up once until a parameter changes.
+
+    It is a dictionary that fills itself, since to ask a dictionary is the fastest way to ask.
 
     Args:
         params: all parameters.
@@ -41,17 +43,15 @@ class Numbers:
     """
 
     def __init__(self, params: ParamTable, prefix: str = "") -> None:
+        super().__init__()
         self._params = params
         self._prefix = prefix
-        self._generation: int | None = None
-        self._values: dict[str, float] = {}
+        params.on_change.append(self.clear)
+
+    def __missing__(self, name: str) -> float:
+        number = self[name] = self._params.get_number(self._prefix + name)
+        return number
 
     def __call__(self, name: str) -> float:
         """Return a parameter by its name after the prefix; ValueError when there is none."""
-        if self._generation != self._params.generation:
-            self._values.clear()
-            self._generation = self._params.generation
-        value = self._values.get(name)
-        if value is None:
-            value = self._values[name] = self._params.get_number(self._prefix + name)
-        return value
+        return self[name]

@@ -45,7 +45,10 @@ class SourceYaw(IntEnum):
 
 
 ROWS: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
-_NAMES: Final = tuple({what: f"SRC{number}_{what}" for what in ROWS} for number in range(1, SETS + 1))
+_NAMES: Final[tuple[dict[str, str], ...]] = (
+    *({what: f"SRC{number}_{what}" for what in ROWS} for number in range(1, SETS + 1)),
+    {"OPTIONS": "SRC_OPTIONS"},  # of all sets
+)
 EXTNAV: Final = 6  # in every row
 
 
@@ -54,52 +57,51 @@ class EkfSources:
 
     Args:
         get_param: returns an integer parameter by its name after ``EK3_``, such as ``SRC1_POSXY``.
-        generation: returns another number whenever a parameter may have changed, until when each is asked for once;
+        on_change: is given what to call whenever a parameter may have changed, until when each is asked for once;
             None when nobody knows.
     """
 
-    def __init__(self, get_param: Callable[[str], int], generation: Callable[[], int] | None = None) -> None:
+    def __init__(
+        self, get_param: Callable[[str], int], on_change: Callable[[Callable[[], None]], None] | None = None
+    ) -> None:
         self._get_param = get_param
-        self._generation = generation
-        self._seen: int | None = None
-        self._known: dict[str, int] = {}
+        self._keeps = on_change is not None
+        self._rows: dict[int, dict[str, int]] = {}
         self._alignments: dict[int, tuple[bool, bool]] = {}
         self.active_set = 0
+        if on_change is not None:
+            on_change(self._forget)
 
-    def _forget_changed(self) -> None:
-        generation = None if self._generation is None else self._generation()
-        if generation is None or generation != self._seen:
-            self._seen = generation
-            self._known.clear()
-            self._alignments.clear()
+    def _forget(self) -> None:
+        self._rows.clear()
+        self._alignments.clear()
 
-    def _param(self, name: str) -> int:
-        self._forget_changed()
-        value = self._known.get(name)
-        if value is None:
-            value = self._known[name] = self._get_param(name)
-        return value
+    def _row(self, index: int) -> dict[str, int]:
+        row = self._rows.get(index)
+        if row is None:
+            row = {what: self._get_param(name) for what, name in _NAMES[index].items()}
+            if self._keeps:
+                self._rows[index] = row
+        return row
 
     def value(self, index: int, what: str) -> int:
         """Return a row of a set, such as ``POSXY`` of set 0..2."""
-        name = _NAMES[index][what]
-        if self._generation is not None and self._generation() == self._seen:
-            value = self._known.get(name)
-            if value is not None:
-                return value
-        return self._param(name)
+        return self._row(index)[what]
+
+    def _options(self) -> int:
+        return self._row(SETS)["OPTIONS"]
 
     def pos_xy(self) -> int:
         """Return the active source of horizontal position."""
-        return self.value(self.active_set, "POSXY")
+        return (self._rows.get(self.active_set) or self._row(self.active_set))["POSXY"]
 
     def pos_z(self) -> int:
         """Return the active source of height."""
-        return self.value(self.active_set, "POSZ")
+        return (self._rows.get(self.active_set) or self._row(self.active_set))["POSZ"]
 
     def yaw(self) -> int:
         """Return the active yaw source."""
-        return self.value(self.active_set, "YAW")
+        return (self._rows.get(self.active_set) or self._row(self.active_set))["YAW"]
 
     def uses_vel_xy(self, source: SourceXY) -> bool:
         """Tell whether horizontal velocity is taken from a source (useVelXYSource)."""
@@ -112,7 +114,7 @@ class EkfSources:
     def _uses_velocity(self, what: str, source: int) -> bool:
         if self.value(self.active_set, what) == source:
             return True
-        fuse_all = self._param("SRC_OPTIONS") & OPTION_FUSE_ALL_VELOCITIES != 0
+        fuse_all = self._options() & OPTION_FUSE_ALL_VELOCITIES != 0
         return fuse_all and self._any_set_has(what, source)
 
     def ext_nav_enabled(self) -> bool:
@@ -133,17 +135,18 @@ class EkfSources:
         All cores use the active set.
         Source: NavEKF3::align_inactive_sources.
         """
-        self._forget_changed()
         alignment = self._alignments.get(self.active_set)
         if alignment is None:  # it is asked for in every frame, and seldom changes
-            alignment = self._alignments[self.active_set] = self._work_out_alignment()
+            alignment = self._work_out_alignment()
+            if self._keeps:
+                self._alignments[self.active_set] = alignment
         return alignment
 
     def _work_out_alignment(self) -> tuple[bool, bool]:
         xy, z = self.value(self.active_set, "POSXY"), self.value(self.active_set, "POSZ")
         by_flow = (
             self.value(self.active_set, "VELXY") == SourceXY.OPTFLOW
-            and self._param("SRC_OPTIONS") & OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
+            and self._options() & OPTION_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
         )
         xy_allowed = xy in (SourceXY.GPS, SourceXY.BEACON) or (by_flow and xy != SourceXY.EXTNAV)
         z_allowed = z in (SourceZ.BARO, SourceZ.RANGEFINDER, SourceZ.GPS, SourceZ.BEACON)

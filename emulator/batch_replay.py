@@ -152,7 +152,7 @@ def replay_samples(
     params.apply_defaults(settings, "settings")
     clock, errors = VirtualClock(), InternalErrors()
     said = _Said(clock)
-    sources = EkfSources(lambda name: params.get_int(f"EK3_{name}"), lambda: params.generation)
+    sources = EkfSources(lambda name: params.get_int(f"EK3_{name}"), params.on_change.append)
     ahrs = make_ahrs(clock, params, sources)
     batch = BatchVisualOdom(
         visual_odom_params, ahrs=ahrs, gcs=said, logger=said, clock=clock, errors=errors, release=firmware.visual_odom

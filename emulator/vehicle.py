@@ -87,7 +87,7 @@ class Vehicle:
         self._logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
         self.texts.on_text.append(lambda _severity, text: self.log.text(text[:TEXT_FIELD_LEN]))
-        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), lambda: self.params.generation)
+        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
         wants_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
         self._replay_log = ReplayLog(self.logger, wants_replay, event_order=config.firmware.event_order)
         self._rtc = Rtc(self.clock, self.params, self.is_armed, config.boot_utc_us)
@@ -315,7 +315,7 @@ class Vehicle:
 
     def is_armed(self) -> bool:
         """Tell whether the vehicle is armed."""
-        return self._copter.is_armed()
+        return self._copter.arming.armed
 
     def custom_mode(self) -> int:
         """Return the flight mode's number."""

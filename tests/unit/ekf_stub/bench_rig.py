@@ -71,7 +71,7 @@ class BenchRig:
         self.fitted = set(SENSORS)
         self.camera_pos = Vector3f()
         self.imu_pos = Vector3f()
-        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), lambda: self.params.generation)
+        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
         source = BenchSource(replace(options, has_compass=lambda: has_compass))
         self.ahrs = Ekf3Ahrs(
             self.clock,

@@ -46,7 +46,7 @@ class CoreRig:
         self.counts: Counter[tuple[str, str]] = Counter()
         numbers = Numbers(self.params)
         self.core = Ekf3Core(
-            EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), lambda: self.params.generation),
+            EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append),
             lambda name: numbers(f"EK3_{name}"),
             RingSizes(6, 5, 2),
             CoreTexts(self, (0,)),

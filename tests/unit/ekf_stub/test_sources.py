@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Source sets: which yaw is in use, and when a camera that is not in use is aligned to the AHRS."""
 
+from collections.abc import Callable
+
 import pytest
 
 from ekf_stub.sources import EkfSources, SourceXY, SourceYaw, SourceZ
@@ -32,11 +34,11 @@ def test_parameters_are_read_as_they_are_now() -> None:
 
 
 class Counted:
-    """Parameters that are counted when they are asked for, with the number of their changes."""
+    """Parameters that are counted when they are asked for, and that tell of changes."""
 
     def __init__(self, **params: int) -> None:
         self.params = params
-        self.generation = 0
+        self.listeners: list[Callable[[], None]] = []
         self.asked = 0
 
     def get(self, name: str) -> int:
@@ -45,10 +47,11 @@ class Counted:
 
     def set(self, name: str, value: int) -> None:
         self.params[name] = value
-        self.generation += 1
+        for listener in self.listeners:
+            listener()
 
     def sources(self) -> EkfSources:
-        return EkfSources(self.get, lambda: self.generation)
+        return EkfSources(self.get, self.listeners.append)
 
 
 def test_known_parameters_are_not_asked_for_again() -> None:
