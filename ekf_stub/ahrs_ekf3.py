@@ -22,13 +22,14 @@ from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.aiding import AidingMode
 from ekf_stub.core_report import CoreReport
 from ekf_stub.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
-from ekf_stub.ekf3_core import Ekf3Core, Frame, MakeState
+from ekf_stub.ekf3_core import Ekf3Core, Frame
 from ekf_stub.ekf_log import UNINITIALISED, EkfLog
-from ekf_stub.error_state import ErrorState, euler_of
+from ekf_stub.error_state import euler_of
 from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.ext_nav_log import VisualOdomFrame
 from ekf_stub.filter_status import FilterFlag, FilterStatus
 from ekf_stub.gps_sample import FIX_3D
+from ekf_stub.kernel import PLAIN, Kernel
 from ekf_stub.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, ReplayLog
 from ekf_stub.replay_vehicle import VehicleFrame
 from ekf_stub.reporting import three
@@ -58,7 +59,7 @@ class Ekf3Ahrs(AhrsBase):
         has_compass: tells whether a compass is in use; without one DCM's yaw is never initialised.
         around: the vehicle around it.
         estimates: where estimates are logged, if anywhere.
-        make_state: makes the filter's state; `ekf_stub.compiled_state` has a faster one.
+        kernel: what the filter's arithmetic runs on.
 
     Attributes:
         core: the filter, once it has been set up; None also when no core is wanted.
@@ -74,7 +75,7 @@ class Ekf3Ahrs(AhrsBase):
         has_compass: Callable[[], bool] = lambda: True,
         around: Surroundings | None = None,
         estimates: EkfLog | None = None,
-        make_state: MakeState = ErrorState,
+        kernel: Kernel = PLAIN,
         start_us: int = AHRS_START_US,
     ) -> None:
         super().__init__(clock, sources, log, start_us=start_us)
@@ -83,9 +84,10 @@ class Ekf3Ahrs(AhrsBase):
         self._has_compass = has_compass
         self._around = around or Surroundings()
         self._estimates = estimates
-        self._make_state = make_state
+        self._kernel = kernel
         self._camera: VisualOdomFrame | None = None
-        self._places: tuple[Vector3f, Vector3f] | None = None
+        self._camera_pos: Vector3f | None = None
+        self._imu_pos: Vector3f | None = None
         self._lever = (0.0, 0.0, 0.0)
         self._sensors: Sensors | None = None
         self._baro_zero_m = 0.0
@@ -109,7 +111,7 @@ class Ekf3Ahrs(AhrsBase):
         sensors = self._source.sense(now_us)
         if sensors is not None:
             self._sensors = sensors
-            if self.estimator_started():
+            if self._is_set_up or self.estimator_started():
                 self._run_frame(sensors, now_us, armed=armed)
         self._quat = None
 
@@ -153,7 +155,7 @@ class Ekf3Ahrs(AhrsBase):
             CoreTexts(self._around.texts, cores),
             self.ext_nav_counts,
             self._has_compass,
-            self._make_state,
+            self._kernel,
         )
         self._hand_to(self.core.ingest)
         if self._origin is not None:
@@ -194,17 +196,20 @@ class Ekf3Ahrs(AhrsBase):
     def _frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> Frame:
         around = self._around
         home = around.home()
-        return Frame(
+        return Frame(  # by position, which takes half the time
             now_us,
             sensors.delta,
-            armed=armed,
-            flying_ms=around.flying_ms(),
-            baro=self._with_zeroed_baro(sensors).baro if self._baro_zero_m else sensors.baro,
-            mag=sensors.mag,
-            gps=around.gps(),
-            declination=sensors.declination,
-            lever_arm=self._lever_arm(),
-            home_lat=0 if home is None else home.lat,
+            armed,
+            around.flying_ms(),
+            False,  # takeoff_expected
+            False,  # touchdown_expected
+            self._with_zeroed_baro(sensors).baro if self._baro_zero_m else sensors.baro,
+            sensors.mag,
+            around.gps(),
+            sensors.declination,
+            None,  # place_declination
+            self._lever_arm(),
+            0 if home is None else home.lat,
         )
 
     def _lever_arm(self) -> tuple[float, float, float]:
@@ -212,10 +217,10 @@ class Ekf3Ahrs(AhrsBase):
         camera = self._camera
         if not self._has_camera or camera is None:
             return (0.0, 0.0, 0.0)
-        places = camera.pos_offset, self._around.imu_pos()
-        if self._places is None or self._places[0] is not places[0] or self._places[1] is not places[1]:
-            self._places = places
-            x, y, z = (float(value) for value in (places[0] - places[1]).to_tuple())
+        place, imu_pos = camera.pos_offset, self._around.imu_pos()
+        if place is not self._camera_pos or imu_pos is not self._imu_pos:
+            self._camera_pos, self._imu_pos = place, imu_pos
+            x, y, z = (float(value) for value in (place - imu_pos).to_tuple())
             self._lever = x, y, z
         return self._lever
 

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from ekf_stub.covariance import ROUNDING
+from ekf_stub.error_state import MAX_INNOVATION, MAX_TILT_VAR, MIN_NOISE_VAR, OBSERVABLE_COSINE, SHARP
 from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, Array
 from ekf_stub.nominal_state import MAX_ACCEL_WITHOUT_AIDING
 from ekf_stub.process_model import MAX_GROWING_POS_VAR
@@ -24,9 +25,9 @@ _POS: Final = POS.start
 _GYRO: Final = GYRO.start
 _ACCEL: Final = ACCEL.start
 _ATT_END: Final = ATT.stop
-_QUATERNION_EPS: Final = 1e-14  # of numpy-quaternion
+QUATERNION_EPS: Final = 1e-14  # of numpy-quaternion
 
-_compiled: Any = numba.njit(cache=True, error_model="numpy")
+compiled: Any = numba.njit(cache=True, error_model="numpy")
 
 Quat = tuple[float, float, float, float]
 
@@ -36,28 +37,35 @@ def _normalized(w: float, x: float, y: float, z: float) -> Quat:
     return w / length, x / length, y / length, z / length
 
 
-normalized: Any = _compiled(_normalized)
+normalized: Any = compiled(_normalized)
 
 
-def _turned(quat: Quat, angle: Array) -> Quat:
-    """Return a quaternion after a rotation by a vector in rad."""
-    x, y, z = angle[0] * 0.5, angle[1] * 0.5, angle[2] * 0.5
-    length = math.sqrt(x * x + y * y + z * z)
-    w, scale = 1.0, 0.0
-    if length > _QUATERNION_EPS:
-        w, scale = math.cos(length), math.sin(length) / length
-    x, y, z = scale * x, scale * y, scale * z
-    a, b, c, d = quat
-    product: Quat = normalized(
+def _times(first: Quat, second: Quat) -> Quat:
+    a, b, c, d = first
+    w, x, y, z = second
+    return (
         a * w - b * x - c * y - d * z,
         a * x + b * w + c * z - d * y,
         a * y - b * z + c * w + d * x,
         a * z + b * y - c * x + d * w,
     )
-    return product
 
 
-turned: Any = _compiled(_turned)
+times: Any = compiled(_times)
+
+
+def _turned_by(quat: Quat, x: float, y: float, z: float) -> Quat:
+    """Return a quaternion after a rotation by a vector, of which half is given, in rad."""
+    length = math.sqrt(x * x + y * y + z * z)
+    w, scale = 1.0, 0.0
+    if length > QUATERNION_EPS:
+        w, scale = math.cos(length), math.sin(length) / length
+    product: Quat = times(quat, (w, scale * x, scale * y, scale * z))
+    turned: Quat = normalized(*product)
+    return turned
+
+
+turned_by: Any = compiled(_turned_by)
 
 
 def _set_rotation(rotation: Array, quat: Quat) -> None:
@@ -67,7 +75,7 @@ def _set_rotation(rotation: Array, quat: Quat) -> None:
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-set_rotation: Any = _compiled(_set_rotation)
+set_rotation: Any = compiled(_set_rotation)
 
 
 def _limit(values: Array, lowest: Array, highest: Array) -> None:
@@ -78,7 +86,7 @@ def _limit(values: Array, lowest: Array, highest: Array) -> None:
             values[index] = highest[index]
 
 
-limit: Any = _compiled(_limit)
+limit: Any = compiled(_limit)
 
 
 def _move(
@@ -111,7 +119,7 @@ def _move(
             total += rotation[row, axis] * velocity[axis]
         del_vel_ned[row] = total
     del_vel_ned[2] += _GRAVITY * dt
-    after: Quat = turned(quat, angle)
+    after: Quat = turned_by(quat, angle[0] * 0.5, angle[1] * 0.5, angle[2] * 0.5)
     set_rotation(rotation, after)
     for axis in range(3):
         accel_filtered[axis] = 0.95 * accel_filtered[axis] + 0.05 / max(dt, MIN_DT) * del_vel_ned[axis]
@@ -127,7 +135,7 @@ def _move(
     return after
 
 
-move: Any = _compiled(_move)
+move: Any = compiled(_move)
 
 
 def _by_rotation(quat: Quat) -> Array:
@@ -135,7 +143,7 @@ def _by_rotation(quat: Quat) -> Array:
     return np.array(((-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w)))
 
 
-by_rotation: Any = _compiled(_by_rotation)
+by_rotation: Any = compiled(_by_rotation)
 
 
 def _by_attitude(quat: Quat, del_ang: Array, del_vel: Array) -> Array:
@@ -156,32 +164,36 @@ def _by_attitude(quat: Quat, del_ang: Array, del_vel: Array) -> Array:
     )
 
 
-by_attitude: Any = _compiled(_by_attitude)
+by_attitude: Any = compiled(_by_attitude)
 
 
 def _transit(
     out: Array, cov: Array, by_att: Array, by_turn: Array, rotation: Array, dt: float, first_axis: int
 ) -> None:
     """Multiply the transition by a matrix. A position follows its velocity from ``first_axis`` on."""
-    for column in range(STATES):
-        for row in range(_POS):
-            total = 0.0
-            for state in range(_ATT_END):
-                total += by_att[row, state] * cov[state, column]
-            for axis in range(3):
-                if row < _VEL:
-                    total -= by_turn[row, axis] * cov[_GYRO + axis, column]
-                else:
-                    total -= rotation[row - _VEL, axis] * cov[_ACCEL + axis, column]
-            out[row, column] = total if row < _VEL else total + cov[row, column]
-        for axis in range(3):
-            moved = dt * cov[_VEL + axis, column] if axis >= first_axis else 0.0
-            out[_POS + axis, column] = cov[_POS + axis, column] + moved
-        for row in range(_GYRO, STATES):
-            out[row, column] = cov[row, column]
+    for row in range(_ATT_END):
+        a, b, c, d = by_att[row]
+        x, y, z = by_turn[row]
+        for column in range(STATES):
+            total = a * cov[0, column] + b * cov[1, column] + c * cov[2, column] + d * cov[3, column]
+            total -= x * cov[_GYRO, column]
+            total -= y * cov[_GYRO + 1, column]
+            out[row, column] = total - z * cov[_GYRO + 2, column]
+    for row in range(_VEL, _POS):
+        a, b, c, d = by_att[row]
+        x, y, z = rotation[row - _VEL]
+        for column in range(STATES):
+            total = a * cov[0, column] + b * cov[1, column] + c * cov[2, column] + d * cov[3, column]
+            total -= x * cov[_ACCEL, column]
+            total -= y * cov[_ACCEL + 1, column]
+            out[row, column] = total - z * cov[_ACCEL + 2, column] + cov[row, column]
+    out[_POS:] = cov[_POS:]
+    for axis in range(first_axis, 3):
+        for column in range(STATES):
+            out[_POS + axis, column] += dt * cov[_VEL + axis, column]
 
 
-transit: Any = _compiled(_transit)
+transit: Any = compiled(_transit)
 
 
 def _grow(
@@ -192,14 +204,15 @@ def _grow(
     del_vel: Array,
     dt: float,
     attitude_variance: float,
-    variances: tuple[float, ...],
+    variances: Array,
 ) -> None:
     """Move a covariance on by a step (ProcessModel.predict)."""
     by_turn, by_att = by_rotation(quat), by_attitude(quat, del_ang, del_vel)
     first_axis = 2 if cov[_POS, _POS] + cov[_POS + 1, _POS + 1] > MAX_GROWING_POS_VAR else 0
-    half, predicted = np.empty((STATES, STATES)), np.empty((STATES, STATES))
+    half, turned, predicted = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty((STATES, STATES))
     transit(half, cov, by_att, by_turn, rotation, dt, first_axis)
-    transit(predicted, half.T, by_att, by_turn, rotation, dt, first_axis)
+    turned[:] = half.T  # as rows, which are worked on at once
+    transit(predicted, turned, by_att, by_turn, rotation, dt, first_axis)
     for row in range(_ATT_END):
         for column in range(_ATT_END):
             total = 0.0
@@ -213,7 +226,7 @@ def _grow(
         cov[state, state] += variances[state - _VEL]
 
 
-grow: Any = _compiled(_grow)
+grow: Any = compiled(_grow)
 
 
 def _clear(cov: Array, first: int, end: int, variance: float, highest: float) -> None:
@@ -228,7 +241,7 @@ def _clear(cov: Array, first: int, end: int, variance: float, highest: float) ->
         cov[state, state] = value
 
 
-clear: Any = _compiled(_clear)
+clear: Any = compiled(_clear)
 
 
 def _lift(cov: Array, lowest_var: Array) -> None:
@@ -241,7 +254,7 @@ def _lift(cov: Array, lowest_var: Array) -> None:
             cov[state, state] = lowest_var[state]
 
 
-lift: Any = _compiled(_lift)
+lift: Any = compiled(_lift)
 
 
 def _bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
@@ -257,7 +270,101 @@ def _bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
     lift(cov, lowest_var)
 
 
-bound: Any = _compiled(_bound)
+bound: Any = compiled(_bound)
+
+
+def _freeze_unobservable(cov: Array, rotation: Array, frozen: Array, on_ground: bool, highest_var: Array) -> None:
+    """Let biases rest that cannot be told from tilt; ``frozen`` has their variances, or NaN (ErrorState.predict)."""
+    for axis in range(3):
+        state = _ACCEL + axis
+        observable = abs(rotation[2, axis]) > OBSERVABLE_COSINE or not on_ground
+        if not observable and math.isnan(frozen[axis]):
+            frozen[axis] = cov[state, state]
+        elif observable and not math.isnan(frozen[axis]):
+            clear(cov, state, state + 1, frozen[axis], highest_var[state])
+            frozen[axis] = math.nan
+
+
+freeze_unobservable: Any = compiled(_freeze_unobservable)
+
+
+def _isolate(cov: Array, learns_biases: bool, frozen: Array, highest_var: Array) -> None:
+    """Keep what is not estimated apart (ErrorState.predict)."""
+    if not learns_biases:
+        clear(cov, _GYRO, _ACCEL, 0.0, highest_var[_GYRO])
+        clear(cov, _ACCEL, _ACCEL + 3, 10 * MIN_ACCEL_VAR, highest_var[_ACCEL])
+    for axis in range(3):
+        if not math.isnan(frozen[axis]):
+            clear(cov, _ACCEL + axis, _ACCEL + axis + 1, frozen[axis], highest_var[_ACCEL + axis])
+
+
+isolate: Any = compiled(_isolate)
+
+
+def _tilt_variance(cov: Array, quat: Quat) -> float:
+    """Return the variance of the direction of down (ErrorState.tilt_variance)."""
+    w, x, y, z = quat
+    variance: float = 4 * ((x * x + y * y) * (cov[0, 0] + cov[3, 3]) + (w * w + z * z) * (cov[1, 1] + cov[2, 2]))
+    return min(variance, MAX_TILT_VAR)
+
+
+tilt_variance: Any = compiled(_tilt_variance)
+
+
+def _predict(
+    cov: Array,
+    quat: Quat,
+    states: Array,
+    rotation: Array,
+    accel_filtered: Array,
+    frozen: Array,
+    del_ang: Array,
+    del_vel: Array,
+    del_ang_dt: float,
+    del_vel_dt: float,
+    dt: float,
+    dt_ekf_avg: float,
+    earth_rate: Array,
+    aided: bool,
+    on_ground: bool,
+    learns_biases: bool,
+    attitude_variance: float,
+    variances: Array,
+    lowest: Array,
+    highest: Array,
+    lowest_var: Array,
+    highest_var: Array,
+) -> tuple[float, float, float, float, float]:
+    """Move all on by a step (ErrorState.predict): change what is in arrays; return the attitude and tilt's variance."""
+    turned, sped = np.empty(3), np.empty(3)
+    for axis in range(3):
+        turned[axis] = del_ang[axis] - states[_GYRO - _ATT_END + axis]
+        sped[axis] = del_vel[axis] - states[_ACCEL - _ATT_END + axis]
+    quat = move(
+        quat,
+        states,
+        rotation,
+        accel_filtered,
+        del_ang,
+        del_vel,
+        del_ang_dt,
+        del_vel_dt,
+        dt_ekf_avg,
+        earth_rate,
+        aided,
+        lowest,
+        highest,
+    )
+    if learns_biases:
+        freeze_unobservable(cov, rotation, frozen, on_ground, highest_var)
+    grow(cov, quat, rotation, turned, sped, dt, attitude_variance, variances)
+    isolate(cov, learns_biases, frozen, highest_var)
+    bound(cov, lowest_var, highest_var)
+    w, x, y, z = quat
+    return w, x, y, z, tilt_variance(cov, quat)
+
+
+predict: Any = compiled(_predict)
 
 
 def _fuse(
@@ -301,4 +408,55 @@ def _fuse(
     return True, w, x, y, z
 
 
-fuse: Any = _compiled(_fuse)
+fuse: Any = compiled(_fuse)
+
+
+def _set_spread(spread: Array, cov: Array, w: float, x: float, y: float, z: float) -> float:
+    """Set how errors go with what depends on the attitude alone, as given; return its variance."""
+    for state in range(STATES):
+        spread[state] = cov[state, 0] * w + cov[state, 1] * x + cov[state, 2] * y + cov[state, 3] * z
+    variance: float = w * spread[0] + x * spread[1] + y * spread[2] + z * spread[3]
+    return variance
+
+
+set_spread: Any = compiled(_set_spread)
+
+
+def _update_states(
+    cov: Array,
+    quat: Quat,
+    states: Array,
+    first: int,
+    measured: Array,
+    variances: tuple[float, float, float],
+    lowest: Array,
+    highest: Array,
+    lowest_var: Array,
+    innovations: Array,
+) -> tuple[int, float, float, float, float]:
+    """Fuse measurements of states that follow each other (ErrorState.update_states).
+
+    Change ``cov`` and ``states``, set ``innovations``; return how many were refused, and the attitude.
+    """
+    refused, after = 0, np.empty((STATES, STATES))
+    for axis in range(len(measured)):
+        state, variance = first + axis, variances[axis]
+        innovation, expected = states[state - _ATT_END] - measured[axis], cov[state, state]
+        innovations[axis] = innovation
+        if not (abs(innovation) <= MAX_INNOVATION and 0.0 <= variance < math.inf and expected < math.inf):
+            refused += 1
+            continue
+        variance = max(variance, MIN_NOISE_VAR)
+        sigma, is_sharp = math.sqrt(max(expected, 0.0) + variance), expected > SHARP * variance
+        spread = cov[state]
+        was_fused, w, x, y, z = fuse(
+            cov, spread, sigma, innovation, is_sharp, quat, states, lowest, highest, lowest_var, after
+        )
+        if was_fused:
+            quat = w, x, y, z
+            cov[:] = after
+    w, x, y, z = quat
+    return refused, w, x, y, z
+
+
+update_states: Any = compiled(_update_states)

@@ -13,8 +13,10 @@ import numpy as np
 
 from ekf_stub import compiled_kernel as kernel
 from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import EARTH, MIN_NOISE_VAR, SHARP, ErrorState
-from ekf_stub.inertial import Array, InertialStep
+from ekf_stub.attitude import yaw_by_components
+from ekf_stub.core_report import Three
+from ekf_stub.error_state import EARTH, MIN_NOISE_VAR, SHARP, ErrorState, ProcessNoise
+from ekf_stub.inertial import Array, InertialStep, is_sound, limited
 from ekf_stub.states import STATES
 
 
@@ -25,32 +27,48 @@ def _components(quat: quaternion.quaternion) -> tuple[float, float, float, float
 class CompiledErrorState(ErrorState):
     """Nominal state and error covariance at the fusion horizon."""
 
-    def move(self, step: InertialStep, dt_ekf_avg: float, *, aided: bool) -> None:
-        """Move on by a step, with less than the measured acceleration if that is large and nothing aids."""
+    def __init__(self, quat: quaternion.quaternion, variances: Array) -> None:
+        super().__init__(quat, variances)
+        self._frozen: Array = np.full(3, math.nan)
+
+    def predict(
+        self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool
+    ) -> None:
+        """Move state and covariance on by a step; refuse unsound inertial data."""
+        if not is_sound(step):
+            self.refused += 1
+            return
+        self._aided = aided
+        limits = self.limits
+        limits.set_step(dt_ekf_avg)
+        dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         states, rotation, accel_filtered = self.states.copy(), self.rotation.copy(), self.accel_filtered.copy()
-        quat = kernel.move(
+        *quat, self.predicted_tilt_variance = kernel.predict(
+            self.cov,
             _components(self.quat),
             states,
             rotation,
             accel_filtered,
+            self._frozen,
             step.del_ang,
             step.del_vel,
             step.del_ang_dt,
             step.del_vel_dt,
+            dt,
             dt_ekf_avg,
             self.earth_rate_ned,
             aided,
-            self.limits.lowest,
-            self.limits.highest,
+            on_ground,
+            self.learns_biases,
+            noise.attitude_variance(dt),
+            self._added_variances(noise, dt),
+            limits.lowest,
+            limits.highest,
+            limits.lowest_var,
+            limits.highest_var,
         )
         self.quat = quaternion.quaternion(*quat)
         self.states, self.rotation, self.accel_filtered = states, rotation, accel_filtered
-
-    def _grow(
-        self, del_ang: Array, del_vel: Array, dt: float, attitude_variance: float, variances: tuple[float, ...]
-    ) -> None:
-        quat = _components(self.quat)
-        kernel.grow(self.cov, quat, self.rotation, del_ang, del_vel, dt, attitude_variance, variances)
 
     def clear(self, states: slice, variance: float) -> None:
         """Forget what some errors have to do with others, and give them a variance, within limits."""
@@ -58,14 +76,39 @@ class CompiledErrorState(ErrorState):
             variance = 0.0
         kernel.clear(self.cov, states.start, states.stop, variance, self.limits.highest_var.item(states.start))
 
-    def _bound(self) -> None:
-        kernel.bound(self.cov, self.limits.lowest_var, self.limits.highest_var)
+    def update_states(self, first: int, measured: Array, variances: Three) -> list[float]:
+        """Fuse measurements of up to three states that follow each other, one by one; return their innovations."""
+        if not self._aided:
+            return super().update_states(first, measured, variances)
+        states, cov, limits, innovations = self.states.copy(), self.cov.copy(), self.limits, np.empty(len(measured))
+        refused, *quat = kernel.update_states(
+            cov,
+            _components(self.quat),
+            states,
+            first,
+            measured,
+            variances,
+            limits.lowest,
+            limits.highest,
+            limits.lowest_var,
+            innovations,
+        )
+        self.quat = quaternion.quaternion(*quat)
+        self.states, self.cov = states, cov
+        self.refused += refused
+        return innovations.tolist()
 
-    def _fuse(
+    def spread_of_yaw(self, *, by_321: bool) -> tuple[Array, float]:
+        """Return how errors go with yaw, of one of the two sequences of rotation, and its variance."""
+        spread = np.empty(STATES)
+        return spread, kernel.set_spread(spread, self.cov, *yaw_by_components(self.quat, by_321=by_321))
+
+    def fuse_spread(
         self, spread: Array, expected: float, innovation: float, variance: float, left_alone: Sequence[int] = ()
     ) -> bool:
+        """Fuse a scalar, given what `spread_of` says."""
         if left_alone or not self._can_fuse(innovation, variance, expected):
-            return super()._fuse(spread, expected, innovation, variance, left_alone)
+            return super().fuse_spread(spread, expected, innovation, variance, left_alone)
         variance = max(variance, MIN_NOISE_VAR)
         sigma = math.sqrt(max(expected, 0.0) + variance)
         is_sharp = expected > SHARP * variance

@@ -14,7 +14,6 @@ import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
-from ekf_stub import quaternions as quaternion
 from ekf_stub.aiding import Aiding, AidingMode
 from ekf_stub.body_odometry import BodyOdometry
 from ekf_stub.core_report import CoreReport
@@ -27,15 +26,15 @@ from ekf_stub.gps_checks import GpsChecks
 from ekf_stub.gps_reading import GpsReading
 from ekf_stub.gps_sample import GpsSample
 from ekf_stub.height_source import HeightSource
-from ekf_stub.inertial import Array, DownSampler, InertialDelta, InertialStep, limited
+from ekf_stub.inertial import Array, InertialDelta, InertialStep, limited
+from ekf_stub.inertial_pass import StillnessAnswer
+from ekf_stub.kernel import PLAIN, Kernel
 from ekf_stub.measurements import BaroSample, Delayed, MagSample
 from ekf_stub.mode_control import ModeControl
 from ekf_stub.obs_ring import RingSizes
-from ekf_stub.output_predictor import OutputPredictor
 from ekf_stub.reporting import report_of
 from ekf_stub.resets import POS_NE, Resets
 from ekf_stub.sources import EkfSources, SourceYaw
-from ekf_stub.stillness import Stillness
 from ekf_stub.vel_pos_fusion import VelPosFusion
 from ekf_stub.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
 from ekf_stub.yaw_fusion import YawFusion
@@ -48,13 +47,9 @@ DEAD_RECKONING_MS: Final = 1000
 MAX_PLACE_AGE_MS: Final = 5000
 LONG_AGO_MS: Final = 1 << 30
 MIN_STEP: Final = 0.1  # of the average step
-_LOOP_DT: Final = 0.0025
 _FIX_2D: Final = 2
 _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE_P_NSE", "MAGB_P_NSE")
 
-
-MakeState = Callable[[quaternion.quaternion, Array], ErrorState]
-"""Makes the filter from an attitude and the variances of velocity and position."""
 
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
 _ABSOLUTE: Final = AidingMode.ABSOLUTE
@@ -73,7 +68,7 @@ class Ekf3Core:
         texts: what the ground station is told.
         counts: what became of samples of external navigation.
         has_compass: tells whether a compass is in use.
-        make_state: makes the filter; `ekf_stub.compiled_state` has a faster one.
+        kernel: what its arithmetic runs on.
 
     Attributes:
         ingest: where external navigation is handed in.
@@ -92,21 +87,20 @@ class Ekf3Core:
         texts: CoreTexts,
         counts: Counter[tuple[str, str]],
         has_compass: Callable[[], bool],
-        make_state: MakeState = ErrorState,
+        kernel: Kernel = PLAIN,
     ) -> None:
         self.sources = sources
         self._get_float = get_float
         self._sizes = sizes
         self._texts = texts
         self._has_compass = has_compass
-        self._create_state = make_state
+        self._kernel = kernel
         self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self.gps = GpsReading(GpsChecks(), get_float, sizes.slow)
-        self.stillness = Stillness()
+        self._pass = kernel.make_pass()
         self._door = FrameDoor()
         self.refused = self._door.refused
-        self._sampler = DownSampler()
         self._first_ms: int | None = None
         self._steps: deque[InertialStep] = deque(maxlen=sizes.imu)
         self._baro_ms = self._mag_us = 0
@@ -127,8 +121,8 @@ class Ekf3Core:
         frame = self._door.admit(frame)
         now_ms = self._now_ms = frame.time_us // 1000
         self._fix = frame.gps
-        self.stillness.sense(frame.delta, _LOOP_DT)
         if not self.initialised:
+            self._pass.sense(frame.delta)
             self._bootstrap(frame, now_ms)
         else:
             self._update(frame, now_ms)
@@ -142,16 +136,16 @@ class Ekf3Core:
         elif now_ms - self._first_ms >= BOOTSTRAP_MS:
             self._initialise(frame, now_ms)
             # The firmware reads the next frame's data once to see that its buffer is full, and once more to run.
-            self._sampler.add(frame.delta, _LOOP_DT, now_ms)
+            self._pass.sample(frame.delta, now_ms)
 
     def _initialise(self, frame: Frame, now_ms: int) -> None:
         """Begin with the attitude that the accelerometers show, at rest and facing north."""
         self.state = self._make_state(frame)
-        self.output = OutputPredictor(self.state, self._sizes.imu)
+        self._pass.begin(self.state, self._sizes.imu)
+        self.output = self._pass.output
         self.aiding = Aiding()
         self.aiding.times.pos = self.aiding.times.height = now_ms
         self._make_fusion()
-        self._sampler = DownSampler()
         # In the firmware always 0, which after half of 2^32 ms is in the future.
         long_ago_ms = max(0, now_ms - LONG_AGO_MS)
         empty = InertialStep(long_ago_ms, np.zeros(3), np.zeros(3), 0.0, 0.0)
@@ -159,7 +153,6 @@ class Ekf3Core:
         self.ingest.reset()
         self.ingest.horizon_ms = u32(long_ago_ms)
         self.gps.reset()
-        self.stillness.reset()
         self._baro_ms, self._mag_us = now_ms, 0
         self._had_flags_ms = 0
         self.ingest.initialised = self.initialised = True
@@ -169,13 +162,13 @@ class Ekf3Core:
         self._texts.add("initialised")
 
     def _make_state(self, frame: Frame) -> ErrorState:
-        accel = np.array(self.stillness.accel.value)
+        accel = np.array(self._pass.accel())
         length = float(np.linalg.norm(accel))
         accel = accel / length if length > 1e-3 else np.array([0.0, 0.0, -1.0])
         quat = quat_of_euler(math.atan2(-accel[1], -accel[2]), math.asin(limited(accel[0], -1.0, 1.0)), 0.0)
         get = self._get_float
         variances = np.array([get("VELNE_M_NSE")] * 2 + [get("VELD_M_NSE")] + [get("POSNE_M_NSE")] * 2) ** 2
-        state = self._create_state(quat, np.append(variances, get("ALT_M_NSE") ** 2))
+        state = self._kernel.make_state(quat, np.append(variances, get("ALT_M_NSE") ** 2))
         latitude = math.radians(1e-7 * frame.home_lat)
         state.earth_rate_ned = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
         return state
@@ -204,30 +197,35 @@ class Ekf3Core:
         self.odometry = BodyOdometry(self.state, self.aiding, sources, self.ingest, self._texts)
         self.control = ModeControl(self)
         self._fusion_waits = False
-        self._biases = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         self._densities: list[float] = []
 
     # Every frame
 
     def _update(self, frame: Frame, now_ms: int) -> None:
-        self.control.update(frame, now_ms, self._sampler.dt_ekf_avg, self._get_float, self._texts)
-        self._check_stillness()
-        step = self._sampler.add(frame.delta, _LOOP_DT, now_ms)
+        get = self._get_float
+        self.control.update(frame, now_ms, self._pass.dt_ekf_avg, get, self._texts)
+        scale = get("OGNM_TEST_SF") if self._tests_stillness() else None
+        height_filter_hz = get("HRT_FILT")
+        step = self._pass.advance(frame.delta, now_ms, self.state, scale=scale, height_filter_hz=height_filter_hz)
         self.stepped = step is not None
         if step is not None:
             self._steps.append(step)
             self._run_step(frame, now_ms, self._due())
-        self._predict_output(frame, now_ms, is_step=step is not None)
+            self._pass.follow(
+                frame.delta,
+                self.state,
+                delay_s=1e-3 * u32(now_ms - self.ingest.horizon_ms),
+                tau_s=limited(0.01 * get("TAU_OUTPUT"), 0.1, 0.5),
+                height_filter_hz=height_filter_hz,
+            )
         self._check_stuck(frame, now_ms)
 
-    def _check_stillness(self) -> None:
-        if (self.yaw.uses_compass() and self.yaw.source() == _YAW_COMPASS) or not self.control.vehicle.on_ground:
-            self.stillness.skip()
-            return
-        self.stillness.test(*self._biases, self._sampler.dt_ekf_avg, self._get_float("OGNM_TEST_SF"))
+    def _tests_stillness(self) -> bool:
+        by_compass = self.yaw.uses_compass() and self.yaw.source() == _YAW_COMPASS
+        return self.control.vehicle.on_ground and not by_compass
 
     def _due(self) -> InertialStep:
-        step, least = self._steps[0], MIN_STEP * self._sampler.dt_ekf_avg
+        step, least = self._steps[0], MIN_STEP * self._pass.dt_ekf_avg
         self.ingest.horizon_ms = u32(step.time_ms)
         if step.del_ang_dt >= least and step.del_vel_dt >= least:
             return step
@@ -236,23 +234,22 @@ class Ekf3Core:
         )
 
     def _run_step(self, frame: Frame, now_ms: int, step: InertialStep) -> None:
-        get, vehicle, dt = self._get_float, self.control.vehicle, self._sampler.dt_ekf_avg
+        get, vehicle, dt = self._get_float, self.control.vehicle, self._pass.dt_ekf_avg
         noise = self._process_noise(get)
         self.yaw.field.begin_step()
         aided = self.aiding.mode is not _NO_AIDING
         self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground)
         self._read_sensors(frame, now_ms)
         climbed_m = self.control.climbed_m()
-        self.yaw.step(now_ms, vehicle, step, is_still=self.stillness.is_still, climbed_m=climbed_m)
+        self.yaw.step(now_ms, vehicle, step, is_still=self._pass.stillness.is_still, climbed_m=climbed_m)
         # Three axes of a compass take so long that the firmware leaves the rest to the next step, once.
         self._fusion_waits = self.yaw.field_was_fused and not self._fusion_waits
         if not self._fusion_waits:
-            self.delayed.recall(self.state, step.del_ang / step.del_ang_dt, frame.lever_arm)
+            self.delayed.recall(self.state, step, frame.lever_arm)
             self._read_gps(frame, now_ms)
             self.fusion.step(now_ms, vehicle)
             self.odometry.step(now_ms, step)
         self.control.update_flags(frame, now_ms)
-        self._biases = self.state.bias_rates(dt)
 
     def _process_noise(self, get: Callable[[str], float]) -> ProcessNoise:
         densities = [get(name) for name in _NOISES]
@@ -285,18 +282,6 @@ class Ekf3Core:
         if fix is not None and self.origin is not None:
             self.gps.push(fix, self.origin, self.ingest.horizon_ms, now_ms)
         self.gps.recall(self.ingest.horizon_ms)
-
-    def _predict_output(self, frame: Frame, now_ms: int, *, is_step: bool) -> None:
-        sampler = self._sampler
-        self.output.integrate(frame.delta, self.state, sampler.dt_ekf_avg, height_filter_hz=self._get_float("HRT_FILT"))
-        if is_step:
-            self.output.follow(
-                self.state,
-                delay_s=1e-3 * u32(now_ms - self.ingest.horizon_ms),
-                tau_s=limited(0.01 * self._get_float("TAU_OUTPUT"), 0.1, 0.5),
-                dt_imu_avg=sampler.dt_imu_avg,
-                dt_ekf_avg=sampler.dt_ekf_avg,
-            )
 
     def _check_stuck(self, frame: Frame, now_ms: int) -> None:
         """Begin anew once nothing has been right for a while, on the ground."""
@@ -365,7 +350,8 @@ class Ekf3Core:
 
     def is_still(self) -> bool | None:
         """Return the answer of the test for standing still, None while it does not run."""
-        return self.stillness.is_still if self.stillness.is_tested else None
+        stillness = self._pass.stillness
+        return stillness.is_still if stillness.is_tested else None
 
     @property
     def inertial(self) -> InertialDelta | None:
@@ -373,9 +359,14 @@ class Ekf3Core:
         return self._door.delta
 
     @property
+    def stillness(self) -> StillnessAnswer:
+        """What the test for standing still says."""
+        return self._pass.stillness
+
+    @property
     def dt_ekf_avg(self) -> float:
         """The average interval of the steps, s."""
-        return self._sampler.dt_ekf_avg
+        return self._pass.dt_ekf_avg
 
     def report(self, now_ms: int) -> CoreReport:
         """Return what it says of itself, once it has a state."""

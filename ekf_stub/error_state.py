@@ -15,6 +15,7 @@ import numpy as np
 from ekf_stub import covariance
 from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
+from ekf_stub.core_report import Three
 from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
 from ekf_stub.nominal_state import EARTH_RATE, NominalState
 from ekf_stub.process_model import ProcessModel, ProcessNoise
@@ -73,7 +74,7 @@ class ErrorState(NominalState):
         self.predicted_tilt_variance = self.tilt_variance()
         self._frozen_accel_vars: list[float | None] = [None, None, None]
         self._added_for: tuple[ProcessNoise, float, bool, bool] | None = None
-        self._added: tuple[float, ...] = ()
+        self._added: Array = np.zeros(STATES - VEL.start)
         self._aided = False
         self._model = ProcessModel()
 
@@ -119,26 +120,18 @@ class ErrorState(NominalState):
             self._freeze_unobservable(on_ground=on_ground)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         added = self._added_variances(noise, dt)
-        self._grow(del_ang, del_vel, dt, noise.attitude_variance(dt), added)
+        self._model.predict(self.cov, self, del_ang, del_vel, dt, noise.attitude_variance(dt), added)
         self._isolate()
-        self._bound()
+        covariance.lower(self.cov, self.limits)
+        covariance.lift(self.cov, self.limits)
         self.predicted_tilt_variance = self.tilt_variance()
 
-    def _added_variances(self, noise: ProcessNoise, dt: float) -> tuple[float, ...]:
+    def _added_variances(self, noise: ProcessNoise, dt: float) -> Array:
         key = noise, dt, self.learns_biases, self.learns_field
         if key != self._added_for:  # from one step to the next little of it changes
             self._added_for = key
-            self._added = noise.variances(dt, biases=self.learns_biases, fields=self.learns_field)
+            self._added = np.array(noise.variances(dt, biases=self.learns_biases, fields=self.learns_field))
         return self._added
-
-    def _grow(
-        self, del_ang: Array, del_vel: Array, dt: float, attitude_variance: float, variances: tuple[float, ...]
-    ) -> None:
-        self._model.predict(self.cov, self, del_ang, del_vel, dt, attitude_variance, variances)
-
-    def _bound(self) -> None:
-        covariance.lower(self.cov, self.limits)
-        covariance.lift(self.cov, self.limits)
 
     def _freeze_unobservable(self, *, on_ground: bool) -> None:
         # On the ground only the bias of an axis that points along gravity can be told from tilt.
@@ -171,15 +164,22 @@ class ErrorState(NominalState):
             innovation: prediction less measurement.
             variance: of the measurement.
         """
+        return self.fuse_spread(*self.spread_of(row), innovation, variance)
+
+    def spread_of(self, row: Array) -> tuple[Array, float]:
+        """Return how errors go with a prediction, shape (22,), and the prediction's variance.
+
+        Args:
+            row: shape (22,), how the prediction depends on the errors.
+        """
         spread = self.cov.dot(row)
-        return self._fuse(spread, float(row.dot(spread)), innovation, variance)
+        return spread, float(row.dot(spread))
 
     def fuse(self, row: Array, innovation: float, innovation_variance: float) -> bool:
         """Fuse a scalar like `update`, but with a variance of the innovation that was worked out before."""
-        spread = self.cov.dot(row)
-        expected = float(row.dot(spread))
+        spread, expected = self.spread_of(row)
         variance = max(innovation_variance - expected, 0.0) if innovation_variance > 0.0 else math.nan
-        return self._fuse(spread, expected, innovation, variance)
+        return self.fuse_spread(spread, expected, innovation, variance)
 
     def update_state(self, index: int, innovation: float, variance: float) -> bool:
         """Fuse a measurement of one state of velocity or position (FuseVelPosNED).
@@ -187,7 +187,21 @@ class ErrorState(NominalState):
         Without aiding what is measured is assumed, and the biases that it says little of are left alone.
         """
         left_alone = () if self._aided else self._poorly_observable(index)
-        return self._fuse(self.cov[index], self.cov.item(index, index), innovation, variance, left_alone)
+        return self.fuse_spread(self.cov[index], self.cov.item(index, index), innovation, variance, left_alone)
+
+    def update_states(self, first: int, measured: Array, variances: Three) -> list[float]:
+        """Fuse measurements of up to three states that follow each other, one by one; return their innovations.
+
+        Args:
+            first: the first of the states.
+            measured: shape (2,) or (3,).
+            variances: of the measurements, by axis.
+        """
+        innovations = []
+        for axis, value in enumerate(measured.tolist()):
+            innovations.append(self.component(first + axis) - value)
+            self.update_state(first + axis, innovations[-1], variances[axis])
+        return innovations
 
     def _poorly_observable(self, index: int) -> list[int]:
         cosines = enumerate(self.rotation[2].tolist(), GYRO.start)
@@ -196,9 +210,10 @@ class ErrorState(NominalState):
             states += range(ACCEL.start, ACCEL.stop)
         return states
 
-    def _fuse(
+    def fuse_spread(
         self, spread: Array, expected: float, innovation: float, variance: float, left_alone: Sequence[int] = ()
     ) -> bool:
+        """Fuse a scalar like `update`, given what `spread_of` says, and the states that it is not to correct."""
         if not self._can_fuse(innovation, variance, expected):
             self.refused += 1
             return False
@@ -244,6 +259,10 @@ class ErrorState(NominalState):
         return turn
 
     # What follows from it
+
+    def spread_of_yaw(self, *, by_321: bool) -> tuple[Array, float]:
+        """Return what `spread_of` does of yaw, of one of the two sequences of rotation."""
+        return self.spread_of(self.yaw_row(by_321=by_321))
 
     def yaw_row(self, *, by_321: bool) -> Array:
         """Return how yaw, of one of the two sequences of rotation, depends on the errors, shape (22,)."""

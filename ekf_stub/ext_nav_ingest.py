@@ -10,7 +10,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -36,8 +36,7 @@ def _yaw_of(quat: Quaternion) -> np.float32:
     return quat.get_euler_yaw()
 
 
-@dataclass(frozen=True, slots=True)
-class PoseSample:
+class PoseSample(NamedTuple):
     """A position (m, NED) and its error; ``pos_reset`` after the camera's frame has jumped."""
 
     time_ms: int
@@ -46,8 +45,7 @@ class PoseSample:
     pos_reset: bool
 
 
-@dataclass(frozen=True, slots=True)
-class YawSample:
+class YawSample(NamedTuple):
     """A yaw and its error in rad."""
 
     time_ms: int
@@ -55,8 +53,7 @@ class YawSample:
     yaw_err: np.float32
 
 
-@dataclass(frozen=True, slots=True)
-class VelocitySample:
+class VelocitySample(NamedTuple):
     """A velocity (m/s, NED) and its error."""
 
     time_ms: int
@@ -64,8 +61,7 @@ class VelocitySample:
     err: np.float32
 
 
-@dataclass(frozen=True, slots=True)
-class OdometrySample:
+class OdometrySample(NamedTuple):
     """A velocity (m/s, FRD) and its error, at a place on the vehicle (m, FRD)."""
 
     time_ms: int

@@ -10,7 +10,7 @@ an array of three takes 0.3 us and 5 us (1.3 us for the product, 4 us for the ma
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -74,8 +74,7 @@ class InertialDelta:
         return is_sound(self)
 
 
-@dataclass(frozen=True, slots=True)
-class InertialStep:
+class InertialStep(NamedTuple):
     """Inertial data of one step of the filter; ``time_ms`` is that of its end."""
 
     time_ms: int

@@ -6,19 +6,18 @@ Source: AP_NavEKF3/AP_NavEKF3_PosVelFusion.cpp (CorrectExtNavForSensorOffset, Co
 """
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ekf_stub import ingest_rules as rules
+from ekf_stub.core_report import Three
 from ekf_stub.error_state import ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.inertial import Array
+from ekf_stub.ext_nav_ingest import ExtNavIngest, PoseSample, VelocitySample
+from ekf_stub.inertial import Array, InertialStep
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(NamedTuple):
     """A position (m, NED) of the IMU, its error in m, and whether the camera's frame has jumped."""
 
     time_ms: int
@@ -27,8 +26,7 @@ class Pose:
     is_reset: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Velocity:
+class Velocity(NamedTuple):
     """A velocity (m/s, NED) of the IMU, and its error."""
 
     time_ms: int
@@ -36,16 +34,14 @@ class Velocity:
     err: float
 
 
-@dataclass(frozen=True, slots=True)
-class BaroSample:
+class BaroSample(NamedTuple):
     """A height above the place of calibration, m."""
 
     time_ms: int
     height: float
 
 
-@dataclass(frozen=True, slots=True)
-class MagSample:
+class MagSample(NamedTuple):
     """A magnetic field, Gauss, body."""
 
     time_ms: int
@@ -69,44 +65,49 @@ class Delayed:
         self.velocity: Velocity | None = None
         self.has_pose = self.has_velocity = False
 
-    def recall(self, state: ErrorState, body_rates: Array, lever_arm: tuple[float, float, float]) -> None:
+    def recall(self, state: ErrorState, step: InertialStep, lever_arm: Three) -> None:
         """Take out what has come due, and move it from the camera to the IMU.
 
         Args:
             state: the filter after its prediction.
-            body_rates: rad/s.
+            step: the inertial data of the prediction.
             lever_arm: the camera's place from the IMU, m, body (FRD).
         """
         self._recall_pose(state, lever_arm)
-        self._recall_velocity(state, body_rates, lever_arm)
+        self._recall_velocity(state, step, lever_arm)
 
-    def _recall_pose(self, state: ErrorState, lever_arm: tuple[float, float, float]) -> None:
-        pose = self._ingest.recall_pose()
-        self.has_pose = pose is not None and self._is_finite("pose", pose.time_ms, (*pose.pos.to_tuple(), pose.pos_err))
-        if pose is not None and self.has_pose:
-            pos = _array(pose.pos.to_tuple())
-            if any(lever_arm):
-                pos -= state.rotation @ np.array(lever_arm)
-            self.pose = Pose(pose.time_ms, pos, float(pose.pos_err), pose.pos_reset)
+    def _recall_pose(self, state: ErrorState, lever_arm: Three) -> None:
+        sample = self._ingest.recall_pose()
+        self.has_pose = sample is not None and self._take_pose(sample, state, lever_arm)
 
-    def _recall_velocity(self, state: ErrorState, body_rates: Array, lever_arm: tuple[float, float, float]) -> None:
+    def _take_pose(self, sample: PoseSample, state: ErrorState, lever_arm: Three) -> bool:
+        x, y, z, err = map(float, (*sample.pos.to_tuple(), sample.pos_err))
+        if not self._is_finite("pose", sample.time_ms, x + y + z + err):
+            return False
+        pos = np.array((x, y, z))
+        if any(lever_arm):
+            pos -= state.rotation @ np.array(lever_arm)
+        self.pose = Pose(sample.time_ms, pos, err, sample.pos_reset)
+        return True
+
+    def _recall_velocity(self, state: ErrorState, step: InertialStep, lever_arm: Three) -> None:
         sample = self._ingest.recall_velocity()
-        self.has_velocity = sample is not None and self._is_finite(
-            "velocity", sample.time_ms, (*sample.vel.to_tuple(), sample.err)
-        )
-        if sample is not None and self.has_velocity:
-            vel = _array(sample.vel.to_tuple())
-            if any(lever_arm):
-                vel -= state.rotation @ np.cross(body_rates, np.array(lever_arm))
-            self.velocity = Velocity(sample.time_ms, vel, float(sample.err))
+        self.has_velocity = sample is not None and self._take_velocity(sample, state, step, lever_arm)
 
-    def _is_finite(self, kind: str, time_ms: int, values: Iterable[np.float32]) -> bool:
+    def _take_velocity(self, sample: VelocitySample, state: ErrorState, step: InertialStep, lever_arm: Three) -> bool:
+        x, y, z, err = map(float, (*sample.vel.to_tuple(), sample.err))
+        if not self._is_finite("velocity", sample.time_ms, x + y + z + err):
+            return False
+        vel = np.array((x, y, z))
+        if any(lever_arm):
+            vel -= state.rotation @ np.cross(step.del_ang / step.del_ang_dt, np.array(lever_arm))
+        self.velocity = Velocity(sample.time_ms, vel, err)
+        return True
+
+    def _is_finite(self, kind: str, time_ms: int, total: float) -> bool:
+        """Tell whether numbers that were single precision are finite: then their sum is, and only then."""
         # FIRMWARE PARITY: there an infinite position fails its gate, but is fused once position has timed out.
-        if all(map(math.isfinite, values)):
+        if math.isfinite(total):
             return True
         self._ingest.tell(kind, rules.NOT_FINITE, time_ms)
         return False
-
-
-def _array(values: tuple[np.float32, np.float32, np.float32]) -> Array:
-    return np.array(values, dtype=np.float64)

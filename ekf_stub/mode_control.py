@@ -20,6 +20,7 @@ from ekf_stub.filter_flags import FilterState, filter_flags
 from ekf_stub.filter_status import FilterFlag
 from ekf_stub.frame import Frame
 from ekf_stub.height_source import Vehicle
+from ekf_stub.nominal_state import down_of
 from ekf_stub.sources import SourceXY, SourceYaw, SourceZ
 
 if TYPE_CHECKING:
@@ -65,11 +66,11 @@ class ModeControl:
         self._initialised_ms: int | None = None
         self.vehicle = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)
         self._known = (False, False, False, False)
-        self._down_on_ground = 0.0
+        self._states_on_ground = core.state.states
         self.tilt_aligned = False
         self.flags = self._state_flags = self._now_ms = 0
         self._dt_ekf_avg = 0.0
-        self._state: FilterState | None = None
+        self._state: tuple[object, ...] = ()
 
     # Every frame
 
@@ -95,7 +96,7 @@ class ModeControl:
 
     def _detect_flight(self, frame: Frame) -> None:
         if not frame.armed:
-            self._down_on_ground = self._core.state.down
+            self._states_on_ground = self._core.state.states
         in_flight = frame.armed and (
             self.vehicle.in_flight or self.climbed_m() > IN_FLIGHT_CLIMB_M or frame.flying_ms > FLYING_MS
         )
@@ -107,7 +108,7 @@ class ModeControl:
 
     def climbed_m(self) -> float:
         """Return the height above where the vehicle was disarmed."""
-        return self._down_on_ground - self._core.state.down
+        return down_of(self._states_on_ground) - self._core.state.down
 
     def _ready(self) -> Ready:
         core, now_ms, dt_ekf_avg = self._core, self._now_ms, self._dt_ekf_avg
@@ -176,31 +177,32 @@ class ModeControl:
             return False
         if min(innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio) > 1:
             return False
-        drifts = math.hypot(*innovations.pos[:2].tolist()) > MAX_STILL_INNOVATION_M
-        return not (drifts and self.vehicle.on_ground and self._core.aiding.mode is _NO_AIDING)
+        if self._core.aiding.mode is not _NO_AIDING or not self.vehicle.on_ground:
+            return True
+        return not math.hypot(*innovations.pos[:2].tolist()) > MAX_STILL_INNOVATION_M
 
     def update_flags(self, frame: Frame, now_ms: int) -> None:
         """Work out the status flags, those of EKF_STATUS_REPORT and beyond."""
         core = self._core
         aiding = core.aiding
         healthy = self.healthy(now_ms)
-        state = FilterState(
-            healthy=healthy,
-            tilt_aligned=self.tilt_aligned,
-            yaw_aligned=core.yaw.aligned,
-            uses_compass=core.yaw.uses_compass(),
-            mode=aiding.mode,
-            pos_timeout=aiding.pos_timeout,
-            vel_timeout=aiding.vel_timeout,
-            height_timeout=core.height.is_lost,
-            has_vertical_velocity=core.ingest.have_velocity,
-            odometry_in_use=core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
-            keeps_velocity=core.ingest.have_velocity,
-            height_needs_origin=core.sources.pos_z() == _Z_GPS and core.origin is None,
+        state = (
+            healthy,
+            self.tilt_aligned,
+            core.yaw.aligned,
+            core.yaw.uses_compass(),
+            aiding.mode,
+            aiding.pos_timeout,
+            aiding.vel_timeout,
+            core.height.is_lost,
+            core.ingest.have_velocity,  # and with it a vertical one
+            core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
+            core.ingest.have_velocity,
+            core.origin is None and core.sources.pos_z() == _Z_GPS,
         )
         if state != self._state:  # from one step to the next it seldom changes
             self._state = state
-            self._state_flags = int(filter_flags(state) & ~FilterFlag.UNINITIALISED)
+            self._state_flags = int(filter_flags(FilterState(*state)) & ~FilterFlag.UNINITIALISED)
         value = self._state_flags
         absolute = aiding.mode is _ABSOLUTE
         by_gps = absolute and core.sources.pos_xy() == _XY_GPS

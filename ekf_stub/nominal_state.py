@@ -26,6 +26,11 @@ _DOWN: Final = _POSITION.stop - 1
 _BIASES: Final = slice(but_attitude(GYRO).start, but_attitude(ACCEL).stop)
 
 
+def down_of(states: Array) -> float:
+    """Return the third of the position, m, of states of shape (18,)."""
+    return states.item(_DOWN)
+
+
 class _Part:
     """Three of the states. They are kept within limits, and are not set to what is not finite."""
 
@@ -112,7 +117,7 @@ class NominalState:
     @property
     def down(self) -> float:
         """The third of the position, m."""
-        return self.states.item(_DOWN)
+        return down_of(self.states)
 
     def acceleration(self) -> float:
         """Return how large the filtered acceleration is, m/s/s."""

@@ -3,7 +3,7 @@
 """Samples that wait until the fusion horizon reaches them (AP_NavEKF/EKF_Buffer.cpp)."""
 
 from collections import deque
-from typing import Final, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from ap_core.cint import i32
 
@@ -27,6 +27,9 @@ class Recalled(NamedTuple, Generic[T]):
     sample: T | None
     superseded: int
     too_old: int
+
+
+_NOTHING: Final[Recalled[Any]] = Recalled(None, 0, 0)
 
 
 class ObsRing(Generic[T]):
@@ -58,8 +61,9 @@ class ObsRing(Generic[T]):
 
         A sample from the future blocks those that arrived after it.
         """
-        if not self._samples:
-            return Recalled(None, 0, 0)
+        # In most steps nothing comes due.
+        if not self._samples or i32(horizon_ms - self._samples[0].time_ms) < 0:
+            return _NOTHING
         found: T | None = None
         superseded = too_old = 0
         while self._samples:

@@ -9,7 +9,7 @@ filter says now. Vectors are pure quaternions, for speed; see `ekf_stub.inertial
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,8 +18,8 @@ from ekf_stub.error_state import ErrorState
 from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
 from ekf_stub.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, POS, but_attitude, within
 
-_ATTITUDE_GAIN: Final = 0.5
-_INTEGRAL_GAIN: Final = 0.1
+ATTITUDE_GAIN: Final = 0.5
+INTEGRAL_GAIN: Final = 0.1
 _END_OF_POS: Final = but_attitude(POS).stop
 
 
@@ -43,7 +43,65 @@ class Output(NamedTuple):
         return pos
 
 
-class OutputPredictor:
+class OutputState(Protocol):
+    """The present state as others see it.
+
+    Attributes:
+        now: attitude, velocity and position.
+        height_rate: d(down)/dt, m/s, of height and vertical acceleration through a complementary filter.
+        angle_error, vel_error, pos_error: how far it was from the filter at the last step: rad, m/s, m.
+    """
+
+    @property
+    def now(self) -> Output: ...
+    @property
+    def height_rate(self) -> float: ...
+    @property
+    def angle_error(self) -> float: ...
+    @property
+    def vel_error(self) -> float: ...
+    @property
+    def pos_error(self) -> float: ...
+
+    def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
+        """Add to position and velocity, now and in the history; not what is not finite."""
+
+    def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
+        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
+
+    def rotate(self, turn: quaternion.quaternion) -> None:
+        """Turn the attitude, earth to earth, now and in the history."""
+
+    def restart_height_filter(self, *, vel: float | None = None) -> None:
+        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
+
+
+class OutputChanges:
+    """What resets do to an output, given what changes it now and in the history."""
+
+    def _change(self, change: Callable[[Output], Output]) -> None:
+        raise NotImplementedError
+
+    def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
+        """Add to position and velocity, now and in the history; not what is not finite."""
+        self._change(
+            lambda output: _moved(
+                output,
+                output.pos if pos is None else output.pos + pos,
+                output.vel if vel is None else output.vel + vel,
+            )
+        )
+
+    def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
+        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
+        self._change(lambda output: _moved(output, _with(output.pos, pos or {}), _with(output.vel, vel or {})))
+
+    def rotate(self, turn: quaternion.quaternion) -> None:
+        """Turn the attitude, earth to earth, now and in the history."""
+        self._change(lambda output: output._replace(quat=(turn * output.quat).normalized()))
+
+
+class OutputPredictor(OutputChanges):
     """The state at the present time, and its history back to the horizon.
 
     Args:
@@ -105,7 +163,7 @@ class OutputPredictor:
         self._history.append(self.now)
         delayed = self._history[0]
         error = (delayed.quat.conjugate() * state.quat).normalized()
-        attitude_gain = _ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
+        attitude_gain = ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
         self._angle_correction = (error - error.conjugate()) * (attitude_gain if error.w >= 0 else -attitude_gain)
         gain = dt_ekf_avg / limited(tau_s, dt_ekf_avg, 10.0)
         vel_x, vel_y, vel_z, pos_x, pos_y, pos_z = state.states[:_END_OF_POS].tolist()
@@ -115,7 +173,7 @@ class OutputPredictor:
         self.vel_error, self.pos_error = vel_error.abs(), pos_error.abs()
         self._pos_integral += pos_error
         self._vel_integral += vel_error
-        by_integral = _INTEGRAL_GAIN * gain * gain
+        by_integral = INTEGRAL_GAIN * gain * gain
         pos = pos_error * gain + self._pos_integral * by_integral
         vel = vel_error * gain + self._vel_integral * by_integral
         self._history = deque(
@@ -123,24 +181,6 @@ class OutputPredictor:
             maxlen=self._history.maxlen,
         )
         self.now = self._history[-1]
-
-    def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
-        """Add to position and velocity, now and in the history; not what is not finite."""
-        self._change(
-            lambda output: _moved(
-                output,
-                output.pos if pos is None else output.pos + pos,
-                output.vel if vel is None else output.vel + vel,
-            )
-        )
-
-    def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
-        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
-        self._change(lambda output: _moved(output, _with(output.pos, pos or {}), _with(output.vel, vel or {})))
-
-    def rotate(self, turn: quaternion.quaternion) -> None:
-        """Turn the attitude, earth to earth, now and in the history."""
-        self._change(lambda output: output._replace(quat=(turn * output.quat).normalized()))
 
     def restart_height_filter(self, *, vel: float | None = None) -> None:
         """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""

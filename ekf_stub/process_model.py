@@ -68,7 +68,7 @@ class ProcessModel:
         del_vel: Array,
         dt: float,
         attitude_variance: float,
-        variances: tuple[float, ...],
+        variances: Array,
     ) -> None:
         """Move a covariance on by a step.
 

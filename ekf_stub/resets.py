@@ -14,7 +14,7 @@ from ekf_stub.ext_nav_ingest import ExtNavIngest
 from ekf_stub.gps_reading import GpsReading
 from ekf_stub.inertial import Array
 from ekf_stub.measurements import Delayed
-from ekf_stub.output_predictor import OutputPredictor
+from ekf_stub.output_predictor import OutputState
 from ekf_stub.sources import EkfSources, SourceXY
 
 FRESH_VELOCITY_MS: Final = 250
@@ -47,7 +47,7 @@ class Resets:
     def __init__(
         self,
         state: ErrorState,
-        output: OutputPredictor,
+        output: OutputState,
         aiding: Aiding,
         sources: EkfSources,
         delayed: Delayed,

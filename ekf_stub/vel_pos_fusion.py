@@ -117,6 +117,8 @@ class VelPosFusion:
         if self._height.select(now_ms, vehicle):
             self._resets.shift_height(self._height.down)
         self._height.check_timeout(now_ms)
+        if not (self._gps.is_due or self._delayed.has_pose or self._delayed.has_velocity or self._height.is_new):
+            return
         self._follow_jump(by_gps=by_gps, by_ext_nav=by_ext_nav)
         observed = self._observe(vehicle, by_gps=by_gps, by_ext_nav=by_ext_nav)
         self._fuse(now_ms, vehicle, observed)
@@ -218,16 +220,12 @@ class VelPosFusion:
         height_ok = self._height.is_new and self._test_height(now_ms, vehicle)
         innovations, state = self.innovations, self._state
         if vel_ok and observed.vel is not None:
-            for axis, measured in enumerate(observed.vel.tolist()[: observed.vel_axes]):
-                innovation = state.component(VEL.start + axis) - measured
-                innovations.vel[axis] = innovation
-                variance = observed.vel_d_variance if axis == 2 else observed.vel_ne_variance
-                state.update_state(VEL.start + axis, innovation, variance)
+            axes = observed.vel_axes
+            variances = observed.vel_ne_variance, observed.vel_ne_variance, observed.vel_d_variance
+            innovations.vel[:axes] = state.update_states(VEL.start, observed.vel[:axes], variances)
         if pos_ok and observed.pos_ne is not None:
-            for axis, measured in enumerate(observed.pos_ne.tolist()):
-                innovation = state.component(POS.start + axis) - measured
-                innovations.pos[axis] = innovation
-                state.update_state(POS.start + axis, innovation, observed.pos_variance)
+            variances = 3 * (observed.pos_variance,)
+            innovations.pos[NORTH_EAST] = state.update_states(POS.start, observed.pos_ne, variances)
         if height_ok:
             innovation = state.down - self._height.down
             if vehicle.near_ground and self._height.active == BARO:
@@ -249,10 +247,12 @@ class VelPosFusion:
 
     def _test_position(self, now_ms: int, observed: _Observed, pos_ne: Array) -> bool:
         """Tell whether to fuse a position; False as well when the filter was reset to it instead."""
-        innovation = self._state.pos[NORTH_EAST] - pos_ne
-        self.innovations.pos[NORTH_EAST] = innovation
+        square = 0.0
+        for axis, measured in enumerate(pos_ne.tolist()):
+            innovation = self.innovations.pos[axis] = self._state.component(POS.start + axis) - measured
+            square += innovation * innovation
         spread = self._variances(POS.start, 2)
-        ratio = float(innovation @ innovation) / (self._gate("POS_I_GATE") * (spread + 2 * observed.pos_variance))
+        ratio = square / (self._gate("POS_I_GATE") * (spread + 2 * observed.pos_variance))
         self.innovations.pos_ratio = ratio
         aiding = self._aiding
         passed = ratio < 1 or aiding.mode is _NO_AIDING or not self._limits_glitches()
@@ -280,9 +280,12 @@ class VelPosFusion:
 
     def _test_velocity(self, now_ms: int, observed: _Observed, vel: Array) -> bool:
         axes = observed.vel_axes
-        innovation = (self._state.vel - vel)[:axes]
+        square = 0.0
+        for axis, measured in enumerate(vel.tolist()[:axes]):
+            innovation = self._state.component(VEL.start + axis) - measured
+            square += innovation * innovation
         spread = self._variances(VEL.start, axes) + axes * observed.vel_gate_variance
-        ratio = float(innovation @ innovation) / (self._gate("VEL_I_GATE") * spread)
+        ratio = square / (self._gate("VEL_I_GATE") * spread)
         self.innovations.vel_ratio = ratio
         aiding = self._aiding
         passed = ratio < 1 or not self._limits_glitches()

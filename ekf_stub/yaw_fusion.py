@@ -17,7 +17,7 @@ from ekf_stub.inertial import InertialStep, limited
 from ekf_stub.mag_fusion import MagFusion
 from ekf_stub.measurements import MagSample
 from ekf_stub.obs_ring import ObsRing
-from ekf_stub.output_predictor import OutputPredictor
+from ekf_stub.output_predictor import OutputState
 from ekf_stub.sources import EkfSources, SourceYaw
 
 SYNTHETIC_PERIOD_MS: Final = 140
@@ -34,6 +34,7 @@ _YAW_EXTNAV: Final = SourceYaw.EXTNAV
 _YAW_GPS: Final = SourceYaw.GPS
 _YAW_GSF: Final = SourceYaw.GSF
 _YAW_NONE: Final = SourceYaw.NONE
+_WITHOUT_COMPASS: Final = (*_BY_GPS, _YAW_EXTNAV)
 
 
 def wrap_pi(angle: float) -> float:
@@ -68,7 +69,7 @@ class YawFusion:
     def __init__(
         self,
         state: ErrorState,
-        output: OutputPredictor,
+        output: OutputState,
         sources: EkfSources,
         ingest: ExtNavIngest,
         gps: GpsReading,
@@ -144,7 +145,7 @@ class YawFusion:
             self._by_321_at_rest = self._state.prefers_321()
             self._yaw_at_rest = self._state.yaw(by_321=self._by_321_at_rest)
         self.field_was_fused = False
-        if source == _YAW_GSF or (not self.uses_compass() and source not in (*_BY_GPS, _YAW_EXTNAV)):
+        if source == _YAW_GSF or (not self.uses_compass() and source not in _WITHOUT_COMPASS):
             self._source_changed = False
             if self._fuse_synthetic(now_ms, vehicle, is_still=is_still):
                 self.ratio = 0.0
@@ -264,12 +265,12 @@ class YawFusion:
 
     def _fuse(self, innovation: float, variance: float, vehicle: Vehicle, *, by_321: bool) -> bool:
         """Fuse a yaw; on the ground even beyond the gate, but then no more than half a radian of it (fuseEulerYaw)."""
-        row = self._state.yaw_row(by_321=by_321)
-        spread = float(row @ self._state.cov @ row) + max(variance, MIN_NOISE_VAR)
+        spread, expected = self._state.spread_of_yaw(by_321=by_321)
+        innovation_variance = expected + max(variance, MIN_NOISE_VAR)
         gate = max(0.01 * self._get_float("YAW_I_GATE"), 1.0) ** 2
         self.innovation = innovation
-        self.ratio = innovation**2 / (gate * spread)
+        self.ratio = innovation**2 / (gate * innovation_variance)
         if self.ratio > 1 and vehicle.in_flight:
             return False
-        self._state.update(row, limited(innovation, -MAX_INNOVATION, MAX_INNOVATION), variance)
+        self._state.fuse_spread(spread, expected, limited(innovation, -MAX_INNOVATION, MAX_INNOVATION), variance)
         return True

@@ -23,7 +23,7 @@ from ekf_stub.ekf3_core import Ekf3Core, Frame
 from ekf_stub.ekf_log import UNINITIALISED
 from ekf_stub.sources import EkfSources
 from ekf_stub.surroundings import Surroundings
-from emulator.kernels import chosen_kernel, make_state_of
+from emulator.kernels import chosen_kernel, kernel_of
 from emulator.record_fields import RecordError, finite, numbers, text, whole
 from emulator.replay_inputs import ARMED, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs
 
@@ -65,8 +65,8 @@ class EkfPlayer:
         self.core: Ekf3Core | None = None
         self.place_declination: float | None = None
         self._began = self._frame_has_run = False
-        self._param_records = 0
-        self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), lambda: self._param_records)
+        self._on_param: list[Callable[[], None]] = []
+        self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), self._on_param.append)
         self._handlers: dict[str, Callable[[Any], None]] = {
             "PARM": self._take_parm,
             "RFRH": self._take_rfrh,
@@ -117,7 +117,8 @@ class EkfPlayer:
 
     def _take_parm(self, record: Any) -> None:
         (self.params[text(record, "Name")],) = finite(record, "Value")
-        self._param_records += 1
+        for listener in self._on_param:
+            listener()
 
     # Frames
 
@@ -184,7 +185,7 @@ class EkfPlayer:
             CoreTexts(self._events, self.imus),
             Counter(),
             lambda: self.inputs.mag is not None,
-            make_state_of(chosen_kernel()),
+            kernel_of(chosen_kernel()),
         )
 
     # Between the frames

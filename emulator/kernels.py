@@ -10,8 +10,8 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from ekf_stub.ekf3_core import MakeState
-from ekf_stub.error_state import ErrorState
+from ekf_stub.kernel import PLAIN as PLAIN_KERNEL
+from ekf_stub.kernel import Kernel
 from emulator.errors import InputError
 
 KERNEL_VARIABLE: Final = "VISO_KERNEL"
@@ -21,32 +21,32 @@ NUMBA: Final = "numba"
 _log = logging.getLogger(__name__)
 
 
-def _plain() -> MakeState:
-    return ErrorState
+def _plain() -> Kernel:
+    return PLAIN_KERNEL
 
 
-def _compiled() -> MakeState:
+def _compiled() -> Kernel:
     try:
-        from ekf_stub.compiled_state import CompiledErrorState
+        from ekf_stub.compiled_pass import COMPILED
     except ModuleNotFoundError as error:
         _log.warning("%s: %s; going on with %s; pip install 'viso[numba]'", NUMBA, error, PLAIN)
-        return ErrorState
-    return CompiledErrorState
+        return PLAIN_KERNEL
+    return COMPILED
 
 
-KERNELS: Final[Mapping[str, Callable[[], MakeState]]] = {PLAIN: _plain, NUMBA: _compiled}
-"""What makes the filter of a kernel, by the kernel's name; one row each."""
+KERNELS: Final[Mapping[str, Callable[[], Kernel]]] = {PLAIN: _plain, NUMBA: _compiled}
+"""What finds a kernel, by its name; one row each."""
 
 
-def make_state_of(kernel: str) -> MakeState:
-    """Return what makes the filter of a kernel; of the plain one, and a warning, when an extra is missing.
+def kernel_of(name: str) -> Kernel:
+    """Return a kernel by its name; the plain one, and a warning, when an extra is missing.
 
     Raises:
         InputError: there is no such kernel.
     """
-    if kernel not in KERNELS:
-        raise InputError(f"{KERNEL_VARIABLE}={kernel}: no such kernel; there are {', '.join(KERNELS)}")
-    return KERNELS[kernel]()
+    if name not in KERNELS:
+        raise InputError(f"{KERNEL_VARIABLE}={name}: no such kernel; there are {', '.join(KERNELS)}")
+    return KERNELS[name]()
 
 
 def chosen_kernel() -> str:

@@ -28,7 +28,7 @@ from ekf_stub.surroundings import Surroundings
 from emulator.firmware import REFERENCE, Firmware
 from emulator.imu.bench import BenchSource
 from emulator.imu.options import ImuOptions
-from emulator.kernels import chosen_kernel, make_state_of
+from emulator.kernels import chosen_kernel, kernel_of
 from emulator.log_files import LogStore
 from emulator.log_sink import LogSink
 from emulator.param_memory import MemoryParamStore, StoredParams
@@ -118,7 +118,7 @@ def by_ekf3(
     """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's."""
 
     def make(parts: AhrsParts) -> VehicleAhrs:
-        make_state = make_state_of(chosen_kernel())
+        kernel = kernel_of(chosen_kernel())
         has_compass = FromParams(parts.params, parts.has_compass)
         source = make_source(replace(options, has_compass=has_compass))
         return Ekf3Ahrs(
@@ -130,7 +130,7 @@ def by_ekf3(
             around=Surroundings(
                 parts.texts,
                 parts.params.get_int,
-                Numbers(parts.params, "EK3_"),
+                Numbers(parts.params, "EK3_").__getitem__,
                 parts.gps,
                 parts.is_armed,
                 parts.is_fitted,
@@ -142,7 +142,7 @@ def by_ekf3(
             estimates=EkfLog(
                 parts.logger, parts.params.get_int, lambda: cores_of_mask(parts.params.get_int("EK3_IMU_MASK"))
             ),
-            make_state=make_state,
+            kernel=kernel,
         )
 
     return make

@@ -20,7 +20,7 @@ from emulator.bench.measure import NowS, Part, Round
 from emulator.bench.odometry import odometry_at
 from emulator.imu.bench import BenchSource
 from emulator.imu.options import ImuOptions
-from emulator.kernels import chosen_kernel, make_state_of
+from emulator.kernels import chosen_kernel, kernel_of
 from emulator.vehicle import LOOP_PERIOD_US
 
 WARM_UP_FRAMES: Final = 4000
@@ -40,11 +40,11 @@ class FilterAtRest:
 
     def __init__(self) -> None:
         around = Surroundings()
-        sources = EkfSources(lambda name: _SOURCES.get(name, 0), generation=lambda: 0)
+        sources = EkfSources(lambda name: _SOURCES.get(name, 0), on_change=lambda _listener: None)
         self.counts: Counter[tuple[str, str]] = Counter()
         sizes = around.buffer_sizes(sources, has_camera=True)
-        texts, make_state = CoreTexts(NoTexts(), (0,)), make_state_of(chosen_kernel())
-        self._core = Ekf3Core(sources, around.ekf3_number, sizes, texts, self.counts, lambda: False, make_state)
+        texts, kernel = CoreTexts(NoTexts(), (0,)), kernel_of(chosen_kernel())
+        self._core = Ekf3Core(sources, around.ekf3_number, sizes, texts, self.counts, lambda: False, kernel)
         self._sensors = BenchSource(ImuOptions())
         self._frames = 0
 

@@ -24,8 +24,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from ekf_stub.compiled_state import CompiledErrorState
-from ekf_stub.ekf3_core import MakeState
+from ekf_stub.compiled_pass import COMPILED
 from ekf_stub.error_state import (
     ACCEL,
     ATT,
@@ -39,8 +38,9 @@ from ekf_stub.error_state import (
     ProcessNoise,
     quat_of_euler,
 )
-from ekf_stub.inertial import GRAVITY_MSS, Array, DownSampler, InertialDelta, InertialGuard, InertialStep
-from ekf_stub.output_predictor import OutputPredictor
+from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, InertialGuard, InertialStep
+from ekf_stub.kernel import PLAIN, Kernel
+from ekf_stub.output_predictor import OutputState
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)
@@ -75,7 +75,7 @@ def check_filter(state: ErrorState) -> None:
     assert 0 <= state.predicted_tilt_variance <= 0.3
 
 
-def check_output(output: OutputPredictor) -> None:
+def check_output(output: OutputState) -> None:
     now = output.now
     assert abs(now.quat) == pytest.approx(1.0)
     assert np.isfinite([*now.vel, *now.pos, output.height_rate]).all()
@@ -85,7 +85,7 @@ def check_output(output: OutputPredictor) -> None:
 class FilterMachine(RuleBasedStateMachine):
     """The filter and what follows it."""
 
-    make_state: MakeState = ErrorState
+    kernel: Kernel = PLAIN
 
     @initialize(
         euler=st.tuples(st.floats(-3, 3), st.floats(-1.57, 1.57), st.floats(-3, 3)),
@@ -93,17 +93,18 @@ class FilterMachine(RuleBasedStateMachine):
         length=st.integers(1, 20),
     )
     def begin(self, euler: tuple[float, float, float], variances: Array, length: int) -> None:
-        self.state = type(self).make_state(quat_of_euler(*euler), variances)
-        self.output = OutputPredictor(self.state, length)
-        self.sampler = DownSampler()
+        self.state = self.kernel.make_state(quat_of_euler(*euler), variances)
+        self.path = self.kernel.make_pass()
+        self.path.begin(self.state, length)
+        self.output = self.path.output
         self.guard = InertialGuard()
 
     @rule(
         vel=ANY_VECTOR,
         ang=ANY_VECTOR,
         dts=st.tuples(SHORT, SHORT),
-        loop_dt=ANY,
         passes=st.integers(1, 12),
+        scale=st.none() | st.floats(0, 10),
         hertz=ANY,
         modes=st.tuples(st.booleans(), st.booleans()),
     )
@@ -112,26 +113,18 @@ class FilterMachine(RuleBasedStateMachine):
         vel: Array,
         ang: Array,
         dts: tuple[float, float],
-        loop_dt: float,
         passes: int,
+        scale: float | None,
         hertz: float,
         modes: tuple[bool, bool],
     ) -> None:
         delta = self.guard.sound(InertialDelta(vel, ang, *dts))
         aided, on_ground = modes
         for _ in range(passes):
-            step = self.sampler.add(delta, loop_dt, 0)
+            step = self.path.advance(delta, 0, self.state, scale=scale, height_filter_hz=hertz)
             if step is not None:
-                self.state.predict(step, NOISE, self.sampler.dt_ekf_avg, aided=aided, on_ground=on_ground)
-            self.output.integrate(delta, self.state, self.sampler.dt_ekf_avg, height_filter_hz=hertz)
-            if step is not None:
-                self.output.follow(
-                    self.state,
-                    delay_s=0.06,
-                    tau_s=0.25,
-                    dt_imu_avg=self.sampler.dt_imu_avg,
-                    dt_ekf_avg=self.sampler.dt_ekf_avg,
-                )
+                self.state.predict(step, NOISE, self.path.dt_ekf_avg, aided=aided, on_ground=on_ground)
+                self.path.follow(delta, self.state, delay_s=0.06, tau_s=0.25, height_filter_hz=hertz)
 
     @rule(
         vel=ANY_VECTOR,
@@ -145,7 +138,7 @@ class FilterMachine(RuleBasedStateMachine):
     ) -> None:
         aided, on_ground = modes
         step = InertialStep(0, vel, ang, *dts)
-        self.state.predict(step, ProcessNoise(*noise), self.sampler.dt_ekf_avg, aided=aided, on_ground=on_ground)
+        self.state.predict(step, ProcessNoise(*noise), self.path.dt_ekf_avg, aided=aided, on_ground=on_ground)
 
     @rule(index=INDEX, innovation=ANY, variance=ANY)
     def update_state(self, index: int, innovation: float, variance: float) -> None:
@@ -154,6 +147,11 @@ class FilterMachine(RuleBasedStateMachine):
         sound = math.isfinite(innovation) and 0 <= variance < math.inf
         assert not was_fused or sound
         assert (self.state.refused == refused) == (sound and abs(innovation) <= 1e7)
+
+    @rule(first=st.sampled_from([VEL.start, POS.start]), measured=ANY_VECTOR, variances=st.tuples(ANY, ANY, ANY))
+    def update_states(self, first: int, measured: Array, variances: tuple[float, float, float]) -> None:
+        innovations = self.state.update_states(first, measured, variances)
+        assert len(innovations) == 3
 
     @rule(row=ROW, innovation=ANY, variance=ANY)
     def update(self, row: Array, innovation: float, variance: float) -> None:
@@ -177,7 +175,7 @@ class FilterMachine(RuleBasedStateMachine):
 
     @rule(limit=ANY)
     def learn_biases(self, limit: float) -> None:
-        self.state.learn_biases(limit, self.sampler.dt_ekf_avg)
+        self.state.learn_biases(limit, self.path.dt_ekf_avg)
 
     @rule(learns=st.booleans())
     def learn_field(self, learns: bool) -> None:
@@ -210,7 +208,7 @@ class FilterMachine(RuleBasedStateMachine):
 class CompiledMachine(FilterMachine):
     """The same with the compiled filter."""
 
-    make_state = CompiledErrorState
+    kernel = COMPILED
 
 
 @pytest.mark.parametrize("machine", [FilterMachine, CompiledMachine])
@@ -240,9 +238,9 @@ class Wanderer:
 
     PHASE = 400
 
-    def __init__(self, seed: int, make_state: MakeState = ErrorState) -> None:
+    def __init__(self, seed: int, kernel: Kernel = PLAIN) -> None:
         self._rng = np.random.default_rng(seed)
-        self.state = make_state(quat_of_euler(0.1, 0.2, 0.3), VARIANCES)
+        self.state = kernel.make_state(quat_of_euler(0.1, 0.2, 0.3), VARIANCES)
         self.fused = 0
 
     def run(self, phases: int, *, check_each: int) -> None:
@@ -316,9 +314,9 @@ def test_covariance_is_one_throughout_a_million_steps() -> None:
     assert wanderer.fused > 100_000
 
 
-@pytest.mark.parametrize(("seed", "make_state"), [(2, ErrorState), (3, ErrorState), (2, CompiledErrorState)])
-def test_covariance_is_one_after_each_of_some_thousand_steps(seed: int, make_state: MakeState) -> None:
-    Wanderer(seed, make_state).run(8, check_each=1)
+@pytest.mark.parametrize(("seed", "kernel"), [(2, PLAIN), (3, PLAIN), (2, COMPILED)])
+def test_covariance_is_one_after_each_of_some_thousand_steps(seed: int, kernel: Kernel) -> None:
+    Wanderer(seed, kernel).run(8, check_each=1)
 
 
 def test_same_input_gives_the_same_bytes() -> None:

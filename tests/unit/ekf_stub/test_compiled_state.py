@@ -101,6 +101,39 @@ def test_fusion_has_the_same_results_in_the_same_filter(index: int, innovation: 
     assert ours.refused == other.refused
 
 
+@settings(max_examples=60, derandomize=True, deadline=None)
+@given(
+    first=st.sampled_from([VEL.start, VEL.stop]),
+    measured=st.lists(st.floats(-100, 100) | st.floats(), min_size=2, max_size=3),
+    variances=st.tuples(*[st.floats(1e-9, 100) | st.floats()] * 3),
+    aided=st.booleans(),
+)
+def test_fusion_of_several_is_that_of_one_after_the_other(
+    first: int, measured: list[float], variances: tuple[float, float, float], aided: bool
+) -> None:
+    plain, _ = SETTLED.both
+    pair = Pair()
+    for state in pair.both:
+        state.quat, state.states, state.cov = plain.quat, plain.states, plain.cov.copy()
+        state._aided = aided
+    ours, other = pair.both
+    said = [state.update_states(first, np.array(measured), variances) for state in pair.both]
+    assert repr(said[0]) == repr(said[1])
+    assert np.array_equal(ours.cov, other.cov)
+    assert np.array_equal(ours.states, other.states)
+    assert repr(ours.quat) == repr(other.quat)
+    assert ours.refused == other.refused
+
+
+@pytest.mark.parametrize("by_321", [True, False])
+def test_spread_of_yaw_is_the_same(by_321: bool) -> None:
+    plain, compiled = SETTLED.both
+    spread, expected = plain.spread_of_yaw(by_321=by_321)
+    other_spread, other_expected = compiled.spread_of_yaw(by_321=by_321)
+    assert np.allclose(other_spread, spread, rtol=1e-6, atol=1e-12)
+    assert other_expected == pytest.approx(expected, rel=1e-6)
+
+
 SETTLED = led_about(3)
 
 

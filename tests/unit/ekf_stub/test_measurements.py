@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.inertial import InertialStep
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.filter_parts import FilterParts
@@ -36,7 +37,8 @@ def recall(
     lever_arm: tuple[float, float, float] = NO_ARM,
 ) -> None:
     parts.ingest.horizon_ms = horizon_ms
-    parts.delayed.recall(parts.state, np.array(rates), lever_arm)
+    step = InertialStep(0, np.zeros(3), np.array(rates), 1.0, 1.0)
+    parts.delayed.recall(parts.state, step, lever_arm)
 
 
 def test_nothing_is_known_at_first(make_parts: MakeParts) -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from ekf_stub.compiled_state import CompiledErrorState
 from ekf_stub.error_state import ErrorState
+from ekf_stub.kernel import PLAIN
 from emulator.errors import InputError
-from emulator.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, make_state_of
+from emulator.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, kernel_of
 from emulator.scheduler import Scheduler
 from emulator.vehicle import Vehicle, VehicleConfig
 
@@ -36,15 +37,15 @@ def test_environment_chooses(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_unknown_kernel_is_refused_and_the_known_ones_named() -> None:
     with pytest.raises(InputError) as error:
-        make_state_of("fast")
+        kernel_of("fast")
     assert all(name in str(error.value) for name in ("fast", KERNEL_VARIABLE, *KERNELS))
 
 
 def test_without_the_extra_it_goes_on_plain_and_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setitem(sys.modules, "ekf_stub.compiled_state", None)  # as if it could not be imported
+    monkeypatch.setitem(sys.modules, "ekf_stub.compiled_pass", None)  # as if it could not be imported
     with caplog.at_level(logging.WARNING):
-        assert make_state_of("numba") is ErrorState
+        assert kernel_of("numba") is PLAIN
     assert "pip install 'viso[numba]'" in caplog.text
     assert len(caplog.records) == 1

@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A pass of the main loop in one compiled call, behind the interface of the plain one. Needs the extra numba.
+
+`ekf_stub.inertial_pass` is the definition and the default.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from ekf_stub import compiled_pass_kernel as kernel
+from ekf_stub import quaternions as quaternion
+from ekf_stub.compiled_state import CompiledErrorState
+from ekf_stub.core_report import StillnessReport, Three
+from ekf_stub.error_state import ErrorState
+from ekf_stub.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
+from ekf_stub.inertial_pass import LOOP_DT, InertialPass, StillnessAnswer
+from ekf_stub.kernel import Kernel
+from ekf_stub.output_predictor import Output, OutputChanges
+
+_RESTS: Final = -1.0
+_NOW: Final = slice(kernel.NOW, kernel.NOW + kernel.OUTPUT_SIZE)
+_BIAS_RATES: Final = slice(kernel.BIAS_RATES, kernel.BIAS_RATES + 6)
+
+
+def _row(output: Output) -> tuple[float, ...]:
+    quat, vel, pos = output
+    return quat.w, quat.x, quat.y, quat.z, vel.x, vel.y, vel.z, pos.x, pos.y, pos.z
+
+
+def _output(row: Array) -> Output:
+    numbers = row.tolist()
+    return Output(
+        quaternion.quaternion(*numbers[:4]),
+        quaternion.quaternion(0.0, *numbers[4:7]),
+        quaternion.quaternion(0.0, *numbers[7:]),
+    )
+
+
+class CompiledOutput(OutputChanges):
+    """The present state, and its history back to the horizon, as numbers in arrays.
+
+    Args:
+        mem: what is kept from pass to pass.
+        state: the filter at its start.
+        length: how many steps the horizon lies back.
+
+    Attributes:
+        history: shape (length, 10), a row a step: attitude, velocity, position; a ring.
+    """
+
+    def __init__(self, mem: Array, state: ErrorState, length: int) -> None:
+        self._mem = mem
+        mem[_NOW] = (state.quat.w, state.quat.x, state.quat.y, state.quat.z, *state.vel, *state.pos)
+        self.history: Array = np.tile(mem[_NOW], (length, 1))
+        mem[kernel.HEAD] = 0
+        mem[kernel.ANGLE_CORRECTION : kernel.HEIGHT_RATE] = 0.0
+        mem[kernel.ANGLE_ERROR : kernel.HEAD] = 0.0
+        mem[kernel.HEIGHT_RATE], mem[kernel.FILTERED_DOWN] = state.vel[2], state.pos[2]
+        mem[kernel.FILTERED_ACCEL] = 0.0
+
+    @property
+    def now(self) -> Output:
+        """The present state."""
+        return _output(self._mem[_NOW])
+
+    @property
+    def height_rate(self) -> float:
+        """d(down)/dt, m/s, of height and vertical acceleration through a complementary filter."""
+        return self._mem.item(kernel.HEIGHT_RATE)
+
+    @property
+    def angle_error(self) -> float:
+        """How far the attitude was from the filter's at the last step, rad."""
+        return 2.0 * self._length(kernel.ANGLE_ERROR)
+
+    @property
+    def vel_error(self) -> float:
+        """How far the velocity was from the filter's at the last step, m/s."""
+        return self._length(kernel.VEL_ERROR)
+
+    @property
+    def pos_error(self) -> float:
+        """How far the position was from the filter's at the last step, m."""
+        return self._length(kernel.POS_ERROR)
+
+    def _length(self, first: int) -> float:
+        return math.hypot(*self._mem[first : first + 3].tolist())
+
+    def restart_height_filter(self, *, vel: float | None = None) -> None:
+        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
+        self._mem[kernel.FILTERED_DOWN] = self._mem[_NOW][-1]
+        if vel is not None:
+            self._mem[kernel.HEIGHT_RATE] = vel
+
+    def _change(self, change: Callable[[Output], Output]) -> None:
+        for row in (*self.history, self._mem[_NOW]):
+            row[:] = _row(change(_output(row)))
+
+
+class CompiledStillness:
+    """What the test for standing still says; see `ekf_stub.stillness.Stillness`.
+
+    Attributes:
+        known: bits of the kernel.
+        is_still, is_tested: two of them.
+    """
+
+    def __init__(self, mem: Array) -> None:
+        self._mem = mem
+        self.note(0)
+
+    def note(self, known: int) -> None:
+        """Note what is known after a pass."""
+        self.known = known
+        self.is_still = known & kernel.IS_STILL != 0
+        self.is_tested = known & kernel.HAS_RATIOS != 0
+
+    @property
+    def report(self) -> StillnessReport | None:
+        """What the last test found; None while it does not run."""
+        ratios = self._mem[kernel.RATIOS : kernel.DT_IMU_AVG].tolist()
+        return StillnessReport(self.is_still, *ratios) if self.is_tested else None
+
+
+class CompiledPass(InertialPass):
+    """Stillness, down-sampling and output of a pass."""
+
+    output: CompiledOutput
+
+    def __init__(self) -> None:
+        self._mem: Array = np.zeros(kernel.SIZE)
+        self._answer = CompiledStillness(self._mem)
+        self._restart()
+
+    def _restart(self) -> None:
+        mem = self._mem
+        mem[kernel.DT_IMU_AVG], mem[kernel.DT_EKF_AVG] = INITIAL_IMU_DT, EKF_TARGET_DT
+        mem[kernel.DEL_VEL : kernel.STEP] = 0.0
+        mem[kernel.TURNED] = 1.0
+        self._dt_ekf_avg = EKF_TARGET_DT
+        self._answer.note(0)
+        mem[_BIAS_RATES] = 0.0
+
+    @property
+    def stillness(self) -> StillnessAnswer:
+        """What the test for standing still says."""
+        return self._answer
+
+    @property
+    def dt_ekf_avg(self) -> float:
+        """The average interval of the filter's steps, s."""
+        return self._dt_ekf_avg
+
+    def accel(self) -> Three:
+        """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
+        x, y, z = self._mem[kernel.ACCEL_FILTERED : kernel.ALPHA].tolist()
+        return x, y, z
+
+    def sense(self, delta: InertialDelta) -> None:
+        """Take the data of a pass while there is no state."""
+        kernel.sense(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT)
+
+    def begin(self, state: ErrorState, length: int) -> None:
+        """Begin anew with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
+        self._restart()
+        self.output = CompiledOutput(self._mem, state, length)
+
+    def sample(self, delta: InertialDelta, now_ms: int) -> None:
+        """Add up the data of the pass in which the state began."""
+        kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT)
+
+    def advance(
+        self, delta: InertialDelta, now_ms: int, state: ErrorState, *, scale: float | None, height_filter_hz: float
+    ) -> InertialStep | None:
+        """Take the sound data of a pass; return the step that it completes, if it does."""
+        answer = self._answer
+        known = kernel.advance(
+            self._mem,
+            delta.del_vel,
+            delta.del_ang,
+            delta.del_vel_dt,
+            delta.del_ang_dt,
+            LOOP_DT,
+            state.states,
+            answer.known,
+            _RESTS if scale is None else scale,
+            height_filter_hz,
+        )
+        is_step = known & kernel.IS_STEP
+        if known - is_step != answer.known:
+            answer.note(known - is_step)
+        if not is_step:
+            return None
+        self._dt_ekf_avg = self._mem.item(kernel.DT_EKF_AVG)
+        step = self._mem[kernel.STEP : kernel.NOW].copy()
+        return InertialStep(now_ms, step[:3], step[3:6], step.item(6), step.item(7))
+
+    def follow(
+        self, delta: InertialDelta, state: ErrorState, *, delay_s: float, tau_s: float, height_filter_hz: float
+    ) -> None:
+        """Move the output on by the pass of a step, and steer it towards the filter; take over its biases."""
+        quat = state.quat
+        kernel.follow(
+            self._mem,
+            self.output.history,
+            delta.del_vel,
+            delta.del_ang,
+            delta.del_vel_dt,
+            delta.del_ang_dt,
+            (quat.w, quat.x, quat.y, quat.z),
+            state.states,
+            delay_s,
+            tau_s,
+            height_filter_hz,
+        )
+
+
+COMPILED: Final = Kernel(CompiledErrorState, CompiledPass)
+"""Both parts of the filter compiled."""

@@ -1,0 +1,298 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A pass of the main loop as functions of arrays, compiled by numba. Needs the extra numba.
+
+Formulas and their order are those of `ekf_stub.stillness`, `inertial.DownSampler` and `output_predictor`, which define
+them. All that is kept from pass to pass is in one array: an array costs a call 50 ns, a number in it nothing.
+"""
+
+import math
+from typing import Any, Final
+
+from ekf_stub.compiled_kernel import QUATERNION_EPS, Quat, compiled, normalized, times, turned_by
+from ekf_stub.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Array
+from ekf_stub.output_predictor import ATTITUDE_GAIN, INTEGRAL_GAIN
+from ekf_stub.states import ACCEL, ATT, GYRO, POS, VEL
+from ekf_stub.stillness import (
+    ACCEL_DIFF_LIMIT,
+    ACCEL_LIMIT,
+    CUTOFF_HZ,
+    GYRO_DIFF_LIMIT,
+    GYRO_LIMIT,
+    HYSTERESIS,
+)
+
+# Where things are in the array, see `CompiledPass`.
+GYRO_FILTERED, ACCEL_FILTERED, ALPHA = 0, 3, 6
+BIAS_RATES = 7  # six
+GYRO_BEFORE, ACCEL_BEFORE, GYRO_DIFF, ACCEL_DIFF = 13, 16, 19, 20
+RATIOS = 21  # four
+DT_IMU_AVG, DT_EKF_AVG = 25, 26
+DEL_VEL, VEL_DT, TURNED, ANG_DT = 27, 30, 31, 35
+STEP = 36  # del_vel, del_ang, del_vel_dt, del_ang_dt
+NOW = 44  # quat_wxyz, vel, pos
+ANGLE_CORRECTION, POS_INTEGRAL, VEL_INTEGRAL = 54, 57, 60
+HEIGHT_RATE, FILTERED_DOWN, FILTERED_ACCEL = 63, 64, 65
+ANGLE_ERROR, VEL_ERROR, POS_ERROR = 66, 69, 72  # three each
+HEAD = 75
+SIZE: Final = 76
+OUTPUT_SIZE: Final = 10
+
+# What is known of the test for standing still, and of a pass.
+IS_STILL: Final = 1
+HAS_BEFORE: Final = 2
+HAS_RATIOS: Final = 4
+IS_STEP: Final = 8
+
+_SLOW_SAMPLING: Final = 0.02
+_SLOW_TEST: Final = 0.01
+_STATE_VEL: Final = VEL.start - ATT.stop
+_STATE_POS: Final = POS.start - ATT.stop
+_STATE_GYRO: Final = GYRO.start - ATT.stop
+_STATE_ACCEL: Final = ACCEL.start - ATT.stop
+
+
+def _rotated(quat: Quat, x: float, y: float, z: float) -> tuple[float, float, float]:
+    w, i, j, k = quat
+    _, x, y, z = times(times(quat, (0.0, x, y, z)), (w, -i, -j, -k))
+    return x, y, z
+
+
+rotated: Any = compiled(_rotated)
+
+
+def _length(values: Array, first: int) -> float:
+    return math.sqrt(values[first] ** 2 + values[first + 1] ** 2 + values[first + 2] ** 2)
+
+
+length: Any = compiled(_length)
+
+
+def _clamped(value: float, low: float, high: float) -> float:
+    """Return the value within limits; ``low`` for what is not a number (inertial.limited)."""
+    if not value >= low:
+        return low
+    return min(value, high)
+
+
+clamped: Any = compiled(_clamped)
+
+
+def _sense(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> None:
+    """Filter the data of a pass (Stillness.sense)."""
+    if mem[ALPHA] == 0.0:
+        mem[ALPHA] = loop_dt / (loop_dt + 1.0 / (2.0 * math.pi * CUTOFF_HZ))
+    alpha = mem[ALPHA]
+    for axis in range(3):
+        if ang_dt > 0:
+            mem[GYRO_FILTERED + axis] += alpha * (del_ang[axis] / ang_dt - mem[GYRO_FILTERED + axis])
+        if vel_dt > 0:
+            mem[ACCEL_FILTERED + axis] += alpha * (del_vel[axis] / vel_dt - mem[ACCEL_FILTERED + axis])
+
+
+sense: Any = compiled(_sense)
+
+
+def _smoothed(mem: Array, filtered: int, before: int, diff: int, bias: int) -> float:
+    """Follow how fast a rate without its bias changes; return how large it is."""
+    size = change = 0.0
+    for axis in range(3):
+        rate = mem[filtered + axis] - mem[bias + axis]
+        change += (rate - mem[before + axis]) ** 2
+        size += rate**2
+        mem[before + axis] = rate
+    mem[diff] += _SLOW_TEST * (math.sqrt(change) / mem[DT_EKF_AVG] - mem[diff])
+    return math.sqrt(size)
+
+
+smoothed: Any = compiled(_smoothed)
+
+
+def _test(mem: Array, known: int, scale: float) -> int:
+    """Test for standing still (Stillness.test); return what is known now."""
+    gyro = smoothed(mem, GYRO_FILTERED, GYRO_BEFORE, GYRO_DIFF, BIAS_RATES)
+    accel = smoothed(mem, ACCEL_FILTERED, ACCEL_BEFORE, ACCEL_DIFF, BIAS_RATES + 3)
+    if not known & HAS_BEFORE:
+        mem[GYRO_DIFF], mem[ACCEL_DIFF] = GYRO_DIFF_LIMIT, ACCEL_DIFF_LIMIT
+        return (known | HAS_BEFORE) & ~IS_STILL
+    mem[RATIOS] = gyro / GYRO_LIMIT
+    mem[RATIOS + 1] = (accel - GRAVITY_MSS) / ACCEL_LIMIT
+    mem[RATIOS + 2] = mem[GYRO_DIFF] / GYRO_DIFF_LIMIT
+    mem[RATIOS + 3] = mem[ACCEL_DIFF] / ACCEL_DIFF_LIMIT
+    worst = max(mem[RATIOS], abs(mem[RATIOS + 1]), mem[RATIOS + 2], mem[RATIOS + 3])
+    is_still = worst <= scale if known & IS_STILL else worst < scale * HYSTERESIS
+    return HAS_BEFORE | HAS_RATIOS | (IS_STILL if is_still else 0)
+
+
+test: Any = compiled(_test)
+
+
+def _add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> bool:
+    """Add up the data of a pass (DownSampler.add); tell whether a step is complete, which is then at ``STEP``."""
+    dt_imu = mem[DT_IMU_AVG]
+    mem[DT_IMU_AVG] = dt_imu + _SLOW_SAMPLING * (clamped(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
+    mem[ANG_DT] += max(ang_dt, MIN_DT)
+    mem[VEL_DT] += max(vel_dt, MIN_DT)
+    before = mem[TURNED], mem[TURNED + 1], mem[TURNED + 2], mem[TURNED + 3]
+    turn = turned_by(before, del_ang[0] * 0.5, del_ang[1] * 0.5, del_ang[2] * 0.5)
+    mem[TURNED], mem[TURNED + 1], mem[TURNED + 2], mem[TURNED + 3] = turn
+    x, y, z = rotated(turn, del_vel[0], del_vel[1], del_vel[2])
+    mem[DEL_VEL] += x
+    mem[DEL_VEL + 1] += y
+    mem[DEL_VEL + 2] += z
+    if mem[ANG_DT] < EKF_TARGET_DT - 0.5 * mem[DT_IMU_AVG]:
+        return False
+    complete(mem)
+    return True
+
+
+def _complete(mem: Array) -> None:
+    for axis in range(3):
+        mem[STEP + axis] = mem[DEL_VEL + axis]
+        mem[DEL_VEL + axis] = 0.0
+    set_rotation_vector(mem, STEP + 3, TURNED)
+    mem[STEP + 6], mem[STEP + 7] = mem[VEL_DT], mem[ANG_DT]
+    dt_ekf = mem[DT_EKF_AVG]
+    interval = clamped(0.5 * (mem[ANG_DT] + mem[VEL_DT]), 0.5 * dt_ekf, 2 * dt_ekf)
+    mem[DT_EKF_AVG] += _SLOW_SAMPLING * (interval - dt_ekf)
+    mem[VEL_DT] = mem[ANG_DT] = 0.0
+    mem[TURNED], mem[TURNED + 1], mem[TURNED + 2], mem[TURNED + 3] = 1.0, 0.0, 0.0, 0.0
+
+
+def _set_rotation_vector(mem: Array, target: int, quat: int) -> None:
+    """Write the rotation vector of a quaternion, the shorter way round (inertial.rotation_of_quat)."""
+    sign = 1.0 if mem[quat] >= 0 else -1.0
+    w, sine = sign * mem[quat], length(mem, quat + 1)
+    scale = math.atan2(sine, w) / sine if sine > QUATERNION_EPS * abs(w) else 0.0
+    for axis in range(3):
+        mem[target + axis] = scale * (sign * mem[quat + 1 + axis]) * 2.0
+
+
+set_rotation_vector: Any = compiled(_set_rotation_vector)
+complete: Any = compiled(_complete)
+add: Any = compiled(_add)
+
+
+def _integrate(
+    mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, states: Array, height_filter_hz: float
+) -> None:
+    """Move the output on by a pass (OutputPredictor.integrate)."""
+    by_ang, by_vel = ang_dt / mem[DT_EKF_AVG], vel_dt / mem[DT_EKF_AVG]
+    before = mem[NOW], mem[NOW + 1], mem[NOW + 2], mem[NOW + 3]
+    x, y, z = mem[ANGLE_CORRECTION], mem[ANGLE_CORRECTION + 1], mem[ANGLE_CORRECTION + 2]
+    quat = turned_by(
+        before,
+        (del_ang[0] - states[_STATE_GYRO] * by_ang + x) * 0.5,
+        (del_ang[1] - states[_STATE_GYRO + 1] * by_ang + y) * 0.5,
+        (del_ang[2] - states[_STATE_GYRO + 2] * by_ang + z) * 0.5,
+    )
+    mem[NOW], mem[NOW + 1], mem[NOW + 2], mem[NOW + 3] = quat
+    x, y, z = rotated(
+        quat,
+        del_vel[0] - states[_STATE_ACCEL] * by_vel,
+        del_vel[1] - states[_STATE_ACCEL + 1] * by_vel,
+        del_vel[2] - states[_STATE_ACCEL + 2] * by_vel,
+    )
+    z += GRAVITY_MSS * vel_dt
+    filter_height(mem, z, vel_dt, 2 * math.pi * clamped(height_filter_hz, 0.1, 30.0))
+    move(mem, 0, x, vel_dt)
+    move(mem, 1, y, vel_dt)
+    move(mem, 2, z, vel_dt)
+
+
+def _move(mem: Array, axis: int, del_vel: float, dt: float) -> None:
+    before = mem[NOW + 4 + axis]
+    vel = mem[NOW + 4 + axis] = before + del_vel
+    mem[NOW + 7 + axis] += (vel + before) * (0.5 * dt)
+
+
+def _filter_height(mem: Array, del_vel_down: float, dt: float, omega: float) -> None:
+    error = clamped(mem[NOW + 9] - mem[FILTERED_DOWN], -1e5, 1e5)
+    mem[FILTERED_ACCEL] += error * omega**3 * dt
+    mem[HEIGHT_RATE] += del_vel_down + (mem[FILTERED_ACCEL] + error * omega**2 * 3) * dt
+    mem[FILTERED_DOWN] += (mem[HEIGHT_RATE] + error * omega * 3) * dt
+
+
+move: Any = compiled(_move)
+filter_height: Any = compiled(_filter_height)
+integrate: Any = compiled(_integrate)
+
+
+def _advance(
+    mem: Array,
+    del_vel: Array,
+    del_ang: Array,
+    vel_dt: float,
+    ang_dt: float,
+    loop_dt: float,
+    states: Array,
+    known: int,
+    scale: float,
+    height_filter_hz: float,
+) -> int:
+    """Take the data of a pass (InertialPass.advance); return what is known, and whether a step is due.
+
+    ``scale`` is below 0 while the test for standing still rests.
+    """
+    sense(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt)
+    known = test(mem, known, scale) if scale >= 0 else 0
+    if add(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt):
+        return known | IS_STEP
+    integrate(mem, del_vel, del_ang, vel_dt, ang_dt, states, height_filter_hz)
+    return known
+
+
+advance: Any = compiled(_advance)
+
+
+def _follow(
+    mem: Array,
+    history: Array,
+    del_vel: Array,
+    del_ang: Array,
+    vel_dt: float,
+    ang_dt: float,
+    state_quat: Quat,
+    states: Array,
+    delay_s: float,
+    tau_s: float,
+    height_filter_hz: float,
+) -> None:
+    """Move the output on by the pass of a step, and steer it towards the filter (OutputPredictor.follow)."""
+    for axis in range(3):
+        mem[BIAS_RATES + axis] = states[_STATE_GYRO + axis] / mem[DT_EKF_AVG]
+        mem[BIAS_RATES + 3 + axis] = states[_STATE_ACCEL + axis] / mem[DT_EKF_AVG]
+    integrate(mem, del_vel, del_ang, vel_dt, ang_dt, states, height_filter_hz)
+    head = int(mem[HEAD])
+    history[head] = mem[NOW : NOW + OUTPUT_SIZE]
+    head = (head + 1) % len(history)
+    mem[HEAD] = head
+    delayed, dt_imu, dt_ekf = history[head], mem[DT_IMU_AVG], mem[DT_EKF_AVG]
+    w, x, y, z = times((delayed[0], -delayed[1], -delayed[2], -delayed[3]), state_quat)
+    w, x, y, z = normalized(w, x, y, z)
+    mem[ANGLE_ERROR], mem[ANGLE_ERROR + 1], mem[ANGLE_ERROR + 2] = x, y, z
+    attitude_gain = ATTITUDE_GAIN / max(delay_s, dt_imu) * dt_imu
+    if w < 0:
+        attitude_gain = -attitude_gain
+    for axis in range(3):
+        mem[ANGLE_CORRECTION + axis] = 2 * mem[ANGLE_ERROR + axis] * attitude_gain
+    gain = dt_ekf / clamped(tau_s, dt_ekf, 10.0)
+    for axis in range(3):
+        mem[VEL_ERROR + axis] = states[_STATE_VEL + axis] - delayed[4 + axis]
+        mem[POS_ERROR + axis] = states[_STATE_POS + axis] - delayed[7 + axis]
+    for axis in range(3):
+        steer(mem, history, 4 + axis, VEL_ERROR + axis, VEL_INTEGRAL + axis, gain)
+        steer(mem, history, 7 + axis, POS_ERROR + axis, POS_INTEGRAL + axis, gain)
+
+
+def _steer(mem: Array, history: Array, column: int, error: int, integral: int, gain: float) -> None:
+    """Move one number of all the history, and the present one, by what is wrong with it."""
+    mem[integral] += mem[error]
+    shift = mem[error] * gain + mem[integral] * (INTEGRAL_GAIN * gain * gain)
+    for row in range(len(history)):
+        history[row, column] += shift
+    mem[NOW + column] += shift
+
+
+steer: Any = compiled(_steer)
+follow: Any = compiled(_follow)

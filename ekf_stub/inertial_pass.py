@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What inertial data go through in every pass of the main loop, 400 times a second.
+
+The test for standing still, the down-sampler and, once the filter has a state, the output predictor. They are together
+because that is what a kernel compiles as one: see `ekf_stub.compiled_pass`.
+"""
+
+from typing import Final, Protocol
+
+from ekf_stub.core_report import StillnessReport, Three
+from ekf_stub.error_state import ErrorState
+from ekf_stub.inertial import DownSampler, InertialDelta, InertialStep
+from ekf_stub.output_predictor import OutputPredictor, OutputState
+from ekf_stub.stillness import Stillness
+
+LOOP_DT: Final = 0.0025
+NO_RATES: Final[tuple[Three, Three]] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+class StillnessAnswer(Protocol):
+    """What the test for standing still says, see `ekf_stub.stillness.Stillness`."""
+
+    @property
+    def is_still(self) -> bool:
+        """The vehicle stands still on the ground, as far as is known."""
+
+    @property
+    def is_tested(self) -> bool:
+        """The test runs, so that its answer counts."""
+
+    @property
+    def report(self) -> StillnessReport | None:
+        """What the last test found; None while it does not run."""
+
+
+class InertialPass:
+    """The three, in their order.
+
+    Attributes:
+        output: the present state, from ``begin`` on.
+    """
+
+    output: OutputState
+
+    def __init__(self) -> None:
+        self._stillness = Stillness()
+        self._sampler = DownSampler()
+        self._bias_rates = NO_RATES
+
+    @property
+    def stillness(self) -> StillnessAnswer:
+        """What the test for standing still says."""
+        return self._stillness
+
+    @property
+    def dt_ekf_avg(self) -> float:
+        """The average interval of the filter's steps, s."""
+        return self._sampler.dt_ekf_avg
+
+    def accel(self) -> Three:
+        """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
+        return self._stillness.accel.value
+
+    def sense(self, delta: InertialDelta) -> None:
+        """Take the data of a pass while there is no state."""
+        self._stillness.sense(delta, LOOP_DT)
+
+    def begin(self, state: ErrorState, length: int) -> None:
+        """Begin anew with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
+        self.output = self._output = OutputPredictor(state, length)
+        self._sampler = DownSampler()
+        self._stillness.reset()
+        self._bias_rates = NO_RATES
+
+    def sample(self, delta: InertialDelta, now_ms: int) -> None:
+        """Add up the data of the pass in which the state began."""
+        self._sampler.add(delta, LOOP_DT, now_ms)
+
+    def advance(
+        self, delta: InertialDelta, now_ms: int, state: ErrorState, *, scale: float | None, height_filter_hz: float
+    ) -> InertialStep | None:
+        """Take the sound data of a pass; return the step that it completes, if it does.
+
+        The output moves on by the pass. Where a step is due it does so in ``follow``, with the state after the step.
+
+        Args:
+            delta: the data.
+            now_ms: the time.
+            state: the filter.
+            scale: of the limits of the test for standing still (EK3_OGNM_TEST_SF); None lets the test rest.
+            height_filter_hz: EK3_HRT_FILT.
+        """
+        self._stillness.sense(delta, LOOP_DT)
+        if scale is None:
+            self._stillness.skip()
+        else:
+            self._stillness.test(*self._bias_rates, self._sampler.dt_ekf_avg, scale)
+        step = self._sampler.add(delta, LOOP_DT, now_ms)
+        if step is None:
+            self._output.integrate(delta, state, self._sampler.dt_ekf_avg, height_filter_hz=height_filter_hz)
+        return step
+
+    def follow(
+        self, delta: InertialDelta, state: ErrorState, *, delay_s: float, tau_s: float, height_filter_hz: float
+    ) -> None:
+        """Move the output on by the pass of a step, and steer it towards the filter; take over its biases.
+
+        Args:
+            delta: the data of the pass.
+            state: the filter after the step.
+            delay_s: how far its horizon lies back.
+            tau_s: time constant of velocity and position.
+            height_filter_hz: EK3_HRT_FILT.
+        """
+        sampler = self._sampler
+        self._bias_rates = state.bias_rates(sampler.dt_ekf_avg)
+        self._output.integrate(delta, state, sampler.dt_ekf_avg, height_filter_hz=height_filter_hz)
+        self._output.follow(
+            state, delay_s=delay_s, tau_s=tau_s, dt_imu_avg=sampler.dt_imu_avg, dt_ekf_avg=sampler.dt_ekf_avg
+        )
