@@ -150,7 +150,7 @@ def absolute_error(estimate: TimedPoses, truth: TimedPoses) -> AbsoluteError:
     errors = np.linalg.norm(alignment.map(estimate.positions_xyz) - truth.positions_xyz, axis=1)
     return AbsoluteError(
         count=len(errors),
-        rmse_m=_rms(errors),
+        rmse_m=rms(errors),
         median_m=float(np.median(errors)),
         max_m=float(errors.max()),
         path_m=truth.path_length_m(),
@@ -177,7 +177,7 @@ def relative_error(estimate: TimedPoses, truth: TimedPoses, delta: int = 1) -> R
     differences = [_motion(truth, i, i + delta).inverse() @ _motion(estimate, i, i + delta) for i in pairs]
     lengths = np.array([np.linalg.norm(difference.t) for difference in differences])
     angles = np.array([np.linalg.norm(so3_log(difference.R)) for difference in differences])
-    return RelativeError(len(pairs), _rms(lengths), _rms(angles))
+    return RelativeError(len(pairs), rms(lengths), rms(angles))
 
 
 def in_common(estimate: TimedPoses, truth: TimedPoses) -> tuple[TimedPoses, TimedPoses]:
@@ -199,9 +199,10 @@ def nees_per_dof(errors: Array, covariances: Array) -> float:
     return float(np.mean(np.sum(errors * solved, axis=-1)) / errors.shape[-1])
 
 
+def rms(values: Array) -> float:
+    """Return the root mean square of numbers, in their unit."""
+    return math.sqrt(float(np.mean(values**2)))
+
+
 def _motion(poses: TimedPoses, start: int, end: int) -> SE3:
     return poses.pose(start).inverse() @ poses.pose(end)
-
-
-def _rms(values: Array) -> float:
-    return math.sqrt(float(np.mean(values**2)))

@@ -7,12 +7,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from rich.table import Column, Table
 
 from ap_core.verdict import Outcome
+from companion.evaluation import rms
 from emulator.companion_loop import CompanionLoop
 from emulator.filter_fates import Fate, fate_of
 from emulator.loop_errors import PoseErrors, estimate_errors, odometry_errors, truth
@@ -103,19 +104,15 @@ def accuracy_of(errors: PoseErrors) -> Accuracy | None:
         return None
     horizontal_m, height_m = errors.horizontal_m, errors.errors_ned[:, 2]
     return Accuracy(
-        horizontal_rms_m=_rms(horizontal_m),
+        horizontal_rms_m=rms(horizontal_m),
         horizontal_max_m=float(horizontal_m.max()),
         horizontal_end_m=float(horizontal_m[-1]),
-        height_rms_m=_rms(height_m),
+        height_rms_m=rms(height_m),
         height_max_m=float(np.abs(height_m).max()),
-        tilt_rms_deg=float(np.degrees(_rms(errors.tilt_rad))),
-        yaw_rms_deg=float(np.degrees(_rms(errors.yaw_rad))),
+        tilt_rms_deg=float(np.degrees(rms(errors.tilt_rad))),
+        yaw_rms_deg=float(np.degrees(rms(errors.yaw_rad))),
         within_2_sigma=float((np.abs(errors.errors_ned) <= 2 * errors.sigmas_m).mean()),
     )
-
-
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _path_m(loop: CompanionLoop) -> float:

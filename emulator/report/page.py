@@ -10,11 +10,12 @@ from typing import Final
 
 import numpy as np
 
+from companion.evaluation import rms
 from emulator.report.facts import Facts
 from emulator.report.figures import FigureKind
 from emulator.report.material import Material
 from emulator.report.parameters import ChangedParameter
-from emulator.report.series import Array, total_s
+from emulator.report.series import total_s
 from emulator.report.summary import Level, Summary
 
 _TAGS: Final = {Level.GOOD: "fine", Level.WARNING: "look", Level.BAD: "trouble"}
@@ -96,11 +97,7 @@ def _difference_cards(facts: Facts) -> list[tuple[str, str]]:
         inside |= (found.time_s >= start) & (found.time_s <= end)
     horizontal = np.hypot(found.pos_ned[:, 0], found.pos_ned[:, 1])[inside]
     known = horizontal[np.isfinite(horizontal)]
-    return [(f"{_rms(known):.2f} m", "vision against EKF, rms in plan")] if len(known) else []
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+    return [(f"{rms(known):.2f} m", "vision against EKF, rms in plan")] if len(known) else []
 
 
 def _contents(drawn: Mapping[FigureKind, str | None]) -> str:
