@@ -55,6 +55,18 @@ class Report:
         return rotation_from_quat_wxyz(self.pose.quat_wxyz)
 
     @property
+    def velocity_body(self) -> tuple[float, float, float]:
+        """In m/s, in the body."""
+        return _three(self.rotation.T @ self.pose.velocity)
+
+    @property
+    def angles_rad(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw."""
+        r = self.rotation
+        roll, pitch = math.atan2(r[2, 1], r[2, 2]), -math.asin(min(max(float(r[2, 0]), -1.0), 1.0))
+        return roll, pitch, math.atan2(r[1, 0], r[0, 0])
+
+    @property
     def covariance(self) -> tuple[float, ...]:
         """The 21 numbers of the pose's covariance; the first is NaN when it is unknown."""
         return encoded(self.pose.covariance, self.encoding)
@@ -79,7 +91,7 @@ def odometry(report: Report) -> tuple[Message, ...]:
             MAV_FRAME_BODY_FRD,
             *_three(pose.position),
             _quat(pose),
-            *_three(report.rotation.T @ pose.velocity),
+            *report.velocity_body,
             *(math.nan,) * 3,
             report.covariance,
             UNKNOWN,
@@ -92,10 +104,7 @@ def odometry(report: Report) -> tuple[Message, ...]:
 
 def vision_position_estimate(report: Report) -> tuple[Message, ...]:
     """Return VISION_POSITION_ESTIMATE."""
-    r = report.rotation
-    roll, pitch = math.atan2(r[2, 1], r[2, 2]), -math.asin(min(max(float(r[2, 0]), -1.0), 1.0))
-    yaw = math.atan2(r[1, 0], r[0, 0])
-    position, angles = _three(report.pose.position), (roll, pitch, yaw)
+    position, angles = _three(report.pose.position), report.angles_rad
     return (VISION_POSITION_ESTIMATE(report.time_us, *position, *angles, report.covariance, report.reset_counter),)
 
 

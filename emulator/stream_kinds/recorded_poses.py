@@ -7,19 +7,18 @@ step back. It is for those who want to know what is wrong with a recording.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.odometry.encoding import UNKNOWN
-from companion.recorded.messages import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
+from companion.recorded.messages import FORMS, Report
 from companion.recorded.readers import Source
 from companion.recorded.records import Records
+from companion.recorded.trajectory import Pose
 from companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from companion.vio.se3 import Array, quat_wxyz_from_rotation
 from emulator import quaternion_arrays as quaternion
@@ -28,15 +27,11 @@ from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessa
 from emulator.stream_kinds.trajectory import TrajectoryOptions
 from emulator.trajectory_files import axes_of, load_as_it_is
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import (
-    ATT_POS_MOCAP,
-    ODOMETRY,
-    VISION_POSITION_ESTIMATE,
-    VISION_SPEED_ESTIMATE,
-    Message,
-)
 
 Times = NDArray[np.int64]
+
+FORMS_AS_RECORDED: Final = ("odometry", "vision", "vision+speed", "mocap")
+"""Those of ``FORMS`` that tell of one pose alone."""
 
 _MAX_STAMP_US: Final = (1 << 62) - 1
 _LONGEST_GAP_US: Final = 3_600_000_000
@@ -44,9 +39,6 @@ _LONGEST_GAP_US: Final = 3_600_000_000
 _USUAL_US: Final = 33_333
 _QUICKEST_US, _SLOWEST_US = 1_000, 2_000_000
 _QUALITY: Final = 100
-_UPPER: Final = np.triu_indices(6)
-_NO_RATES: Final = (math.nan,) * 3
-_UNKNOWN_SPEED: Final = (math.nan, *(0.0,) * 8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,54 +51,22 @@ class _Poses:
     velocities: Array
     covariances: Array | None
 
-    def three(self, values: Array, index: int) -> tuple[float, float, float]:
-        x, y, z = values[index].tolist()
-        return x, y, z
-
-    def covariance(self, index: int) -> tuple[float, ...]:
-        matrix = None if self.covariances is None else self.covariances[index]
-        return UNKNOWN if matrix is None else tuple(matrix[_UPPER].tolist())
+    def report(self, index: int) -> Report:
+        covariance = None if self.covariances is None else self.covariances[index]
+        pose = Pose(self.positions[index], self.quats_wxyz[index], self.velocities[index], covariance, 0)
+        return _AsRecorded(int(self.stamp_us[index]), pose, quality=_QUALITY)
 
 
-def _odometry(poses: _Poses, index: int) -> tuple[Message, ...]:
-    quat = tuple(poses.quats_wxyz[index].tolist())
-    return (
-        ODOMETRY(
-            int(poses.stamp_us[index]),
-            MAV_FRAME_LOCAL_FRD,
-            MAV_FRAME_BODY_FRD,
-            *poses.three(poses.positions, index),
-            quat,
-            *_in_body(poses.quats_wxyz[index], poses.velocities[index]),
-            *_NO_RATES,
-            poses.covariance(index),
-            UNKNOWN,
-            0,
-            MAV_ESTIMATOR_TYPE_VIO,
-            _QUALITY,
-        ),
-    )
+class _AsRecorded(Report):
+    """A report of an attitude that may be no rotation."""
 
+    @property
+    def velocity_body(self) -> tuple[float, float, float]:
+        return _in_body(self.pose.quat_wxyz, self.pose.velocity)
 
-def _vision(poses: _Poses, index: int) -> tuple[Message, ...]:
-    position, angles = poses.three(poses.positions, index), _euler(poses.quats_wxyz[index])
-    return (VISION_POSITION_ESTIMATE(int(poses.stamp_us[index]), *position, *angles, poses.covariance(index), 0),)
-
-
-def _vision_with_speed(poses: _Poses, index: int) -> tuple[Message, ...]:
-    speed = poses.three(poses.velocities, index)
-    estimate = VISION_SPEED_ESTIMATE(int(poses.stamp_us[index]), *speed, _UNKNOWN_SPEED, 0)
-    return (*_vision(poses, index), estimate)
-
-
-def _mocap(poses: _Poses, index: int) -> tuple[Message, ...]:
-    quat, position = tuple(poses.quats_wxyz[index].tolist()), poses.three(poses.positions, index)
-    return (ATT_POS_MOCAP(int(poses.stamp_us[index]), quat, *position, poses.covariance(index)),)
-
-
-FORMS_AS_RECORDED: Final[Mapping[str, Callable[[_Poses, int], tuple[Message, ...]]]] = MappingProxyType(
-    {"odometry": _odometry, "vision": _vision, "vision+speed": _vision_with_speed, "mocap": _mocap}
-)
+    @property
+    def angles_rad(self) -> tuple[float, float, float]:
+        return _euler(self.pose.quat_wxyz)
 
 
 def _in_body(quat_wxyz: Array, velocity: Array) -> tuple[float, float, float]:
@@ -197,9 +157,9 @@ def _lacks(records: Records) -> frozenset[Aspect]:
 
 def _frames(records: Records, poses: _Poses, form: str, lead_us: int) -> Iterator[StreamMessage]:
     codec = Codec(1, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
-    encode = FORMS_AS_RECORDED[form]
+    encode = FORMS[form].encode
     for index, arrival_us in enumerate(_arrivals_us(records, poses.stamp_us).tolist()):
-        for message in encode(poses, index):
+        for message in encode(poses.report(index)):
             yield StreamMessage(lead_us + arrival_us, codec.encode(message))
 
 

@@ -5,6 +5,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from emulator.doctor import RULES, Severity
 from emulator.errors import InputError
 from emulator.streams import MAX_GAP_US, Aspect, Stream, TrajectoryOptions, read_whole_stream
+from mav_handlers.wire.codec import Codec, Received
 from tests.unit.emulator.command_line import Viso, failed_with
 from tests.unit.emulator.doctor.corpus import CLIMB, ODOMETRY, POSE, SPEED, Case
 from tests.unit.emulator.doctor.recordings import WRITERS, as_ros, rows_of
@@ -159,6 +161,22 @@ def test_file_is_read_as_it_stands(tmp_path: Path) -> None:
     assert rows == [1000, 41_000, 81_000, 121_000]  # a time that is not later says nothing of when it came
     assert stream.lacks == frozenset(Aspect)
     assert stream.notes == (f"{path}: poses, no velocities; taken as ned_frd (--axes), sent as mocap (--as)",)
+
+
+def first_message(path: Path, form: str) -> Any:
+    codec = Codec(1, 1)
+    codec.feed(read_whole_stream(path, 0, _OWN, form).messages[0].frame)
+    received = codec.next_received()
+    assert isinstance(received, Received)
+    return received.message
+
+
+def test_attitude_that_is_no_rotation_is_sent_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("".join(f"{seconds}000000000,1,2,3,0,0,0,0,4,5,6\n" for seconds in (1, 2)))
+    odometry, vision = first_message(path, "odometry"), first_message(path, "vision")
+    assert (odometry.q, odometry.vx, odometry.vy, odometry.vz) == ((0.0,) * 4, 4.0, 5.0, 6.0)
+    assert np.isnan((vision.roll, vision.pitch, vision.yaw)).all()
 
 
 @pytest.mark.parametrize(("step", "seconds"), [(0.04, 0.04), (40.0, 0.04), (40e-6, 0.04), (0.5, 0.5)])
