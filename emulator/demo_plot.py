@@ -14,6 +14,7 @@ from ekf_stub.aiding import AidingMode
 from ekf_stub.filter_status import FilterFlag
 from emulator.demo import END_S, FAULTS, FLIGHT, DemoResult, Estimate
 from emulator.filter_fates import Fate, fate_of
+from emulator.report.series import spans_of
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"
@@ -112,17 +113,13 @@ def _ratios(axes: Any, result: DemoResult) -> None:
     axes.grid(alpha=0.3)
 
 
-def _spans(times: Any, is_on: Any) -> list[tuple[float, float]]:
-    """Return start and length of each stretch in which something holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(is_on, dtype=int), [0]))))
-    ends = [*times, times[-1]]
-    return [(ends[start], ends[end] - ends[start]) for start, end in edges.reshape(-1, 2)]
-
-
 def _flags(axes: Any, result: DemoResult) -> None:
     _shade(axes)
     times = [estimate.time_s for estimate in result.estimates]
-    rows = {name: _spans(times, [holds(one) for one in result.estimates]) for name, holds in _FLAGS.items()}
+    rows = {
+        name: [(start, end - start) for start, end in spans_of(times, [holds(one) for one in result.estimates])]
+        for name, holds in _FLAGS.items()
+    }
     rows["aiding"] = [
         (1e-6 * span.start_us, 1e-6 * (span.end_us - span.start_us))
         for span in result.aiding

@@ -14,6 +14,7 @@ from ekf_stub.aiding import AidingMode
 from ekf_stub.filter_status import FilterFlag
 from emulator.companion_loop import CompanionLoop
 from emulator.loop_errors import PoseErrors, estimate_errors, odometry_errors, truth
+from emulator.report.series import spans_of
 
 _TRUTH: Final = "#ffd92f"
 _VIO: Final = "#1f77b4"
@@ -160,17 +161,11 @@ def _bands(axes: Any, story: _Story) -> None:
             middle = begin_s + 0.5 * length_s, 0
             axes.text(*middle, span.state.value, ha="center", va="center", fontsize="small", color="white")
     for row, holds in enumerate(rows.values(), 1):
-        axes.broken_barh(_spans(times_s, holds), (row - 0.38, 0.76), color="0.45")
+        spans = [(start_s, end_s - start_s) for start_s, end_s in spans_of(times_s, holds)]
+        axes.broken_barh(spans, (row - 0.38, 0.76), color="0.45")
     axes.set(yticks=range(1 + len(rows)), yticklabels=["odometry", *rows], xlabel="seconds since boot")
     axes.set_title("States: the odometry's, and what the autopilot makes of it")
     axes.invert_yaxis()
-
-
-def _spans(times_s: list[float], holds: list[bool]) -> list[tuple[float, float]]:
-    """Return start and length of each stretch in which something holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(holds, dtype=int), [0]))))
-    ends = [*times_s, *times_s[-1:]]
-    return [(ends[start], ends[end] - ends[start]) for start, end in edges.reshape(-1, 2)]
 
 
 def save_plot(loop: CompanionLoop, path: Path) -> None:

@@ -82,14 +82,19 @@ def series_of(rows: Sequence[Sequence[float]] | Array, labels: Sequence[str]) ->
     return Series(kept[:, 0] * 1e-6, columns), int(len(table) - len(kept))
 
 
-def spans_of(time_s: Array, holds: Mask) -> list[tuple[float, float]]:
+def stretches_of(holds: Sequence[bool] | Mask) -> list[tuple[int, int]]:
+    """Return the first index, and the one after the last, of each stretch in which something holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False])).astype(np.int8)))
+    return [(start, end) for start, end in edges.reshape(-1, 2).tolist()]
+
+
+def spans_of(time_s: Sequence[float] | Array, holds: Sequence[bool] | Mask) -> list[tuple[float, float]]:
     """Return start and end, in s, of each stretch of records in which something holds.
 
     A stretch ends with the first record in which it holds no more, or with the last one.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False])).astype(np.int8)))
     last = len(time_s) - 1
-    return [(float(time_s[start]), float(time_s[min(end, last)])) for start, end in edges.reshape(-1, 2)]
+    return [(float(time_s[start]), float(time_s[min(end, last)])) for start, end in stretches_of(holds)]
 
 
 def total_s(spans: Sequence[tuple[float, float]]) -> float:

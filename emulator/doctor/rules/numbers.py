@@ -12,6 +12,7 @@ from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.stamps import FEWEST
 from emulator.doctor.tracks import Bools, Floats, Poses
 from emulator.doctor.words import at, of_track
+from emulator.report.series import stretches_of
 from emulator.streams import Aspect
 from mav_handlers.covariance import no_errors
 from mav_handlers.vision_columns import error_columns
@@ -164,12 +165,11 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
         if len(track) < FEWEST:
             continue
         same = (np.diff(poses.pos_m, axis=0) == 0).all(axis=1) & (np.diff(poses.quat_wxyz, axis=0) == 0).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
+        for first, last in stretches_of(same):
             length = int(track.arrival_us[last] - track.arrival_us[first])
             # A sender may repeat the last pose while it says that tracking failed.
             is_told = bool((poses.quality[first + 1 : last + 1] == _FAILED).all())
-            if length >= _FROZEN_US and not is_told and _is_in_motion(poses, int(first), int(last)):
+            if length >= _FROZEN_US and not is_told and _is_in_motion(poses, first, last):
                 yield Sighting(
                     f"{track.sender}: in full motion the pose stops for {length * 1e-6:.1f} s at "
                     f"{at(int(track.arrival_us[first]))}, the same to the last bit",
