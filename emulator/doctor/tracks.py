@@ -185,13 +185,17 @@ def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
         return np.asarray(vectors + w * twice + np.cross(axis, twice))
 
 
+def covariance_of(message: object) -> tuple[float, ...] | None:
+    """Return the 21 numbers of a pose's covariance as sent; None of a message that has no pose."""
+    if not isinstance(message, POSE_TYPES):
+        return None
+    return message.pose_covariance if isinstance(message, ODOMETRY) else message.covariance
+
+
 def _poses(sender: Sender, seen: Sequence[SeenMessage]) -> Poses:
     messages = [one.message for one in seen]
     pos_m = np.array([(m.x, m.y, m.z) for m in messages if isinstance(m, POSE_TYPES)], dtype=np.float64)
     euler_rad = None
-    covariance = [
-        m.pose_covariance if isinstance(m, ODOMETRY) else m.covariance for m in messages if isinstance(m, POSE_TYPES)
-    ]
     if isinstance(messages[0], _EULER_TYPES):
         euler_rad = np.array([(m.roll, m.pitch, m.yaw) for m in messages if isinstance(m, _EULER_TYPES)], np.float64)
         with np.errstate(all="ignore"):
@@ -203,7 +207,7 @@ def _poses(sender: Sender, seen: Sequence[SeenMessage]) -> Poses:
         pos_m,
         quat_wxyz,
         euler_rad,
-        np.array(covariance, np.float64),
+        np.array([covariance_of(m) for m in messages], np.float64),
         _ints([getattr(m, "reset_counter", 0) for m in messages]),
         _ints([getattr(m, "quality", 0) for m in messages]),
     )

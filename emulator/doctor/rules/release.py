@@ -10,19 +10,13 @@ from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
 from emulator.doctor.evidence import Evidence
 from emulator.doctor.findings import Rule, Severity, Sighting
 from emulator.doctor.seen import SeenMessage
+from emulator.doctor.tracks import covariance_of
 from emulator.doctor.words import seen_in, share
 from emulator.firmware import PROFILES, Firmware
 from emulator.streams import Aspect
 from mav_handlers.covariance import pose_errors
-from mav_handlers.wire.messages import (
-    ATT_POS_MOCAP,
-    GLOBAL_VISION_POSITION_ESTIMATE,
-    ODOMETRY,
-    VICON_POSITION_ESTIMATE,
-    VISION_POSITION_ESTIMATE,
-)
+from mav_handlers.wire.messages import ATT_POS_MOCAP
 
-_EULER: Final = VISION_POSITION_ESTIMATE | GLOBAL_VISION_POSITION_ESTIMATE | VICON_POSITION_ESTIMATE
 _NEEDS: Final = frozenset({Aspect.COVARIANCE})
 
 Errors = tuple[float, float]
@@ -38,7 +32,7 @@ class _Judge:
 
     def raw(self, message: object, firmware: Firmware) -> Errors | None:
         """Return both errors before they are limited; None of a message without a covariance."""
-        covariance = _covariance(message)
+        covariance = covariance_of(message)
         if covariance is None or _is_empty(covariance):
             return None
         key = firmware.name, isinstance(message, ATT_POS_MOCAP), covariance
@@ -57,12 +51,6 @@ class _Judge:
         limits = zip(errors, self._floors, (POS_ERR_MAX_M, ANG_ERR_MAX_RAD), strict=True)
         pos, ang = (_limited(error, floor, float(most)) for error, floor, most in limits)
         return pos, ang
-
-
-def _covariance(message: object) -> Sequence[float] | None:
-    if isinstance(message, ODOMETRY):
-        return message.pose_covariance
-    return message.covariance if isinstance(message, _EULER | ATT_POS_MOCAP) else None
 
 
 def _is_empty(covariance: Sequence[float]) -> bool:
@@ -132,7 +120,7 @@ def _no_number(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _has_negative_sum(judge: _Judge, message: object, firmware: Firmware) -> bool:
-    errors, covariance = judge.raw(message, firmware), _covariance(message)
+    errors, covariance = judge.raw(message, firmware), covariance_of(message)
     # NaN from NaN is another finding.
     return errors is not None and any(map(math.isnan, errors)) and not any(map(math.isnan, covariance or ()))
 
