@@ -51,15 +51,16 @@ class DataFlashWriter:
     def __init__(self, structures: Sequence[LogStructure]) -> None:
         self._fixed = tuple(structures)
         self._by_id = {structure.msg_type: structure for structure in self._fixed}
-        self._by_name = {structure.name: structure for structure in self._fixed}
-        if not len(self._fixed) == len(self._by_id) == len(self._by_name):
+        self._fixed_names = frozenset(structure.name for structure in self._fixed)
+        if not len(self._fixed) == len(self._by_id) == len(self._fixed_names):
             raise ValueError("log structures share an id or a name")
         if self._fixed[:1] != (FMT,):
             raise ValueError("log structures must begin with FMT")
         missing = [wanted.name for wanted in _REQUIRED if wanted not in self._fixed]
         if missing:
             raise ValueError(f"log structures lack {', '.join(missing)}")
-        self._described: set[int] = set()
+        self._defined: dict[str, LogStructure] = {}
+        self._described: dict[int, LogStructure] = {}
         self._time_us = 0
 
     def new_log(self) -> None:
@@ -77,13 +78,15 @@ class DataFlashWriter:
         Raises:
             ValueError: if the layout is invalid, the name is taken by another layout, or no id is left.
         """
-        known = self._by_name.get(name)
-        msg_type = known.msg_type if known else self._free_msg_type()
         units, multipliers = _fill_units(labels, format, units, multipliers)
-        structure = LogStructure(msg_type, name, format, labels, units, multipliers)
-        if known and (structure != known or known in self._fixed):
+        known = self._defined.get(name)
+        if known is not None and (format, labels, units, multipliers) == _layout(known):
+            return known
+        if known is not None or name in self._fixed_names:
             raise ValueError(f"log structure {name!r} is defined already")
-        self._by_id[msg_type] = self._by_name[name] = structure
+        msg_type = self._free_msg_type()
+        structure = LogStructure(msg_type, name, format, labels, units, multipliers)
+        self._by_id[msg_type] = self._defined[name] = structure
         return structure
 
     def _free_msg_type(self) -> int:
@@ -103,17 +106,15 @@ class DataFlashWriter:
         Raises:
             ValueError: if the type is not registered here, or the values do not fit it.
         """
-        known = self._by_id.get(structure.msg_type)
-        if known is not structure and known != structure:
+        is_described = self._described.get(structure.msg_type) is structure  # as nearly always
+        if not is_described and self._by_id.get(structure.msg_type) != structure:
             raise ValueError(f"log structure {structure.name!r} is not registered")
         packed = structure.pack(values)
-        if time_us is None and structure.fields[0] == TIME_LABEL and isinstance(values[0], int):
-            time_us = values[0]
         if time_us is not None:
             self._time_us = time_us
-        if structure.msg_type in self._described:
-            return packed
-        return self._describe(structure) + packed
+        elif structure.fields[0] == TIME_LABEL and isinstance(values[0], int):
+            self._time_us = values[0]
+        return packed if is_described else self._describe(structure) + packed
 
     def _describe(self, structure: LogStructure) -> bytes:
         """Return FMT and FMTU of a type, those of FMT and FMTU first (AP_Logger_Backend::Write_Emit_FMT).
@@ -126,7 +127,7 @@ class DataFlashWriter:
         return before + self._format(structure) + self._describe(FMTU) + self._format_units(structure)
 
     def _format(self, structure: LogStructure) -> bytes:
-        self._described.add(structure.msg_type)
+        self._described[structure.msg_type] = structure
         return FMT.pack((structure.msg_type, structure.length, structure.name, structure.format, structure.labels))
 
     def _format_units(self, structure: LogStructure) -> bytes:
@@ -159,6 +160,10 @@ class DataFlashWriter:
         for structure in self._fixed:
             fields = (now_us(), structure.msg_type, structure.units, structure.multipliers)
             yield self.record(FMTU, fields)
+
+
+def _layout(structure: LogStructure) -> tuple[str, str, str, str]:
+    return structure.format, structure.labels, structure.units, structure.multipliers
 
 
 def _fill_units(labels: str, format: str, units: str | None, multipliers: str | None) -> tuple[str, str]:

@@ -23,7 +23,7 @@ Converter = Callable[[LogValue], int | bytes]
 
 # Tuples made once: a union written at the call is built anew for each value.
 _TEXT_TYPES: Final = (str, bytes)
-_FLOAT_TYPES: Final = (float, np.floating)
+FLOAT_TYPES: Final = (float, np.floating)
 _I64_LIMIT: Final = 1 << 63
 
 
@@ -48,7 +48,7 @@ def _integer(bits: int, *, wide: bool = False, scale: int = 1) -> Converter:
     def convert(value: LogValue) -> int:
         if isinstance(value, _TEXT_TYPES):
             raise TypeError("text in a numeric field")
-        if isinstance(value, _FLOAT_TYPES):
+        if isinstance(value, FLOAT_TYPES):
             return truncate(scaled(value, scale)) & mask
         return operator.index(value) & mask
 

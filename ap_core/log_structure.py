@@ -11,14 +11,15 @@ Source: AP_Logger/LogStructure.h, AP_AHRS/LogStructure.h.
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
 
-from ap_core.log_field import DIRECT, FORMATS, SCALES, Converter, LogValue, scaled
+from ap_core.fmath import f32
+from ap_core.log_field import DIRECT, FLOAT_TYPES, FORMATS, SCALES, Converter, LogValue, scaled
 
 HEAD_BYTE1: Final = 0xA3
 HEAD_BYTE2: Final = 0x95
@@ -30,6 +31,7 @@ _MAX_LENGTH: Final = 255
 _MAX_NAME: Final = 4
 _MAX_FIELDS: Final = 16
 _MAX_LABELS: Final = 64
+_MAX_PLAIN: Final = 1e30  # of what may be packed at once: ten million times as much still is a float32
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,12 @@ class LogStructure:
         return struct.Struct("<" + "".join(FORMATS[char][0] for char in self.format))
 
     @cached_property
-    def _direct(self) -> struct.Struct | None:
+    def _direct(self) -> Callable[..., bytes] | None:
+        """What makes a record of the numbers that are stored; None for a layout that has texts."""
         codes = [DIRECT.get(char) for char in self.format]
-        return None if None in codes else struct.Struct("<3s" + "".join(filter(None, codes)))
+        if None in codes:
+            return None
+        return partial(struct.Struct("<3s" + "".join(filter(None, codes))).pack, self._header)
 
     @cached_property
     def _converters(self) -> tuple[Converter, ...]:
@@ -114,34 +119,31 @@ class LogStructure:
         Raises:
             ValueError: if the number of values is wrong, or text and numbers are mixed up.
         """
-        return self._pack_at_once(values) or self._pack_each(values)
-
-    def _pack_at_once(self, values: Sequence[LogValue]) -> bytes | None:
-        """Pack what nearly all records hold, plain numbers in range; None when there is anything else."""
-        if self._direct is None:
-            return None
-        try:
-            if self._scales:
-                values = self._with_scaled(values)
-            is_plain = math.isfinite(math.fsum(values))  # type: ignore[arg-type]  # text is a TypeError
-            return self._direct.pack(self._header, *values) if is_plain else None
-        except (TypeError, ValueError, IndexError, OverflowError, struct.error):
-            return None
+        direct = self._direct
+        if direct is not None:
+            try:
+                # All at once, if they are what nearly all records hold: numbers, of which none is large or a NaN.
+                if math.hypot(*values) < _MAX_PLAIN:  # type: ignore[arg-type]  # text is a TypeError
+                    return direct(*(self._with_scaled(values) if self._scales else values))
+            except (TypeError, IndexError, OverflowError, struct.error):
+                pass
+        return self._pack_each(values)
 
     def _with_scaled(self, values: Sequence[LogValue]) -> list[LogValue]:
-        """Return values with the floats of integer fields as the integers that are stored, where they fit."""
+        """Return plain numbers with the floats of integer fields as the integers that are stored, where they fit."""
         raw = list(values)
-        for index, scale in self._scales:
+        for index, scale, single_scale in self._scales:
             value = raw[index]
-            if type(value) is float:  # the most frequent
-                raw[index] = math.trunc(value * scale)
-            elif isinstance(value, np.floating):
+            if type(value) is f32:  # the most frequent
+                raw[index] = int(value * single_scale)
+            elif type(value) is not int and isinstance(value, FLOAT_TYPES):
                 raw[index] = math.trunc(scaled(value, scale))
         return raw
 
     @cached_property
-    def _scales(self) -> tuple[tuple[int, int], ...]:
-        return tuple((index, SCALES[char]) for index, char in enumerate(self.format) if char in SCALES)
+    def _scales(self) -> tuple[tuple[int, int, np.float32], ...]:
+        scales = ((index, SCALES[char]) for index, char in enumerate(self.format) if char in SCALES)
+        return tuple((index, scale, f32(scale)) for index, scale in scales)
 
     def _pack_each(self, values: Sequence[LogValue]) -> bytes:
         if len(values) != len(self._converters):

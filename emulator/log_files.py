@@ -67,10 +67,11 @@ class LogFile:
                 raise ValueError(f"{self.path}: write to a closed log")
             self.dropped += 1
             return False
-        self._waiting += data
+        waiting = self._waiting
+        waiting += data
         self._waiting_calls += 1
         self.size += len(data)
-        return self.flush() if len(self._waiting) >= CHUNK_BYTES else True
+        return len(waiting) < CHUNK_BYTES or self.flush()
 
     def flush_if_due(self, now_us: int) -> bool:
         """Write what is waiting once 2 s have passed since the last time; return False after an error.

@@ -92,10 +92,10 @@ class Logger:
     def update(self, wanted: bool, params: ParamTable) -> None:
         """Open or close the log as wanted, and let waiting bytes out when they are due."""
         now_us = self._clock.micros64()
-        if self._open_sink is not None and wanted and self._sink is None and now_us >= self._retry_us:
-            self._open(self._open_sink, params, now_us)
-        elif not wanted:
+        if not wanted:
             self.close()
+        elif self._sink is None and self._open_sink is not None and now_us >= self._retry_us:
+            self._open(self._open_sink, params, now_us)
         if self._sink is not None and not self._sink.flush_if_due(now_us):
             self.failure = "log cannot be written"
 
@@ -111,22 +111,22 @@ class Logger:
         self._writer.new_log()
         rows = ((param.name, param.value, param.default) for param in params)
         for record in self._writer.start_up(rows, time_us=now_us):
-            self._append(record)
+            self._append(self._sink, record)
         self._on_open()
 
-    def _append(self, data: bytes) -> None:
-        if self._sink is not None:
-            self.records += 1
-            self.size += len(data)
-            if not self._sink.write(data):
-                self.failure = "log cannot be written"
+    def _append(self, sink: LogSink, data: bytes) -> None:
+        self.records += 1
+        self.size += len(data)
+        if not sink.write(data):
+            self.failure = "log cannot be written"
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         """Write a record of a fixed type (AP_Logger::WriteBlock); ``on_write`` hears of it, log or no log."""
         if self.on_write is not None:
             self.on_write(structure, values)
-        if self._sink is not None:
-            self._append(self._writer.record(structure, values, time_us=self._clock.micros64()))
+        sink = self._sink
+        if sink is not None:
+            self._append(sink, self._writer.record(structure, values, time_us=self._clock.micros64()))
 
     def write_named(
         self, name: str, labels: str, units: str, multipliers: str, format: str, values: Sequence[LogValue]
@@ -138,7 +138,7 @@ class Logger:
     def write_parameter(self, name: str, value: np.float32) -> None:
         """Write a parameter that has changed (AP_Logger::Write_Parameter)."""
         if self._sink is not None:
-            self._append(self._writer.parameter(name, value, time_us=self._clock.micros64()))
+            self._append(self._sink, self._writer.parameter(name, value, time_us=self._clock.micros64()))
 
     def close(self) -> None:
         """Close the log that is open, if any."""

@@ -240,7 +240,7 @@ def test_run_time_type_is_described_before_its_first_record(writer: DataFlashWri
 def test_run_time_types_keep_their_ids_in_the_next_log(writer: DataFlashWriter) -> None:
     first = writer.define("TSYN", "TimeUS,V", "Qf")
     writer.new_log()
-    assert writer.define("TSYN", "TimeUS,V", "Qf") == first
+    assert writer.define("TSYN", "TimeUS,V", "Qf") is first
 
 
 def test_defining_a_name_again_with_another_layout_is_refused(writer: DataFlashWriter) -> None:

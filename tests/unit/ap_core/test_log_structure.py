@@ -3,6 +3,7 @@
 """Layouts of records: what is accepted, how a record is packed, and equality with the firmware's own tables."""
 
 import json
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import replace
@@ -86,6 +87,21 @@ def test_format_describes_itself_in_89_bytes() -> None:
 def test_origin_record_takes_raw_position_and_physical_height() -> None:
     record = ORGN.pack((1_000_000, 1, -353632621, 1491652374, np.float32(584.09)))
     assert record[3:] == struct.pack("<QBiii", 1_000_000, 1, -353632621, 1491652374, 58409)
+
+
+@pytest.mark.parametrize("value", [1.25, np.float64(1.25), np.float32(1.25), 125])
+def test_any_kind_of_number_goes_into_a_field_of_hundredths(value: LogValue) -> None:
+    assert structure("c").pack([value])[3:] == struct.pack("<h", 125)
+
+
+@pytest.mark.parametrize("value", [1e31, -1e300, np.float32(3e38), np.float32(-math.inf), math.nan, 1 << 1100])
+@pytest.mark.parametrize("format", ["c", "L", "h"])
+def test_what_an_integer_field_cannot_hold_becomes_the_low_bits_of_what_the_processor_makes(
+    value: LogValue, format: str
+) -> None:
+    lowest = value if isinstance(value, int) else -(1 << 31)
+    size = {"c": 2, "L": 4, "h": 2}[format]
+    assert int.from_bytes(structure(format).pack([value])[3:], "little") == lowest & ((1 << 8 * size) - 1)
 
 
 def test_parameter_default_marker_bytes() -> None:
