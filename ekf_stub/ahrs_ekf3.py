@@ -32,7 +32,7 @@ from ekf_stub.gps_sample import FIX_3D
 from ekf_stub.kernel import PLAIN, Kernel
 from ekf_stub.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, ReplayLog
 from ekf_stub.replay_vehicle import VehicleFrame
-from ekf_stub.reporting import three
+from ekf_stub.reporting import run_report_of, three
 from ekf_stub.sensors import Sensors, SensorSource
 from ekf_stub.source_check import VISUAL_ODOM, source_failure
 from ekf_stub.sources import EkfSources, SourceYaw
@@ -139,7 +139,7 @@ class Ekf3Ahrs(AhrsBase):
     def _log_tests(self, core: Ekf3Core, now_us: int) -> None:
         still = core.is_still() if core.initialised else None
         if self._estimates is not None and self._estimates.is_due(now_us, still, is_step=core.stepped):
-            self._estimates.update(core.report(now_us // 1000), now_us, is_step=core.stepped)
+            self._estimates.update(run_report_of(core), now_us, is_step=core.stepped)
 
     def _set_up(self) -> None:
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.

@@ -19,7 +19,8 @@ class OdometryReport:
     variance: Three
 
 
-@dataclass(frozen=True, slots=True)
+# Reports are not frozen, as none is ever changed and to make a frozen one takes three times as long.
+@dataclass(slots=True)
 class StillnessReport:
     """The test for standing still (XKFM): its answer and, each over its limit, what it measures.
 
@@ -33,7 +34,15 @@ class StillnessReport:
     accel_diff_ratio: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
+class RunReport:
+    """What a core says of itself as it runs: the attributes of `CoreReport` that have the same names."""
+
+    tilt_error_rad: float
+    stillness: StillnessReport | None
+
+
+@dataclass(slots=True)
 class CoreReport:
     """What a core knows, at the present time unless said otherwise.
 

@@ -381,7 +381,7 @@ class Ekf3Core:
 
         Without aiding it is the GPS's, if that has a fix, else the last one known; nothing without an origin.
         """
-        north, east, down = self.output.now.pos
+        north, east, down = self.output.now.pos.tolist()
         if self.origin is None:
             is_unknown = self.aiding.mode is _NO_AIDING
             return np.array([0.0, 0.0, down]) if is_unknown else np.array([north, east, down])

@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import int_of_float, u32
-from ap_core.fmath import degrees, f32
+from ap_core.cint import int_of_float
+from ap_core.fmath import RAD_TO_DEG, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
-from ekf_stub.core_report import CoreReport, OdometryReport, Three
+from ekf_stub.core_report import CoreReport, OdometryReport, RunReport
 from ekf_stub.ekf_log_structure import XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2
 
 UNINITIALISED_FAULT: Final = 128
@@ -28,7 +28,12 @@ PERIOD_US: Final = 100_000
 _ONLY_XKF4: Final = 1  # of EK3_LOG_LEVEL
 _NOTHING: Final = 3
 _STATES_OF_XKV1: Final = 12
+_U32: Final = 0xFFFFFFFF  # of times in ms, which wrap
+_ONE: Final = f32(1)
+_100: Final = f32(100)
 _FULL_TURN_CDEG: Final = f32(36000)
+_ANGLES, _OTHERS, _FIELDS = 7, 9, 9  # of what XKF1 to XKF3 have scaled in single precision, and by what
+_SCALES: Final = np.repeat(np.array((RAD_TO_DEG, 1, 1000), np.float32), (_ANGLES, _OTHERS, _FIELDS))
 _REST: Final = (0.0, 0.0, 0.0)
 
 UNINITIALISED: Final = CoreReport(
@@ -99,14 +104,13 @@ class EkfLog:
             is_still: the answer of the test for standing still, None while the test does not run.
             is_step: whether the filter has made a step.
         """
-        now_ms = now_us // 1000
         if is_still is None:
             self._was_still = False
-        elif self._stillness_is_due(now_ms, is_still):
+        elif self._stillness_is_due(now_us // 1000, is_still):
             return True
-        return is_step and self._tilt_is_due(now_ms)
+        return is_step and self._tilt_is_due(now_us // 1000)
 
-    def update(self, report: CoreReport, now_us: int, *, is_step: bool = True) -> None:
+    def update(self, report: CoreReport | RunReport, now_us: int, *, is_step: bool = True) -> None:
         """Write what the filter itself writes as it runs; called after it, in any frame in which something is due.
 
         XKFM comes when its answer changes or after more than 200 ms, XKTV in the first step after more than 500 ms.
@@ -127,10 +131,10 @@ class EkfLog:
         return self._set_up
 
     def _stillness_is_due(self, now_ms: int, is_still: bool) -> bool:
-        return is_still != self._was_still or u32(now_ms - self._stillness_ms) > STILLNESS_INTERVAL_MS
+        return is_still != self._was_still or (now_ms - self._stillness_ms) & _U32 > STILLNESS_INTERVAL_MS
 
     def _tilt_is_due(self, now_ms: int) -> bool:
-        return u32(now_ms - self._tilt_ms) > TILT_INTERVAL_MS
+        return (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS
 
     def _write_all(self, structure: LogStructure, now_us: int, values: Values) -> None:
         for core in self._cores():
@@ -143,9 +147,11 @@ class EkfLog:
         level = self._get_int("EK3_LOG_LEVEL")
         if level >= _NOTHING:
             return
-        with np.errstate(over="ignore", invalid="ignore"):
-            records = self._records(report, now_us // 1000, only_xkf4=level >= _ONLY_XKF4)
         primary = self._primary()
+        with np.errstate(over="ignore", invalid="ignore"):
+            records = [(XKF4, _xkf4(report, primary), False)]
+            if level < _ONLY_XKF4:
+                records += self._further_records(report, now_us // 1000)
         for core in self._cores():
             for structure, values, is_of_primary in records:
                 if core == primary or not is_of_primary:
@@ -155,15 +161,13 @@ class EkfLog:
         primary, cores = self._get_int("EK3_PRIMARY"), self._cores()
         return primary if primary in cores else cores[0]
 
-    def _records(self, report: CoreReport, now_ms: int, *, only_xkf4: bool) -> list[tuple[LogStructure, Values, bool]]:
-        """Return what is to be written for a core, and what of it for the primary one alone."""
-        records = [(XKF4, _xkf4(report, self._primary()), False)]
-        if only_xkf4:
-            return records
-        records += [
-            (XKF1, _xkf1(report), False),
-            (XKF2, _xkf2(report), False),
-            (XKF3, _xkf3(report), False),
+    def _further_records(self, report: CoreReport, now_ms: int) -> list[tuple[LogStructure, Values, bool]]:
+        """Return what is to be written for a core after XKF4, and what of it for the primary one alone."""
+        xkf1, xkf2, xkf3 = _xkf1_to_3(report)
+        records = [
+            (XKF1, xkf1, False),
+            (XKF2, xkf2, False),
+            (XKF3, xkf3, False),
             (XKF5, _xkf5(report), True),
             (XKFS, (0, 0, 0, 0, report.source_set, 0, 0, report.mag_fusion), False),
             (XKQ, report.quat_wxyz, False),
@@ -171,52 +175,40 @@ class EkfLog:
         if report.odometry is not None and report.odometry.recalled != self._odometry_recalled:
             self._odometry_recalled = report.odometry.recalled
             records.append((XKFD, _xkfd(report.odometry), True))
-        if u32(now_ms - self._covariance_ms) > COVARIANCE_INTERVAL_MS:
+        if (now_ms - self._covariance_ms) & _U32 > COVARIANCE_INTERVAL_MS:
             self._covariance_ms = now_ms
             records.append((XKV1, report.variances[:_STATES_OF_XKV1], True))
             records.append((XKV2, report.variances[_STATES_OF_XKV1:], True))
         return records
 
 
-def _single(*values: float) -> Values:
-    """Return values in the single precision in which the firmware scales them."""
-    return tuple(map(f32, values))
-
-
-def _deg(angles_rad: Three) -> Values:
-    return tuple(degrees(f32(angle)) for angle in angles_rad)
-
-
-def _milli(field_gauss: Three) -> Values:
-    return tuple(int_of_float(float(f32(1000) * f32(part))) for part in field_gauss)
-
-
-def _heading_cdeg(yaw_rad: float) -> int:
-    cdeg = np.fmod(f32(100) * degrees(f32(yaw_rad)), _FULL_TURN_CDEG)
-    return int_of_float(float(cdeg + _FULL_TURN_CDEG if cdeg < 0 else cdeg))
-
-
-def _xkf1(report: CoreReport) -> Values:
-    roll, pitch, _ = _deg(report.rpy_rad)
-    attitude = (roll, pitch, _heading_cdeg(report.rpy_rad[2]))
+def _xkf1_to_3(report: CoreReport) -> tuple[Values, Values, Values]:
+    """Return XKF1, XKF2 and XKF3; what the firmware scales in single precision is scaled all at once."""
+    angles = *report.rpy_rad, *report.gyro_bias, report.yaw_innovation
+    others = *report.accel_bias, *report.vel_innovation, *report.pos_innovation
+    fields = *report.mag_innovation, *report.earth_field, *report.body_field
+    scaled = np.array((*angles, *others, *fields), np.float32) * _SCALES
+    milligauss = list(map(int_of_float, scaled[-_FIELDS:].tolist()))
+    roll, pitch, yaw, gx, gy, gz, yaw_innovation, ax, ay, az, *innovations = scaled[:-_FIELDS]
     motion = (*report.vel_ned, report.height_rate, *report.pos_ned)
-    return (*attitude, *motion, *_deg(report.gyro_bias), round(100 * report.origin_height_m))
-
-
-def _xkf2(report: CoreReport) -> Values:
-    return (*_single(*report.accel_bias), 0, 0, *_milli(report.earth_field), *_milli(report.body_field), 0.0, 0.0, 0.0)
-
-
-def _xkf3(report: CoreReport) -> Values:
-    innovations = _single(*report.vel_innovation, *report.pos_innovation)
     error_score = max(0.5 * (report.vel_ratio + report.pos_ratio), report.height_ratio)
-    return (*innovations, *_milli(report.mag_innovation), degrees(f32(report.yaw_innovation)), 0, 0.0, error_score)
+    return (
+        (roll, pitch, _heading_cdeg(yaw), *motion, gx, gy, gz, round(100 * report.origin_height_m)),
+        (ax, ay, az, 0, 0, *milligauss[3:], 0.0, 0.0, 0.0),
+        (*innovations, *milligauss[:3], yaw_innovation, 0, 0.0, error_score),
+    )
+
+
+def _heading_cdeg(yaw_deg: np.float32) -> int:
+    cdeg = np.fmod(_100 * yaw_deg, _FULL_TURN_CDEG)
+    return int_of_float(float(cdeg + _FULL_TURN_CDEG if cdeg < 0 else cdeg))
 
 
 def _xkf4(report: CoreReport, primary: int) -> Values:
     ratios = (report.vel_ratio, report.pos_ratio, report.height_ratio, max(report.mag_ratio, report.yaw_ratio))
+    roots = [_ONE * math.sqrt(ratio) for ratio in ratios]  # single precision, in which the firmware scales them
     health = (report.faults, report.timeouts, report.flags, report.gps_bits)
-    return (*_single(*map(math.sqrt, ratios)), 0, report.tilt_error_rad, *report.moved_ne, *health, primary)
+    return (*roots, 0, report.tilt_error_rad, *report.moved_ne, *health, primary)
 
 
 def _xkf5(report: CoreReport) -> Values:

@@ -5,16 +5,15 @@
 import math
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from ekf_stub.core_report import CoreReport, Three
+from ekf_stub.core_report import CoreReport, RunReport, Three
 from ekf_stub.error_state import euler_of
 from ekf_stub.inertial import Array
+from ekf_stub.states import STATES
 
 if TYPE_CHECKING:
     from ekf_stub.ekf3_core import Ekf3Core
 
-_FIRMWARE_STATES: Final = 24  # with magnetic field and wind, which are not estimated here
+_NOT_ESTIMATED: Final = (0.0,) * (24 - STATES)  # of the firmware's states: wind
 _BAD_QUAT, _BAD_VEL = 1 << 0, 1 << 1
 
 
@@ -24,33 +23,38 @@ def three(vector: Array) -> Three:
     return x, y, z
 
 
+def run_report_of(core: "Ekf3Core") -> RunReport:
+    """Return what a core that has a state says of itself as it runs: a tenth of the work of all that it knows."""
+    return RunReport(math.sqrt(core.state.predicted_tilt_variance), core.stillness.report)
+
+
 def report_of(core: "Ekf3Core", now_ms: int) -> CoreReport:
     """Return what a core that has a state knows at a time."""
-    output, state, innovations = core.output, core.state, core.fusion.innovations
-    quat, dt = output.now.quat, core.dt_ekf_avg
-    moved = core.resets.moved_ne
-    faults = 0 if np.isfinite(state.vel).all() else _BAD_VEL
+    output, state, innovations, yaw = core.output, core.state, core.fusion.innovations, core.yaw
+    quat, moved = output.now.quat, core.resets.moved_ne
+    gyro_bias, accel_bias = state.bias_rates(core.dt_ekf_avg)
+    faults = 0 if all(map(math.isfinite, state.vel.tolist())) else _BAD_VEL
     return CoreReport(
         rpy_rad=euler_of(quat),
         quat_wxyz=(quat.w, quat.x, quat.y, quat.z),
         vel_ned=three(output.now.vel),
         pos_ned=three(core.position()),
         height_rate=output.height_rate,
-        gyro_bias=three(state.gyro_bias / dt),
-        accel_bias=three(state.accel_bias / dt),
+        gyro_bias=gyro_bias,
+        accel_bias=accel_bias,
         origin_height_m=core.origin_alt_m(),
         vel_innovation=three(innovations.vel),
         pos_innovation=three(innovations.pos),
-        yaw_innovation=core.yaw.innovation,
-        mag_innovation=three(core.yaw.field.innovation),
+        yaw_innovation=yaw.innovation,
+        mag_innovation=three(yaw.field.innovation),
         earth_field=three(state.earth_field),
         body_field=three(state.body_field),
-        mag_fusion=core.yaw.mag_fusion,
+        mag_fusion=yaw.mag_fusion,
         vel_ratio=innovations.vel_ratio,
         pos_ratio=innovations.pos_ratio,
         height_ratio=innovations.height_ratio,
-        mag_ratio=float(core.yaw.field.ratios.max()),
-        yaw_ratio=core.yaw.ratio,
+        mag_ratio=float(yaw.field.ratios.max()),
+        yaw_ratio=yaw.ratio,
         tilt_error_rad=math.sqrt(state.predicted_tilt_variance),
         moved_ne=(float(moved[0]), float(moved[1])),
         faults=faults | (0 if math.isfinite(quat.w) else _BAD_QUAT),
@@ -60,7 +64,7 @@ def report_of(core: "Ekf3Core", now_ms: int) -> CoreReport:
         angle_error=output.angle_error,
         vel_error=output.vel_error,
         pos_error=output.pos_error,
-        variances=(*state.cov.diagonal().tolist(), *[0.0] * (_FIRMWARE_STATES - state.cov.shape[0])),
+        variances=(*state.cov.diagonal().tolist(), *_NOT_ESTIMATED),
         odometry=core.odometry.report(),
         stillness=core.stillness.report,
         source_set=core.sources.active_set,

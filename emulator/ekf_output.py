@@ -16,6 +16,7 @@ from ap_core.log_structure import EV, MSG, ORGN, LogStructure
 from ekf_stub.core_report import CoreReport
 from ekf_stub.ekf3_core import Ekf3Core
 from ekf_stub.ekf_log import EkfLog
+from ekf_stub.reporting import run_report_of
 from emulator.atomic_file import replace_file
 from emulator.errors import InputError
 from emulator.logger import STRUCTURES
@@ -72,7 +73,7 @@ class EkfOutput:
     def frame(self, core: Ekf3Core, time_us: int, *, is_step: bool) -> None:
         """Append what a filter with a state writes by itself, after a frame."""
         if self._estimates.is_due(time_us, core.is_still(), is_step=is_step):
-            self._estimates.update(core.report(time_us // 1000), time_us, is_step=is_step)
+            self._estimates.update(run_report_of(core), time_us, is_step=is_step)
 
     def estimates(self, report: CoreReport, time_us: int) -> None:
         """Append what the filter says at a moment."""

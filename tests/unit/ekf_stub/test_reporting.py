@@ -12,7 +12,7 @@ import pytest
 from ap_core.location import Location
 from ekf_stub.core_report import CoreReport
 from ekf_stub.inertial import GRAVITY_MSS
-from ekf_stub.reporting import three
+from ekf_stub.reporting import run_report_of, three
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.core_rig import CoreRig
@@ -95,6 +95,11 @@ def test_errors_of_the_outputs_are_told(rig: "CoreRig", report: CoreReport) -> N
         output.vel_error,
         output.pos_error,
     )
+
+
+def test_report_of_a_running_core_is_part_of_the_whole(rig: "CoreRig", report: CoreReport) -> None:
+    running = run_report_of(rig.core)
+    assert (running.tilt_error_rad, running.stillness) == (report.tilt_error_rad, report.stillness)
 
 
 def test_height_of_the_origin_is_told(make_core: MakeCore) -> None:
