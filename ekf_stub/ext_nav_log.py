@@ -84,12 +84,17 @@ class ExtNavLog:
 
         A camera that is not enabled in the first frame is never logged (AP_DAL::init_sensors).
         """
-        if not self._awaits_camera:
+        if self._awaits_camera:
+            self._awaits_camera = False
+        else:
             self._begin_frame(is_first=not self._in_frames)
-        self._awaits_camera = False
+        if self._is_first or frame is not self._camera:
+            self._take_camera(frame)
+
+    def _take_camera(self, frame: VisualOdomFrame) -> None:
         if self._has_camera is None:
             self._has_camera = frame.enabled
-        if self._has_camera and (self._is_first or (frame is not self._camera and frame != self._camera)):
+        if self._has_camera and (self._is_first or frame != self._camera):
             self._camera = frame
             state = (u32(frame.delay_ms), int(frame.healthy), int(frame.enabled))
             self._write_changed(RVOH, (*frame.pos_offset.to_tuple(), *state), force=self._is_first)

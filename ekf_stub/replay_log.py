@@ -19,11 +19,12 @@ As recorded logs of the reference have it:
 Source: AP_DAL/AP_DAL.cpp, AP_DAL_InertialSensor.cpp, AP_DAL_Baro.cpp, AP_DAL_Compass.cpp.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from ap_core.cint import u32
 from ap_core.location import Location
+from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
 from ekf_stub.ext_nav_log import ExtNavLog
@@ -102,6 +103,7 @@ class ReplayLog(ExtNavLog):
         self._is_wanted = False
         self._updates = False
         self._done = 0  # what RFRF is to say
+        self._vehicle: VehicleFrame | None = None
         self._baro: tuple[int, float] | None = None
         self._mag: tuple[int, Array] | None = None
         self._declination = 0.0
@@ -123,21 +125,45 @@ class ReplayLog(ExtNavLog):
             now_us: time since boot.
             flying_ms: for how long the vehicle has been flying, 0 on the ground.
         """
-        was_wanted, self._is_wanted = self._is_wanted, self._enabled()
-        if not self._is_wanted:
+        if not self._enabled():
+            self._is_wanted = False
             self._done = 0
             return False
-        self._begin_frame(is_first=not was_wanted)
-        self._awaits_camera = True
-        self._end_frame()
+        self._begin_frame(is_first=not self._is_wanted)
+        self._is_wanted = self._awaits_camera = True
+        done, self._done = self._done, 0
+        if done:
+            self._logger.write(RFRF, (done, 0))
         self._origin, self._origin_again = None, self._origin
         self._logger.write(RFRH, (now_us, flying_ms))
         return True
 
+    def _write_input(self, structure: LogStructure, values: Sequence[LogValue], instance: int = 0) -> None:
+        """Write an input of a frame that is wanted, in the first one and when it has changed."""
+        if self._has_changed(structure, values, instance):
+            self._logger.write(structure, values)
+
+    def _write_inputs(self, structure: LogStructure, values: Sequence[LogValue], count: int) -> None:
+        """Write an input of several sensors, which say the same; the number of the sensor comes after the values."""
+        if self._has_changed(structure, (*values, 0), 0):
+            for instance in range(count):
+                self._logger.write(structure, (*values, instance))
+
+    def _has_changed(self, structure: LogStructure, values: Sequence[LogValue], instance: int) -> bool:
+        key, payload = (structure.name, instance), structure.pack(values)
+        if not self._is_first and self._last.get(key) == payload:
+            return False
+        self._last[key] = payload
+        return True
+
     def vehicle(self, vehicle: VehicleFrame) -> None:
         """Log the vehicle's state in this frame."""
-        if self._is_wanted:
-            self._write_changed(RFRN, vehicle_values(vehicle), force=self._is_first)
+        if not self._is_wanted:
+            return
+        before, self._vehicle = self._vehicle, vehicle
+        # The trim may differ in the sign of a zero alone.
+        if self._is_first or before is None or vehicle != before or vehicle.trim_rad is not before.trim_rad:
+            self._write_input(RFRN, vehicle_values(vehicle))
 
     def sensors(self, sensors: Sensors, gps: GpsSample | None = None) -> None:
         """Log what the sensors say in this frame."""
@@ -146,7 +172,7 @@ class ReplayLog(ExtNavLog):
         self._write_inertial(sensors.delta)
         if self._is_first or sensors.baro != self._baro:
             self._write_baro(sensors.baro)
-        if self._is_first or gps != self._gps:
+        if self._is_first or (gps is not self._gps and gps != self._gps):
             self._write_gps(gps)
         if self._is_first or sensors.mag is not self._mag or sensors.declination != self._declination:
             self._write_compass(sensors.mag, sensors.declination)
@@ -155,45 +181,42 @@ class ReplayLog(ExtNavLog):
         fitted, is_first = self._fitted, self._is_first
         if is_first:
             rate_hz = fitted.loop_rate_hz
-            self._write_changed(RISH, (rate_hz, 0, 0, 1 / rate_hz, fitted.imus, fitted.imus), force=True)
+            self._write_input(RISH, (rate_hz, 0, 0, 1 / rate_hz, fitted.imus, fitted.imus))
         values = (*delta.del_vel.tolist(), *delta.del_ang.tolist(), delta.del_vel_dt, delta.del_ang_dt, _ALL_GOOD)
-        for imu in range(fitted.imus):
-            self._write_changed(RISI, (*values, imu), instance=imu, force=is_first)
+        self._write_inputs(RISI, values, fitted.imus)
         if is_first:
             for imu in range(fitted.imus, MAX_IMUS):
-                self._write_changed(RISI, (*_NOTHING, 0, imu), instance=imu, force=True)
+                self._write_input(RISI, (*_NOTHING, 0, imu), imu)
 
     def _write_baro(self, baro: tuple[int, float] | None) -> None:
         self._baro = baro
         count = 0 if baro is None else self._fitted.baros
-        self._write_changed(RBRH, (0, count), force=self._is_first)
+        self._write_input(RBRH, (0, count))
         if baro is not None:
-            for instance in range(count):
-                self._write_changed(RBRI, (u32(baro[0]), baro[1], 1, instance), instance=instance, force=self._is_first)
+            self._write_inputs(RBRI, (u32(baro[0]), baro[1], 1), count)
 
     def _write_gps(self, gps: GpsSample | None) -> None:
         self._gps = gps
         header, receiver = gps_values(gps)
-        self._write_changed(RGPH, header, force=self._is_first)
+        self._write_input(RGPH, header)
         for instance, (slow, fast) in enumerate((receiver, *UNUSED)):
-            self._write_changed(RGPI, slow, instance=instance, force=self._is_first)
-            self._write_changed(RGPJ, fast, instance=instance, force=self._is_first)
+            self._write_input(RGPI, slow, instance)
+            self._write_input(RGPJ, fast, instance)
 
     def _write_compass(self, mag: tuple[int, Array] | None, declination: float) -> None:
         self._mag, self._declination = mag, declination
         count = 0 if mag is None else self._fitted.compasses
-        self._write_changed(RMGH, (declination, int(count > 0), count, 1, count, 0, 1, 0), force=self._is_first)
+        self._write_input(RMGH, (declination, int(count > 0), count, 1, count, 0, 1, 0))
         if mag is not None:
-            values = (u32(mag[0]), *self._fitted.compass_offsets, *mag[1].tolist(), 1, 1, 1)
-            for instance in range(count):
-                self._write_changed(RMGI, (*values, instance), instance=instance, force=self._is_first)
+            self._write_inputs(RMGI, (u32(mag[0]), *self._fitted.compass_offsets, *mag[1].tolist(), 1, 1, 1), count)
 
     def note_run(self, *, was_initialised: bool) -> None:
         """Note that the filter was run in this frame, and whether it had a state before."""
-        if not self._updates:
-            self._done |= _EKF3_INITIALISES
-        self._updates |= was_initialised
-        self._done |= _EKF2_INITIALISES | self._updates * _EKF3_UPDATES
+        if self._updates:
+            self._done |= _EKF2_INITIALISES | _EKF3_UPDATES
+        else:
+            self._updates = was_initialised
+            self._done |= _EKF2_INITIALISES | _EKF3_INITIALISES | was_initialised * _EKF3_UPDATES
         if self._origin_again is not None:
             self._write(RSO2, self._origin_again)
             self._origin_again = None

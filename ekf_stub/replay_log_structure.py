@@ -3,8 +3,8 @@
 """Replay records that frame the estimator's inputs (AP_DAL/LogStructure.h)."""
 
 import struct
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from typing import Final
 
 from ap_core.log_field import LogValue
@@ -19,8 +19,8 @@ class FrameStructure(LogStructure):
     """
 
     @cached_property
-    def _whole(self) -> struct.Struct:
-        return struct.Struct("<BBB" + self.format)
+    def _whole(self) -> Callable[..., bytes]:
+        return partial(struct.Struct("<3s" + self.format).pack, bytes((HEAD_BYTE1, HEAD_BYTE2, self.msg_type)))
 
     def pack(self, values: Sequence[LogValue]) -> bytes:
         """Return a whole record; what does not fit is treated as in any other record.
@@ -29,7 +29,7 @@ class FrameStructure(LogStructure):
             ValueError: if the number of values is wrong, or text and numbers are mixed up.
         """
         try:
-            return self._whole.pack(HEAD_BYTE1, HEAD_BYTE2, self.msg_type, *values)
+            return self._whole(*values)
         except (struct.error, OverflowError):
             return super().pack(values)
 

@@ -3,7 +3,7 @@
 """What the estimator knows of the vehicle and its sensors beside what they measure, and how RFRN tells it."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from ap_core.cint import u32
 from ap_core.location import Location
@@ -20,8 +20,7 @@ _COPTER: Final = 2
 _ARMED, _FLOW, _TAKEOFF_EXPECTED, _TOUCHDOWN_EXPECTED = 1, 16, 64, 128  # of RFRN.Flags
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleFrame:
+class VehicleFrame(NamedTuple):
     """What the estimator knows of the vehicle in one frame.
 
     Attributes:

@@ -211,6 +211,12 @@ def test_arming_is_logged_once(rig: Rig) -> None:
     assert rig.names() == ["RFRF", "RFRH"]
 
 
+def test_trim_that_differs_in_a_sign_of_zero_is_logged(rig: Rig) -> None:
+    rig.vehicle = VehicleFrame(trim_rad=(0.0, -0.0, 0.0))
+    rig.frame()
+    assert rig.names() == ["RFRF", "RFRH", "RFRN"]
+
+
 def test_home_is_logged_with_latitude_south_wrapped(rig: Rig) -> None:
     rig.vehicle = VehicleFrame(home=CANBERRA, eas2tas=1.5, trim_rad=(0.1, 0.2, 0.3), ekf_type=2)
     rig.frame()
