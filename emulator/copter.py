@@ -149,7 +149,7 @@ class Copter:
     def update(self) -> None:
         """Set home, lift off, land; once a pass of the main loop."""
         self.home.update()
-        if self.is_armed():
+        if self.arming.armed:
             self.landing.update()
             if self.landing.has_landed_by_itself():
                 self._disarm(ArmMethod.LANDED)

@@ -79,8 +79,8 @@ class EkfCheck:
 
     def update(self) -> None:
         """Look at the estimator, once there is an origin (Copter::ekf_check)."""
-        status = self._ahrs.get_filter_status()
-        if status is None or self._ahrs.origin() is None:
+        status = None if self._ahrs.origin() is None else self._ahrs.get_filter_status()
+        if status is None:
             return
         threshold = float(self._params.get_float("FS_EKF_THRESH"))
         if threshold <= 0:

@@ -5,8 +5,6 @@
 from collections.abc import Callable
 from typing import Final
 
-import numpy as np
-
 from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.fmath import f32, is_zero
@@ -57,7 +55,7 @@ class Home:
         self._texts = texts
         self._clock = clock
         self._changed = False
-        self._field_elevation_m: np.float32 = f32(0)
+        self._has_field_elevation = False
         self._field_elevation_ms = 0
         self.place: Location | None = None
         self.locked = False
@@ -65,15 +63,18 @@ class Home:
 
     def update(self) -> None:
         """Set home once there is a location, and the field's elevation once there is an origin; every main loop."""
-        if self.place is None:
-            self._set_from_ekf()
-        self._update_field_elevation()
-
-    def _set_from_ekf(self) -> None:
-        # Copter::update_home_from_EKF: in flight, home is level with the origin.
-        origin = self._ahrs.origin()
-        if origin is None:  # without which no home is set
+        if self.place is not None and self._has_field_elevation:  # as in nearly every pass
             return
+        origin = self._ahrs.origin()
+        if origin is None:  # without which neither is set
+            return
+        if self.place is None:
+            self._set_from_ekf(origin)
+        if not self._has_field_elevation and not self._is_armed():
+            self._update_field_elevation(origin)
+
+    def _set_from_ekf(self, origin: Location) -> None:
+        # Copter::update_home_from_EKF: in flight, home is level with the origin.
         if not self._is_armed():
             self.set_here(lock=False)
         elif (place := self._ahrs.get_location()) is not None:
@@ -107,15 +108,13 @@ class Home:
         changed, self._changed = self._changed, False
         return changed
 
-    def _update_field_elevation(self) -> None:
+    def _update_field_elevation(self, origin: Location) -> None:
         # AP_Baro::update_field_elevation: the elevation of an origin at 0 m looks unset, and is told every second.
-        origin = self._ahrs.origin()
-        if origin is None or self._is_armed() or not is_zero(self._field_elevation_m):
-            return
         now_ms = self._clock.millis()
         if u32(now_ms - self._field_elevation_ms) < FIELD_ELEVATION_PERIOD_MS:
             return
-        self._field_elevation_m = f32(f32(origin.alt_cm) * _CENTI)
+        elevation_m = f32(f32(origin.alt_cm) * _CENTI)
+        self._has_field_elevation = not is_zero(elevation_m)
         self._field_elevation_ms = now_ms
         self._ahrs.reset_height_datum()
-        self._texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {self._field_elevation_m:.0f}m")
+        self._texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {elevation_m:.0f}m")

@@ -11,6 +11,7 @@ from ap_core.cint import float_of_u64, i32, u8, u16, u32
 from ap_core.clock import Clock
 from ap_core.fmath import FLT_EPSILON, f32
 from ap_core.param import ParamTable
+from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
 from emulator.log_structure import OF
@@ -48,6 +49,7 @@ class MavlinkFlow:
         self._params = params
         self._get_gyro = get_gyro
         self._logger = logger
+        self._type = FromParams(params, lambda: params.get_int("FLOW_TYPE"))
         self._has_driver = self._type() == FLOW_TYPE_MAVLINK
         self._latest_frame_us = 0
         self._prev_frame_us = 0
@@ -55,9 +57,6 @@ class MavlinkFlow:
         self._healthy = False
         self._reset_flow()
         self._reset_gyro()
-
-    def _type(self) -> int:
-        return self._params.get_int("FLOW_TYPE")
 
     def _reset_flow(self) -> None:
         self._flow_sum = (0, 0)
@@ -92,7 +91,7 @@ class MavlinkFlow:
 
     def update(self) -> None:
         """Make the flow since the last update known, 200 times a second (AP_OpticalFlow::update)."""
-        if not self.enabled():
+        if self._type() == FLOW_TYPE_NONE:
             return
         if self._has_driver:
             self._update_driver()

@@ -72,6 +72,7 @@ class MavlinkGps:
         self._delta_ms = 0
         self._delayed_count = 0
         self._average_delta_ms = f32(0)
+        self._sample: GpsSample | None = None  # as long as nothing has changed
 
     def _type(self) -> int:
         return self._params.get_int("GPS1_TYPE")
@@ -86,12 +87,18 @@ class MavlinkGps:
         if self._driver is None or self._type() == GPS_TYPE_NONE:
             return False
         self._driver.handle(packet, self._state, self._clock.millis())
+        self._sample = None
         return True
 
     def sample(self) -> GpsSample | None:
         """Return the newest solution, or None without a driver."""
         if not self.has_driver:
             return None
+        if self._sample is None:
+            self._sample = self._make_sample()
+        return self._sample
+
+    def _make_sample(self) -> GpsSample:
         state = self._state
         return GpsSample(
             time_ms=self._last_message_ms,
@@ -123,6 +130,7 @@ class MavlinkGps:
             self._detect()
         else:
             self._update_instance(self._driver)
+        self._sample = None
 
     def _detect(self) -> None:
         if self._type() != GPS_TYPE_MAV:

@@ -258,7 +258,7 @@ class Vehicle:
         # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
         if not self._initialised:
             return False
-        if self.is_armed():
+        if self._copter.arming.armed:
             return True
         if self._logs.suspends_logging:
             return False

@@ -159,6 +159,17 @@ def test_last_fix_remains_when_the_fix_is_lost() -> None:
     assert (sample.time_ms, sample.last_fix_ms) == (3040, 3020)
 
 
+def test_solution_is_the_newest_at_once() -> None:
+    rig = Rig()
+    rig.hear()
+    before = rig.gps.sample()
+    rig.gps.take(replace(PACKET, satellites_visible=PACKET.satellites_visible + 1))
+    after = rig.gps.sample()
+    assert before is not None
+    assert after is not None
+    assert after.num_sats == before.num_sats + 1
+
+
 def test_gps_that_is_silent_for_more_than_4_seconds_has_no_fix() -> None:
     rig = Rig()
     rig.hear(NO_TIME)
