@@ -46,7 +46,10 @@ class Numbers(dict[str, float]):
         super().__init__()
         self._params = params
         self._prefix = prefix
-        params.on_change.append(self.clear)
+        params.on_change.append(self._forget)
+
+    def _forget(self) -> None:
+        self.clear()
 
     def __missing__(self, name: str) -> float:
         number = self[name] = self._params.get_number(self._prefix + name)

@@ -20,6 +20,7 @@ from ekf_stub.filter_flags import FilterState, filter_flags
 from ekf_stub.filter_status import FilterFlag
 from ekf_stub.frame import Frame
 from ekf_stub.height_source import Vehicle
+from ekf_stub.inertial import Array
 from ekf_stub.nominal_state import down_of
 from ekf_stub.sources import SourceXY, SourceYaw, SourceZ
 
@@ -67,6 +68,9 @@ class ModeControl:
         self.vehicle = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)
         self._known = (False, False, False, False)
         self._states_on_ground = core.state.states
+        self._states: Array | None = None
+        self._sources: dict[str, int] | None = None
+        self._situation = (False, False, False, False)
         self.tilt_aligned = False
         self.flags = self._state_flags = self._now_ms = 0
         self._dt_ekf_avg = 0.0
@@ -81,18 +85,28 @@ class ModeControl:
         core = self._core
         if self._initialised_ms is None:
             self._initialised_ms = now_ms
-        if not self.tilt_aligned and core.state.predicted_tilt_variance < TILT_ALIGNED_VAR:
-            self.tilt_aligned = True
-            core.state.learn_biases(get_float("ACC_BIAS_LIM"), dt_ekf_avg)
-            texts.add("tilt alignment complete")
-        self._detect_flight(frame)
-        core.yaw.control(self.vehicle)
+        if core.stepped or self._is_news(frame):
+            if not self.tilt_aligned and core.state.predicted_tilt_variance < TILT_ALIGNED_VAR:
+                self.tilt_aligned = True
+                core.state.learn_biases(get_float("ACC_BIAS_LIM"), dt_ekf_avg)
+                texts.add("tilt alignment complete")
+            self._detect_flight(frame)
+            core.yaw.control(self.vehicle)
         no_yaw = core.yaw.source() == _YAW_NONE and not frame.armed
         if no_yaw and core.aiding.mode is not _NO_AIDING:
             core.yaw.aligned = False
         self._now_ms, self._dt_ekf_avg = now_ms, dt_ekf_avg
         if core.aiding.update(now_ms, self._ready, no_yaw_on_ground=no_yaw):
             self._enter_mode(now_ms, self._ready(), texts)
+
+    def _is_news(self, frame: Frame) -> bool:
+        """Tell whether anything may have changed since the last frame, in which there was no step."""
+        states, sources = self._core.state.states, self._core.sources.active()
+        situation = frame.armed, frame.flying_ms > FLYING_MS, frame.takeoff_expected, frame.touchdown_expected
+        if states is self._states and sources is self._sources and situation == self._situation:
+            return False
+        self._states, self._sources, self._situation = states, sources, situation
+        return True
 
     def _detect_flight(self, frame: Frame) -> None:
         if not frame.armed:

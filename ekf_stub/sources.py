@@ -91,6 +91,10 @@ class EkfSources:
     def _options(self) -> int:
         return self._row(SETS)["OPTIONS"]
 
+    def active(self) -> dict[str, int]:
+        """Return the active set by row: the same object until a parameter or the active set changes, if it is told."""
+        return self._rows.get(self.active_set) or self._row(self.active_set)
+
     def pos_xy(self) -> int:
         """Return the active source of horizontal position."""
         return (self._rows.get(self.active_set) or self._row(self.active_set))["POSXY"]

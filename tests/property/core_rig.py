@@ -83,7 +83,7 @@ class CoreRig:
         for name, number in params.items():
             self.set_param(name, number)
         self._numbers = Numbers(self.params)
-        self.sources = EkfSources(self._get_int, self._generation)
+        self.sources = EkfSources(self._get_int, self.params.on_change.append)
         self.has_compass = has_compass
         self.texts: list[str] = []
         self.core = Ekf3Core(
@@ -114,9 +114,6 @@ class CoreRig:
 
     def _get_number(self, name: str) -> float:
         return self._numbers(f"EK3_{name}")
-
-    def _generation(self) -> int:
-        return self.params.generation
 
     def _has_compass(self) -> bool:
         return self.has_compass
