@@ -14,7 +14,7 @@ import numpy as np
 
 from ekf_stub.covariance import ROUNDING
 from ekf_stub.error_state import MAX_INNOVATION, MAX_TILT_VAR, MIN_NOISE_VAR, OBSERVABLE_COSINE, SHARP
-from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, Array
+from ekf_stub.inertial import GRAVITY_MSS, MAX_DEL_ANG, MAX_DEL_VEL, MAX_DT, MIN_DT, Array
 from ekf_stub.nominal_state import MAX_ACCEL_WITHOUT_AIDING
 from ekf_stub.process_model import MAX_GROWING_POS_VAR
 from ekf_stub.states import ACCEL, ATT, GYRO, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, POS, STATES, VEL
@@ -311,6 +311,16 @@ def _tilt_variance(cov: Array, quat: Quat) -> float:
 tilt_variance: Any = compiled(_tilt_variance)
 
 
+def _is_sound(del_ang: Array, del_vel: Array, del_ang_dt: float, del_vel_dt: float) -> bool:
+    """Tell whether inertial data is finite, and no more than a vehicle survives (inertial.is_sound)."""
+    ang, vel = abs(del_ang[0]) + abs(del_ang[1]) + abs(del_ang[2]), abs(del_vel[0]) + abs(del_vel[1]) + abs(del_vel[2])
+    are_short = 0.0 <= del_ang_dt <= MAX_DT and 0.0 <= del_vel_dt <= MAX_DT
+    return are_short and ang <= MAX_DEL_ANG and vel <= MAX_DEL_VEL
+
+
+is_sound: Any = compiled(_is_sound)
+
+
 def _predict(
     cov: Array,
     quat: Quat,
@@ -335,7 +345,12 @@ def _predict(
     lowest_var: Array,
     highest_var: Array,
 ) -> tuple[float, float, float, float, float]:
-    """Move all on by a step (ErrorState.predict): change what is in arrays; return the attitude and tilt's variance."""
+    """Move all on by a step (ErrorState.predict): change what is in arrays; return the attitude and tilt's variance.
+
+    The latter is below 0, and nothing is changed, when the inertial data are unsound.
+    """
+    if not is_sound(del_ang, del_vel, del_ang_dt, del_vel_dt):
+        return *quat, -1.0
     turned, sped = np.empty(3), np.empty(3)
     for axis in range(3):
         turned[axis] = del_ang[axis] - states[_GYRO - _ATT_END + axis]
@@ -426,23 +441,21 @@ def _update_states(
     cov: Array,
     quat: Quat,
     states: Array,
-    first: int,
-    measured: Array,
-    variances: tuple[float, float, float],
+    wanted: Array,
     lowest: Array,
     highest: Array,
     lowest_var: Array,
     innovations: Array,
 ) -> tuple[int, float, float, float, float]:
-    """Fuse measurements of states that follow each other (ErrorState.update_states).
+    """Fuse measurements of states, a row for each: the state, what was measured, its variance (update_states).
 
     Change ``cov`` and ``states``, set ``innovations``; return how many were refused, and the attitude.
     """
     refused, after = 0, np.empty((STATES, STATES))
-    for axis in range(len(measured)):
-        state, variance = first + axis, variances[axis]
-        innovation, expected = states[state - _ATT_END] - measured[axis], cov[state, state]
-        innovations[axis] = innovation
+    for row in range(len(wanted)):
+        state, variance = int(wanted[row, 0]), wanted[row, 2]
+        innovation, expected = states[state - _ATT_END] - wanted[row, 1], cov[state, state]
+        innovations[row] = innovation
         if not (abs(innovation) <= MAX_INNOVATION and 0.0 <= variance < math.inf and expected < math.inf):
             refused += 1
             continue

@@ -14,9 +14,8 @@ import numpy as np
 from ekf_stub import compiled_kernel as kernel
 from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import yaw_by_components
-from ekf_stub.core_report import Three
 from ekf_stub.error_state import EARTH, MIN_NOISE_VAR, SHARP, ErrorState, ProcessNoise
-from ekf_stub.inertial import Array, InertialStep, is_sound, limited
+from ekf_stub.inertial import Array, InertialStep, limited
 from ekf_stub.states import STATES
 
 
@@ -35,15 +34,11 @@ class CompiledErrorState(ErrorState):
         self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool
     ) -> None:
         """Move state and covariance on by a step; refuse unsound inertial data."""
-        if not is_sound(step):
-            self.refused += 1
-            return
-        self._aided = aided
         limits = self.limits
         limits.set_step(dt_ekf_avg)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         states, rotation, accel_filtered = self.states.copy(), self.rotation.copy(), self.accel_filtered.copy()
-        *quat, self.predicted_tilt_variance = kernel.predict(
+        w, x, y, z, tilt_variance = kernel.predict(
             self.cov,
             _components(self.quat),
             states,
@@ -60,14 +55,17 @@ class CompiledErrorState(ErrorState):
             aided,
             on_ground,
             self.learns_biases,
-            noise.attitude_variance(dt),
-            self._added_variances(noise, dt),
+            *self._process_variances(noise, dt),
             limits.lowest,
             limits.highest,
             limits.lowest_var,
             limits.highest_var,
         )
-        self.quat = quaternion.quaternion(*quat)
+        if tilt_variance < 0.0:
+            self.refused += 1
+            return
+        self._aided = aided
+        self.quat, self.predicted_tilt_variance = quaternion.quaternion(w, x, y, z), tilt_variance
         self.states, self.rotation, self.accel_filtered = states, rotation, accel_filtered
 
     def clear(self, states: slice, variance: float) -> None:
@@ -76,18 +74,16 @@ class CompiledErrorState(ErrorState):
             variance = 0.0
         kernel.clear(self.cov, states.start, states.stop, variance, self.limits.highest_var.item(states.start))
 
-    def update_states(self, first: int, measured: Array, variances: Three) -> list[float]:
-        """Fuse measurements of up to three states that follow each other, one by one; return their innovations."""
+    def update_states(self, wanted: Sequence[tuple[int, float, float]]) -> list[float]:
+        """Fuse measurements of states of velocity or position, one after the other; return their innovations."""
         if not self._aided:
-            return super().update_states(first, measured, variances)
-        states, cov, limits, innovations = self.states.copy(), self.cov.copy(), self.limits, np.empty(len(measured))
+            return super().update_states(wanted)
+        states, cov, limits, innovations = self.states.copy(), self.cov.copy(), self.limits, np.empty(len(wanted))
         refused, *quat = kernel.update_states(
             cov,
             _components(self.quat),
             states,
-            first,
-            measured,
-            variances,
+            np.array(wanted),
             limits.lowest,
             limits.highest,
             limits.lowest_var,

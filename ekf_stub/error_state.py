@@ -15,7 +15,6 @@ import numpy as np
 from ekf_stub import covariance
 from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
-from ekf_stub.core_report import Three
 from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
 from ekf_stub.nominal_state import EARTH_RATE, NominalState
 from ekf_stub.process_model import ProcessModel, ProcessNoise
@@ -74,7 +73,7 @@ class ErrorState(NominalState):
         self.predicted_tilt_variance = self.tilt_variance()
         self._frozen_accel_vars: list[float | None] = [None, None, None]
         self._added_for: tuple[ProcessNoise, float, bool, bool] | None = None
-        self._added: Array = np.zeros(STATES - VEL.start)
+        self._added = 0.0, np.zeros(STATES - VEL.start)
         self._aided = False
         self._model = ProcessModel()
 
@@ -119,18 +118,20 @@ class ErrorState(NominalState):
         if self.learns_biases:
             self._freeze_unobservable(on_ground=on_ground)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
-        added = self._added_variances(noise, dt)
-        self._model.predict(self.cov, self, del_ang, del_vel, dt, noise.attitude_variance(dt), added)
+        attitude_variance, added = self._process_variances(noise, dt)
+        self._model.predict(self.cov, self, del_ang, del_vel, dt, attitude_variance, added)
         self._isolate()
         covariance.lower(self.cov, self.limits)
         covariance.lift(self.cov, self.limits)
         self.predicted_tilt_variance = self.tilt_variance()
 
-    def _added_variances(self, noise: ProcessNoise, dt: float) -> Array:
-        key = noise, dt, self.learns_biases, self.learns_field
+    def _process_variances(self, noise: ProcessNoise, dt: float) -> tuple[float, Array]:
+        """Return what a step adds to the variance of a rotation about any axis, and to all but the attitude's."""
+        key = noise, dt, self.learns_biases, self._learns_field
         if key != self._added_for:  # from one step to the next little of it changes
             self._added_for = key
-            self._added = np.array(noise.variances(dt, biases=self.learns_biases, fields=self.learns_field))
+            variances = noise.variances(dt, biases=self.learns_biases, fields=self._learns_field)
+            self._added = noise.attitude_variance(dt), np.array(variances)
         return self._added
 
     def _freeze_unobservable(self, *, on_ground: bool) -> None:
@@ -189,18 +190,16 @@ class ErrorState(NominalState):
         left_alone = () if self._aided else self._poorly_observable(index)
         return self.fuse_spread(self.cov[index], self.cov.item(index, index), innovation, variance, left_alone)
 
-    def update_states(self, first: int, measured: Array, variances: Three) -> list[float]:
-        """Fuse measurements of up to three states that follow each other, one by one; return their innovations.
+    def update_states(self, wanted: Sequence[tuple[int, float, float]]) -> list[float]:
+        """Fuse measurements of states of velocity or position, one after the other; return their innovations.
 
         Args:
-            first: the first of the states.
-            measured: shape (2,) or (3,).
-            variances: of the measurements, by axis.
+            wanted: for each the state, what was measured, and the variance of that.
         """
         innovations = []
-        for axis, value in enumerate(measured.tolist()):
-            innovations.append(self.component(first + axis) - value)
-            self.update_state(first + axis, innovations[-1], variances[axis])
+        for index, measured, variance in wanted:
+            innovations.append(self.component(index) - measured)
+            self.update_state(index, innovations[-1], variance)
         return innovations
 
     def _poorly_observable(self, index: int) -> list[int]:

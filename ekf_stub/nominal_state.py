@@ -121,7 +121,8 @@ class NominalState:
 
     def acceleration(self) -> float:
         """Return how large the filtered acceleration is, m/s/s."""
-        return math.sqrt(self.accel_filtered.dot(self.accel_filtered))
+        x, y, z = self.accel_filtered.tolist()
+        return math.sqrt(x * x + y * y + z * z)
 
     def bias_rates(self, dt_ekf_avg: float) -> tuple[Three, Three]:
         """Return the biases in rad/s and m/s/s, by the average length of a step in s."""

@@ -31,13 +31,14 @@ def run_report_of(core: "Ekf3Core") -> RunReport:
 def report_of(core: "Ekf3Core", now_ms: int) -> CoreReport:
     """Return what a core that has a state knows at a time."""
     output, state, innovations, yaw = core.output, core.state, core.fusion.innovations, core.yaw
-    quat, moved = output.now.quat, core.resets.moved_ne
+    now, moved = output.now, core.resets.moved_ne
+    quat = now.quat
     gyro_bias, accel_bias = state.bias_rates(core.dt_ekf_avg)
     faults = 0 if all(map(math.isfinite, state.vel.tolist())) else _BAD_VEL
     return CoreReport(
         rpy_rad=euler_of(quat),
         quat_wxyz=(quat.w, quat.x, quat.y, quat.z),
-        vel_ned=three(output.now.vel),
+        vel_ned=three(now.vel),
         pos_ned=three(core.position()),
         height_rate=output.height_rate,
         gyro_bias=gyro_bias,

@@ -29,6 +29,10 @@ GROUND_EFFECT_DEAD_ZONE: Final = 4.0
 POS_NE_MIN_NOISE, POS_NE_MAX_NOISE = 0.01, 100.0
 VEL_MIN_NOISE, VEL_MAX_NOISE, VEL_MAX_GATE_NOISE = 0.05, 50.0, 5.0
 
+_VEL: Final = tuple(range(VEL.start, VEL.stop))
+_POS_NE: Final = (POS.start, POS.start + 1)
+_POS_D: Final = POS.start + 2
+
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
 _ABSOLUTE: Final = AidingMode.ABSOLUTE
 _NO_AIDING: Final = AidingMode.NONE
@@ -218,22 +222,32 @@ class VelPosFusion:
             and self._test_velocity(now_ms, observed, observed.vel)
         )
         height_ok = self._height.is_new and self._test_height(now_ms, vehicle)
-        innovations, state = self.innovations, self._state
+        by_ground_effect = height_ok and vehicle.near_ground and self._height.active == BARO
+        wanted: list[tuple[int, float, float]] = []
         if vel_ok and observed.vel is not None:
-            axes = observed.vel_axes
             variances = observed.vel_ne_variance, observed.vel_ne_variance, observed.vel_d_variance
-            innovations.vel[:axes] = state.update_states(VEL.start, observed.vel[:axes], variances)
+            wanted += zip(_VEL[: observed.vel_axes], observed.vel.tolist(), variances, strict=False)
         if pos_ok and observed.pos_ne is not None:
-            variances = 3 * (observed.pos_variance,)
-            innovations.pos[NORTH_EAST] = state.update_states(POS.start, observed.pos_ne, variances)
-        if height_ok:
-            innovation = state.down - self._height.down
-            if vehicle.near_ground and self._height.active == BARO:
-                innovation += limited(
-                    GROUND_EFFECT_FLOOR - innovation, 0.0, GROUND_EFFECT_FLOOR + GROUND_EFFECT_DEAD_ZONE
-                )
-            innovations.pos[2] = innovation
-            state.update_state(POS.start + 2, innovation, self._height.variance)
+            wanted += zip(_POS_NE, observed.pos_ne.tolist(), 2 * (observed.pos_variance,), strict=True)
+        if height_ok and not by_ground_effect:
+            wanted.append((_POS_D, self._height.down, self._height.variance))
+        if wanted:
+            self._update_states(wanted)
+        if by_ground_effect:
+            self._fuse_height_near_ground()
+
+    def _update_states(self, wanted: list[tuple[int, float, float]]) -> None:
+        for (index, _, _), innovation in zip(wanted, self._state.update_states(wanted), strict=True):
+            if index < POS.start:
+                self.innovations.vel[index - VEL.start] = innovation
+            else:
+                self.innovations.pos[index - POS.start] = innovation
+
+    def _fuse_height_near_ground(self) -> None:
+        innovation = self._state.down - self._height.down
+        innovation += limited(GROUND_EFFECT_FLOOR - innovation, 0.0, GROUND_EFFECT_FLOOR + GROUND_EFFECT_DEAD_ZONE)
+        self.innovations.pos[2] = innovation
+        self._state.update_state(_POS_D, innovation, self._height.variance)
 
     def _gate(self, name: str) -> float:
         return max(0.01 * self._get_float(name), 1.0) ** 2

@@ -148,10 +148,9 @@ class FilterMachine(RuleBasedStateMachine):
         assert not was_fused or sound
         assert (self.state.refused == refused) == (sound and abs(innovation) <= 1e7)
 
-    @rule(first=st.sampled_from([VEL.start, POS.start]), measured=ANY_VECTOR, variances=st.tuples(ANY, ANY, ANY))
-    def update_states(self, first: int, measured: Array, variances: tuple[float, float, float]) -> None:
-        innovations = self.state.update_states(first, measured, variances)
-        assert len(innovations) == 3
+    @rule(wanted=st.lists(st.tuples(INDEX, ANY, ANY), min_size=1, max_size=6))
+    def update_states(self, wanted: list[tuple[int, float, float]]) -> None:
+        assert len(self.state.update_states(wanted)) == len(wanted)
 
     @rule(row=ROW, innovation=ANY, variance=ANY)
     def update(self, row: Array, innovation: float, variance: float) -> None:

@@ -103,21 +103,25 @@ def test_fusion_has_the_same_results_in_the_same_filter(index: int, innovation: 
 
 @settings(max_examples=60, derandomize=True, deadline=None)
 @given(
-    first=st.sampled_from([VEL.start, VEL.stop]),
-    measured=st.lists(st.floats(-100, 100) | st.floats(), min_size=2, max_size=3),
-    variances=st.tuples(*[st.floats(1e-9, 100) | st.floats()] * 3),
+    wanted=st.lists(
+        st.tuples(
+            st.integers(VEL.start, VEL.start + 5),
+            st.floats(-100, 100) | st.floats(),
+            st.floats(1e-9, 100) | st.floats(),
+        ),
+        min_size=1,
+        max_size=6,
+    ),
     aided=st.booleans(),
 )
-def test_fusion_of_several_is_that_of_one_after_the_other(
-    first: int, measured: list[float], variances: tuple[float, float, float], aided: bool
-) -> None:
+def test_fusion_of_several_is_that_of_one_after_the_other(wanted: list[tuple[int, float, float]], aided: bool) -> None:
     plain, _ = SETTLED.both
     pair = Pair()
     for state in pair.both:
         state.quat, state.states, state.cov = plain.quat, plain.states, plain.cov.copy()
         state._aided = aided
     ours, other = pair.both
-    said = [state.update_states(first, np.array(measured), variances) for state in pair.both]
+    said = [state.update_states(wanted) for state in pair.both]
     assert repr(said[0]) == repr(said[1])
     assert np.array_equal(ours.cov, other.cov)
     assert np.array_equal(ours.states, other.states)
