@@ -7,6 +7,7 @@ from typing import Final
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.error_state import GRAVITY_MSS
+from ekf_stub.inertial import InertialDelta
 from ekf_stub.sensors import Sensors
 from emulator.imu.attitude import quat_of_rpy, rotate_to_body
 from emulator.imu.errors import ErrorModel, exact_delta
@@ -33,9 +34,10 @@ class BenchSource:
         self._accel = rotate_to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
         self._field = ideal_field(quat)
         self._last_us: int | None = None
-        self._dt_us = 0
+        self._dt_us = NOMINAL_US
+        self._delta = self._move_on(NOMINAL_US)
         self._next_reading_us = 0
-        self._ideal = self._sense_anew(0, NOMINAL_US)
+        self._ideal = self._sense_anew(0)
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what the sensors say, or None for a time that has been."""
@@ -43,20 +45,24 @@ class BenchSource:
         if dt_us <= 0:
             return None
         self._last_us = now_us
-        if dt_us != self._dt_us or now_us > self._next_reading_us:
-            self._ideal = self._sense_anew(now_us, dt_us)
+        if dt_us != self._dt_us:
+            self._dt_us, self._delta = dt_us, self._move_on(dt_us)
+            self._ideal = self._sense_anew(now_us)
+        elif now_us > self._next_reading_us:
+            self._ideal = self._sense_anew(now_us)
         return self._model.apply(self._ideal)
 
-    def _sense_anew(self, now_us: int, dt_us: int) -> Sensors:
-        self._dt_us = dt_us
+    def _move_on(self, dt_us: int) -> InertialDelta:
         dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))
-        delta = exact_delta(self._accel * dt, (0.0, 0.0, 0.0), dt)
+        return exact_delta(self._accel * dt, (0.0, 0.0, 0.0), dt)
+
+    def _sense_anew(self, now_us: int) -> Sensors:
         reading_us = last_reading_us(now_us)
         if reading_us is None:
-            return Sensors(delta)
+            return Sensors(self._delta)
         self._next_reading_us = reading_us + PERIOD_US
         mag = (reading_us, self._field) if self._options.has_compass() else None
-        return Sensors(delta, (reading_us // 1000, 0.0), mag)
+        return Sensors(self._delta, (reading_us // 1000, 0.0), mag)
 
     def set_armed(self, armed: bool) -> None:
         """Stand still, armed or not."""
