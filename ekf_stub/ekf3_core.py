@@ -54,7 +54,6 @@ _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
 _ABSOLUTE: Final = AidingMode.ABSOLUTE
 _NO_AIDING: Final = AidingMode.NONE
-_YAW_COMPASS: Final = SourceYaw.COMPASS
 _YAW_EXTNAV: Final = SourceYaw.EXTNAV
 
 
@@ -204,7 +203,7 @@ class Ekf3Core:
     def _update(self, frame: Frame, now_ms: int) -> None:
         get = self._get_float
         self.control.update(frame, now_ms, self._pass.dt_ekf_avg, get, self._texts)
-        scale = get("OGNM_TEST_SF") if self._tests_stillness() else None
+        scale = get("OGNM_TEST_SF") if self.control.tests_stillness else None
         height_filter_hz = get("HRT_FILT")
         step = self._pass.advance(frame.delta, now_ms, self.state, scale=scale, height_filter_hz=height_filter_hz)
         self.stepped = step is not None
@@ -219,10 +218,6 @@ class Ekf3Core:
                 height_filter_hz=height_filter_hz,
             )
         self._check_stuck(frame, now_ms)
-
-    def _tests_stillness(self) -> bool:
-        by_compass = self.yaw.uses_compass() and self.yaw.source() == _YAW_COMPASS
-        return self.control.vehicle.on_ground and not by_compass
 
     def _due(self) -> InertialStep:
         step, least = self._steps[0], MIN_STEP * self._pass.dt_ekf_avg

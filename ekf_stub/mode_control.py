@@ -46,6 +46,7 @@ _NO_AIDING: Final = AidingMode.NONE
 _RELATIVE: Final = AidingMode.RELATIVE
 _XY_EXTNAV: Final = SourceXY.EXTNAV
 _XY_GPS: Final = SourceXY.GPS
+_YAW_COMPASS: Final = SourceYaw.COMPASS
 _YAW_NONE: Final = SourceYaw.NONE
 _Z_GPS: Final = SourceZ.GPS
 
@@ -59,6 +60,7 @@ class ModeControl:
     Attributes:
         vehicle: what is known of the vehicle.
         tilt_aligned: roll and pitch are known.
+        tests_stillness: it is to be found out whether the vehicle stands still.
         flags: bits of nav_filter_status.
     """
 
@@ -71,6 +73,7 @@ class ModeControl:
         self._states: Array | None = None
         self._sources: dict[str, int] | None = None
         self._situation = (False, False, False, False)
+        self.tests_stillness = self._no_yaw_on_ground = False
         self.tilt_aligned = False
         self.flags = self._state_flags = self._now_ms = 0
         self._dt_ekf_avg = 0.0
@@ -92,11 +95,14 @@ class ModeControl:
                 texts.add("tilt alignment complete")
             self._detect_flight(frame)
             core.yaw.control(self.vehicle)
-        no_yaw = core.yaw.source() == _YAW_NONE and not frame.armed
-        if no_yaw and core.aiding.mode is not _NO_AIDING:
+            source = core.yaw.source()
+            self._no_yaw_on_ground = source == _YAW_NONE and not frame.armed
+            by_compass = source == _YAW_COMPASS and core.yaw.uses_compass()
+            self.tests_stillness = self.vehicle.on_ground and not by_compass
+        if self._no_yaw_on_ground and core.aiding.mode is not _NO_AIDING:
             core.yaw.aligned = False
         self._now_ms, self._dt_ekf_avg = now_ms, dt_ekf_avg
-        if core.aiding.update(now_ms, self._ready, no_yaw_on_ground=no_yaw):
+        if core.aiding.update(now_ms, self._ready, no_yaw_on_ground=self._no_yaw_on_ground):
             self._enter_mode(now_ms, self._ready(), texts)
 
     def _is_news(self, frame: Frame) -> bool:
