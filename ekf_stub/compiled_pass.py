@@ -17,7 +17,7 @@ from ekf_stub.compiled_state import CompiledErrorState
 from ekf_stub.core_report import StillnessReport, Three
 from ekf_stub.error_state import ErrorState
 from ekf_stub.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
-from ekf_stub.inertial_pass import LOOP_DT, InertialPass, StillnessAnswer
+from ekf_stub.inertial_pass import LOOP_DT, InertialPass
 from ekf_stub.kernel import Kernel
 from ekf_stub.output_predictor import Output, OutputChanges
 
@@ -133,7 +133,7 @@ class CompiledPass(InertialPass):
 
     def __init__(self) -> None:
         self._mem: Array = np.zeros(kernel.SIZE)
-        self._answer = CompiledStillness(self._mem)
+        self.stillness = self._answer = CompiledStillness(self._mem)
         self._restart()
 
     def _restart(self) -> None:
@@ -144,11 +144,6 @@ class CompiledPass(InertialPass):
         self._dt_ekf_avg = EKF_TARGET_DT
         self._answer.note(0)
         mem[_BIAS_RATES] = 0.0
-
-    @property
-    def stillness(self) -> StillnessAnswer:
-        """What the test for standing still says."""
-        return self._answer
 
     @property
     def dt_ekf_avg(self) -> float:

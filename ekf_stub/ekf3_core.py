@@ -241,7 +241,7 @@ class Ekf3Core:
         self._fusion_waits = self.yaw.field_was_fused and not self._fusion_waits
         if not self._fusion_waits:
             self.delayed.recall(self.state, step, frame.lever_arm)
-            self._read_gps(frame, now_ms)
+            self._read_gps(frame.gps, now_ms)
             self.fusion.step(now_ms, vehicle)
             self.odometry.step(now_ms, step)
         self.control.update_flags(frame, now_ms)
@@ -264,10 +264,15 @@ class Ekf3Core:
             self._mag_us = frame.mag[0]
             self.yaw.mag.push(MagSample(u32(now_ms - MAG_DELAY_MS - HALF_FILTER_STEP_MS), 0.001 * frame.mag[1]))
 
-    def _read_gps(self, frame: Frame, now_ms: int) -> None:
+    def _read_gps(self, sample: GpsSample | None, now_ms: int) -> None:
+        if sample is not None:
+            self._take_gps(sample, now_ms)
+        self.gps.recall(self.ingest.horizon_ms)
+
+    def _take_gps(self, sample: GpsSample, now_ms: int) -> None:
         innovations = self.fusion.innovations
         fix = self.gps.read(
-            frame.gps,
+            sample,
             now_ms,
             absolute=self.aiding.mode is _ABSOLUTE,
             worst_ratios=(innovations.vel_ratio, innovations.pos_ratio),
@@ -276,7 +281,6 @@ class Ekf3Core:
             self.set_origin(fix.location)
         if fix is not None and self.origin is not None:
             self.gps.push(fix, self.origin, self.ingest.horizon_ms, now_ms)
-        self.gps.recall(self.ingest.horizon_ms)
 
     def _check_stuck(self, frame: Frame, now_ms: int) -> None:
         """Begin anew once nothing has been right for a while, on the ground."""

@@ -20,7 +20,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Rule
 from ekf_stub import ingest_rules as rules
-from ekf_stub.obs_ring import RECALL_WINDOW_MS, ObsRing, RingSizes, Timed
+from ekf_stub.obs_ring import NOTHING_DUE, RECALL_WINDOW_MS, ObsRing, RingSizes, Timed
 
 EXT_NAV_INTERVAL_MIN_MS: Final = 20
 SENSOR_INTERVAL_MIN_MS: Final = 50
@@ -249,12 +249,14 @@ class ExtNavIngest:
         return self.tell(kind, rules.TAKEN, sample.time_ms)
 
     def _recall(self, kind: str, ring: ObsRing[T]) -> T | None:
-        sample, superseded, too_old = ring.recall(self.horizon_ms)
-        if sample is not None or too_old:
-            waiting_ms = self._waiting_ms[kind]
-            left_ms = [waiting_ms.popleft() for _ in range(superseded + too_old + (sample is not None))]
-            if superseded or too_old:
-                self._tell_lost(kind, left_ms)
+        recalled = ring.recall(self.horizon_ms)
+        if recalled is NOTHING_DUE:
+            return None
+        sample, superseded, too_old = recalled
+        waiting_ms = self._waiting_ms[kind]
+        left_ms = [waiting_ms.popleft() for _ in range(superseded + too_old + (sample is not None))]
+        if superseded or too_old:
+            self._tell_lost(kind, left_ms)
         return sample
 
     def _tell_lost(self, kind: str, left_ms: list[int]) -> None:

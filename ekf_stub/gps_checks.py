@@ -39,9 +39,9 @@ class GpsChecks:
         self._failed_ms: int | None = None
         self._passed_ms = 0
 
-    def update(self, sample: GpsSample | None, now_ms: int) -> GpsSample | None:
+    def update(self, sample: GpsSample, now_ms: int) -> GpsSample | None:
         """Look at the receiver's last solution; return it when it is new and has a 3D fix (readGpsData)."""
-        if sample is None or u32(sample.time_ms - self._last_ms) <= MIN_INTERVAL_MS:
+        if u32(sample.time_ms - self._last_ms) <= MIN_INTERVAL_MS:
             return None
         self._last_ms = sample.time_ms
         if sample.fix_type < FIX_3D:

@@ -86,7 +86,7 @@ class GpsReading:
         self._checked_ms = self._innovations_passed_ms = self._innovations_failed_ms = 0
 
     def read(
-        self, sample: GpsSample | None, now_ms: int, *, absolute: bool, worst_ratios: tuple[float, float]
+        self, sample: GpsSample, now_ms: int, *, absolute: bool, worst_ratios: tuple[float, float]
     ) -> GpsSample | None:
         """Take a new solution; return it when it is one with a fix.
 

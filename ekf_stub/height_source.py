@@ -135,19 +135,21 @@ class HeightSource:
 
     def _choose(self, now_ms: int) -> None:
         source = self._sources.pos_z()
-        gps_age_ms = u32(now_ms - self._gps.received_ms)
         ext_nav_is_fresh = self._ingest.have_pose and u32(now_ms - self._ingest.pose_stamp_ms) < FRESH_MS
         if source == _Z_NONE:
             self.active = NO_SOURCE
         elif source == _Z_BARO:
             self.active = BARO
-        elif source == _Z_GPS and gps_age_ms < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
+        elif source == _Z_GPS and self._gps_age_ms(now_ms) < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
             self.active = GPS
         elif source == _Z_EXTNAV and ext_nav_is_fresh:
             self.active = EXT_NAV
-        gps_is_lost = self.active == GPS and gps_age_ms > GPS_LOST_MS
+        gps_is_lost = self.active == GPS and self._gps_age_ms(now_ms) > GPS_LOST_MS
         if gps_is_lost or (self.active == EXT_NAV and not ext_nav_is_fresh):
             self.active = BARO
+
+    def _gps_age_ms(self, now_ms: int) -> int:
+        return u32(now_ms - self._gps.received_ms)
 
     def _measure(self, now_ms: int, baro: BaroSample | None, vehicle: Vehicle) -> bool:
         if self.active == EXT_NAV and self._delayed.has_pose:

@@ -38,20 +38,17 @@ class InertialPass:
     """The three, in their order.
 
     Attributes:
+        stillness: what the test for standing still says.
         output: the present state, from ``begin`` on.
     """
 
+    stillness: StillnessAnswer
     output: OutputState
 
     def __init__(self) -> None:
-        self._stillness = Stillness()
+        self.stillness = self._stillness = Stillness()
         self._sampler = DownSampler()
         self._bias_rates = NO_RATES
-
-    @property
-    def stillness(self) -> StillnessAnswer:
-        """What the test for standing still says."""
-        return self._stillness
 
     @property
     def dt_ekf_avg(self) -> float:

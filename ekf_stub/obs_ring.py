@@ -29,7 +29,7 @@ class Recalled(NamedTuple, Generic[T]):
     too_old: int
 
 
-_NOTHING: Final[Recalled[Any]] = Recalled(None, 0, 0)
+NOTHING_DUE: Final[Recalled[Any]] = Recalled(None, 0, 0)
 
 
 class ObsRing(Generic[T]):
@@ -63,7 +63,7 @@ class ObsRing(Generic[T]):
         """
         # In most steps nothing comes due.
         if not self._samples or i32(horizon_ms - self._samples[0].time_ms) < 0:
-            return _NOTHING
+            return NOTHING_DUE
         found: T | None = None
         superseded = too_old = 0
         while self._samples:

@@ -113,9 +113,9 @@ class VelPosFusion:
 
     def step(self, now_ms: int, vehicle: Vehicle) -> None:
         """Fuse what came due in a step."""
-        self._note_change_of_source()
-        absolute = self._aiding.mode is _ABSOLUTE
-        source = self._sources.pos_xy()
+        absolute, source = self._aiding.mode is _ABSOLUTE, self._sources.pos_xy()
+        if source != self._pos_source:
+            self._pos_source, self._pos_source_changed = source, source != _XY_NONE
         by_gps = absolute and self._gps.is_due and source == _XY_GPS
         by_ext_nav = absolute and self._delayed.has_pose and source == _XY_EXTNAV
         if self._height.select(now_ms, vehicle):
@@ -127,12 +127,6 @@ class VelPosFusion:
         observed = self._observe(vehicle, by_gps=by_gps, by_ext_nav=by_ext_nav)
         self._fuse(now_ms, vehicle, observed)
         self._tell_unused(pose=not by_ext_nav, velocity=observed.vel is None)
-
-    def _note_change_of_source(self) -> None:
-        source = self._sources.pos_xy()
-        if source != self._pos_source:
-            self._pos_source = source
-            self._pos_source_changed = source != _XY_NONE
 
     def _follow_jump(self, *, by_gps: bool, by_ext_nav: bool) -> None:
         """Follow a camera's frame that has jumped, or the position of another source."""

@@ -47,11 +47,6 @@ def run(gps: GpsReading, from_ms: int, to_ms: int, **fields: Any) -> None:
 # What is taken
 
 
-def test_nothing_is_taken_of_a_gps_that_is_not_there() -> None:
-    gps = reading()
-    assert gps.read(None, 1000, absolute=True, worst_ratios=GOOD_INNOVATIONS) is None
-
-
 @pytest.mark.parametrize(("fix_type", "taken"), [(1, False), (2, False), (3, True), (6, True)])
 def test_solution_with_a_3d_fix_is_taken(fix_type: int, taken: bool) -> None:
     gps = reading()
