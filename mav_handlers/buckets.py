@@ -13,7 +13,10 @@ from typing import Final
 from ap_core.cint import u16
 
 BUCKET_COUNT: Final = 10
-_NEVER_MS: Final = 65535
+NEVER_MS: Final = 1 << 32
+"""Stands for the wait for what is not going to happen."""
+
+_FAR_MS: Final = 65535
 
 
 @dataclass(slots=True, eq=False)
@@ -110,6 +113,10 @@ class IntervalBuckets:
             return frozenset()
         return self._to_send
 
+    def wait_ms(self, now_ms: int) -> int:
+        """Return how long it is until a burst is due, 0 while one is."""
+        return NEVER_MS if self._sending is None else self._wait_ms(self._sending, now_ms)
+
     def note_sent(self, name: str, now_ms: int) -> None:
         """Take a message off the burst; its bucket is due again one interval later when it was the last one.
 
@@ -125,7 +132,7 @@ class IntervalBuckets:
 
 
 def _distance_ms(bucket: _Bucket, interval_ms: int) -> int:
-    return abs(bucket.interval_ms - interval_ms) if bucket.interval_ms else _NEVER_MS
+    return abs(bucket.interval_ms - interval_ms) if bucket.interval_ms else _FAR_MS
 
 
 def next_sent_ms(last_sent_ms: int, interval_ms: int, now_ms: int) -> int:

@@ -57,6 +57,21 @@ class TransmitReserve:
 
 
 @dataclass(slots=True)
+class Rest:
+    """How long nothing falls due on any link by time alone; what brings something new ends it.
+
+    Attributes:
+        until_us: its end, us since boot.
+    """
+
+    until_us: int = 0
+
+    def end(self) -> None:
+        """Have the next poll look at everything."""
+        self.until_us = 0
+
+
+@dataclass(slots=True)
 class Channel:
     """One link as the endpoint sees it.
 
@@ -66,9 +81,10 @@ class Channel:
         codec: parser and packer of this link.
         baud: bits per second for the transport time of a UART; None for links that add no delay.
         reserve: the room for parameters, which all links share.
+        rest: when polling is worth while, which all links share.
 
     Attributes:
-        requested: messages to be sent once.
+        requested: messages to be sent once; ``request`` adds to them.
         card_intervals_ms: default intervals by message, from a file; 0 is off.
         stream_slowdown_ms: by how much a radio's full buffer lengthens the intervals.
         ftp_is_busy: file transfers slow down everything else.
@@ -84,6 +100,7 @@ class Channel:
     active: bool = False
     open: bool = True
     reserve: TransmitReserve = field(default_factory=TransmitReserve)
+    rest: Rest = field(default_factory=Rest)
     deferred: DeferredMessages = field(default_factory=DeferredMessages)
     buckets: IntervalBuckets = field(init=False)
     requested: set[str] = field(default_factory=set)
@@ -110,6 +127,17 @@ class Channel:
     def __post_init__(self) -> None:
         """Make the buckets, whose intervals follow the link's slow-down."""
         self.buckets = IntervalBuckets(self.reschedule_interval_ms)
+
+    def request(self, name: str) -> None:
+        """Have a message sent once."""
+        self.requested.add(name)
+        self.rest.end()
+
+    def wait_ms(self, now_ms: int) -> int:
+        """Return for how long no message falls due by time alone, 0 while one waits or is due."""
+        if self.requested:
+            return 0
+        return min(self.deferred.wait_ms(now_ms), self.buckets.wait_ms(now_ms))
 
     @property
     def streaming(self) -> bool:
@@ -178,6 +206,8 @@ class Channel:
 
     def take_output(self) -> bytes:
         """Return and forget what is to be sent."""
+        if not self._output:
+            return b""
         data = bytes(self._output)
         self._output.clear()
         self.bytes_sent += len(data)

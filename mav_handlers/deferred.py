@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u16
-from mav_handlers.buckets import next_sent_ms
+from mav_handlers.buckets import NEVER_MS, next_sent_ms
 
 NEXT_PARAM: Final = "PARAM_VALUE"
 """Stands for the turn of parameter replies and of a parameter list, many messages or none (MSG_NEXT_PARAM)."""
@@ -52,6 +52,12 @@ class DeferredMessages:
         if self._next is None or not self._timers[self._next].is_due(now_ms):
             return None
         return self._next
+
+    def wait_ms(self, now_ms: int) -> int:
+        """Return how long it is until one is due, 0 while one is or the next has yet to be chosen."""
+        if self._next is not None:
+            return self._timers[self._next].wait_ms(now_ms)
+        return 0 if self.intervals_ms() else NEVER_MS
 
     def note_sent(self, name: str, now_ms: int) -> None:
         """Start a message's next interval."""

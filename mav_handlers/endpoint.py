@@ -3,19 +3,19 @@
 """The autopilot's end of MAVLink without I/O: bytes and time in, bytes and events out."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from ap_core.cint import u8, u32
 from ap_core.param import ParamEcho
 from ap_core.param_cache import FromParams
 from ap_core.verdict import Outcome, Verdict
-from mav_handlers.channel import Channel, TransmitReserve
+from mav_handlers.channel import Channel, Rest, TransmitReserve
 from mav_handlers.context import Context
 from mav_handlers.endpoint_params import OPTION_PRIVATE
 from mav_handlers.ftp import FtpReply, FtpServer
-from mav_handlers.handlers import HANDLERS
-from mav_handlers.handlers.clocks import send_timesync
+from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
+from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
 from mav_handlers.intervals import by_name, set_defaults
 from mav_handlers.log_transfer import LogTransfer
 from mav_handlers.param_reads import NO_INDEX, ParamReads
@@ -80,9 +80,12 @@ class MavEndpoint:
         self._events: deque[MessageEvent] = deque(maxlen=EVENTS_KEPT)
         self._echoes: deque[ParamEcho] = deque()
         self._has_polled = False
+        self._polled_us = 0
+        self._polled_generation = 0
         self._told_system_id: int | None = None
         self._texts_go_first = False
         self._reserve = TransmitReserve()
+        self._rest = Rest()
         self.param_reads = ParamReads(tells_errors=vehicle.release.tells_param_errors)
         self.radio = RadioLink()
         self._sending = Sending(vehicle, self.param_reads, self.radio)
@@ -98,8 +101,10 @@ class MavEndpoint:
     def open_channel(self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0) -> Channel:
         """Add a link; ``baud`` gives its messages the transport time of a UART."""
         codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
-        channel = Channel(len(self.channels), name, codec, baud, reserve=self._reserve, timesync_sent_us=now_us)
+        number = len(self.channels)
+        channel = Channel(number, name, codec, baud, reserve=self._reserve, rest=self._rest, timesync_sent_us=now_us)
         self.channels.append(channel)
+        self._rest.end()
         self._private = self._private_of_channels()
         self._told_system_id = None
         channel.card_intervals_ms = by_name(self._message_intervals.get(channel.index, {}))
@@ -136,35 +141,37 @@ class MavEndpoint:
             channel.count("BAD_DATA", verdict, received.length)
             self._note(MessageEvent(channel.index, now_us, "BAD_DATA", None, None, verdict))
             return
-        header = received.header
+        header, message = received
         channel.frames_received += 1
-        verdict = self._handle(channel, received, now_us, read_us)
+        verdict = self._handle(channel, header, message, now_us, read_us)
         # One name for all that are not known: there may be millions of ids, each of which would be counted.
         name = UNKNOWN_NAME if verdict is UNKNOWN_MESSAGE else header.name
         channel.count(name, verdict)
-        self._note(MessageEvent(channel.index, now_us, name, header, received.message, verdict))
+        # The tuples' own way of being made takes twice as long, here and below.
+        self._note(tuple.__new__(MessageEvent, (channel.index, now_us, name, header, message, verdict)))
 
-    def _handle(self, channel: Channel, received: Received, now_us: int, read_us: int) -> Verdict:
-        header, message = received.header, received.message
-        if header.name.startswith("UNKNOWN_"):
+    def _handle(self, channel: Channel, header: Header, message: Message | None, now_us: int, read_us: int) -> Verdict:
+        if message is None and header.name.startswith("UNKNOWN_"):
             # The firmware cannot check such a frame, and takes it for a damaged one.
             return UNKNOWN_MESSAGE
         if header.name not in RADIO_MESSAGES:
             channel.active = True
-        refusal = self._route(channel, received) or self._refuse(header)
+        refusal = self._route(channel, header, message) or self._refuse(header)
         if refusal is not None:
             return refusal
         handler = None if message is None else HANDLERS.get(type(message))
         if handler is None:
             return NO_HANDLER
-        return handler(Context(self, self._vehicle, channel, header, now_us, read_us), message)
+        if type(message) not in VISION_MESSAGES:  # which are for the port alone
+            self._rest.end()
+        return handler(tuple.__new__(Context, (self, self._vehicle, channel, header, now_us, read_us)), message)
 
-    def _route(self, channel: Channel, received: Received) -> Verdict | None:
+    def _route(self, channel: Channel, header: Header, message: Message | None) -> Verdict | None:
         """Learn where the sender is and forward the frame; return why it is not for the autopilot, if so."""
-        header, system_id = received.header, self._system_id()
+        system_id = self._system_id()
         if header.system_id == system_id and header.component_id == MAV_COMP_ID_AUTOPILOT1:
             return OWN_MESSAGE
-        self.routes.learn(header, received.message, channel.index, own_system=system_id)
+        self.routes.learn(header, message, channel.index, own_system=system_id)
         targets = target_fields(header)
         if len(self.channels) == 1 and targets == NO_TARGETS:  # which is for us, and for nobody else
             return None
@@ -205,7 +212,7 @@ class MavEndpoint:
 
     def request_message(self, channel: Channel, name: str) -> None:
         """Queue a message to be sent once at the next poll."""
-        channel.requested.add(name)
+        channel.request(name)
 
     def request_message_everywhere(self, name: str) -> None:
         """Queue a message to be sent once at the next poll, on every link."""
@@ -221,15 +228,16 @@ class MavEndpoint:
     def send_texts_first(self) -> None:
         """Send the texts that wait when the bytes at hand have been dealt with, ahead of what the next poll sends."""
         self._texts_go_first = True
+        self._rest.end()
 
     def _send_first_texts(self) -> None:
-        if self._texts_go_first:
-            self._texts_go_first = False
-            self._vehicle.texts.service(self._open_channels())
+        self._texts_go_first = False
+        self._vehicle.texts.service(self._open_channels())
 
     def echo_parameters(self, echoes: Iterable[ParamEcho]) -> None:
         """Queue the echoes of a changed parameter for every active link."""
         self._echoes.extend(echoes)
+        self._rest.end()
 
     def send_banner(self, channel: Channel) -> None:
         """Introduce the vehicle in texts to one link (GCS_MAVLINK::send_banner)."""
@@ -254,6 +262,16 @@ class MavEndpoint:
 
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""
+        last_us, self._polled_us = self._polled_us, now_us
+        generation = self._vehicle.params.generation
+        if self._vehicle.take_home_changed():
+            self._send_home()
+        elif last_us <= now_us < self._rest.until_us and generation == self._polled_generation:
+            return
+        self._polled_generation = generation
+        self._send_due(last_us, now_us)
+
+    def _send_due(self, last_us: int, now_us: int) -> None:
         system_id = self._system_id()
         if system_id != self._told_system_id:
             self._told_system_id = system_id
@@ -263,21 +281,40 @@ class MavEndpoint:
             self._send_first_texts()
         if self._echoes:
             self._send_echoes()
-        self._send_home()
         if self.ftp.busy:
             self.send_ftp_replies(self.ftp.continue_burst(now_us))
         self.signing.save_timestamp(self.channels, u32(now_us // 1000))
-        self.param_reads.look_up(self._vehicle.params, now_us)
-        open_channels = self._open_channels()
+        self.param_reads.look_up(self._vehicle.params, last_us, now_us)
+        open_channels, ftp_is_busy, private = self._open_channels(), self.ftp.slows_streams(now_us), self._private()
         for channel in open_channels:
             if not self.log_transfer.is_idle:
                 self.pump_log_transfer(channel, now_us)
-            if not self._is_private(channel):
+            if not private[channel.index]:
                 send_timesync(channel, now_us, system_id)
-            channel.ftp_is_busy = self.ftp.slows_streams(now_us)
+            channel.ftp_is_busy = ftp_is_busy
             self._sending.run(channel, now_us)
         self._vehicle.texts.service(open_channels)
         self._has_polled = True
+        self._rest.until_us = self._next_due_us(open_channels, now_us)
+
+    def _next_due_us(self, open_channels: Sequence[Channel], now_us: int) -> int:
+        """Return until when nothing falls due by time alone, 0 while anything waits for its turn or for room."""
+        if self._has_work():
+            return 0
+        now_ms, private = now_us // 1000, self._private()
+        waits_ms = [channel.wait_ms(now_ms) for channel in open_channels]
+        waits_ms += self.ftp.speed_lasts_ms(now_us), self.signing.save_wait_ms(u32(now_ms))
+        questions_us = [timesync_due_us(channel) for channel in open_channels if not private[channel.index]]
+        return min([(now_ms + min(waits_ms)) * 1000, *questions_us])
+
+    def _has_work(self) -> bool:
+        return (
+            self.ftp.busy
+            or bool(self._echoes or self.param_reads.waiting)
+            or self._texts_go_first
+            or not self.log_transfer.is_idle
+            or not self._vehicle.texts.is_empty
+        )
 
     def _open_channels(self) -> list[Channel]:
         return [channel for channel in self.channels if channel.open]
@@ -302,9 +339,8 @@ class MavEndpoint:
         return not self.channels[index].open or self.channels[index].has_room()
 
     def _send_home(self) -> None:
-        if self._vehicle.take_home_changed():
-            for name in ("HOME_POSITION", "GPS_GLOBAL_ORIGIN"):
-                self.request_message_everywhere(name)
+        for name in ("HOME_POSITION", "GPS_GLOBAL_ORIGIN"):
+            self.request_message_everywhere(name)
 
     def _send_echoes(self) -> None:
         while self._echoes:
@@ -325,6 +361,7 @@ class MavEndpoint:
         }
 
     def _on_text(self, _severity: int, _text: str) -> None:
+        self._rest.end()
         # While booting nobody waits for the telemetry loop.
         if self._has_polled and not self._vehicle.is_initialised():
             self._vehicle.texts.service(self._open_channels())

@@ -107,7 +107,15 @@ class FtpServer:
 
         That is for 1 s after a reply, other than one to TerminateSession, and as in the firmware for 1 s after boot.
         """
-        return u32(u32(now_us // 1000) - self._last_sent_ms) < SLOW_DOWN_MS
+        return self._since_reply_ms(now_us) < SLOW_DOWN_MS
+
+    def speed_lasts_ms(self, now_us: int) -> int:
+        """Return for how long ``slows_streams`` tells the same, unless there is a reply."""
+        since_ms = self._since_reply_ms(now_us)
+        return (SLOW_DOWN_MS if since_ms < SLOW_DOWN_MS else 1 << 32) - since_ms
+
+    def _since_reply_ms(self, now_us: int) -> int:
+        return u32(now_us // 1000 - self._last_sent_ms)
 
     def close(self) -> None:
         """Let go of open files, as when the vehicle goes down, and forget what is under way."""

@@ -84,6 +84,7 @@ def set_interval(channel: Channel, name: str, interval_ms: int | None, now_us: i
         wanted_ms = max(wanted_ms, MIN_INTERVAL_MS)
     timers = channel.deferred if name in DEFERRED else channel.buckets
     timers.set_interval(name, wanted_ms, now_us // 1000)
+    channel.rest.end()
 
 
 def set_defaults(vehicle: VehiclePort, channel: Channel, now_us: int) -> None:
@@ -99,4 +100,4 @@ def set_defaults(vehicle: VehiclePort, channel: Channel, now_us: int) -> None:
     for name, interval_ms in channel.card_intervals_ms.items():
         set_interval(channel, name, interval_ms, now_us)
     # FIRMWARE PARITY: its first heartbeat comes 1 s later, or with the first blocking delay of initialisation.
-    channel.requested.add("HEARTBEAT")
+    channel.request("HEARTBEAT")

@@ -51,7 +51,6 @@ class ParamReads:
         self._tells_errors = tells_errors
         self._reads: deque[_Read] = deque()
         self._replies: deque[tuple[Channel, PARAM_VALUE | PARAM_ERROR]] = deque()
-        self._looked_up_ms = 0
 
     @property
     def waiting(self) -> int:
@@ -72,10 +71,9 @@ class ParamReads:
         self._reads.append(_Read(channel, sender, request))
         return True
 
-    def look_up(self, params: ParamTable, now_us: int) -> None:
-        """Turn requests into replies, one for each millisecond since the last call, while there are less than 5."""
-        turns = now_us // 1000 - self._looked_up_ms
-        self._looked_up_ms += turns
+    def look_up(self, params: ParamTable, last_us: int, now_us: int) -> None:
+        """Turn requests into replies, one for each millisecond since the last time, while there are less than 5."""
+        turns = now_us // 1000 - last_us // 1000
         while turns > 0 and self._reads and len(self._replies) < REPLY_QUEUE_LENGTH:
             self._look_up_one(params, self._reads.popleft())
             turns -= 1

@@ -144,6 +144,10 @@ class SigningState:
         if key is not None and latest > key.timestamp:
             self._save(replace(key, timestamp=latest))
 
+    def save_wait_ms(self, now_ms: int) -> int:
+        """Return how long it is until the timestamp is stored again, 0 while that is due."""
+        return max(SAVE_INTERVAL_MS - u32(now_ms - self._last_save_ms), 0)
+
     def update_timestamp(self, channels: Iterable[Channel], utc_us: int, now_ms: int) -> None:
         """Take over a time of day that has just become known (GCS_MAVLINK::update_signing_timestamp).
 

@@ -98,6 +98,11 @@ class StatusTextQueue:
         self._next_id = self._next_id % 65535 + 1
         return taken
 
+    @property
+    def is_empty(self) -> bool:
+        """Tell whether no chunk waits."""
+        return not self._queue
+
     def pending(self) -> tuple[QueuedChunk, ...]:
         """Return the chunks that wait, oldest first."""
         return tuple(self._queue)

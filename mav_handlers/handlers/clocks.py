@@ -31,11 +31,16 @@ def handle_timesync(ctx: Context, message: TIMESYNC) -> Verdict:
 
 def send_timesync(channel: Channel, now_us: int, system_id: int) -> None:
     """Ask the other end for its time, at most once in 10 s; the stamp's last digits are our system id."""
-    if now_us - channel.timesync_sent_us < TIMESYNC_PERIOD_US:
+    if now_us < timesync_due_us(channel):
         return
     channel.timesync_sent_us = now_us
     channel.timesync_ts1 = i64(now_us * 1000 + system_id)
     channel.send(TIMESYNC(0, channel.timesync_ts1))
+
+
+def timesync_due_us(channel: Channel) -> int:
+    """Return when the other end is asked for its time again, us since boot."""
+    return channel.timesync_sent_us + TIMESYNC_PERIOD_US
 
 
 def handle_system_time(ctx: Context, message: SYSTEM_TIME) -> Verdict:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 
+from mav_handlers.buckets import NEVER_MS
 from mav_handlers.deferred import NEXT_PARAM, DeferredMessages
 
 HEARTBEAT = "HEARTBEAT"
@@ -74,3 +75,16 @@ def test_message_stopped_when_it_is_next_comes_once_more() -> None:
 def test_intervals_are_those_that_run(deferred: DeferredMessages) -> None:
     deferred.set_interval(HEARTBEAT, 0, 0)
     assert deferred.intervals_ms() == {NEXT_PARAM: 100}
+
+
+def test_wait_is_that_of_the_next_one(deferred: DeferredMessages) -> None:
+    assert deferred.due(0) is None
+    assert [deferred.wait_ms(now_ms) for now_ms in (0, 1, 99, 100, 150)] == [100, 99, 1, 0, 0]
+
+
+def test_there_is_no_wait_before_the_next_one_is_chosen(deferred: DeferredMessages) -> None:
+    assert deferred.wait_ms(0) == 0
+
+
+def test_wait_for_nothing_is_long() -> None:
+    assert DeferredMessages().wait_ms(0) == NEVER_MS

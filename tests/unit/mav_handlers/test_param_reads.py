@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The queues of parameter reads: how fast they move."""
 
+from itertools import pairwise
+
 import pytest
 
 from ap_core.param import ParamTable
@@ -31,24 +33,24 @@ def test_one_request_is_looked_up_every_millisecond(params: ParamTable, channel:
     reads = ParamReads()
     ask(reads, channel, 5)
     waiting = []
-    for now_us in (0, 999, 1000, 2500, 4999, 6000):
-        reads.look_up(params, now_us)
+    for last_us, now_us in pairwise((0, 0, 999, 1000, 2500, 4999, 6000)):
+        reads.look_up(params, last_us, now_us)
         waiting.append(reads.waiting)
     assert waiting == [5, 5, 4, 3, 1, 0]
 
 
 def test_time_without_requests_is_not_made_up_for(params: ParamTable, channel: Channel) -> None:
     reads = ParamReads()
-    reads.look_up(params, 10_000_000)
+    reads.look_up(params, 0, 10_000_000)
     ask(reads, channel, 3)
-    reads.look_up(params, 10_001_000)
+    reads.look_up(params, 10_000_000, 10_001_000)
     assert reads.waiting == 2
 
 
 def test_requests_wait_while_five_replies_do(params: ParamTable, channel: Channel) -> None:
     reads = ParamReads()
     ask(reads, channel, 8)
-    reads.look_up(params, 1_000_000)
+    reads.look_up(params, 0, 1_000_000)
     assert reads.waiting == 8 - REPLY_QUEUE_LENGTH
     assert reads.send(1_000_000)
     assert channel.codec.frames_sent == REPLY_QUEUE_LENGTH
