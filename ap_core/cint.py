@@ -8,6 +8,8 @@ import numpy as np
 
 _I32_MIN = -(1 << 31)
 _I32_MAX = (1 << 31) - 1
+_I64_MIN = -(1 << 63)
+_I64_MAX = (1 << 63) - 1
 
 
 def u8(value: int) -> int:
@@ -47,6 +49,8 @@ def i32(value: int) -> int:
 
 def i64(value: int) -> int:
     """Reduce to a signed 64-bit integer."""
+    if _I64_MIN <= value <= _I64_MAX:
+        return value
     return ((value + (1 << 63)) & 0xFFFFFFFFFFFFFFFF) - (1 << 63)
 
 

@@ -10,7 +10,6 @@ Plain arithmetic is the same for arrays and numbers: Vector3f, Quaternion and Ma
 """
 
 import ctypes
-import importlib
 from collections.abc import Callable
 from typing import Any, Final, TypeAlias, cast
 
@@ -18,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ap_core import fmath
-from ap_core.fmath import f32
+from ap_core.fmath import UNARY_LOOP, f32, ufunc_table
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 
@@ -27,24 +26,12 @@ Floats: TypeAlias = npt.NDArray[np.float32]
 UnaryArray = Callable[[Floats], Floats]
 BinaryArray = Callable[[Floats, Floats], Floats]
 
-# Places in numpy's table of ufunc functions (numpy/__ufunc_api.h): PyUFunc_f_f and PyUFunc_ff_f.
-_UNARY_LOOP: Final = 6
+# PyUFunc_ff_f in numpy's table of ufunc functions (numpy/__ufunc_api.h).
 _BINARY_LOOP: Final = 14
 _ITEM_BYTES: Final = 4
 _ZERO, _ONE, _TWO, _360 = f32(0), f32(1), f32(2), f32(360)
 
 _LoopType = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
-
-
-def ufunc_table() -> Any:
-    """Return numpy's table of ufunc functions, or None where this Python or numpy has none."""
-    try:
-        capsule: Any = importlib.import_module("numpy._core._multiarray_umath").__dict__["_UFUNC_API"]
-        pointer = ctypes.pythonapi.PyCapsule_GetPointer
-        pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-        return ctypes.cast(pointer(capsule, None), ctypes.POINTER(ctypes.c_void_p))
-    except (ImportError, AttributeError, KeyError, ValueError):
-        return None
 
 
 def _looped(loop_address: int, libm: ctypes.CDLL, name: str, inputs: int) -> Callable[..., Floats]:
@@ -77,7 +64,7 @@ def bind_unary(libm: ctypes.CDLL | None, table: Any, name: str) -> UnaryArray:
     """Return the C library's float function ``name`` over an array."""
     if libm is None or table is None:
         return _one_by_one(fmath.bind_unary(libm, name), 1)
-    return _looped(table[_UNARY_LOOP], libm, name, 1)
+    return _looped(table[UNARY_LOOP], libm, name, 1)
 
 
 def bind_atan2(libm: ctypes.CDLL | None, table: Any) -> BinaryArray:

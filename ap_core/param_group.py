@@ -142,9 +142,9 @@ class ParamGroup:
             ValueError: there is no float parameter of that name.
         """
         value = self.values.get(name)
-        if not isinstance(value, np.float32):
-            raise ValueError(f"{self.prefix}{name}: no such float parameter")
-        return value
+        if type(value) is np.float32:
+            return value
+        raise ValueError(f"{self.prefix}{name}: no such float parameter")
 
     def get_vector(self, name: str) -> Vector3f:
         """Return the value of a vector, by row name.

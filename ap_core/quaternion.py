@@ -44,10 +44,11 @@ class Quaternion:
         q3: float | np.float32 = 0.0,
         q4: float | np.float32 = 0.0,
     ):
-        self.q1 = q1 if type(q1) is f32 else f32(q1)
-        self.q2 = q2 if type(q2) is f32 else f32(q2)
-        self.q3 = q3 if type(q3) is f32 else f32(q3)
-        self.q4 = q4 if type(q4) is f32 else f32(q4)
+        # As in Vector3f.
+        self.q1 = q1 if type(q1) is f32 else _ONE * q1 if type(q1) is float else f32(q1)
+        self.q2 = q2 if type(q2) is f32 else _ONE * q2 if type(q2) is float else f32(q2)
+        self.q3 = q3 if type(q3) is f32 else _ONE * q3 if type(q3) is float else f32(q3)
+        self.q4 = q4 if type(q4) is f32 else _ONE * q4 if type(q4) is float else f32(q4)
         self._yaw: np.float32 | None = None
 
     def __repr__(self) -> str:
@@ -70,13 +71,15 @@ class Quaternion:
     @classmethod
     def from_euler(cls, roll: np.float32, pitch: np.float32, yaw: np.float32) -> "Quaternion":
         """Return the quaternion of 3-2-1 Euler angles in radians (QuaternionT::from_euler)."""
-        cr2, cp2, cy2 = cosf(roll * _HALF), cosf(pitch * _HALF), cosf(yaw * _HALF)
-        sr2, sp2, sy2 = sinf(roll * _HALF), sinf(pitch * _HALF), sinf(yaw * _HALF)
+        r2, p2, y2 = roll * _HALF, pitch * _HALF, yaw * _HALF
+        cr2, cp2, cy2 = cosf(r2), cosf(p2), cosf(y2)
+        sr2, sp2, sy2 = sinf(r2), sinf(p2), sinf(y2)
+        cr2cp2, sr2sp2, sr2cp2, cr2sp2 = cr2 * cp2, sr2 * sp2, sr2 * cp2, cr2 * sp2
         return cls(
-            cr2 * cp2 * cy2 + sr2 * sp2 * sy2,
-            sr2 * cp2 * cy2 - cr2 * sp2 * sy2,
-            cr2 * sp2 * cy2 + sr2 * cp2 * sy2,
-            cr2 * cp2 * sy2 - sr2 * sp2 * cy2,
+            cr2cp2 * cy2 + sr2sp2 * sy2,
+            sr2cp2 * cy2 - cr2sp2 * sy2,
+            cr2sp2 * cy2 + sr2cp2 * sy2,
+            cr2cp2 * sy2 - sr2sp2 * cy2,
         )
 
     def __mul__(self, v: "Quaternion") -> "Quaternion":

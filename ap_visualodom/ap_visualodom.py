@@ -9,6 +9,7 @@ import numpy as np
 
 from ap_core.cint import u8
 from ap_core.clock import Clock
+from ap_core.fmath import ieee754
 from ap_core.internal_error import InternalErrorSink
 from ap_core.param import ParamGroup
 from ap_core.quaternion import Quaternion
@@ -29,10 +30,7 @@ BACKENDS: Final[Mapping[VisualOdom_Type, Callable[["AP_VisualOdom"], AP_VisualOd
     VisualOdom_Type.VOXL: AP_VisualOdom_IntelT265,
 }
 
-_NO_TYPE: Final = VisualOdom_Type.NONE
-
-# Infinities and NaN are data here: the firmware computes on, and so does the port.
-_ieee754 = np.errstate(all="ignore")
+_NO_TYPE: Final = int(VisualOdom_Type.NONE)
 
 
 def make_params() -> ParamGroup:
@@ -44,7 +42,7 @@ class AP_VisualOdom:
     """External navigation as the vehicle sees it: one frontend, and at most one backend chosen at boot.
 
     Args:
-        params: the VISO_ parameters, read at each use.
+        params: the VISO_ parameters; what is stored counts from the next use on.
         ahrs: receiver of the data, and reference for alignment and the pre-arm check.
         gcs: where texts go.
         logger: where log records go.
@@ -72,6 +70,21 @@ class AP_VisualOdom:
         self.errors = errors
         self.release = release
         self._driver: AP_VisualOdom_Backend | None = None
+        self._read_params()
+        params.on_change.append(self._read_params)
+
+    def _read_params(self) -> None:
+        """Take over the parameters, whenever one was stored; the getters are called some ten times a sample."""
+        params = self.params
+        self._type = params.get_int("_TYPE")
+        self._orientation = u8(params.get_int("_ORIENT"))
+        self._pos_scale = params.get_float("_SCALE")
+        self._pos_offset = params.get_vector("_POS")
+        self._delay_ms = max(0, params.get_int("_DELAY_MS"))
+        self._vel_noise = params.get_float("_VEL_M_NSE")
+        self._pos_noise = params.get_float("_POS_M_NSE")
+        self._yaw_noise = params.get_float("_YAW_M_NSE")
+        self._quality_min = params.get_int("_QUAL_MIN")
 
     def init(self) -> None:
         """Create the backend that VISO_TYPE names; an unknown number creates none (AP_VisualOdom::init)."""
@@ -80,7 +93,7 @@ class AP_VisualOdom:
 
     def enabled(self) -> bool:
         """Tell whether VISO_TYPE is set (AP_VisualOdom::enabled)."""
-        return self.get_type() != _NO_TYPE
+        return self._type != _NO_TYPE
 
     def healthy(self) -> bool:
         """Tell whether there is a backend and it receives data (AP_VisualOdom::healthy)."""
@@ -92,47 +105,47 @@ class AP_VisualOdom:
 
     def get_type(self) -> int:
         """Return VISO_TYPE as stored, which may name no backend."""
-        return self.params.get_int("_TYPE")
+        return self._type
 
     def get_orientation(self) -> int:
         """Return VISO_ORIENT as an orientation number (a negative one becomes its unsigned byte)."""
-        return u8(self.params.get_int("_ORIENT"))
+        return self._orientation
 
     def get_pos_scale(self) -> np.float32:
         """Return VISO_SCALE."""
-        return self.params.get_float("_SCALE")
+        return self._pos_scale
 
     def get_pos_offset(self) -> Vector3f:
         """Return VISO_POS in metres, FRD."""
-        return self.params.get_vector("_POS")
+        return self._pos_offset
 
     def get_delay_ms(self) -> int:
         """Return VISO_DELAY_MS, 0 when negative (AP_VisualOdom.h, get_delay_ms)."""
-        return max(0, self.params.get_int("_DELAY_MS"))
+        return self._delay_ms
 
     def get_vel_noise(self) -> np.float32:
         """Return VISO_VEL_M_NSE in m/s."""
-        return self.params.get_float("_VEL_M_NSE")
+        return self._vel_noise
 
     def get_pos_noise(self) -> np.float32:
         """Return VISO_POS_M_NSE in m."""
-        return self.params.get_float("_POS_M_NSE")
+        return self._pos_noise
 
     def get_yaw_noise(self) -> np.float32:
         """Return VISO_YAW_M_NSE in rad."""
-        return self.params.get_float("_YAW_M_NSE")
+        return self._yaw_noise
 
     def get_quality_min(self) -> int:
         """Return VISO_QUAL_MIN."""
-        return self.params.get_int("_QUAL_MIN")
+        return self._quality_min
 
     def _refusal(self) -> Verdict:
         return NO_BACKEND if self.enabled() else DISABLED
 
     def _active_driver(self) -> AP_VisualOdom_Backend | None:
-        return self._driver if self.enabled() else None
+        return self._driver if self._type != _NO_TYPE else None
 
-    @_ieee754
+    @ieee754
     def handle_vision_position_delta_msg(
         self, time_delta_usec: int, angle_delta: Vector3f, position_delta: Vector3f, confidence: np.float32
     ) -> Verdict:
@@ -145,7 +158,7 @@ class AP_VisualOdom:
             return self._refusal()
         return driver.handle_vision_position_delta_msg(time_delta_usec, angle_delta, position_delta, confidence)
 
-    @_ieee754
+    @ieee754
     def handle_pose_estimate_euler(
         self,
         remote_time_us: int,
@@ -169,7 +182,7 @@ class AP_VisualOdom:
             remote_time_us, time_ms, pos, attitude, posErr, angErr, reset_counter, quality
         )
 
-    @_ieee754
+    @ieee754
     def handle_pose_estimate(
         self,
         remote_time_us: int,
@@ -202,7 +215,7 @@ class AP_VisualOdom:
             remote_time_us, time_ms, pos, attitude, posErr, angErr, reset_counter, quality
         )
 
-    @_ieee754
+    @ieee754
     def handle_vision_speed_estimate(
         self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
     ) -> Verdict:
@@ -227,7 +240,7 @@ class AP_VisualOdom:
         if driver is not None:
             driver.align_position_to_ahrs(align_xy, align_z)
 
-    @_ieee754
+    @ieee754
     def pre_arm_check(self) -> str | None:
         """Return the text of a failed check without its prefix, or None (AP_VisualOdom::pre_arm_check)."""
         if not self.enabled():

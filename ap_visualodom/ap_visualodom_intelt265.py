@@ -26,6 +26,7 @@ ATTITUDE_DIFF_MAX_DEG: Final = f32(10.0)
 _MAV_SEVERITY_WARNING: Final = 4
 _MAV_SEVERITY_INFO: Final = 6
 _ZERO: Final = f32(0)
+_VOXL: Final = int(VisualOdom_Type.VOXL)
 
 
 class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
@@ -258,7 +259,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
 
         Source: AP_VisualOdom_IntelT265::should_consume_sensor_data.
         """
-        if self.get_type() == VisualOdom_Type.VOXL:
+        if self.get_type() == _VOXL:
             return True
         now_ms = self._clock.millis()
         if vision_position_estimate and reset_counter != self._pos_reset_counter_last:
@@ -270,7 +271,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
 
     def record_voxl_position_and_reset_count(self, position: Vector3f, reset_counter: int) -> None:
         """Remember where a VOXL camera was, corrected, and its reset counter."""
-        if self.get_type() == VisualOdom_Type.VOXL:
+        if self.get_type() == _VOXL:
             self._voxl_position_last = position
             self._voxl_reset_counter_last = reset_counter
 
@@ -279,7 +280,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
 
         Source: AP_VisualOdom_IntelT265::handle_voxl_camera_reset_jump.
         """
-        if self.get_type() != VisualOdom_Type.VOXL or reset_counter == self._voxl_reset_counter_last:
+        if self.get_type() != _VOXL or reset_counter == self._voxl_reset_counter_last:
             return
         self._frontend.gcs.send_text(_MAV_SEVERITY_WARNING, "VisOdom: reset")
         self.align_yaw_to_ahrs(sensor_pos, sensor_att)

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
-from ap_core.fmath import f32
+from ap_core.fmath import f32, ieee754
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Rule
@@ -31,7 +31,7 @@ MIN_YAW_ERR: Final = f32(math.radians(5))
 T = TypeVar("T", bound=Timed)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@ieee754
 def _yaw_of(quat: Quaternion) -> np.float32:
     return quat.get_euler_yaw()
 

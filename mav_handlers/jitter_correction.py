@@ -41,10 +41,9 @@ class JitterCorrection:
             estimate_us = i64(local_usec - self._max_lag_us)
             self._link_offset_usec = i64(estimate_us - offboard_usec)
 
-        if self._min_sample_counter == 0:
+        if self._min_sample_counter == 0 or diff_us < self._min_sample_us:
             self._min_sample_us = diff_us
         self._min_sample_counter += 1
-        self._min_sample_us = min(self._min_sample_us, diff_us)
         if self._min_sample_counter == self._convergence_loops:
             # Follows slow drift of the sender's clock; takes effect with the next sample.
             self._link_offset_usec = self._min_sample_us

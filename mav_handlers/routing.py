@@ -56,15 +56,17 @@ class RouteTable:
             channel: number of the link it came on.
             own_system: the autopilot's system id.
         """
+        place = header.system_id, header.component_id, channel
+        route = self._known.get(place)
+        if route is not None and not isinstance(message, HEARTBEAT):
+            return
         own_ids = (_MAV_COMP_ID_ALL, _MAV_COMP_ID_AUTOPILOT1)
         if header.system_id == 0 or (header.system_id == own_system and header.component_id in own_ids):
             return
         vehicle_type = message.type if isinstance(message, HEARTBEAT) else 0
-        route = self._known.get((header.system_id, header.component_id, channel))
         if route is not None:
             route.vehicle_type = route.vehicle_type or vehicle_type
         elif len(self._known) < MAX_ROUTES:
-            place = header.system_id, header.component_id, channel
             self._known[place] = Route(*place, vehicle_type)
 
     def decide(

@@ -12,20 +12,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mav_handlers.wire import messages
 from mav_handlers.wire.drafts import draft_messages
-from mav_handlers.wire.frames import Form, Header, plain_frame
+from mav_handlers.wire.frames import Form, Header, Received, plain_frame
+from mav_handlers.wire.message_class import maker_of
 from mav_handlers.wire.messages import Message
 from mav_handlers.wire.signature import SIGNATURE_BLOCK_BYTES, LinkSigning
 
 V2_HEADER_AND_CRC_BYTES: Final = 12
 _V1_HEADER_BYTES: Final = 6
 _COMPACT_ABOVE_BYTES: Final = 4096
-
-
-class Received(NamedTuple):
-    """A whole frame; ``message`` is None when its type is not one of ours."""
-
-    header: Header
-    message: Message | None
 
 
 class BadData(NamedTuple):
@@ -79,27 +73,24 @@ _NAME_OF_ID: Final[dict[int, str]] = {cls.id: cls.msgname for cls in dialect.mav
 _ID_OF_NAME: Final[dict[str, int]] = {name: msg_id for msg_id, name in _NAME_OF_ID.items()}
 
 
-_FORMS: Final[dict[int, Form | None]] = {}
+class _Forms(dict[int, Form | None]):
+    """How to read messages, by their ids; each form is made when it is first asked for."""
+
+    def __missing__(self, msg_id: int) -> Form | None:
+        dialect_class = dialect.mavlink_map.get(msg_id)
+        if dialect_class is None:  # of which there may be millions
+            return None
+        layout = _LAYOUTS.get(dialect_class.msgname)
+        form = None
+        if layout is None or not layout.texts:  # text is pymavlink's to decode
+            make = None if layout is None else _maker(layout)
+            crc_extra, payload = bytes((dialect_class.crc_extra,)), dialect_class.unpacker
+            form = Form(dialect_class.msgname, crc_extra, payload.size, payload.unpack_from, make)
+        self[msg_id] = form
+        return form
 
 
-def _form_of(msg_id: int) -> Form | None:
-    try:
-        return _FORMS[msg_id]
-    except KeyError:
-        return _make_form(msg_id)
-
-
-def _make_form(msg_id: int) -> Form | None:
-    dialect_class = dialect.mavlink_map.get(msg_id)
-    if dialect_class is None:  # of which there may be millions
-        return None
-    layout = _LAYOUTS.get(dialect_class.msgname)
-    form = None
-    if layout is None or not layout.texts:  # text is pymavlink's to decode
-        make = None if layout is None else _maker(layout)
-        form = Form(dialect_class.msgname, bytes((dialect_class.crc_extra,)), dialect_class.unpacker, make)
-    _FORMS[msg_id] = form
-    return form
+_form_of: Final = _Forms().__getitem__
 
 
 def _maker(layout: _Layout) -> Callable[[tuple[Any, ...]], Message]:
@@ -108,15 +99,17 @@ def _maker(layout: _Layout) -> Callable[[tuple[Any, ...]], Message]:
     for name, length in zip(layout.dialect_class.ordered_fieldnames, layout.dialect_class.lengths, strict=True):
         starts[name] = slice(end, end + length) if name in layout.arrays else end
         end += length
-    pick, cls = itemgetter(*[starts[name] for name in layout.names]), layout.cls
-    if len(layout.names) == 1:
-        return lambda values: cls(pick(values))
-    return lambda values: cls(*pick(values))
+    pick = itemgetter(*[starts[name] for name in layout.names])
+    return maker_of(layout.cls, pick if len(layout.names) > 1 else lambda values: (pick(values),))
 
 
-def _crc_of(data: bytes) -> int:
+def _crc_by_dialect(data: bytes) -> int:
     crc: int = dialect.x25crc(data).crc
     return crc
+
+
+# Where pymavlink has found fastcrc, its checksum is one call of that.
+_crc_of: Final[Callable[[bytes], int]] = getattr(dialect, "mcrf4xx", None) or _crc_by_dialect
 
 
 def message_id(name: str) -> int:
@@ -226,12 +219,13 @@ class Codec:
 
     def next_received(self) -> Received | BadData | None:
         """Return the next frame or stretch of bad bytes, or None when more bytes are needed. Never raises."""
-        if not self.unread_bytes:
+        mav = self._mav
+        if mav.buf_index == len(mav.buf):
             return None
         received = self._next_plain() if self._signing is None else None
         if received is not None:
             return received
-        raw = self._mav.parse_char(b"")
+        raw = mav.parse_char(b"")
         if raw is None:
             return None
         kind = raw.get_type()
@@ -244,14 +238,12 @@ class Codec:
     def _next_plain(self) -> Received | None:
         """Take a frame that needs no more than reading, from where pymavlink's parser stands."""
         mav = self._mav
-        found = plain_frame(mav.buf, mav.buf_index, _form_of, _crc_of)
-        if found is None:
-            return None
-        header, message = found
-        mav.buf_index += len(header.frame)
-        if mav.buf_index == len(mav.buf):
-            mav.buf, mav.buf_index = bytearray(), 0
-        return Received(header, message)
+        received = plain_frame(mav.buf, mav.buf_index, _form_of, _crc_of)
+        if received is not None:
+            mav.buf_index += len(received.header.frame)
+            if mav.buf_index == len(mav.buf):
+                mav.buf, mav.buf_index = bytearray(), 0
+        return received
 
     def encode(self, message: Message) -> bytes:
         """Return the next frame with this message.

@@ -17,6 +17,7 @@ _HEADER_V1: Final = 6
 _HEADER_V2: Final = 10
 _CRC: Final = 2
 _SHORTEST: Final = _HEADER_V1 + _CRC
+_IDS_V2: Final = Struct("<3BHB").unpack_from  # sequence, system, component; the message's lower 16 bits, and 8 more
 
 
 class Header(NamedTuple):
@@ -31,26 +32,35 @@ class Header(NamedTuple):
     frame: bytes
 
 
+class Received(NamedTuple):
+    """A whole frame; ``message`` is None when its type is not one of ours."""
+
+    header: Header
+    message: Message | None
+
+
 class Form(NamedTuple):
     """How to read the frames of one message.
 
     Attributes:
         name: the message's.
         crc_extra: what its checksum begins from, one byte.
-        payload: its fields in the order of the wire.
+        full_length: of its payload, bytes.
+        unpack_from: takes bytes and an offset, and returns the payload's fields in the order of the wire.
         make: makes the message of these; None for a message that is none of ours.
     """
 
     name: str
     crc_extra: bytes
-    payload: Struct
+    full_length: int
+    unpack_from: Callable[[bytes, int], tuple[Any, ...]]
     make: Callable[[tuple[Any, ...]], Message] | None
 
 
 def plain_frame(
     data: bytes | bytearray, start: int, form_of: Callable[[int], Form | None], crc_of: Callable[[bytes], int]
-) -> tuple[Header, Message | None] | None:
-    """Return the frame that begins at an index, and its message; None unless it is whole, plain, known and correct.
+) -> Received | None:
+    """Return the frame that begins at an index; None unless it is whole, plain, known and correct.
 
     Args:
         data: what has been received.
@@ -67,8 +77,8 @@ def plain_frame(
         if data[start + 2] or available < _HEADER_V2 + length + _CRC:
             return None
         frame = bytes(data[start : start + _HEADER_V2 + length + _CRC])
-        sequence, system_id, component_id = frame[4], frame[5], frame[6]
-        msg_id = frame[7] | frame[8] << 8 | frame[9] << 16
+        sequence, system_id, component_id, low, high = _IDS_V2(frame, 4)
+        msg_id = low | high << 16
     elif data[start] == MARKER_V1 and available >= _HEADER_V1 + length + _CRC:
         version, head = 1, _HEADER_V1
         frame = bytes(data[start : start + _HEADER_V1 + length + _CRC])
@@ -76,12 +86,16 @@ def plain_frame(
     else:
         return None
     form = form_of(msg_id)
-    if form is None or crc_of(frame[1:-_CRC] + form.crc_extra) != frame[-2] | frame[-1] << 8:
+    if form is None:
+        return None
+    name, crc_extra, full, unpack_from, make = form
+    if crc_of(frame[1:-_CRC] + crc_extra) != frame[-2] | frame[-1] << 8:
         return None
     message = None
-    if form.make is not None:
-        full = form.payload.size
+    if make is not None:
         # MAVLink 2 leaves zeros at the end out; what is longer than we know it is cut off.
         whole = frame if length >= full else frame[:-_CRC].ljust(head + full, b"\0")
-        message = form.make(form.payload.unpack_from(whole, head))
-    return Header(form.name, msg_id, system_id, component_id, sequence, version, frame), message
+        message = make(unpack_from(whole, head))
+    # The tuples' own way of being made takes twice as long.
+    header = tuple.__new__(Header, (name, msg_id, system_id, component_id, sequence, version, frame))
+    return tuple.__new__(Received, (header, message))

@@ -25,7 +25,7 @@ class Message:
         puts = self._puts
         if named or len(values) != len(puts):
             values = self._completed(values, named)
-        for put, value in zip(puts, values, strict=True):
+        for put, value in zip(puts, values):  # noqa: B905  # as many by now
             put(self, value)
 
     @classmethod
@@ -69,6 +69,21 @@ class Message:
 
 
 _M = TypeVar("_M", bound=Message)
+
+Values = tuple[Any, ...]
+
+
+def maker_of(cls: type[_M], pick: Callable[[Values], Values]) -> Callable[[Values], _M]:
+    """Return what makes a message of values from which the fields, all of them in their order, are picked."""
+    new, puts = object.__new__, cls._puts
+
+    def make(values: Values) -> _M:
+        made = new(cls)
+        for put, value in zip(puts, pick(values)):  # noqa: B905  # as many, and asking takes a sixth of the time
+            put(made, value)
+        return made
+
+    return make
 
 
 @dataclass_transform(frozen_default=True)

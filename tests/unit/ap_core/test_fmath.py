@@ -88,16 +88,78 @@ def test_atan2_without_glibc_is_within_one_ulp(y: float, x: float) -> None:
     assert within_one_ulp(f32(ours), f32(theirs))
 
 
+def bits(x: np.float32) -> int:
+    return int(x.view(np.uint32))
+
+
+@pytest.mark.parametrize("name", UNARY)
+@NO_GLIBC
+@given(x=FLOATS)
+@example(x=math.inf)
+@example(x=-math.inf)
+@example(x=-0.0)
+@example(x=1.0)
+@example(x=-1.0)
+@example(x=1.0000001192092896)
+@example(x=-1e-45)
+def test_result_is_the_c_library_s_to_the_last_bit_and_comes_without_a_warning(name: str, x: float) -> None:
+    assert bits(getattr(fmath, name)(f32(x))) == bits(f32(fmath.bind_unary(fmath.LIBM, name)(x)))
+
+
+@NO_GLIBC
+@given(y=FLOATS, x=FLOATS)
+def test_atan2_is_the_c_library_s_to_the_last_bit(y: float, x: float) -> None:
+    assert bits(fmath.atan2f(f32(y), f32(x))) == bits(f32(fmath.bind_atan2(fmath.LIBM)(y, x)))
+
+
+@pytest.mark.parametrize("libm", [None, fmath.LIBM])
+@pytest.mark.parametrize("name", UNARY)
+def test_without_the_c_library_or_numpy_s_table_results_are_rounded_all_the_same(name: str, libm: object) -> None:
+    library = fmath.LIBM if libm else None
+    result = fmath.bind_rounded(library, None, name)(f32(0.3))
+    assert type(result) is np.float32
+    assert result == f32(fmath.bind_unary(library, name)(f32(0.3)))
+
+
+LARGE = f32(3e38)
+
+
+@fmath.ieee754
+def squared(x: np.float32) -> np.float32:
+    return x * x
+
+
+@fmath.ieee754_throughout
+def squared_twice(x: np.float32, *, fails: bool = False) -> np.float32:
+    if fails:
+        raise LookupError
+    return squared(squared(x)) + x * x
+
+
+def test_overflow_gives_infinity_without_a_warning() -> None:
+    assert squared(LARGE) == squared_twice(LARGE) == np.inf
+
+
+def test_numpy_warns_again_afterwards() -> None:
+    squared_twice(LARGE)
+    with pytest.raises(LookupError):
+        squared_twice(LARGE, fails=True)
+    with pytest.warns(RuntimeWarning, match="overflow"):
+        LARGE * LARGE
+    with np.errstate(over="raise"):
+        assert squared(LARGE) == np.inf
+
+
 @pytest.mark.parametrize(("name", "x"), [("sinf", math.inf), ("cosf", math.inf), ("asinf", 1.5), ("sqrtf", -1.0)])
 def test_way_without_glibc_gives_nan_outside_the_domain(name: str, x: float) -> None:
     assert math.isnan(fmath.bind_unary(None, name)(x))
 
 
 def test_no_library_on_a_platform_without_glibc(monkeypatch: pytest.MonkeyPatch) -> None:
-    def absent(name: str) -> ctypes.CDLL:
+    def absent(name: str) -> ctypes.PyDLL:
         raise OSError(f"{name}: cannot open shared object file")
 
-    monkeypatch.setattr(ctypes, "CDLL", absent)
+    monkeypatch.setattr(ctypes, "PyDLL", absent)
     assert fmath.load_libm() is None
 
 

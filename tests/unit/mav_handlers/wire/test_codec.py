@@ -11,7 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mav_handlers.wire.codec import BadData, Codec, Received, full_length, message_id, message_name
+from mav_handlers.wire.codec import (
+    BadData,
+    Codec,
+    Received,
+    _crc_by_dialect,
+    _crc_of,
+    full_length,
+    message_id,
+    message_name,
+)
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     ATTITUDE,
@@ -300,3 +309,8 @@ class TestNames:
     @pytest.mark.parametrize(("cls", "length"), [(ODOMETRY, 233), (TIMESYNC, 16), (COMMAND_ACK, 10)])
     def test_full_length_includes_extensions(self, cls: type[Message], length: int) -> None:
         assert full_length(cls) == length
+
+
+@given(data=st.binary(max_size=300))
+def test_checksum_is_pymavlink_s_with_and_without_fastcrc(data: bytes) -> None:
+    assert _crc_of(data) == _crc_by_dialect(data) == dialect.x25crc(data).crc
