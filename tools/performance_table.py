@@ -12,6 +12,8 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -87,22 +89,25 @@ def _number(value: float) -> str:
     return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
 
 
+def measure_one(name: str, kernel: str, seconds: float) -> list[Figure]:
+    """Measure a bench on a kernel, which this process keeps."""
+    os.environ[KERNEL_VARIABLE] = kernel
+    clock = time.perf_counter if BENCHES[name].waits else time.process_time
+    return measure(BENCHES[name], seconds, clock)
+
+
 def measure_all(seconds: float) -> Measured:
-    """Measure all benches, and those with a filter on both kernels."""
+    """Measure all benches, and those with a filter on both kernels.
+
+    Each in a process of its own, as `viso bench NAME` is: an interpreter fits itself to the types that it has met.
+    """
     chosen = [(name, PLAIN) for name in BENCHES if name not in NOT_HERE] + [(name, NUMBA) for name in ON_BOTH_KERNELS]
-    before = os.environ.get(KERNEL_VARIABLE)
-    measured = {}
-    try:
-        with progress("measuring", len(chosen)) as bar:
-            for name, kernel in chosen:
-                os.environ[KERNEL_VARIABLE] = kernel
-                clock = time.perf_counter if BENCHES[name].waits else time.process_time
-                measured[name, kernel] = measure(BENCHES[name], seconds, clock)
-                bar.advance(bar.task_ids[0])
-    finally:
-        os.environ.pop(KERNEL_VARIABLE)
-        if before is not None:
-            os.environ[KERNEL_VARIABLE] = before
+    fresh, measured = get_context("spawn"), {}
+    with progress("measuring", len(chosen)) as bar:
+        for name, kernel in chosen:
+            with ProcessPoolExecutor(1, mp_context=fresh) as process:
+                measured[name, kernel] = process.submit(measure_one, name, kernel, seconds).result()
+            bar.advance(bar.task_ids[0])
     return measured
 
 
