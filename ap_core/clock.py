@@ -7,6 +7,7 @@ from typing import Final, Protocol
 from ap_core.cint import u64
 
 _U32: Final = 0xFFFFFFFF
+_U64: Final = 0xFFFFFFFFFFFFFFFF
 
 
 class Clock(Protocol):
@@ -31,11 +32,11 @@ class VirtualClock:
 
     def millis(self) -> int:
         """Return milliseconds since boot, modulo 2^32."""
-        return self._time_us // 1000 & _U32  # written out: it is asked a dozen times in every pass of the main loop
+        return self._time_us // 1000 & _U32  # as u32 does, which takes a call; it is asked a dozen times in every pass
 
     def set_us(self, time_us: int) -> None:
         """Set the time since boot in microseconds; any value is allowed, as tests step across wraps."""
-        self._time_us = u64(time_us)
+        self._time_us = time_us & _U64
 
     def advance_us(self, delta_us: int) -> None:
         """Move forward by ``delta_us`` microseconds.

@@ -45,6 +45,7 @@ class AhrsBase:
         self._sources = sources
         self._log = log
         self._start_us = start_us
+        self._estimator_start_us = start_us + ESTIMATOR_STARTUP_DELAY_US
         self._origin: Location | None = None
         self._ingest: ExtNavIngest | None = None
         self.source: SensorSource | None = None
@@ -60,7 +61,7 @@ class AhrsBase:
 
     def estimator_started(self) -> bool:
         """Tell whether the estimator runs, for which the AHRS waits 1 s (AP_AHRS::update_EKF3)."""
-        return self._clock.micros64() >= self._start_us + ESTIMATOR_STARTUP_DELAY_US
+        return self._clock.micros64() >= self._estimator_start_us
 
     def initialised(self) -> bool:
         """Tell whether the AHRS has run for more than 20 s (AP_AHRS::initialised)."""

@@ -30,22 +30,23 @@ class CoreTexts:
     Args:
         texts: where they go.
         cores: the IMU of each core.
+
+    Attributes:
+        waiting: the lines, each with its severity.
     """
 
     def __init__(self, texts: TextSink, cores: Sequence[int]) -> None:
         self._texts = texts
         self._cores = tuple(cores)
-        self._lines: list[tuple[int, str]] = []
+        self.waiting: list[tuple[int, str]] = []
 
     def add(self, text: str, severity: int = MAV_SEVERITY_INFO) -> None:
         """Add a line of this frame: what follows ``EKF3 IMU0 ``."""
-        self._lines.append((severity, text))
+        self.waiting.append((severity, text))
 
     def flush(self) -> None:
         """Send the lines."""
-        if not self._lines:
-            return
         for core in self._cores:
-            for severity, text in self._lines:
+            for severity, text in self.waiting:
                 self._texts.send_text(severity, f"EKF3 IMU{core} {text}")
-        self._lines.clear()
+        self.waiting.clear()

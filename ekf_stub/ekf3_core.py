@@ -125,7 +125,8 @@ class Ekf3Core:
             self._bootstrap(frame, now_ms)
         else:
             self._update(frame, now_ms)
-        self._texts.flush()
+        if self._texts.waiting:
+            self._texts.flush()
 
     # Starting up
 

@@ -59,6 +59,10 @@ _SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
 """How to tell what may come in, by field of a frame, and what stands in for the rest."""
 
 
+_SLOW_FIELDS: Final = slice(Frame._fields.index("baro"), Frame._fields.index("lever_arm") + 1)
+_NOTHING_SEEN: Final[Any] = object()
+
+
 class FrameDoor:
     """Looks at what comes with each frame.
 
@@ -73,13 +77,13 @@ class FrameDoor:
         self._inertial = InertialGuard()
         self.delta: InertialDelta | None = None
         self.refused: Counter[str] = Counter()
-        self._seen: Frame | None = None
+        self._seen: Any = (_NOTHING_SEEN,) * len(_SLOW)
         self._stand_ins: dict[str, Any] = {}
 
     def admit(self, frame: Frame) -> Frame:
         """Return the frame with something else in place of what is refused."""
         if not self._has_been_seen(frame):
-            self._seen = frame
+            self._seen = frame[_SLOW_FIELDS]
             self._stand_ins = {name: instead for name, (sound, instead) in _SLOW.items() if not sound(frame)}
         delta = self.delta = self._sound(frame.delta)
         if delta is frame.delta and not self._stand_ins:
@@ -90,15 +94,14 @@ class FrameDoor:
 
     def _has_been_seen(self, frame: Frame) -> bool:
         # Most frames bring what the one before has brought, but for inertial data.
-        seen = self._seen
+        baro, mag, gps, declination, place_declination, lever_arm = self._seen
         return (
-            seen is not None
-            and frame.baro is seen.baro
-            and frame.mag is seen.mag
-            and frame.gps is seen.gps
-            and frame.declination is seen.declination
-            and frame.place_declination is seen.place_declination
-            and frame.lever_arm is seen.lever_arm
+            frame.baro is baro
+            and frame.mag is mag
+            and frame.gps is gps
+            and frame.declination is declination
+            and frame.place_declination is place_declination
+            and frame.lever_arm is lever_arm
         )
 
     def _sound(self, delta: InertialDelta) -> InertialDelta:

@@ -99,7 +99,7 @@ class Vehicle:
             self.logger,
             self.params,
             self.texts,
-            gps=self.gps,
+            gps=self._gps.sample,
             is_armed=self.is_armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
