@@ -50,7 +50,8 @@ class ParamTable:
 
     Attributes:
         generation: counts the values stored so far, so that what follows from parameters can be kept until it grows.
-        on_change: what is called after each of them.
+        on_change: what is called after each of them, to forget what follows from parameters and nothing else: others
+            who take parameters over may hear of it later.
     """
 
     def __init__(self, groups: Sequence[ParamGroup]) -> None:

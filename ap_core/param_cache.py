@@ -52,9 +52,6 @@ class Numbers(dict[str, float]):
         self.clear()
 
     def __missing__(self, name: str) -> float:
+        """Look a parameter up by its name after the prefix; ValueError when there is none."""
         number = self[name] = self._params.get_number(self._prefix + name)
         return number
-
-    def __call__(self, name: str) -> float:
-        """Return a parameter by its name after the prefix; ValueError when there is none."""
-        return self[name]

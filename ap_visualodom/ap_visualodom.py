@@ -42,7 +42,7 @@ class AP_VisualOdom:
     """External navigation as the vehicle sees it: one frontend, and at most one backend chosen at boot.
 
     Args:
-        params: the VISO_ parameters; what is stored counts from the next use on.
+        params: the VISO_ parameters, of this one alone; what is stored counts from the next use on.
         ahrs: receiver of the data, and reference for alignment and the pre-arm check.
         gcs: where texts go.
         logger: where log records go.

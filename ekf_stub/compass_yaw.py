@@ -46,7 +46,7 @@ class CompassAlignment:
         self._down_at_reset = self._innovation_at_reset = 0.0
 
     def update(self, vehicle: Vehicle, innovation: float) -> None:
-        """Follow the vehicle on the ground, every frame."""
+        """Follow the vehicle on the ground, in each frame in which something may have changed."""
         if not vehicle.on_ground:
             return
         self.yaw_done = self.field_done = False

@@ -21,7 +21,6 @@ from ekf_stub.inertial_pass import LOOP_DT, InertialPass
 from ekf_stub.kernel import Kernel
 from ekf_stub.output_predictor import Output, OutputChanges
 
-_RESTS: Final = -1.0
 _NOW: Final = slice(kernel.NOW, kernel.NOW + kernel.OUTPUT_SIZE)
 _BIAS_RATES: Final = slice(kernel.BIAS_RATES, kernel.BIAS_RATES + 6)
 
@@ -182,7 +181,8 @@ class CompiledPass(InertialPass):
             LOOP_DT,
             state.states,
             answer.known,
-            _RESTS if scale is None else scale,
+            scale is not None,
+            0.0 if scale is None else scale,
             height_filter_hz,
         )
         is_step = known & kernel.IS_STEP

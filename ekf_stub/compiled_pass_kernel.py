@@ -227,15 +227,13 @@ def _advance(
     loop_dt: float,
     states: Array,
     known: int,
+    is_tested: bool,
     scale: float,
     height_filter_hz: float,
 ) -> int:
-    """Take the data of a pass (InertialPass.advance); return what is known, and whether a step is due.
-
-    ``scale`` is below 0 while the test for standing still rests.
-    """
+    """Take the data of a pass (InertialPass.advance); return what is known, and whether a step is due."""
     sense(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt)
-    known = test(mem, known, scale) if scale >= 0 else 0
+    known = test(mem, known, scale) if is_tested else 0
     if add(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt):
         return known | IS_STEP
     integrate(mem, del_vel, del_ang, vel_dt, ang_dt, states, height_filter_hz)

@@ -28,7 +28,7 @@ class CompiledErrorState(ErrorState):
 
     def __init__(self, quat: quaternion.quaternion, variances: Array) -> None:
         super().__init__(quat, variances)
-        self._frozen: Array = np.full(3, math.nan)
+        self._frozen: Array = np.full(3, math.nan)  # in place of _frozen_accel_vars; NaN for None
 
     def predict(
         self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool

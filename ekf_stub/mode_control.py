@@ -54,6 +54,8 @@ _Z_GPS: Final = SourceZ.GPS
 class ModeControl:
     """Decides, once a frame, how the core navigates; and, once a step, what it says of itself.
 
+    Flight and yaw sources it looks at in frames in which they can have changed.
+
     Args:
         core: the core, whose parts it looks at and resets.
 
@@ -72,7 +74,7 @@ class ModeControl:
         self._states_on_ground = core.state.states
         self._states: Array | None = None
         self._sources: dict[str, int] | None = None
-        self._situation = (False, False, False, False)
+        self._situation: tuple[object, ...] = ()
         self.tests_stillness = self._no_yaw_on_ground = False
         self.tilt_aligned = False
         self.flags = self._state_flags = self._now_ms = 0
@@ -108,7 +110,8 @@ class ModeControl:
     def _is_news(self, frame: Frame) -> bool:
         """Tell whether anything may have changed since the last frame, in which there was no step."""
         states, sources = self._core.state.states, self._core.sources.active()
-        situation = frame.armed, frame.flying_ms > FLYING_MS, frame.takeoff_expected, frame.touchdown_expected
+        expected = frame.takeoff_expected, frame.touchdown_expected
+        situation = frame.armed, frame.flying_ms > FLYING_MS, expected, self._core.yaw.has_compass()
         if states is self._states and sources is self._sources and situation == self._situation:
             return False
         self._states, self._sources, self._situation = states, sources, situation

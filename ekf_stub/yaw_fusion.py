@@ -53,10 +53,11 @@ class YawFusion:
         gps: what the GPS says.
         texts: what the ground station is told.
         get_float: returns a parameter by its name after ``EK3_``.
-        has_compass: tells whether a compass is in use.
+        has_compass: that attribute.
         mag_ring_size: how many magnetic fields wait.
 
     Attributes:
+        has_compass: tells whether a compass is in use.
         aligned: whether yaw has been set from a measurement.
         resets: how often that was.
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
@@ -85,7 +86,7 @@ class YawFusion:
         self._gps = gps
         self._texts = texts
         self._get_float = get_float
-        self._has_compass = has_compass
+        self.has_compass = has_compass
         self.aligned = False
         self.resets = 0
         self.innovation = self.ratio = 0.0
@@ -101,15 +102,15 @@ class YawFusion:
         self._yaw_at_rest, self._by_321_at_rest = 0.0, True
 
     def source(self) -> int:
-        """Return the yaw source of this frame; a compass that is not there is none."""
+        """Return the yaw source as of ``control``; a compass that is not there is none."""
         return self._frame_source
 
     def uses_compass(self) -> bool:
-        """Tell whether yaw comes from the compass in this frame."""
+        """Tell whether yaw comes from the compass, as of ``control``."""
         return self._frame_uses_compass
 
     def _look_at_sources(self) -> None:
-        source, has_compass = self._sources.yaw(), self._has_compass()
+        source, has_compass = self._sources.yaw(), self.has_compass()
         self._frame_source = _YAW_NONE if source == _YAW_COMPASS and not has_compass else source
         self._frame_uses_compass = source in _BY_COMPASS and has_compass
 
@@ -119,7 +120,10 @@ class YawFusion:
         return self._sources.yaw() == _YAW_EXTNAV and in_use
 
     def control(self, vehicle: Vehicle) -> None:
-        """Look at the sources, every frame, and decide whether the magnetic fields are to be estimated."""
+        """Look at the sources, and decide whether the magnetic fields are to be estimated.
+
+        In each frame in which something of that may have changed (`ModeControl`).
+        """
         self._look_at_sources()
         self._alignment.update(vehicle, self.innovation)
         magcal = int(self._get_float("MAG_CAL"))

@@ -130,7 +130,7 @@ def by_ekf3(
             around=Surroundings(
                 parts.texts,
                 parts.params.get_int,
-                Numbers(parts.params, "EK3_").__getitem__,
+                Numbers(parts.params, "EK3_").__getitem__,  # not to be copied: it would go on asking the original
                 parts.gps,
                 parts.is_armed,
                 parts.is_fitted,

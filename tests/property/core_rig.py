@@ -5,7 +5,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from ekf_stub.core_texts import CoreTexts
 from ekf_stub.ekf3_core import Ekf3Core, Frame
 from ekf_stub.gps_sample import GpsSample
 from ekf_stub.inertial import GRAVITY_MSS, InertialDelta
+from ekf_stub.kernel import PLAIN, Kernel
 from ekf_stub.sources import ROWS, EkfSources
 from ekf_stub.states import GYRO
 from ekf_stub.surroundings import Surroundings
@@ -65,6 +66,7 @@ class CoreRig:
         params: parameters that matter from the start.
 
     Attributes:
+        kernel: what its arithmetic runs on.
         feeds: which of ``FEEDS`` come in.
         accel_ned, yaw_rate: how the vehicle moves: m/s/s, which ends as it lands, and rad/s.
         armed, near_ground: what the vehicle says of itself.
@@ -73,6 +75,8 @@ class CoreRig:
         modes: how it has navigated.
         fused_field: whether all axes of the compass were fused.
     """
+
+    kernel: ClassVar[Kernel] = PLAIN
 
     def __init__(
         self, sources: str, *, has_compass: bool = False, start_us: int = 0, loop_us: int = LOOP_US, **params: float
@@ -93,6 +97,7 @@ class CoreRig:
             CoreTexts(self, (0,)),
             Counter(),
             self._has_compass,
+            self.kernel,
         )
         self.now_us, self.loop_us = start_us, loop_us
         self.feeds: set[str] = {"baro"} | ({"mag"} if has_compass else set())
@@ -113,7 +118,7 @@ class CoreRig:
         return self.params.get_int(f"EK3_{name}")
 
     def _get_number(self, name: str) -> float:
-        return self._numbers(f"EK3_{name}")
+        return self._numbers[f"EK3_{name}"]
 
     def _has_compass(self) -> bool:
         return self.has_compass

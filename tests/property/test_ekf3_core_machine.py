@@ -29,8 +29,10 @@ from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.aiding import AidingMode
+from ekf_stub.compiled_pass import COMPILED
 from ekf_stub.gps_sample import GpsSample
 from ekf_stub.inertial import InertialDelta
+from ekf_stub.kernel import PLAIN, Kernel
 from ekf_stub.sources import ROWS
 from tests.property.core_rig import FEEDS, HOME, CoreRig
 
@@ -163,9 +165,11 @@ STARTS: dict[str, Callable[[], CoreRig]] = {
 
 
 @cache
-def started(name: str) -> CoreRig:
+def started(name: str, kernel: Kernel = PLAIN) -> CoreRig:
     """Return where a machine may begin, to be copied."""
-    return STARTS[name]()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(CoreRig, "kernel", kernel)
+        return STARTS[name]()
 
 
 @pytest.mark.parametrize("name", STARTS)
@@ -290,11 +294,12 @@ class CoreMachine(RuleBasedStateMachine):
     """A vehicle with the filter, and a twin where there is one."""
 
     twins = 1
+    kernel = PLAIN
 
     @initialize(name=st.sampled_from(sorted(STARTS)), loop_us=st.sampled_from([2500, 10_000, SLOW_LOOP_US]))
     def begin(self, name: str, loop_us: int) -> None:
         """Begin at one of the starts."""
-        self.rigs = [copy.deepcopy(started(name)) for _ in range(self.twins)]
+        self.rigs = [copy.deepcopy(started(name, self.kernel)) for _ in range(self.twins)]
         for rig in self.rigs:
             rig.loop_us = loop_us
 
@@ -469,6 +474,12 @@ class TwinMachine(CoreMachine):
     twins = 2
 
 
+class CompiledMachine(CoreMachine):
+    """A vehicle whose filter is compiled."""
+
+    kernel = COMPILED
+
+
 def steps(examples: int) -> settings:
     """Return settings under which every run draws the same examples."""
     return settings(
@@ -485,6 +496,10 @@ def test_whatever_comes_the_filter_keeps_its_head() -> None:
     run_state_machine_as_test(CoreMachine, settings=steps(20))
 
 
+def test_whatever_comes_the_compiled_filter_keeps_its_head() -> None:
+    run_state_machine_as_test(CompiledMachine, settings=steps(20))
+
+
 def test_same_input_gives_the_same_output() -> None:
     run_state_machine_as_test(TwinMachine, settings=steps(4))
 
@@ -492,6 +507,24 @@ def test_same_input_gives_the_same_output() -> None:
 @pytest.mark.slow
 def test_whatever_comes_the_filter_keeps_its_head_for_longer() -> None:
     run_state_machine_as_test(CoreMachine, settings=steps(120))
+
+
+@pytest.mark.slow
+def test_whatever_comes_the_compiled_filter_keeps_its_head_for_longer() -> None:
+    run_state_machine_as_test(CompiledMachine, settings=steps(120))
+
+
+@pytest.mark.parametrize("frames", range(5))
+def test_compass_that_comes_is_used_from_that_frame_on(frames: int) -> None:
+    rig = boot("66661", "pose")
+    rig.loop_us = 2500
+    rig.run(1.5)
+    for _ in range(frames):
+        rig.frame()
+    assert not rig.core.yaw.uses_compass()
+    rig.has_compass = True
+    rig.frame()
+    assert rig.core.yaw.uses_compass()
 
 
 @pytest.mark.slow

@@ -134,7 +134,7 @@ def test_a_table_of_values_keeps_its_shape() -> None:
 def test_without_the_c_library_or_the_table_each_value_is_computed_by_the_scalar_way(
     name: str, has_table: bool
 ) -> None:
-    libm, table = (None, fmath_arrays.ufunc_table()) if has_table else (fmath.LIBM, None)
+    libm, table = (None, fmath.ufunc_table()) if has_table else (fmath.LIBM, None)
     one = fmath.bind_unary(libm, name)
     over_array = fmath_arrays.bind_unary(libm, table, name)
     assert same_bits(over_array(column(EDGES)), [f32(one(value)) for value in column(EDGES).tolist()])
@@ -150,4 +150,4 @@ def test_atan2_without_the_table_is_the_scalar_one(libm: object) -> None:
 
 def test_table_is_missing_where_numpy_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.import_module", lambda _name: fmath)
-    assert fmath_arrays.ufunc_table() is None
+    assert fmath.ufunc_table() is None

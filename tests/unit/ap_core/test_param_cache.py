@@ -31,10 +31,10 @@ def test_number_is_looked_up_once_until_a_parameter_changes(monkeypatch: pytest.
 
     monkeypatch.setattr(params, "get_number", get_number)
     numbers = Numbers(params)
-    assert [numbers("G_HALF"), numbers("G_HALF"), numbers("G_ONE")] == [0.5, 0.5, 1.0]
+    assert [numbers["G_HALF"], numbers["G_HALF"], numbers["G_ONE"]] == [0.5, 0.5, 1.0]
     assert asked == ["G_HALF", "G_ONE"]
     params.set("G_ONE", 2)
-    assert [numbers("G_ONE"), numbers("G_HALF"), numbers("G_ONE")] == [2.0, 0.5, 2.0]
+    assert [numbers["G_ONE"], numbers["G_HALF"], numbers["G_ONE"]] == [2.0, 0.5, 2.0]
     assert asked == ["G_HALF", "G_ONE", "G_ONE", "G_HALF"]
 
 
@@ -51,22 +51,22 @@ CHANGES: list[Callable[[ParamTable], object]] = [
 def test_every_way_to_change_a_parameter_is_noticed(change: Callable[[ParamTable], object]) -> None:
     params = table()
     numbers = Numbers(params)
-    assert numbers("G_HALF") == 0.5
+    assert numbers["G_HALF"] == 0.5
     change(params)
-    assert numbers("G_HALF") == 0.25
+    assert numbers["G_HALF"] == 0.25
 
 
 def test_numbers_of_a_group_are_asked_for_without_its_prefix() -> None:
     params = table()
     numbers = Numbers(params, "G_")
-    assert numbers("HALF") == 0.5
+    assert numbers["HALF"] == 0.5
     params.set("G_HALF", 0.25)
-    assert numbers("HALF") == 0.25
+    assert numbers["HALF"] == 0.25
 
 
 def test_unknown_number_is_an_error() -> None:
     with pytest.raises(ValueError, match="NO_SUCH"):
-        Numbers(table())("NO_SUCH")
+        Numbers(table())["NO_SUCH"]
 
 
 def test_value_is_worked_out_at_first_use_and_again_after_a_change() -> None:

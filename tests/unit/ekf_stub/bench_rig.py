@@ -82,7 +82,7 @@ class BenchRig:
             around=Surroundings(
                 self,
                 self.params.get_int,
-                Numbers(self.params, "EK3_"),
+                Numbers(self.params, "EK3_").__getitem__,
                 lambda: self.gps,
                 lambda: self.armed,
                 lambda sensor: sensor in self.fitted,

@@ -47,7 +47,7 @@ class CoreRig:
         numbers = Numbers(self.params)
         self.core = Ekf3Core(
             EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append),
-            lambda name: numbers(f"EK3_{name}"),
+            lambda name: numbers[f"EK3_{name}"],
             RingSizes(6, 5, 2),
             CoreTexts(self, (0,)),
             self.counts,

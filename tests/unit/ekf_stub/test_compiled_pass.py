@@ -143,6 +143,8 @@ def test_rest_of_the_test_and_another_beginning_forget_the_same() -> None:
     pair.run(3, sigma=0.0, scale=None)
     assert not pair.both[0].stillness.is_tested
     pair.run(40, sigma=0.0)
+    pair.run(40, sigma=0.0, scale=-1.0)
+    assert pair.both[0].stillness.is_tested
     pair.begin()
     pair.compare()
     pair.run(400, sigma=0.002)
