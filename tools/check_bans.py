@@ -43,6 +43,9 @@ FILES = (
 )
 
 
+FLOAT32 = "use ap_core.fmath, it is float32"
+
+
 @dataclass(frozen=True)
 class Ban:
     """Names that must not appear in some folders.
@@ -90,12 +93,9 @@ BANS = (
     Ban(SYSTEM, PURE, (LINKS,), "no system calls here, let the caller pass what is needed"),
     Ban(FILES, PURE, (LINKS,), "no files here, take and return bytes or lines"),
     Ban(_names("numpy", NUMPY_TRIG), PORT, (), "use ap_core.fmath, numpy's results differ between CPUs"),
-    Ban(
-        _names("math", TRIG + " hypot exp log"),
-        PORT,
-        ("ap_core/fmath.py",),
-        "use ap_core.fmath, it is float32",
-    ),
+    Ban(_names("math", TRIG + " exp log"), PORT, ("ap_core/fmath.py",), FLOAT32),
+    # The packer of records asks by it whether any value is large or a NaN.
+    Ban(_names("math", "hypot"), PORT, ("ap_core/fmath.py", "ap_core/log_structure.py"), FLOAT32),
     Ban(
         frozenset({"pymavlink"}),
         PACKAGES,
