@@ -96,17 +96,22 @@ def measure_one(name: str, kernel: str, seconds: float) -> list[Figure]:
     return measure(BENCHES[name], seconds, clock)
 
 
-def measure_all(seconds: float) -> Measured:
-    """Measure all benches, and those with a filter on both kernels.
+def measure_apart(name: str, kernel: str, seconds: float) -> list[Figure]:
+    """Measure a bench in a process of its own, as `viso bench NAME` is.
 
-    Each in a process of its own, as `viso bench NAME` is: an interpreter fits itself to the types that it has met.
+    An interpreter fits itself to the types that it has met: a kernel that comes second in a process is slower.
     """
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+        return process.submit(measure_one, name, kernel, seconds).result()
+
+
+def measure_all(seconds: float) -> Measured:
+    """Measure all benches, and those with a filter on both kernels."""
     chosen = [(name, PLAIN) for name in BENCHES if name not in NOT_HERE] + [(name, NUMBA) for name in ON_BOTH_KERNELS]
-    fresh, measured = get_context("spawn"), {}
+    measured = {}
     with progress("measuring", len(chosen)) as bar:
         for name, kernel in chosen:
-            with ProcessPoolExecutor(1, mp_context=fresh) as process:
-                measured[name, kernel] = process.submit(measure_one, name, kernel, seconds).result()
+            measured[name, kernel] = measure_apart(name, kernel, seconds)
             bar.advance(bar.task_ids[0])
     return measured
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from emulator.bench.measure import Bench, Figure
-from emulator.kernels import KERNEL_VARIABLE, NUMBA, PLAIN, chosen_kernel
+from emulator.bench.measure import Figure
+from emulator.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 from tools import performance_table
-from tools.performance_table import ON_BOTH_KERNELS, TARGETS, Measured, main, target_rows
+from tools.performance_table import ON_BOTH_KERNELS, TARGETS, Measured, main, measure_apart, target_rows
 
 PAGE = "".join(f"<!-- measured: {name} -->\nold\n<!-- end -->\n" for name in ("where", "performance", "targets"))
 
@@ -59,18 +59,17 @@ def kernels(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[str]]:
     """Have benches tell on which kernels they were run, in place of measuring."""
     ran: dict[str, list[str]] = {}
 
-    def note(bench: Bench, _seconds: float, _now_s: object) -> list[Figure]:
-        ran.setdefault(bench.what, []).append(chosen_kernel())
+    def note(name: str, kernel: str, _seconds: float) -> list[Figure]:
+        ran.setdefault(name, []).append(kernel)
         return [figure("one", ratio=2.0)]
 
-    monkeypatch.setattr(performance_table, "measure", note)
+    monkeypatch.setattr(performance_table, "measure_apart", note)
     return ran
 
 
 def test_page_gets_its_tables_and_only_those_with_a_filter_run_twice(
-    tmp_path: Path, kernels: dict[str, list[str]], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, kernels: dict[str, list[str]]
 ) -> None:
-    monkeypatch.setenv(KERNEL_VARIABLE, PLAIN)
     page, memory = tmp_path / "page.md", tmp_path / "memory.json"
     page.write_text(PAGE, encoding="utf-8")
     memory.write_text(json.dumps({"benches": {}, "memory": points(*[2000] * 12)}), encoding="utf-8")
@@ -79,7 +78,14 @@ def test_page_gets_its_tables_and_only_those_with_a_filter_run_twice(
     assert "old" not in text
     assert "| loop, numba | one | 100,000 things | 10 | 10 | 2 |" in text
     assert "2,000 to 2,000 blocks, resident 200 to 240 MiB, log 18 MiB, 12 minutes | met |" in text
-    assert sorted(map(len, kernels.values())) == [1] * (len(kernels) - len(ON_BOTH_KERNELS)) + [2, 2]
+    assert {name for name, ran in kernels.items() if ran == [PLAIN, NUMBA]} == set(ON_BOTH_KERNELS)
+    assert all(ran == [PLAIN] for name, ran in kernels.items() if name not in ON_BOTH_KERNELS)
+
+
+def test_bench_is_measured_in_a_process_of_its_own_that_alone_gets_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(KERNEL_VARIABLE, PLAIN)
+    figures = measure_apart("ekf_step", NUMBA, 0.0)
+    assert [figure.rounds >= 5 for figure in figures] == [True] * 3
     assert os.environ[KERNEL_VARIABLE] == PLAIN
 
 
