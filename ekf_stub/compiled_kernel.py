@@ -385,9 +385,9 @@ predict: Any = compiled(_predict)
 def _fuse(
     cov: Array,
     spread: Array,
-    sigma: float,
+    expected: float,
     innovation: float,
-    is_sharp: bool,
+    variance: float,
     quat: Quat,
     states: Array,
     lowest: Array,
@@ -395,11 +395,13 @@ def _fuse(
     lowest_var: Array,
     after: Array,
 ) -> tuple[bool, float, float, float, float]:
-    """Fuse a scalar (ErrorState._fuse): set ``after`` and change ``states``; return whether, and the attitude.
+    """Fuse a scalar (ErrorState.fuse_spread): set ``after`` and change ``states``; return whether, and the attitude.
 
     Nothing is changed but ``after`` when a variance would become negative.
     """
     w, x, y, z = quat
+    variance = max(variance, MIN_NOISE_VAR)
+    sigma = math.sqrt(max(expected, 0.0) + variance)
     gain = spread / sigma
     for row in range(STATES):
         for column in range(STATES):
@@ -407,7 +409,7 @@ def _fuse(
     for state in range(STATES):
         if after[state, state] < 0.0:
             return False, w, x, y, z
-    if is_sharp:
+    if expected > SHARP * variance:
         for state in range(STATES):
             after[state, state] += ROUNDING * cov[state, state]
     lift(after, lowest_var)
@@ -459,11 +461,8 @@ def _update_states(
         if not (abs(innovation) <= MAX_INNOVATION and 0.0 <= variance < math.inf and expected < math.inf):
             refused += 1
             continue
-        variance = max(variance, MIN_NOISE_VAR)
-        sigma, is_sharp = math.sqrt(max(expected, 0.0) + variance), expected > SHARP * variance
-        spread = cov[state]
         was_fused, w, x, y, z = fuse(
-            cov, spread, sigma, innovation, is_sharp, quat, states, lowest, highest, lowest_var, after
+            cov, cov[state], expected, innovation, variance, quat, states, lowest, highest, lowest_var, after
         )
         if was_fused:
             quat = w, x, y, z

@@ -14,7 +14,7 @@ import numpy as np
 from ekf_stub import compiled_kernel as kernel
 from ekf_stub import quaternions as quaternion
 from ekf_stub.attitude import yaw_by_components
-from ekf_stub.error_state import EARTH, MIN_NOISE_VAR, SHARP, ErrorState, ProcessNoise
+from ekf_stub.error_state import EARTH, ErrorState, ProcessNoise
 from ekf_stub.inertial import Array, InertialStep, limited
 from ekf_stub.states import STATES
 
@@ -105,16 +105,13 @@ class CompiledErrorState(ErrorState):
         """Fuse a scalar, given what `spread_of` says."""
         if left_alone or not self._can_fuse(innovation, variance, expected):
             return super().fuse_spread(spread, expected, innovation, variance, left_alone)
-        variance = max(variance, MIN_NOISE_VAR)
-        sigma = math.sqrt(max(expected, 0.0) + variance)
-        is_sharp = expected > SHARP * variance
         states, after, limits = self.states.copy(), np.empty((STATES, STATES)), self.limits
         was_fused, *quat = kernel.fuse(
             self.cov,
             spread,
-            sigma,
+            expected,
             innovation,
-            is_sharp,
+            variance,
             _components(self.quat),
             states,
             limits.lowest,

@@ -93,19 +93,19 @@ class EkfSources:
 
     def active(self) -> dict[str, int]:
         """Return the active set by row: the same object until a parameter or the active set changes, if it is told."""
-        return self._rows.get(self.active_set) or self._row(self.active_set)
+        return self._row(self.active_set)
 
     def pos_xy(self) -> int:
         """Return the active source of horizontal position."""
-        return (self._rows.get(self.active_set) or self._row(self.active_set))["POSXY"]
+        return self._row(self.active_set)["POSXY"]
 
     def pos_z(self) -> int:
         """Return the active source of height."""
-        return (self._rows.get(self.active_set) or self._row(self.active_set))["POSZ"]
+        return self._row(self.active_set)["POSZ"]
 
     def yaw(self) -> int:
         """Return the active yaw source."""
-        return (self._rows.get(self.active_set) or self._row(self.active_set))["YAW"]
+        return self._row(self.active_set)["YAW"]
 
     def uses_vel_xy(self, source: SourceXY) -> bool:
         """Tell whether horizontal velocity is taken from a source (useVelXYSource)."""
