@@ -65,14 +65,16 @@ def test_result_is_float32(result: object) -> None:
     assert type(result) is np.float32
 
 
+def any_number(test: Callable[..., None]) -> Callable[..., None]:
+    """Run a test with any float32, and where functions begin, end or change sign."""
+    for x in (math.inf, -math.inf, -0.0, 1.0, -1.0, 1.0000001192092896, -1.0000001192092896, float(f32(-1e-45))):
+        test = example(x=x)(test)
+    return given(x=FLOATS)(test)
+
+
 @pytest.mark.parametrize("name", UNARY)
 @NO_GLIBC
-@given(x=FLOATS)
-@example(x=math.inf)
-@example(x=-math.inf)
-@example(x=-0.0)
-@example(x=1.0)
-@example(x=-1.0000001192092896)
+@any_number
 def test_way_without_glibc_is_within_one_ulp(name: str, x: float) -> None:
     ours, theirs = fmath.bind_unary(None, name)(x), fmath.bind_unary(fmath.LIBM, name)(x)
     assert within_one_ulp(f32(ours), f32(theirs))
@@ -94,14 +96,7 @@ def bits(x: np.float32) -> int:
 
 @pytest.mark.parametrize("name", UNARY)
 @NO_GLIBC
-@given(x=FLOATS)
-@example(x=math.inf)
-@example(x=-math.inf)
-@example(x=-0.0)
-@example(x=1.0)
-@example(x=-1.0)
-@example(x=1.0000001192092896)
-@example(x=-1e-45)
+@any_number
 def test_result_is_the_c_library_s_to_the_last_bit_and_comes_without_a_warning(name: str, x: float) -> None:
     assert bits(getattr(fmath, name)(f32(x))) == bits(f32(fmath.bind_unary(fmath.LIBM, name)(x)))
 
