@@ -5,8 +5,8 @@
 from typing import Final
 
 from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
-from mav_handlers.log_transfer_verdicts import VERDICTS as LOG_TRANSFER_VERDICTS
-from mav_handlers.signing_verdicts import SIGNING_VERDICTS
+from mav_handlers.signing.verdicts import SIGNING_VERDICTS
+from mav_handlers.transfers.log_transfer_verdicts import VERDICTS as LOG_TRANSFER_VERDICTS
 from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
 
 ALL_VERDICTS: Final = (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS, *LOG_TRANSFER_VERDICTS, *SIGNING_VERDICTS)

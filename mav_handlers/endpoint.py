@@ -12,20 +12,20 @@ from ap_core.param_cache import FromParams
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.channel import Channel, Rest, TransmitReserve
 from mav_handlers.context import Context
-from mav_handlers.endpoint_params import OPTION_PRIVATE
-from mav_handlers.ftp import FtpReply, FtpServer
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
-from mav_handlers.intervals import by_name, set_defaults
-from mav_handlers.log_transfer import LogTransfer
-from mav_handlers.param_reads import NO_INDEX, ParamReads
+from mav_handlers.params.names import OPTION_PRIVATE
+from mav_handlers.params.reads import NO_INDEX, ParamReads
 from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
 from mav_handlers.routing import RADIO_MESSAGES, RouteTable
 from mav_handlers.senders import gps_global_origin
-from mav_handlers.sending import Sending
-from mav_handlers.signing import SigningState
-from mav_handlers.signing_verdicts import signing_verdict
+from mav_handlers.senders.intervals import by_name, set_defaults
+from mav_handlers.senders.sending import Sending
+from mav_handlers.signing.state import SigningState
+from mav_handlers.signing.verdicts import signing_verdict
+from mav_handlers.transfers.ftp import FtpReply, FtpServer
+from mav_handlers.transfers.log_transfer import LogTransfer
 from mav_handlers.verdicts import (
     NO_HANDLER,
     NOT_ACCEPTED,

@@ -16,14 +16,14 @@ from ap_core.param import ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
-from ekf_stub.filter_status import FilterStatus
-from ekf_stub.gps_sample import GpsSample
-from mav_handlers.ftp_ports import FtpFiles
-from mav_handlers.log_transfer import LogLibrary
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.reports.filter_status import FilterStatus
 from mav_handlers.mission import Mission
 from mav_handlers.release import EndpointRelease
-from mav_handlers.signing import KeyStore
+from mav_handlers.signing.state import KeyStore
 from mav_handlers.statustext import StatusTextQueue
+from mav_handlers.transfers.ftp_ports import FtpFiles
+from mav_handlers.transfers.log_transfer import LogLibrary
 from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
 __all__ = ["AhrsPort", "AvailableMode", "CopterPort", "Location", "LogPort", "OriginResult", "VehiclePort"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mav_handlers.covariance import ErrorFormula, cube_root_of_squares, no_errors
-from mav_handlers.endpoint_params import MAV_NAMES, EndpointParams
+from mav_handlers.params.names import MAV_NAMES, EndpointParams
 
 if TYPE_CHECKING:
     from mav_handlers.context import Context

@@ -20,7 +20,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
-from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
+from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
 
 # A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
 settings.register_profile("viso", deadline=None, derandomize=os.environ.get("CI") == "true")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tools.project_files import ROOT, project_files
 
-PACKAGES = ("ap_core/", "ap_visualodom/", "ekf_stub/", "mav_handlers/", "companion/", "emulator/")
+PACKAGES = ("ap_core/", "ap_visualodom/", "ekf_stub/", "mav_handlers/", "viso/companion/", "viso/")
 PURE = ("ap_core/", "ap_visualodom/", "ekf_stub/", "mav_handlers/")
 PORT = ("ap_core/", "ap_visualodom/")
 LINKS = "mav_handlers/links/"
@@ -79,13 +79,13 @@ BANS = (
         PACKAGES,
         (
             LINKS,
-            "emulator/realtime.py",
-            "emulator/faults_proxy.py",
-            "emulator/playing.py",
-            "emulator/landmarks_live.py",
-            "emulator/vio_live.py",
-            "emulator/commands/bench.py",
-            "emulator/commands/doctor.py",
+            "viso/running/real_time.py",
+            "viso/faults/proxy.py",
+            "viso/running/playing.py",
+            "viso/landmarks/live.py",
+            "viso/vio/live.py",
+            "viso/commands/bench.py",
+            "viso/commands/doctor.py",
         ),
         "take the time as an argument",
     ),
@@ -99,10 +99,10 @@ BANS = (
     Ban(
         frozenset({"pymavlink"}),
         PACKAGES,
-        ("mav_handlers/wire/codec.py", "emulator/recorded_log.py", "emulator/bench/versus_pymavlink.py"),
-        "use mav_handlers.wire, or emulator.recorded_log for logs",
+        ("mav_handlers/wire/codec.py", "viso/logs/recorded.py", "viso/bench/versus_pymavlink.py"),
+        "use mav_handlers.wire, or viso.logs.recorded for logs",
     ),
-    Ban(frozenset({"builtins.print"}), PACKAGES, ("emulator/cli.py", "emulator/commands/"), "use logging"),
+    Ban(frozenset({"builtins.print"}), PACKAGES, ("viso/cli.py", "viso/commands/"), "use logging"),
     Ban(frozenset({"time.sleep"}), ("tests/unit/",), (), "pass a clock and step it"),
 )
 

@@ -12,12 +12,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from emulator import ekf_targets
-from emulator.console import progress
-from emulator.ekf_comparison import Comparison, compare
-from emulator.ekf_replay import replay_ekf
-from emulator.errors import InputError
 from tools.measured_page import render, replace
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.comparison import Comparison, compare
+from viso.ekf_runs.run import replay_ekf
+from viso.errors import InputError
+from viso.terminal.console import progress
 
 LOGS: Final = Path(__file__).resolve().parent.parent / "tests" / "data" / "logs"
 HEAD: Final = (

@@ -19,27 +19,7 @@ from typing import Any, Final
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
-from companion.faults.kinds import FAULTS
-from companion.faults.parameters import parameters_of
-from companion.recorded.axes import PRESETS as AXES
-from companion.recorded.messages import FORMS
-from companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
-from companion.sources.kinds import SOURCES
-from companion.vio.config import VioConfig
-from ekf_stub.ingest_rules import RULES as FILTER_RULES
-from emulator.cli import COMMANDS as CLI_COMMANDS
-from emulator.cli import command_function
-from emulator.doctor.rules import FAMILIES as DOCTOR_FAMILIES
-from emulator.doctor.rules import RULES as DOCTOR_RULES
-from emulator.filter_fates import basis, fate_of, is_final, why
-from emulator.firmware import PROFILES, Firmware
-from emulator.parameters import make_groups
-from emulator.presets import PRESETS, preset_title
-from emulator.release_parameters import ALL_RENAMES
-from emulator.streams import STREAM_KINDS
-from emulator.sweep.objectives import OBJECTIVES
-from emulator.web.desk import ACTIONS
-from emulator.web.faults import SWITCHES
+from ekf_stub.inputs.ingest_rules import RULES as FILTER_RULES
 from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
@@ -47,6 +27,26 @@ from mav_handlers.handlers.commands import MavCmd
 from mav_handlers.links import LINKS
 from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_to_report
 from mav_handlers.wire.codec import full_length, message_id
+from viso.cli import COMMANDS as CLI_COMMANDS
+from viso.cli import command_function
+from viso.companion.faults.kinds import FAULTS
+from viso.companion.faults.parameters import parameters_of
+from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
+from viso.companion.sources.kinds import SOURCES
+from viso.companion.vio.config import VioConfig
+from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
+from viso.doctor.rules import RULES as DOCTOR_RULES
+from viso.fates.words import basis, fate_of, is_final, why
+from viso.firmware.releases import PROFILES, Firmware
+from viso.options.presets import PRESETS, preset_title
+from viso.parameters.releases import ALL_RENAMES
+from viso.parameters.table import make_groups
+from viso.streams.table import STREAM_KINDS
+from viso.sweep.objectives import OBJECTIVES
+from viso.web.desk import ACTIONS
+from viso.web.faults import SWITCHES
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
 _BLOCK: Final = re.compile(r"(<!-- (table|text): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -5,7 +5,7 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from emulator.errors import InputError
+from viso.errors import InputError
 
 
 def render(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:

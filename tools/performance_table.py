@@ -17,16 +17,16 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from emulator.bench.about import about
-from emulator.bench.growth import TIMES, name_of
-from emulator.bench.measure import Figure, measure
-from emulator.bench.report import read_data
-from emulator.bench.startup import FIRST_ACCEPTED
-from emulator.bench.table import BENCHES
-from emulator.console import progress
-from emulator.errors import InputError
-from emulator.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 from tools.measured_page import render, replace
+from viso.bench.about import about
+from viso.bench.growth import TIMES, name_of
+from viso.bench.measure import Figure, measure
+from viso.bench.report import read_data
+from viso.bench.startup import FIRST_ACCEPTED
+from viso.bench.table import BENCHES
+from viso.errors import InputError
+from viso.terminal.console import progress
+from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 
 HEAD: Final = ("bench", "what", "in a second", "us each", "95 %", "ratio")
 TARGET_HEAD: Final = ("what", "target", "measured", "")

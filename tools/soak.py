@@ -192,7 +192,7 @@ def boot(peers: Sequence[Peer]) -> None:
 
 def command(peers: Sequence[Peer], folder: str) -> list[str]:
     """Return the command line of the vehicle."""
-    line = [sys.executable, "-c", "from emulator.cli import main; main()", "serve", "--json", "--log-dir", folder]
+    line = [sys.executable, "-c", "from viso.cli import main; main()", "serve", "--json", "--log-dir", folder]
     for number, peer in enumerate(peers, 1):
         line += ["--master", f"udpin:127.0.0.1:{peer.port}"]
         for group, rate_hz in STREAMS.items():

@@ -18,17 +18,17 @@ from typing import Final
 
 import numpy as np
 
-from companion.euroc import EurocError, EurocRecording, load_euroc
-from companion.trial import Trial, run_trial
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.types import VioState
-from companion.world.flight import SyntheticFlight
-from companion.world.ground import generate_texture
-from companion.world.trajectory import nadir_survey
-from emulator.console import progress
-from emulator.errors import InputError
 from tools.measured_page import render, replace
+from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
+from viso.companion.trials.trial import Trial, run_trial
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.types import VioState
+from viso.companion.world.flight import SyntheticFlight
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.trajectory import nadir_survey
+from viso.errors import InputError
+from viso.terminal.console import progress
 
 CLIP: Final = (
     Path(os.environ.get("VISO_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "euroc_mh01_clip"

@@ -19,24 +19,24 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
-from emulator.long_lived import uncollected
+from viso.terminal.long_lived import uncollected
 
 EXIT_USAGE: Final = 2
 
 COMMANDS: Final[Mapping[str, str]] = {
-    "demo": "emulator.commands.demo",
-    "serve": "emulator.commands.serve",
-    "replay": "emulator.commands.replay",
-    "doctor": "emulator.commands.doctor",
-    "vio": "emulator.commands.vio",
-    "play": "emulator.commands.play",
-    "landmarks": "emulator.commands.landmarks",
-    "faults": "emulator.commands.faults",
-    "report": "emulator.commands.report",
-    "ekf": "emulator.commands.ekf",
-    "vectors": "emulator.commands.vectors",
-    "sweep": "emulator.commands.sweep",
-    "bench": "emulator.commands.bench",
+    "demo": "viso.commands.demo",
+    "serve": "viso.commands.serve",
+    "replay": "viso.commands.replay",
+    "doctor": "viso.commands.doctor",
+    "vio": "viso.commands.vio",
+    "play": "viso.commands.play",
+    "landmarks": "viso.commands.landmarks",
+    "faults": "viso.commands.faults",
+    "report": "viso.commands.report",
+    "ekf": "viso.commands.ekf",
+    "vectors": "viso.commands.vectors",
+    "sweep": "viso.commands.sweep",
+    "bench": "viso.commands.bench",
 }
 """The module of each command; the function in it has the name of the command."""
 
@@ -122,9 +122,9 @@ def make_app() -> typer.Typer:
 
 def _reported() -> tuple[type[Exception], ...]:
     # Looked for once something has gone wrong, for links take time to import.
-    from emulator.errors import InputError
-    from emulator.log_files import LogStoreError
     from mav_handlers.links.base import LinkError
+    from viso.errors import InputError
+    from viso.logs.files import LogStoreError
 
     return InputError, LinkError, LogStoreError
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import pytest
 
 if TYPE_CHECKING:
-    from emulator.testing import Autopilot, AutopilotOptions, UdpAutopilot
-    from emulator.testing.golden import GoldenFiles
+    from viso.testing import Autopilot, AutopilotOptions, UdpAutopilot
+    from viso.testing.golden import GoldenFiles
 
 MARKER: Final = "extnav_autopilot"
 OPTION_NAMES: Final = ("params", "preset", "imu", "firmware")
@@ -42,22 +42,22 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def extnav_autopilot(request: pytest.FixtureRequest) -> "Iterator[Autopilot]":
-    """The emulated autopilot, booted, in virtual time: see ``emulator.testing.Autopilot``."""
-    from emulator.testing import Autopilot
+    """The emulated autopilot, booted, in virtual time: see ``viso.testing.Autopilot``."""
+    from viso.testing import Autopilot
 
     yield from _made(request, Autopilot)
 
 
 @pytest.fixture
 def extnav_autopilot_udp(request: pytest.FixtureRequest) -> "Iterator[UdpAutopilot]":
-    """The same on a UDP port of loopback: see ``emulator.testing.UdpAutopilot``."""
-    from emulator.testing import UdpAutopilot
+    """The same on a UDP port of loopback: see ``viso.testing.UdpAutopilot``."""
+    from viso.testing import UdpAutopilot
 
     yield from _made(request, UdpAutopilot)
 
 
 def _made(request: pytest.FixtureRequest, make: "Callable[[AutopilotOptions, GoldenFiles], _A]") -> "Iterator[_A]":
-    from emulator.testing.golden import FOLDER, GoldenFiles
+    from viso.testing.golden import FOLDER, GoldenFiles
 
     golden = GoldenFiles(request.path.parent / FOLDER, update=request.config.getoption(UPDATE_GOLDEN))
     try:
@@ -76,7 +76,7 @@ def _wanted(item: pytest.Item) -> "AutopilotOptions":
     Raises:
         ValueError: a marker has an argument that there is not.
     """
-    from emulator.testing import AutopilotOptions
+    from viso.testing import AutopilotOptions
 
     values: dict[str, Any] = {}
     params: dict[str, float] = {}

@@ -14,11 +14,11 @@ from ap_core.clock import Clock
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
-from ekf_stub.filter_status import FilterStatus
-from ekf_stub.sensors import SensorSource
-from ekf_stub.sources import EkfSources, SourceYaw
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.sensors import SensorSource
+from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
+from ekf_stub.reports.filter_status import FilterStatus
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
 ESTIMATOR_STARTUP_DELAY_US: Final = 1_000_000
@@ -52,7 +52,7 @@ class AhrsBase:
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
     def _now_ms(self) -> int:
-        # Without the wrap of the firmware's clock, see ekf_stub.aiding.FusionTimes.
+        # Without the wrap of the firmware's clock, see ekf_stub.fusion.aiding.FusionTimes.
         return self._clock.micros64() // 1000
 
     def started(self) -> bool:

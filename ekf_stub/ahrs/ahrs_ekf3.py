@@ -18,25 +18,25 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.aiding import AidingMode
-from ekf_stub.core_report import CoreReport
-from ekf_stub.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.ekf_log import UNINITIALISED, EkfLog
-from ekf_stub.error_state import euler_of
-from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.filter_status import FilterFlag, FilterStatus
-from ekf_stub.gps_sample import FIX_3D
-from ekf_stub.kernel import PLAIN, Kernel
-from ekf_stub.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, ReplayLog
-from ekf_stub.replay_vehicle import VehicleFrame
-from ekf_stub.reporting import run_report_of, three
-from ekf_stub.sensors import Sensors, SensorSource
-from ekf_stub.source_check import VISUAL_ODOM, source_failure
-from ekf_stub.sources import EkfSources, SourceYaw
-from ekf_stub.surroundings import Surroundings
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.reporting import run_report_of, three
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.inputs.gps_sample import FIX_3D
+from ekf_stub.inputs.sensors import Sensors, SensorSource
+from ekf_stub.inputs.source_check import VISUAL_ODOM, source_failure
+from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, ReplayLog
+from ekf_stub.log.replay_vehicle import VehicleFrame
+from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
+from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 
 _OLD_EXTERNAL_YAW: Final = (5, 6)  # of EK3_MAG_CAL
 _HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The filter's arithmetic as functions of numbers and arrays, compiled by numba. Needs the extra numba.
 
-Formulas and their order are those of `ekf_stub.nominal_state`, `process_model`, `error_state` and `covariance`, which
-define them. Products of matrices leave out what is known to be zero, and so round otherwise than the BLAS does.
+Formulas and their order are those of `nominal_state`, `process_model`, `error_state` and `covariance` in
+`ekf_stub.filter`, which define them. Products of matrices leave out what is known to be zero, and so round otherwise
+than the BLAS does.
 """
 
 import math
@@ -12,12 +13,12 @@ from typing import Any, Final
 import numba
 import numpy as np
 
-from ekf_stub.covariance import ROUNDING
-from ekf_stub.error_state import MAX_INNOVATION, MAX_TILT_VAR, MIN_NOISE_VAR, OBSERVABLE_COSINE, SHARP
-from ekf_stub.inertial import GRAVITY_MSS, MAX_DEL_ANG, MAX_DEL_VEL, MAX_DT, MIN_DT, Array
-from ekf_stub.nominal_state import MAX_ACCEL_WITHOUT_AIDING
-from ekf_stub.process_model import MAX_GROWING_POS_VAR
-from ekf_stub.states import ACCEL, ATT, GYRO, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, POS, STATES, VEL
+from ekf_stub.filter.covariance import ROUNDING
+from ekf_stub.filter.error_state import MAX_INNOVATION, MAX_TILT_VAR, MIN_NOISE_VAR, OBSERVABLE_COSINE, SHARP
+from ekf_stub.filter.inertial import GRAVITY_MSS, MAX_DEL_ANG, MAX_DEL_VEL, MAX_DT, MIN_DT, Array
+from ekf_stub.filter.nominal_state import MAX_ACCEL_WITHOUT_AIDING
+from ekf_stub.filter.process_model import MAX_GROWING_POS_VAR
+from ekf_stub.filter.states import ACCEL, ATT, GYRO, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, POS, STATES, VEL
 
 _GRAVITY: Final = GRAVITY_MSS
 _VEL: Final = VEL.start

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A pass of the main loop in one compiled call, behind the interface of the plain one. Needs the extra numba.
 
-`ekf_stub.inertial_pass` is the definition and the default.
+`ekf_stub.filter.inertial_pass` is the definition and the default.
 """
 
 import math
@@ -11,15 +11,15 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub import compiled_pass_kernel as kernel
-from ekf_stub import quaternions as quaternion
-from ekf_stub.compiled_state import CompiledErrorState
-from ekf_stub.core_report import StillnessReport, Three
-from ekf_stub.error_state import ErrorState
-from ekf_stub.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
-from ekf_stub.inertial_pass import LOOP_DT, InertialPass
-from ekf_stub.kernel import Kernel
-from ekf_stub.output_predictor import Output, OutputChanges
+from ekf_stub.compiled import compiled_pass_kernel as kernel
+from ekf_stub.compiled.compiled_state import CompiledErrorState
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
+from ekf_stub.filter.inertial_pass import LOOP_DT, InertialPass
+from ekf_stub.filter.kernel import Kernel
+from ekf_stub.filter.output_predictor import Output, OutputChanges
+from ekf_stub.reports.core_report import StillnessReport, Three
 
 _NOW: Final = slice(kernel.NOW, kernel.NOW + kernel.OUTPUT_SIZE)
 _BIAS_RATES: Final = slice(kernel.BIAS_RATES, kernel.BIAS_RATES + 6)
@@ -101,7 +101,7 @@ class CompiledOutput(OutputChanges):
 
 
 class CompiledStillness:
-    """What the test for standing still says; see `ekf_stub.stillness.Stillness`.
+    """What the test for standing still says; see `ekf_stub.filter.stillness.Stillness`.
 
     Attributes:
         known: bits of the kernel.

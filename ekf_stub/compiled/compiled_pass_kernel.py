@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A pass of the main loop as functions of arrays, compiled by numba. Needs the extra numba.
 
-Formulas and their order are those of `ekf_stub.stillness`, `inertial.DownSampler` and `output_predictor`, which define
-them. All that is kept from pass to pass is in one array: an array costs a call 50 ns, a number in it nothing.
+Formulas and their order are those of `stillness`, `inertial.DownSampler` and `output_predictor` in `ekf_stub.filter`,
+which define them. All that is kept from pass to pass is in one array: an array costs a call 50 ns, a
+number in it nothing.
 """
 
 import math
 from typing import Any, Final
 
-from ekf_stub.compiled_kernel import QUATERNION_EPS, Quat, compiled, normalized, times, turned_by
-from ekf_stub.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Array
-from ekf_stub.output_predictor import ATTITUDE_GAIN, INTEGRAL_GAIN
-from ekf_stub.states import ACCEL, ATT, GYRO, POS, VEL
-from ekf_stub.stillness import (
+from ekf_stub.compiled.compiled_kernel import QUATERNION_EPS, Quat, compiled, normalized, times, turned_by
+from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Array
+from ekf_stub.filter.output_predictor import ATTITUDE_GAIN, INTEGRAL_GAIN
+from ekf_stub.filter.states import ACCEL, ATT, GYRO, POS, VEL
+from ekf_stub.filter.stillness import (
     ACCEL_DIFF_LIMIT,
     ACCEL_LIMIT,
     CUTOFF_HZ,

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The filter with its prediction and its fusion compiled by numba, behind the interface of the plain one.
 
-`ekf_stub.error_state` is the definition and the default. What is fused while nothing aids is seldom, and stays with it.
-Needs the extra numba.
+`ekf_stub.filter.error_state` is the definition and the default. What is fused while nothing aids is seldom, and
+stays with it. Needs the extra numba.
 """
 
 import math
@@ -11,12 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ekf_stub import compiled_kernel as kernel
-from ekf_stub import quaternions as quaternion
-from ekf_stub.attitude import yaw_by_components
-from ekf_stub.error_state import EARTH, ErrorState, ProcessNoise
-from ekf_stub.inertial import Array, InertialStep, limited
-from ekf_stub.states import STATES
+from ekf_stub.compiled import compiled_kernel as kernel
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.attitude import yaw_by_components
+from ekf_stub.filter.error_state import EARTH, ErrorState, ProcessNoise
+from ekf_stub.filter.inertial import Array, InertialStep, limited
+from ekf_stub.filter.states import STATES
 
 
 def _components(quat: quaternion.quaternion) -> tuple[float, float, float, float]:

@@ -14,30 +14,30 @@ import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
-from ekf_stub.aiding import Aiding, AidingMode
-from ekf_stub.body_odometry import BodyOdometry
-from ekf_stub.core_report import CoreReport
-from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
-from ekf_stub.error_state import EARTH_RATE, ErrorState, ProcessNoise, quat_of_euler
-from ekf_stub.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
-from ekf_stub.frame import Frame as Frame
-from ekf_stub.frame_door import FrameDoor
-from ekf_stub.gps_checks import GpsChecks
-from ekf_stub.gps_reading import GpsReading
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.height_source import HeightSource
-from ekf_stub.inertial import Array, InertialDelta, InertialStep, limited
-from ekf_stub.inertial_pass import StillnessAnswer
-from ekf_stub.kernel import PLAIN, Kernel
-from ekf_stub.measurements import BaroSample, Delayed, MagSample
-from ekf_stub.mode_control import ModeControl
-from ekf_stub.obs_ring import RingSizes
-from ekf_stub.reporting import report_of
-from ekf_stub.resets import POS_NE, Resets
-from ekf_stub.sources import EkfSources, SourceYaw
-from ekf_stub.vel_pos_fusion import VelPosFusion
-from ekf_stub.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
-from ekf_stub.yaw_fusion import YawFusion
+from ekf_stub.core.frame import Frame as Frame
+from ekf_stub.core.frame_door import FrameDoor
+from ekf_stub.core.mode_control import ModeControl
+from ekf_stub.core.reporting import report_of
+from ekf_stub.filter.error_state import EARTH_RATE, ErrorState, ProcessNoise, quat_of_euler
+from ekf_stub.filter.inertial import Array, InertialDelta, InertialStep, limited
+from ekf_stub.filter.inertial_pass import StillnessAnswer
+from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.fusion.aiding import Aiding, AidingMode
+from ekf_stub.fusion.body_odometry import BodyOdometry
+from ekf_stub.fusion.height_source import HeightSource
+from ekf_stub.fusion.measurements import BaroSample, Delayed, MagSample
+from ekf_stub.fusion.resets import POS_NE, Resets
+from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
+from ekf_stub.fusion.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
+from ekf_stub.fusion.yaw_fusion import YawFusion
+from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
+from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
 BOOTSTRAP_MS: Final = 1000
 SENSOR_INTERVAL_MS: Final = 50

@@ -4,8 +4,8 @@
 
 from typing import NamedTuple
 
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import Array, InertialDelta
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.gps_sample import GpsSample
 
 
 class Frame(NamedTuple):

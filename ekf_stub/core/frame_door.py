@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from ekf_stub.frame import Frame
-from ekf_stub.inertial import MIN_DT, InertialDelta, InertialGuard
+from ekf_stub.core.frame import Frame
+from ekf_stub.filter.inertial import MIN_DT, InertialDelta, InertialGuard
 
 MAX_BARO_M: Final = 1e5
 MAX_FIELD_MGAUSS: Final = 1e5

@@ -13,19 +13,19 @@ import numpy as np
 
 from ap_core.cint import u32
 from ap_core.fmath import f32
-from ekf_stub.aiding import AidingMode, Ready
-from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
-from ekf_stub.error_state import GYRO
-from ekf_stub.filter_flags import FilterState, filter_flags
-from ekf_stub.filter_status import FilterFlag
-from ekf_stub.frame import Frame
-from ekf_stub.height_source import Vehicle
-from ekf_stub.inertial import Array
-from ekf_stub.nominal_state import down_of
-from ekf_stub.sources import SourceXY, SourceYaw, SourceZ
+from ekf_stub.core.frame import Frame
+from ekf_stub.filter.error_state import GYRO
+from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.nominal_state import down_of
+from ekf_stub.fusion.aiding import AidingMode, Ready
+from ekf_stub.fusion.filter_flags import FilterState, filter_flags
+from ekf_stub.fusion.height_source import Vehicle
+from ekf_stub.inputs.sources import SourceXY, SourceYaw, SourceZ
+from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
+from ekf_stub.reports.filter_status import FilterFlag
 
 if TYPE_CHECKING:
-    from ekf_stub.ekf3_core import Ekf3Core
+    from ekf_stub.core.ekf3_core import Ekf3Core
 
 HEALTHY_AFTER_MS: Final = 1000
 TILT_ALIGNED_VAR: Final = math.radians(5.0) ** 2

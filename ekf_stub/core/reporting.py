@@ -5,13 +5,13 @@
 import math
 from typing import TYPE_CHECKING, Final
 
-from ekf_stub.core_report import CoreReport, RunReport, Three
-from ekf_stub.error_state import euler_of
-from ekf_stub.inertial import Array
-from ekf_stub.states import STATES
+from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.states import STATES
+from ekf_stub.reports.core_report import CoreReport, RunReport, Three
 
 if TYPE_CHECKING:
-    from ekf_stub.ekf3_core import Ekf3Core
+    from ekf_stub.core.ekf3_core import Ekf3Core
 
 _NOT_ESTIMATED: Final = (0.0,) * (24 - STATES)  # of the firmware's states: wind
 _BAD_QUAT, _BAD_VEL = 1 << 0, 1 << 1

@@ -9,10 +9,10 @@ from typing import Final
 from ap_core.location import Location
 from ap_core.sinks import TextSink
 from ap_core.vector3 import Vector3f
-from ekf_stub.core_texts import NoTexts
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.obs_ring import RingSizes, ring_sizes
-from ekf_stub.sources import EkfSources
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.obs_ring import RingSizes, ring_sizes
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.reports.core_texts import NoTexts
 
 _INTS: Final[Mapping[str, int]] = {
     "EK3_ENABLE": 1,

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.inertial import Array, limited
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.inertial import Array, limited
 
 
 def euler_of(quat: quaternion.quaternion) -> tuple[float, float, float]:

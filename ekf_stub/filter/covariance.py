@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ekf_stub.inertial import Array
-from ekf_stub.states import ACCEL, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, StateLimits
+from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.states import ACCEL, MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, StateLimits
 
 ROUNDING = 1e-13
 _NO_VAR = 1e-30

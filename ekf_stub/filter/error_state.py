@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub import covariance
-from ekf_stub import quaternions as quaternion
-from ekf_stub.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
-from ekf_stub.nominal_state import EARTH_RATE, NominalState
-from ekf_stub.process_model import ProcessModel, ProcessNoise
-from ekf_stub.states import ACCEL, ATT, BODY, EARTH, GYRO, MAX_ATT_VAR, MIN_ACCEL_VAR, POS, STATES, VEL
+from ekf_stub.filter import covariance
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
+from ekf_stub.filter.nominal_state import EARTH_RATE, NominalState
+from ekf_stub.filter.process_model import ProcessModel, ProcessNoise
+from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, MAX_ATT_VAR, MIN_ACCEL_VAR, POS, STATES, VEL
 
 __all__ = [
     "ACCEL",

@@ -3,23 +3,23 @@
 """What inertial data go through in every pass of the main loop, 400 times a second.
 
 The test for standing still, the down-sampler and, once the filter has a state, the output predictor. They are together
-because that is what a kernel compiles as one: see `ekf_stub.compiled_pass`.
+because that is what a kernel compiles as one: see `ekf_stub.compiled.compiled_pass`.
 """
 
 from typing import Final, Protocol
 
-from ekf_stub.core_report import StillnessReport, Three
-from ekf_stub.error_state import ErrorState
-from ekf_stub.inertial import DownSampler, InertialDelta, InertialStep
-from ekf_stub.output_predictor import OutputPredictor, OutputState
-from ekf_stub.stillness import Stillness
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import DownSampler, InertialDelta, InertialStep
+from ekf_stub.filter.output_predictor import OutputPredictor, OutputState
+from ekf_stub.filter.stillness import Stillness
+from ekf_stub.reports.core_report import StillnessReport, Three
 
 LOOP_DT: Final = 0.0025
 NO_RATES: Final[tuple[Three, Three]] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class StillnessAnswer(Protocol):
-    """What the test for standing still says, see `ekf_stub.stillness.Stillness`."""
+    """What the test for standing still says, see `ekf_stub.filter.stillness.Stillness`."""
 
     @property
     def is_still(self) -> bool:

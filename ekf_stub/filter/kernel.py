@@ -5,10 +5,10 @@
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import ErrorState
-from ekf_stub.inertial import Array
-from ekf_stub.inertial_pass import InertialPass
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.inertial_pass import InertialPass
 
 
 class Kernel(NamedTuple):
@@ -23,4 +23,4 @@ class Kernel(NamedTuple):
 
 
 PLAIN: Final = Kernel(ErrorState, InertialPass)
-"""Python with numpy: the definition and the default. `ekf_stub.compiled_pass` has a faster one."""
+"""Python with numpy: the definition and the default. `ekf_stub.compiled.compiled_pass` has a faster one."""

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.attitude import matrix_of_quat, yaw_of
-from ekf_stub.core_report import Three
-from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep, quat_of_rotation
-from ekf_stub.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, StateLimits, but_attitude, within
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.attitude import matrix_of_quat, yaw_of
+from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep, quat_of_rotation
+from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, StateLimits, but_attitude, within
+from ekf_stub.reports.core_report import Three
 
 EARTH_RATE: Final = 7.292115e-5
 MAX_ACCEL_WITHOUT_AIDING: Final = 5.0

@@ -3,7 +3,7 @@
 """Carries the filter's state from the fusion horizon to the present (AP_NavEKF3_core.cpp, calcOutputStates).
 
 It integrates the newest inertial data, and follows the filter by comparing what it said at the horizon with what the
-filter says now. Vectors are pure quaternions, for speed; see `ekf_stub.inertial`.
+filter says now. Vectors are pure quaternions, for speed; see `ekf_stub.filter.inertial`.
 """
 
 import math
@@ -13,10 +13,10 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import ErrorState
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
-from ekf_stub.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, POS, but_attitude, within
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
+from ekf_stub.filter.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, POS, but_attitude, within
 
 ATTITUDE_GAIN: Final = 0.5
 INTEGRAL_GAIN: Final = 0.1

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.attitude import by_rotation
-from ekf_stub.covariance import diagonal
-from ekf_stub.inertial import Array, limited
-from ekf_stub.nominal_state import NominalState
-from ekf_stub.states import ACCEL, ATT, GYRO, POS, STATES, VEL
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.attitude import by_rotation
+from ekf_stub.filter.covariance import diagonal
+from ekf_stub.filter.inertial import Array, limited
+from ekf_stub.filter.nominal_state import NominalState
+from ekf_stub.filter.states import ACCEL, ATT, GYRO, POS, STATES, VEL
 
 MAX_GROWING_POS_VAR: Final = 1e4
 

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inertial import EKF_TARGET_DT, Array, limited
+from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, limited
 
 ATT: Final = slice(0, 4)
 VEL: Final = slice(4, 7)

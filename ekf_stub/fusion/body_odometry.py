@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub import ingest_rules as rules
-from ekf_stub.aiding import Aiding
-from ekf_stub.core_report import OdometryReport
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.error_state import ATT, STATES, VEL, ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest, OdometrySample
-from ekf_stub.inertial import Array, InertialStep
-from ekf_stub.sources import EkfSources, SourceXY
+from ekf_stub.filter.error_state import ATT, STATES, VEL, ErrorState
+from ekf_stub.filter.inertial import Array, InertialStep
+from ekf_stub.fusion.aiding import Aiding
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, OdometrySample
+from ekf_stub.inputs.sources import EkfSources, SourceXY
+from ekf_stub.reports.core_report import OdometryReport
+from ekf_stub.reports.core_texts import CoreTexts
 
 GATE_SIGMAS: Final = 5.0
 _MIN_DT: Final = 1e-3

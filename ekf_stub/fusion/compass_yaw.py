@@ -8,10 +8,10 @@ Source: AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, AP_NavEKF3/AP_NavEKF3_Control.cpp (
 import math
 from typing import Final
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import ErrorState
-from ekf_stub.height_source import Vehicle
-from ekf_stub.inertial import limited
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import limited
+from ekf_stub.fusion.height_source import Vehicle
 
 FINAL_HEIGHT_M: Final = 2.5
 MAX_TURN: Final = 0.1745

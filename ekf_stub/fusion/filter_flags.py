@@ -4,8 +4,8 @@
 
 from typing import NamedTuple
 
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
 
 
 class FilterState(NamedTuple):

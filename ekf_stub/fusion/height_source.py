@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u32
-from ekf_stub.aiding import Aiding
-from ekf_stub.error_state import ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.gps_reading import HEIGHT_TO_HORIZONTAL, GpsReading
-from ekf_stub.inertial import limited
-from ekf_stub.measurements import BaroSample, Delayed
-from ekf_stub.obs_ring import ObsRing
-from ekf_stub.sources import EkfSources, SourceZ
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import limited
+from ekf_stub.fusion.aiding import Aiding
+from ekf_stub.fusion.measurements import BaroSample, Delayed
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL, GpsReading
+from ekf_stub.inputs.obs_ring import ObsRing
+from ekf_stub.inputs.sources import EkfSources, SourceZ
 
 FRESH_MS: Final = 500
 GPS_LOST_MS: Final = 2000

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.error_state import ATT, BODY, EARTH, STATES, ErrorState
-from ekf_stub.inertial import Array, InertialStep, limited
-from ekf_stub.measurements import MagSample
+from ekf_stub.filter.error_state import ATT, BODY, EARTH, STATES, ErrorState
+from ekf_stub.filter.inertial import Array, InertialStep, limited
+from ekf_stub.fusion.measurements import MagSample
 
 RATE_SCALE: Final = 0.005  # of the noise, Gauss per rad/s
 NOISE_LIMITS: Final = (0.01, 0.5)

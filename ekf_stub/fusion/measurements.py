@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ekf_stub import ingest_rules as rules
-from ekf_stub.core_report import Three
-from ekf_stub.error_state import ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest, PoseSample, VelocitySample
-from ekf_stub.inertial import Array, InertialStep
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inertial import Array, InertialStep
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, PoseSample, VelocitySample
+from ekf_stub.reports.core_report import Three
 
 
 class Pose(NamedTuple):

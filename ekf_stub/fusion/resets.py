@@ -8,14 +8,14 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import i32, u32
-from ekf_stub.aiding import Aiding, AidingMode
-from ekf_stub.error_state import POS, VEL, ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.gps_reading import GpsReading
-from ekf_stub.inertial import Array
-from ekf_stub.measurements import Delayed
-from ekf_stub.output_predictor import OutputState
-from ekf_stub.sources import EkfSources, SourceXY
+from ekf_stub.filter.error_state import POS, VEL, ErrorState
+from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.output_predictor import OutputState
+from ekf_stub.fusion.aiding import Aiding, AidingMode
+from ekf_stub.fusion.measurements import Delayed
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.sources import EkfSources, SourceXY
 
 FRESH_VELOCITY_MS: Final = 250
 LOST_VELOCITY_VAR: Final = 25.0**2

@@ -10,16 +10,16 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Rule
-from ekf_stub import ingest_rules as rules
-from ekf_stub.aiding import Aiding, AidingMode
-from ekf_stub.error_state import POS, VEL, ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest
-from ekf_stub.gps_reading import GpsFix, GpsReading
-from ekf_stub.height_source import BARO, EXT_NAV, HeightSource, Vehicle
-from ekf_stub.inertial import Array, limited
-from ekf_stub.measurements import Delayed, Velocity
-from ekf_stub.resets import NORTH_EAST, POS_NE, Resets
-from ekf_stub.sources import EkfSources, SourceXY, SourceZ
+from ekf_stub.filter.error_state import POS, VEL, ErrorState
+from ekf_stub.filter.inertial import Array, limited
+from ekf_stub.fusion.aiding import Aiding, AidingMode
+from ekf_stub.fusion.height_source import BARO, EXT_NAV, HeightSource, Vehicle
+from ekf_stub.fusion.measurements import Delayed, Velocity
+from ekf_stub.fusion.resets import NORTH_EAST, POS_NE, Resets
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.gps_reading import GpsFix, GpsReading
+from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceZ
 
 DISARMED_NOISE: Final = 0.5
 MAX_RATIO_ON_GROUND: Final = 3.0

@@ -6,19 +6,19 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from ekf_stub import ingest_rules as rules
-from ekf_stub.compass_yaw import ALWAYS, CompassAlignment
-from ekf_stub.core_texts import MAV_SEVERITY_WARNING, CoreTexts
-from ekf_stub.error_state import MIN_NOISE_VAR, ErrorState
-from ekf_stub.ext_nav_ingest import ExtNavIngest, YawSample
-from ekf_stub.gps_reading import MIN_YAW_ERR, GpsReading
-from ekf_stub.height_source import Vehicle
-from ekf_stub.inertial import InertialStep, limited
-from ekf_stub.mag_fusion import MagFusion
-from ekf_stub.measurements import MagSample
-from ekf_stub.obs_ring import ObsRing
-from ekf_stub.output_predictor import OutputState
-from ekf_stub.sources import EkfSources, SourceYaw
+from ekf_stub.filter.error_state import MIN_NOISE_VAR, ErrorState
+from ekf_stub.filter.inertial import InertialStep, limited
+from ekf_stub.filter.output_predictor import OutputState
+from ekf_stub.fusion.compass_yaw import ALWAYS, CompassAlignment
+from ekf_stub.fusion.height_source import Vehicle
+from ekf_stub.fusion.mag_fusion import MagFusion
+from ekf_stub.fusion.measurements import MagSample
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, YawSample
+from ekf_stub.inputs.gps_reading import MIN_YAW_ERR, GpsReading
+from ekf_stub.inputs.obs_ring import ObsRing
+from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
 SYNTHETIC_PERIOD_MS: Final = 140
 IN_USE_MS: Final = 5000

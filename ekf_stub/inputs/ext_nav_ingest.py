@@ -19,8 +19,8 @@ from ap_core.fmath import f32, ieee754
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Rule
-from ekf_stub import ingest_rules as rules
-from ekf_stub.obs_ring import NOTHING_DUE, RECALL_WINDOW_MS, ObsRing, RingSizes, Timed
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.obs_ring import NOTHING_DUE, RECALL_WINDOW_MS, ObsRing, RingSizes, Timed
 
 EXT_NAV_INTERVAL_MIN_MS: Final = 20
 SENSOR_INTERVAL_MIN_MS: Final = 50

@@ -8,7 +8,7 @@ The checks are those of the default of EK3_GPS_CHECK. Accuracies are taken as th
 from typing import Final
 
 from ap_core.cint import u32
-from ekf_stub.gps_sample import FIX_3D, GpsSample
+from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 
 MIN_INTERVAL_MS: Final = 50
 PASS_TIME_MS: Final = 10_000

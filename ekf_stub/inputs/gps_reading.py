@@ -13,11 +13,11 @@ import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
-from ekf_stub.ext_nav_ingest import HALF_FILTER_STEP_MS
-from ekf_stub.gps_checks import GpsChecks
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import Array, limited
-from ekf_stub.obs_ring import ObsRing
+from ekf_stub.filter.inertial import Array, limited
+from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
+from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.obs_ring import ObsRing
 
 LAG_MS: Final = 200  # of a receiver whose own is not known
 MIN_YAW_ERR: Final = float(np.radians(5.0))

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inertial import Array, InertialDelta
+from ekf_stub.filter.inertial import Array, InertialDelta
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
-from ekf_stub.sources import SETS, EkfSources, SourceXY, SourceYaw, SourceZ
+from ekf_stub.inputs.sources import SETS, EkfSources, SourceXY, SourceYaw, SourceZ
 
 BARO: Final = "Baro"
 BEACON: Final = "Beacon"

@@ -16,8 +16,8 @@ from ap_core.fmath import RAD_TO_DEG, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
-from ekf_stub.core_report import CoreReport, OdometryReport, RunReport
-from ekf_stub.ekf_log_structure import XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2
+from ekf_stub.log.ekf_log_structure import XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2
+from ekf_stub.reports.core_report import CoreReport, OdometryReport, RunReport
 
 UNINITIALISED_FAULT: Final = 128
 COVARIANCE_INTERVAL_MS: Final = 490

@@ -5,7 +5,7 @@
 from typing import Final
 
 from ap_core.log_field import LogValue
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inputs.gps_sample import GpsSample
 
 Values = tuple[LogValue, ...]
 

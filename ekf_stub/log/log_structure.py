@@ -5,8 +5,8 @@
 from typing import Final
 
 from ap_core.log_structure import LogStructure
-from ekf_stub.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3
-from ekf_stub.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
+from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3
+from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
 
 RVOH: Final = LogStructure(152, "RVOH", "fffIBB", "OX,OY,OZ,Del,H,Ena", "------", "------")
 REPH: Final = LogStructure(

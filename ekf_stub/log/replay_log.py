@@ -27,11 +27,12 @@ from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
-from ekf_stub.ext_nav_log import ExtNavLog
-from ekf_stub.gps_log import UNUSED, gps_values
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import Array, InertialDelta
-from ekf_stub.replay_log_structure import (
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sensors import Sensors
+from ekf_stub.log.ext_nav_log import ExtNavLog
+from ekf_stub.log.gps_log import UNUSED, gps_values
+from ekf_stub.log.replay_log_structure import (
     RBRH,
     RBRI,
     REV2,
@@ -49,8 +50,7 @@ from ekf_stub.replay_log_structure import (
     RSO2,
     RSO3,
 )
-from ekf_stub.replay_vehicle import Place, SensorSet, VehicleFrame, place_values, vehicle_values
-from ekf_stub.sensors import Sensors
+from ekf_stub.log.replay_vehicle import Place, SensorSet, VehicleFrame, place_values, vehicle_values
 
 # Of REV3.Event.
 RESET_GYRO_BIAS: Final = 0

@@ -7,10 +7,10 @@ from typing import Final
 from ap_core.cint import i16
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
-from mav_handlers.endpoint_params import OPTION_NO_STREAM_REQUESTS
-from mav_handlers.intervals import ADSB_GROUP, set_interval, stream_interval_ms
+from mav_handlers.params.names import OPTION_NO_STREAM_REQUESTS
 from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
+from mav_handlers.senders.intervals import ADSB_GROUP, set_interval, stream_interval_ms
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION_REQUEST,

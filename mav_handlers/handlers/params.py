@@ -9,8 +9,8 @@ import numpy as np
 from ap_core.param import ParamOutcome
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
-from mav_handlers.param_pump import start_param_list
-from mav_handlers.param_reads import BY_NAME, MAV_PARAM_ERROR_DOES_NOT_EXIST, NO_INDEX, find_requested
+from mav_handlers.params.pump import start_param_list
+from mav_handlers.params.reads import BY_NAME, MAV_PARAM_ERROR_DOES_NOT_EXIST, NO_INDEX, find_requested
 from mav_handlers.verdicts import HANDLED, PARAM_NOT_FINITE, PARAM_QUEUE_FULL, PARAM_READ_ONLY, PARAM_UNKNOWN
 from mav_handlers.wire.messages import PARAM_ERROR, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
-from mav_handlers.ftp import FtpPeer
+from mav_handlers.transfers.ftp import FtpPeer
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import (
     FILE_TRANSFER_PROTOCOL,

@@ -6,7 +6,7 @@ from typing import Final
 
 from ap_core.param import ParamTable
 from mav_handlers.channel import Channel, ParamListState
-from mav_handlers.param_reads import ParamReads, param_value
+from mav_handlers.params.reads import ParamReads, param_value
 from mav_handlers.radio import RadioLink
 from mav_handlers.wire.codec import full_length
 from mav_handlers.wire.messages import PARAM_VALUE

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u16
-from mav_handlers.buckets import NEVER_MS, next_sent_ms
+from mav_handlers.schedule.buckets import NEVER_MS, next_sent_ms
 
 NEXT_PARAM: Final = "PARAM_VALUE"
 """Stands for the turn of parameter replies and of a parameter list, many messages or none (MSG_NEXT_PARAM)."""

@@ -7,7 +7,7 @@ Source: GCS_MAVLink/GCS_Common.cpp, AP_NavEKF3/AP_NavEKF3_Outputs.cpp.
 
 from ap_core.fmath import f32
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_sample import FIX_3D
+from ekf_stub.inputs.gps_sample import FIX_3D
 from mav_handlers.channel import Channel
 from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.builder import boot_ms, floats, quiet_overflow

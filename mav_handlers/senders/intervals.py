@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from mav_handlers.channel import Channel
-from mav_handlers.deferred import DEFERRED, NEXT_PARAM
 from mav_handlers.ports import VehiclePort
+from mav_handlers.schedule.deferred import DEFERRED, NEXT_PARAM
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
 from mav_handlers.wire.codec import message_name
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from mav_handlers.channel import Channel
-from mav_handlers.deferred import NEXT_PARAM
-from mav_handlers.param_pump import pump_params
-from mav_handlers.param_reads import ParamReads
+from mav_handlers.params.pump import pump_params
+from mav_handlers.params.reads import ParamReads
 from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
+from mav_handlers.schedule.deferred import NEXT_PARAM
 from mav_handlers.senders import SENDERS
 from mav_handlers.wire.messages import Message
 

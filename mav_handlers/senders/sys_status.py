@@ -8,7 +8,7 @@ Source: GCS_MAVLink/GCS.cpp and ArduCopter/GCS_Copter.cpp, update_sensor_status_
 from typing import Final
 
 from ap_core.cint import u16
-from ekf_stub.gps_sample import FIX_3D
+from ekf_stub.inputs.gps_sample import FIX_3D
 from mav_handlers.channel import Channel
 from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.parked import BATTERY_MV, BATTERY_REMAINING_PCT

@@ -9,8 +9,8 @@ simulator's build), GCS_MAVLink/GCS_MAVLink_Parameters.cpp for the groups.
 from collections.abc import Mapping
 from typing import Final
 
-from mav_handlers.available_modes import available_modes, available_modes_monitor
 from mav_handlers.senders.attitude import ahrs, ahrs2, attitude, attitude_quaternion, ekf_status_report
+from mav_handlers.senders.available_modes import available_modes, available_modes_monitor
 from mav_handlers.senders.builder import Builder, nothing_to_report
 from mav_handlers.senders.gps import gps_raw_int
 from mav_handlers.senders.inertial import (

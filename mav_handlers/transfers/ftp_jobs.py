@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Final
 
 from ap_core.cint import u16
-from mav_handlers.ftp_ports import Failure, ReadableFile
-from mav_handlers.ftp_wire import DATA_BYTES, FtpError, Reply, Request, ack, nack
+from mav_handlers.transfers.ftp_ports import Failure, ReadableFile
+from mav_handlers.transfers.ftp_wire import DATA_BYTES, FtpError, Reply, Request, ack, nack
 
 BURST_PACKETS: Final = 500
 CRC_READ_BYTES: Final = 64

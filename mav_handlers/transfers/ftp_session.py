@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from ap_core.cint import u32
-from mav_handlers.ftp_jobs import Job, burst_read, file_crc32
-from mav_handlers.ftp_ports import Entry, Failure, FtpFiles, ReadableFile, WritableFile
-from mav_handlers.ftp_wire import DATA_BYTES, FtpError, Opcode, Reply, Request, ack, nack
+from mav_handlers.transfers.ftp_jobs import Job, burst_read, file_crc32
+from mav_handlers.transfers.ftp_ports import Entry, Failure, FtpFiles, ReadableFile, WritableFile
+from mav_handlers.transfers.ftp_wire import DATA_BYTES, FtpError, Opcode, Reply, Request, ack, nack
 
 SESSION_TIMEOUT_MS: Final = 3000
 

@@ -12,7 +12,7 @@ from enum import IntEnum
 from typing import Final, Self
 
 from ap_core.cint import u8, u16, u32
-from mav_handlers.ftp_ports import Failure
+from mav_handlers.transfers.ftp_ports import Failure
 
 PAYLOAD_BYTES: Final = 251
 DATA_BYTES: Final = 239

@@ -7,12 +7,12 @@ from statistics import median
 
 import pytest
 
-from companion.sources.base import Recording, SourceOptions
-from companion.sources.kinds import open_source
-from companion.trial import Trial, run_trial
-from companion.vio.types import VioState
-from companion.world.flight import DEFAULT_FRAME_RATE_HZ
 from tests.acceptance.trials import data_folder, trace_of
+from viso.companion.sources.base import Recording, SourceOptions
+from viso.companion.sources.kinds import open_source
+from viso.companion.trials.trial import Trial, run_trial
+from viso.companion.vio.types import VioState
+from viso.companion.world.flight import DEFAULT_FRAME_RATE_HZ
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,6 @@ the truth; a few seconds of it in every run, the whole of it among the slow test
 import numpy as np
 import pytest
 
-from companion.trial import Trial
-from companion.vio.types import VioState
 from tests.acceptance.trials import (
     CLIP_SEEDS,
     LARGE_ERROR_M,
@@ -23,6 +21,8 @@ from tests.acceptance.trials import (
     still_end,
     trace_of,
 )
+from viso.companion.trials.trial import Trial
+from viso.companion.vio.types import VioState
 
 NAME = "klt_ransac"
 SEEDS = range(6)

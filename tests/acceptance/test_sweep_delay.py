@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from emulator.sweep.best import Best
-from emulator.sweep.job import run_point
-from emulator.sweep.planning import make_plan
-from emulator.sweep.store import table_rows
-from emulator.sweep.tell import age_ms, found
-from emulator.sweep.wishes import Wishes
-from tests.unit.emulator.sweep.late_camera import late_camera
+from tests.places import DATA
+from tests.unit.viso.sweep.late_camera import late_camera
+from viso.sweep.best import Best
+from viso.sweep.job import run_point
+from viso.sweep.planning import make_plan
+from viso.sweep.store import table_rows
+from viso.sweep.tell import age_ms, found
+from viso.sweep.wishes import Wishes
 
-DATA = Path(__file__).parents[1] / "data"
 BY_GYRO_MS = 26.3
 """Age of the flight's poses on arrival, by ``estimate_delay`` with its gyroscopes: +-0.7 ms."""
 STEP_MS = 12.5

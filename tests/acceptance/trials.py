@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.euroc import EurocRecording, load_euroc
-from companion.trial import Trial, run_trial
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.se3 import Array
-from companion.vio.types import VioState
-from companion.world.flight import SyntheticFlight
-from companion.world.ground import generate_texture
-from companion.world.texture import GroundTexture
-from companion.world.trajectory import nadir_survey
+from tests.places import ROOT
+from viso.companion.trials.euroc import EurocRecording, load_euroc
+from viso.companion.trials.trial import Trial, run_trial
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import VioState
+from viso.companion.world.flight import SyntheticFlight
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.texture import GroundTexture
+from viso.companion.world.trajectory import nadir_survey
 
-ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data"))
 NADIR = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)
 

@@ -16,11 +16,11 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom.verdicts import CONSUMED
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.verdicts import NO_HANDLER, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, ODOMETRY, Message
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 # By name: a dataclass with slots leaves the class that it was made from behind until that is collected.
 EVERY = {cls.__name__: cls for cls in Message.__subclasses__()}

@@ -14,27 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.vio import build_info
-from companion.vio.config import VioConfig
-from companion.vio.covariance import sound_covariance
-from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
-from companion.vio.frames import MOUNTINGS
-from companion.vio.registry import STRATEGIES, build_vio_strategy
-from companion.vio.se3 import SE3
-from companion.vio.strategy import StrategyBase
-from companion.vio.telemetry_records import output_values
-from companion.vio.types import (
-    ImuBias,
-    ImuSample,
-    ImuWindow,
-    NavCameraFrame,
-    Pixels,
-    VioOutput,
-    VioState,
-    WarmStartPose,
-)
-from tests.unit.companion.strategies.fake_native import install
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.strategies.fake_native import install
+from tests.unit.viso.companion.vio.strategy_rig import (
     GRAVITY,
     IMU_PERIOD_NS,
     PERIOD_NS,
@@ -44,6 +25,25 @@ from tests.unit.companion.vio.strategy_rig import (
     make_frame,
     make_logger,
     still_window,
+)
+from viso.companion.vio import build_info
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.covariance import sound_covariance
+from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.registry import STRATEGIES, build_vio_strategy
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.strategy import StrategyBase
+from viso.companion.vio.telemetry_records import output_values
+from viso.companion.vio.types import (
+    ImuBias,
+    ImuSample,
+    ImuWindow,
+    NavCameraFrame,
+    Pixels,
+    VioOutput,
+    VioState,
+    WarmStartPose,
 )
 
 Prepare = Callable[[pytest.MonkeyPatch], object]

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from emulator.testing import Autopilot
+from tests.places import ROOT
 from tools import make_docs
+from viso.testing import Autopilot
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 

@@ -14,14 +14,14 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from ap_core.param_info import ParamType
-from emulator.log_files import LogStore
-from emulator.param_store import ParamStore
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, PARAM_REQUEST_READ, PARAM_VALUE, Message
+from viso.logs.files import LogStore
+from viso.parameters.store import ParamStore
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BOOTED_US = 5_000_000
 LONGEST_FRAME_BYTES = 280

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.verdict import Outcome
-from emulator.streams import StreamMessage, read_capture
 from mav_handlers.endpoint import MessageEvent
+from tests.places import DATA
+from viso.streams.table import StreamMessage, read_capture
 
 if TYPE_CHECKING:
     from tests.fault.conftest import Bench, MakeBench
 
-CAPTURES = sorted((Path(__file__).parent.parent / "data" / "captures").glob("*.jsonl.gz"))
+CAPTURES = sorted((DATA / "captures").glob("*.jsonl.gz"))
 FRAMES = 300
 # One of them stands for the rest unless there is time.
 SHORTENED = ("mav",)

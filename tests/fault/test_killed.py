@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from emulator.log_files import CHUNK_BYTES, LogStore
-from emulator.param_store import ParamStore
+from viso.logs.files import CHUNK_BYTES, LogStore
+from viso.parameters.store import ParamStore
 
 # A vehicle at full speed that takes samples, and every second of its time a new value for one of two parameters.
 RUN_UNTIL_KILLED = """
 import sys
 from pathlib import Path
-from emulator.log_files import LogStore
-from emulator.param_store import ParamStore
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
+from viso.logs.files import LogStore
+from viso.parameters.store import ParamStore
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import PARAM_SET, VISION_POSITION_ESTIMATE
 

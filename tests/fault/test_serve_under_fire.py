@@ -27,12 +27,12 @@ LIMIT_S = 20.0
 CLIENTS = 50
 SPEEDUP = 10
 ALLOWED_GROWTH_KB = 4_000
-START = "from emulator.cli import main; main()"
+START = "from viso.cli import main; main()"
 LOG_LIMIT_BYTES = 60_000
 LIMITED_START = f"""
 import resource
 resource.setrlimit(resource.RLIMIT_FSIZE, ({LOG_LIMIT_BYTES}, {LOG_LIMIT_BYTES}))
-from emulator.cli import main
+from viso.cli import main
 main()
 """
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from emulator.power import Port, PoweredVehicle
-from emulator.realtime import Pacer
-from emulator.vehicle import VehicleConfig
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES
 from mav_handlers.links.base import DROP_BACKLOG_FULL
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, TIMESYNC, Message
+from viso.running.power import Port, PoweredVehicle
+from viso.running.real_time import Pacer
+from viso.vehicle.vehicle import VehicleConfig
 
 if TYPE_CHECKING:
     from tests.fault.conftest import MakeBench

@@ -12,8 +12,8 @@ WARM_UP_FRAMES = 30
 PROGRAM = """
 import json, sys
 from pathlib import Path
-from companion.world.ground import generate_texture
-from emulator.bench.vio_flight import FlownStrategy
+from viso.companion.world.ground import generate_texture
+from viso.bench.vio_flight import FlownStrategy
 
 def resident_mb():
     pages = int(Path("/proc/self/statm").read_text().split()[1])

@@ -15,17 +15,17 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from emulator.log_files import LogStore
-from emulator.log_sink import MemoryLog
-from emulator.parameters import make_groups
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import HANDLERS
 from mav_handlers.handlers.commands import COMMANDS
-from mav_handlers.param_reads import READ_QUEUE_LENGTH
+from mav_handlers.params.reads import READ_QUEUE_LENGTH
 from mav_handlers.statustext import QUEUE_CAPACITY
 from mav_handlers.wire.codec import message_id
+from viso.logs.files import LogStore
+from viso.logs.sink import MemoryLog
+from viso.parameters.table import make_groups
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BAUDS = (None, 57600)
 LINKS = len(BAUDS)

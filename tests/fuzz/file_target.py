@@ -11,13 +11,13 @@ from pathlib import Path
 from ap_core.param import ParamTable
 from ap_core.parm_file import format_parm, parse_parm
 from ap_visualodom.ap_visualodom import make_params
-from emulator.errors import InputError
-from emulator.log_files import MAX_FILES, LogStore
-from emulator.param_store import ParamStore
-from emulator.parameters import make_groups
-from emulator.recorded_log import read_recorded_states
-from emulator.settings import load_parm_file, parse_assignment
-from emulator.streams import Stream, read_stream
+from viso.errors import InputError
+from viso.logs.files import MAX_FILES, LogStore
+from viso.logs.recorded import read_recorded_states
+from viso.options.settings import load_parm_file, parse_assignment
+from viso.parameters.store import ParamStore
+from viso.parameters.table import make_groups
+from viso.streams.table import Stream, read_stream
 
 LEAD_US = 30_000_000
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import atheris
 
 # What is read in here is instrumented; numpy and pymavlink would only slow it down.
-PACKAGES = ["ap_core", "ap_visualodom", "ekf_stub", "mav_handlers", "emulator"]
+PACKAGES = ["ap_core", "ap_visualodom", "ekf_stub", "mav_handlers", "viso"]
 TARGETS = ("endpoint", "files")
 
 

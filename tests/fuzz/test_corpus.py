@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import endpoint_target, file_target
+from tests.places import ROOT
 
 # DFReader leaves a log open that it cannot read.
 pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 
-CORPUS = Path(__file__).parent / "corpus"
+CORPUS = ROOT / "tests" / "fuzz" / "corpus"
 Target = Callable[[bytes, Path], None]
 
 

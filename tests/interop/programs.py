@@ -19,7 +19,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
-CLIENTS = Path(__file__).parent / "clients"
+from tests.places import ROOT
+
+CLIENTS = ROOT / "tests" / "interop" / "clients"
 # For one step of a conversation; a busy machine may take its time, a client that hangs may not.
 LIMIT_S = 20.0
 # For a whole session of a client.
@@ -142,7 +144,7 @@ def autopilot(folder: Path, *options: str, links: Sequence[str] = ("tcpin",)) ->
     """Start `viso serve` with links of the given kinds, and wait until it has booted."""
     ports = tuple(free_port() for _ in links)
     masters = [f"--master={kind}:127.0.0.1:{port}" for kind, port in zip(links, ports, strict=True)]
-    command = [sys.executable, "-c", "from emulator.cli import main; main()", "serve", "--json", *masters]
+    command = [sys.executable, "-c", "from viso.cli import main; main()", "serve", "--json", *masters]
     with running([*command, f"--log-dir={folder / 'logs'}", *options]) as program:
         program.until("ArduPilot Ready")
         yield Autopilot(program, ports, folder / "logs")

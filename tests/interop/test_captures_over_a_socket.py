@@ -20,12 +20,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
-from emulator.replay import batches
-from emulator.streams import Stream, read_stream
+from tests.places import DATA
+from viso.replay.feed import batches
+from viso.streams.table import Stream, read_stream
 
 pytestmark = pytest.mark.interop
 
-DATA = Path(__file__).parent.parent / "data"
 NAMES = sorted(path.name.removesuffix(".jsonl.gz") for path in (DATA / "captures").glob("*.jsonl.gz"))
 
 
@@ -170,7 +170,7 @@ def play(name: str, folder: Path) -> Played:
     capture, header = DATA / "captures" / f"{name}.jsonl.gz", header_of(name)
     attitude = ["--ahrs", str(DATA / "logs" / f"{name}.BIN.xz")] if name in ALIGNED else []
     port = free_port()
-    command = [sys.executable, "-c", "from emulator.cli import main; main()", "serve"]
+    command = [sys.executable, "-c", "from viso.cli import main; main()", "serve"]
     command += ["--master", f"tcpin:127.0.0.1:{port}", "--speedup", str(SPEEDUP), "--baud", str(UART_BAUD)]
     command += ["--log-dir", str(folder / name), *attitude]
     for key, value in header["params"].items():

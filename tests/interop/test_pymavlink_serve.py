@@ -58,7 +58,7 @@ class Autopilot:
 def serving(folder: Path, *masters: str) -> Iterator[Autopilot]:
     """Start `viso serve` with VISO_TYPE 1 and end it, whatever happens."""
     links = [argument for master in masters for argument in ("--master", master)]
-    command = [sys.executable, "-c", "from emulator.cli import main; main()", "serve", *links]
+    command = [sys.executable, "-c", "from viso.cli import main; main()", "serve", *links]
     command += ["--param", "VISO_TYPE=1", "--log-dir", str(folder), "--speedup", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         try:

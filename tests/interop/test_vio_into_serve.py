@@ -13,10 +13,11 @@ from typing import Any
 
 import pytest
 
+from tests.places import SHARED
+
 pytestmark = pytest.mark.interop
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
-VISO = (sys.executable, "-c", "from emulator.cli import main; main()")
+VISO = (sys.executable, "-c", "from viso.cli import main; main()")
 LIMIT_S = 120.0
 REST_S = 12.0
 """Before the flight: the vehicle that follows the stream stands still for 6 s after it has booted."""

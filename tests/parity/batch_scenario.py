@@ -21,8 +21,8 @@ from ap_visualodom.batch_samples import (
 )
 from ap_visualodom.release import REFERENCE, VisualOdomRelease
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from emulator.bits import bits_of, float_of, quaternion_of, vector_of
-from emulator.vectors import Scenario
+from viso.files.bits import bits_of, float_of, quaternion_of, vector_of
+from viso.replay.vectors import Scenario
 
 SAMPLES = {"pose", "pose_euler", "speed"}
 DROPPED = {VERDICT_NUMBER[DISABLED], VERDICT_NUMBER[NO_BACKEND]}

@@ -14,11 +14,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from typer.testing import CliRunner
 
-from emulator.cli import make_app
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
-
-DATA = Path(__file__).parent.parent / "data"
+from tests.places import DATA
+from viso.cli import make_app
 
 
 @dataclass(frozen=True)

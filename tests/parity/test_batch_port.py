@@ -16,17 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ap_visualodom import batch
-from emulator.ahrs_source import AhrsChoice, ahrs_maker
-from emulator.batch_replay import PortReplay, following, never_aligned, replay_port
-from emulator.bits import bits_of, json_value
-from emulator.firmware import PROFILES
-from emulator.recorded_log import read_recorded_states
-from emulator.replay_run import ReplayOutcome, ReplaySetup, run_replay
-from emulator.streams import Stream, read_capture, read_stream
-from emulator.vectors import Scenario
 from tests.parity.batch_scenario import SAMPLES, BatchScenario, Step, expected_of, outputs_of
+from tests.places import DATA
+from viso.files.bits import bits_of, json_value
+from viso.firmware.releases import PROFILES
+from viso.logs.recorded import read_recorded_states
+from viso.options.ahrs import AhrsChoice, ahrs_maker
+from viso.replay.port_alone import PortReplay, following, never_aligned, replay_port
+from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
+from viso.replay.vectors import Scenario
+from viso.streams.table import Stream, read_capture, read_stream
 
-DATA = Path(__file__).parent.parent / "data"
 VECTORS = {"4.7-dev": DATA / "vectors", "2026-02": DATA / "2026-02" / "vectors"}
 SAMPLE_COUNTS = {"4.7-dev": 13589, "2026-02": 13648}
 

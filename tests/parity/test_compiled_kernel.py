@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 import pytest
 
-from emulator import ekf_targets
-from emulator.ekf_comparison import compare
-from emulator.ekf_replay import EkfReplay, EkfRun
-from emulator.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 from tests.parity.behaviours.logs import LOGS
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.comparison import compare
+from viso.ekf_runs.run import EkfReplay, EkfRun
+from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 
 WORST: Final = 1e-5
 """By how much an estimate may differ, in the unit of its field; what is logged in hundredths, by one of these."""

@@ -7,19 +7,19 @@ import json
 import math
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any, Final
 
 import pytest
 
-from emulator.firmware import PROFILES, STABLE_4_6
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.wire import messages
 from mav_handlers.wire.codec import BadData, Codec
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
+from tests.places import DATA
+from viso.firmware.releases import PROFILES, STABLE_4_6
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-CONVERSATIONS = Path(__file__).parent.parent / "data" / "conversations"
+CONVERSATIONS = DATA / "conversations"
 NAMES = ("parked", "camera")
 UNASKED: Final = frozenset({"HEARTBEAT", "TIMESYNC"})
 WAIT_MS = 150

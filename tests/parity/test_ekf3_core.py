@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from emulator import ekf_targets
-from emulator.ekf_comparison import compare
-from emulator.ekf_events import compare_texts
-from emulator.ekf_replay import EkfReplay, replay_ekf
-from emulator.errors import InputError
 from tests.parity.behaviours.logs import LOGS, Recordings, recordings_of_run
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.comparison import compare
+from viso.ekf_runs.events import compare_texts
+from viso.ekf_runs.run import EkfReplay, replay_ekf
+from viso.errors import InputError
 
 Array = npt.NDArray[np.float64]
 

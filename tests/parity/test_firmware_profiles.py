@@ -13,17 +13,18 @@ from typing import Any, Final
 import pytest
 
 from ap_visualodom.log_structure import VISP
-from emulator import ekf_targets
-from emulator.ekf_comparison import compare
-from emulator.ekf_replay import replay_ekf
-from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from emulator.replay import Replay
-from emulator.streams import read_stream
-from emulator.vectors import count_differences, recompute_text
-from emulator.vehicle import Vehicle, VehicleConfig
+from tests.places import DATA
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.comparison import compare
+from viso.ekf_runs.run import replay_ekf
+from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.replay.feed import Replay
+from viso.replay.vectors import count_differences, recompute_text
+from viso.streams.table import read_stream
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 LABELS: Final = {label: index for index, label in enumerate(VISP.fields, 1)}
-LATER = Path(__file__).parent.parent / "data" / "2026-02"
+LATER = DATA / "2026-02"
 REFERENCE_VECTORS = LATER.parent / "vectors" / "visual_odom.jsonl.gz"
 SCENARIOS, STEPS = 306, 41113
 CHUNKS = 3

@@ -18,10 +18,11 @@ import pytest
 from ardupilot_log_reader.reader import Ardupilot
 from pymavlink.DFReader import DFReader_binary
 
+from tests.places import DATA
+
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
 
-DATA = Path(__file__).parent.parent / "data"
 # Benches of the estimator have no capture.
 NAMES = (path.name.removesuffix(".BIN.xz") for path in (DATA / "logs").glob("*.BIN.xz"))
 KEPT = sorted(name for name in NAMES if (DATA / "captures" / f"{name}.jsonl.gz").exists())

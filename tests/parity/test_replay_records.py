@@ -7,7 +7,6 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,16 +17,16 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import FMT, LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.inertial import InertialDelta
-from ekf_stub.log_structure import RBOH, REPH, REVH, RVOH
-from ekf_stub.replay_log import ReplayLog
-from ekf_stub.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
-from ekf_stub.replay_vehicle import SensorSet, VehicleFrame
-from ekf_stub.sensors import Sensors
-from emulator.firmware import PROFILES, REFERENCE, Firmware
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.sensors import Sensors
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.log_structure import RBOH, REPH, REVH, RVOH
+from ekf_stub.log.replay_log import ReplayLog
+from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
+from ekf_stub.log.replay_vehicle import SensorSet, VehicleFrame
+from tests.places import DATA
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 
-DATA = Path(__file__).parent.parent / "data"
 NAMES = sorted(path.name.removesuffix(".BIN.xz") for path in (DATA / "logs").glob("*.BIN.xz"))
 LATER: Final = "2026-02/t265"
 """A log of another release: its folder, and its name there."""

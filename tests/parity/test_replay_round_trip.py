@@ -18,19 +18,19 @@ from ap_core.param import ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.inertial import Array, InertialDelta
-from ekf_stub.replay_log import RESET_HEIGHT_DATUM, ReplayLog
-from ekf_stub.replay_vehicle import VehicleFrame
-from ekf_stub.sensors import Sensors
-from ekf_stub.sources import EkfSources
-from ekf_stub.surroundings import Surroundings
-from emulator.ekf_replay import EkfReplay, replay_ekf
-from emulator.log_sink import MemoryLog
-from emulator.logger import STRUCTURES, Logger
-from emulator.parameters import make_groups
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.sensors import Sensors
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog
+from ekf_stub.log.replay_vehicle import VehicleFrame
+from ekf_stub.reports.core_texts import CoreTexts
+from viso.ekf_runs.run import EkfReplay, replay_ekf
+from viso.logs.logger import STRUCTURES, Logger
+from viso.logs.sink import MemoryLog
+from viso.parameters.table import make_groups
 
 LAYOUTS: Final = {structure.name: structure for structure in STRUCTURES}
 PARAMETERS: Final = {

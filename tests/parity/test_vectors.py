@@ -5,13 +5,13 @@
 import gzip
 import json
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-from emulator.vectors import VectorError, count_differences, recompute_text
+from tests.places import DATA
+from viso.replay.vectors import VectorError, count_differences, recompute_text
 
-VECTORS = Path(__file__).parent.parent / "data" / "vectors"
+VECTORS = DATA / "vectors"
 
 # How many outputs each recording holds; fewer would mean that something was not compared.
 OUTPUTS = {"visual_odom": 41061, "ap_math": 18220, "jitter_correction": 13220}

@@ -17,18 +17,18 @@ from ap_core.param_cache import Numbers
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub import covariance
-from ekf_stub.aiding import AidingMode
-from ekf_stub.core_report import CoreReport
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import GRAVITY_MSS, InertialDelta
-from ekf_stub.kernel import PLAIN, Kernel
-from ekf_stub.sources import ROWS, EkfSources
-from ekf_stub.states import GYRO
-from ekf_stub.surroundings import Surroundings
-from emulator.parameters import make_groups
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.filter import covariance
+from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
+from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.states import GYRO
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sources import ROWS, EkfSources
+from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_texts import CoreTexts
+from viso.parameters.table import make_groups
 
 HOME: Final = Location(-353632610, 1491652300, 58400)
 FIELD_MGAUSS: Final = np.array([238.0, 0.0, -529.0])

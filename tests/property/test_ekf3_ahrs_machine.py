@@ -32,13 +32,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from emulator.imu.follow import FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.script_file import parse_script
-from emulator.log_sink import MemoryLog
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
-from emulator.vehicle_config import bench, by_ekf3
 from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import (
     COMMAND_LONG,
@@ -51,8 +44,15 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from tests.places import ROOT
+from viso.logs.sink import MemoryLog
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import parse_script
+from viso.sensors.stream.follow import FollowSource
+from viso.vehicle.config import bench, by_ekf3
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
-ROOT = Path(__file__).parents[2]
 WRAP_US = (1 << 32) * 1000
 DAY_US = 86_400_000_000
 PERIOD_US = 35_000

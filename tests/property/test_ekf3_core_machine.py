@@ -28,12 +28,12 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.aiding import AidingMode
-from ekf_stub.compiled_pass import COMPILED
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import InertialDelta
-from ekf_stub.kernel import PLAIN, Kernel
-from ekf_stub.sources import ROWS
+from ekf_stub.compiled.compiled_pass import COMPILED
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sources import ROWS
 from tests.property.core_rig import FEEDS, HOME, CoreRig
 
 WRAP_US = (1 << 32) * 1000

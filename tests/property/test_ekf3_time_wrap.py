@@ -15,11 +15,11 @@ import pytest
 from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.aiding import AidingMode
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.script_file import parse_script
+from ekf_stub.fusion.aiding import AidingMode
 from tests.property.core_rig import DELAY_MS, CoreRig, numbers_of
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import parse_script
 
 WRAP_US = (1 << 32) * 1000
 START_US = 60_000_000

@@ -50,17 +50,13 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Outcome
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ahrs_settable import ExtNav, SettableAhrs
-from emulator.imu.bench import BenchSource
-from emulator.imu.options import ImuOptions
-from emulator.log_sink import MemoryLog
-from emulator.vehicle import LOOP_PERIOD_US, AhrsParts, Vehicle, VehicleConfig
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS
-from mav_handlers.param_reads import READ_QUEUE_LENGTH
+from mav_handlers.params.reads import READ_QUEUE_LENGTH
 from mav_handlers.senders import SENDERS
 from mav_handlers.statustext import QUEUE_CAPACITY
 from mav_handlers.verdicts import NOT_ACCEPTED, ODOMETRY_FRAMES, OWN_MESSAGE
@@ -78,6 +74,10 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.logs.sink import MemoryLog
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
+from viso.vehicle.vehicle import LOOP_PERIOD_US, AhrsParts, Vehicle, VehicleConfig
 
 WRAP_US = (1 << 32) * 1000
 LONGEST_BURST_BYTES = 7 * 280

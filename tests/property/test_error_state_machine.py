@@ -24,8 +24,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from ekf_stub.compiled_pass import COMPILED
-from ekf_stub.error_state import (
+from ekf_stub.compiled.compiled_pass import COMPILED
+from ekf_stub.filter.error_state import (
     ACCEL,
     ATT,
     BODY,
@@ -38,9 +38,9 @@ from ekf_stub.error_state import (
     ProcessNoise,
     quat_of_euler,
 )
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, InertialGuard, InertialStep
-from ekf_stub.kernel import PLAIN, Kernel
-from ekf_stub.output_predictor import OutputState
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, InertialGuard, InertialStep
+from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.output_predictor import OutputState
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)

@@ -10,11 +10,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ap_core.log_field import LogValue
-from emulator.bits import json_value
-from emulator.firmware import PROFILES, REFERENCE
-from emulator.log_sink import MemoryLog
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
     GLOBAL_VISION_POSITION_ESTIMATE,
@@ -25,6 +20,11 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.files.bits import json_value
+from viso.firmware.releases import PROFILES, REFERENCE
+from viso.logs.sink import MemoryLog
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

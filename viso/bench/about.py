@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from emulator.kernels import chosen_kernel
+from viso.vehicle.kernels import chosen_kernel
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 PACKAGES: Final = ("numpy", "pymavlink", "numpy-quaternion", "numba")

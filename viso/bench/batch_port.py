@@ -18,10 +18,10 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ap_visualodom.batch import BatchVisualOdom
 from ap_visualodom.batch_samples import Poses, Velocities
 from ap_visualodom.visualodom_type import VisualOdom_Type
-from ekf_stub.ahrs_settable import SettableAhrs
-from ekf_stub.core_texts import NoTexts
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import PERIOD_US
+from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.reports.core_texts import NoTexts
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import PERIOD_US
 
 POSES: Final = 5_000
 SCALAR_POSES: Final = 200

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import PERIOD_US, odometry_at
 from mav_handlers.wire.codec import Codec
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import PERIOD_US, odometry_at
 
 MESSAGES_A_ROUND: Final = 100
 

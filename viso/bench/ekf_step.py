@@ -11,17 +11,17 @@ import numpy as np
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.core_texts import CoreTexts, NoTexts
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.ingest_rules import FUSED
-from ekf_stub.sources import EkfSources
-from ekf_stub.surroundings import Surroundings
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import odometry_at
-from emulator.imu.bench import BenchSource
-from emulator.imu.options import ImuOptions
-from emulator.kernels import chosen_kernel, kernel_of
-from emulator.vehicle import LOOP_PERIOD_US
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.inputs.ingest_rules import FUSED
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.reports.core_texts import CoreTexts, NoTexts
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import odometry_at
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
+from viso.vehicle.kernels import chosen_kernel, kernel_of
+from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 WARM_UP_FRAMES: Final = 4000
 FRAMES_A_ROUND: Final = 400

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from typing import Final
 
 from ap_core.cint import u32
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import PERIOD_US, odometry_at
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ATTITUDE, TIMESYNC, Message
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import PERIOD_US, odometry_at
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 FRAMES_A_ROUND: Final = 100
 _START_US: Final = 1_000_000

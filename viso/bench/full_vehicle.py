@@ -8,13 +8,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import PERIOD_US, odometry_at
-from emulator.log_files import LogStore
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import PERIOD_US, odometry_at
+from viso.logs.files import LogStore
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 # Until it fuses what it is sent, and for longer.
 WARM_UP_MESSAGES: Final = 400

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
-from emulator.bench.logging_vehicle import LoggingVehicle
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import odometry_at
+from viso.bench.logging_vehicle import LoggingVehicle
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import odometry_at
 
 AT_ONCE: Final = 100
 TIMES: Final = (1, 10, 100)

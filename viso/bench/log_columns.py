@@ -17,8 +17,8 @@ from ap_core.dataflash_packing import Part as LogPart
 from ap_core.dataflash_packing import pack_columns, write_log
 from ap_core.log_structure import ATT, COMMON_STRUCTURES, PARM, LogStructure
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM, VISP, VISV
-from emulator.bench.measure import NowS, Part, Round
-from emulator.recorded_log import read_log
+from viso.bench.measure import NowS, Part, Round
+from viso.logs.recorded import read_log
 
 RECORDS: Final = 6_000
 _TIMES: Final = 10

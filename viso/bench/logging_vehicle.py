@@ -5,12 +5,12 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from emulator.bench.measure import NowS
-from emulator.bench.odometry import PERIOD_US
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import Message
+from viso.bench.measure import NowS
+from viso.bench.odometry import PERIOD_US
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BOOTED_US: Final = 5_000_000
 _PARAMS: Final = {"VISO_TYPE": 1, "GPS1_TYPE": 0, "LOG_DISARMED": 1}

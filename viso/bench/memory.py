@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from emulator.bench.full_vehicle import FullVehicle
+from viso.bench.full_vehicle import FullVehicle
 
 RATE_HZ: Final = 200
 MINUTE_S: Final = 60

@@ -15,10 +15,10 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ap_visualodom.visualodom_type import VisualOdom_Type
-from ekf_stub.ahrs_settable import SettableAhrs
-from ekf_stub.core_texts import NoTexts
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import PERIOD_US
+from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.reports.core_texts import NoTexts
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import PERIOD_US
 
 POSES_A_ROUND: Final = 200
 _BACKENDS: Final = {"MAV": VisualOdom_Type.MAV, "IntelT265": VisualOdom_Type.IntelT265}

@@ -10,11 +10,11 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
-from emulator.bench.about import about
-from emulator.bench.measure import Figure
-from emulator.bench.memory import MemoryPoint
-from emulator.bench.table import BENCHES
-from emulator.errors import InputError
+from viso.bench.about import about
+from viso.bench.measure import Figure
+from viso.bench.memory import MemoryPoint
+from viso.bench.table import BENCHES
+from viso.errors import InputError
 
 Figures = Mapping[str, Sequence[Figure]]
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import odometry_at
-from emulator.errors import InputError
 from mav_handlers.wire.codec import Codec
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import odometry_at
+from viso.errors import InputError
 
 FIRST_ACCEPTED: Final = "viso serve, to its first accepted ODOMETRY"
 HELP: Final[Mapping[str, tuple[str, ...]]] = {
@@ -23,7 +23,7 @@ HELP: Final[Mapping[str, tuple[str, ...]]] = {
     "viso serve --help": ("serve", "--help"),
     "viso doctor --help": ("doctor", "--help"),
 }
-_VISO: Final = (sys.executable, "-c", "from emulator.cli import main; main()")
+_VISO: Final = (sys.executable, "-c", "from viso.cli import main; main()")
 _TIMEOUT_S: Final = 60.0
 _LOOK_S: Final = 0.2  # how often it is looked whether a process is still there
 

@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from emulator.bench import (
+from viso.bench import (
     batch_port,
     codec,
     ekf_step,
@@ -18,7 +18,7 @@ from emulator.bench import (
     versus_pymavlink,
     vio,
 )
-from emulator.bench.measure import Bench
+from viso.bench.measure import Bench
 
 BENCHES: Final[Mapping[str, Bench]] = {
     "loop": Bench(

@@ -8,10 +8,10 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from emulator.bench.logging_vehicle import LoggingVehicle
-from emulator.bench.measure import NowS, Part, Round
-from emulator.bench.odometry import odometry_at, pose_at
 from mav_handlers.wire.messages import Message
+from viso.bench.logging_vehicle import LoggingVehicle
+from viso.bench.measure import NowS, Part, Round
+from viso.bench.odometry import odometry_at, pose_at
 
 FRAMES_A_ROUND: Final = 100
 MESSAGES: Final[Mapping[str, Callable[[int], Message]]] = {

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
-from emulator.bench.measure import NowS, Part, Round
-from emulator.errors import InputError
+from viso.bench.measure import NowS, Part, Round
+from viso.errors import InputError
 
 # Width, height, and by how much what is rendered is enlarged.
 _SIZES: Final = {"640x480": (640, 480, 1), "5472x3648, BGR": (5472, 3648, 4)}
@@ -17,8 +17,8 @@ _SIZES: Final = {"640x480": (640, 480, 1), "5472x3648, BGR": (5472, 3648, 4)}
 def prepare(now_s: NowS) -> Iterator[Round]:
     """Make a flight for each size; a round is a frame of each."""
     try:
-        from companion.world.ground import generate_texture
-        from emulator.bench.vio_flight import FlownStrategy
+        from viso.bench.vio_flight import FlownStrategy
+        from viso.companion.world.ground import generate_texture
     except ModuleNotFoundError as error:
         raise InputError(f"{error}; pip install 'viso[vio]'") from error
     texture = generate_texture()

@@ -9,17 +9,17 @@ from typing import Any, Final
 
 import cv2
 
-from companion.strategies.klt_ransac import KltRansac
-from companion.vio.calibration import scaled
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.errors import VioDegradedError, VioInitializingError
-from companion.vio.imu_buffer import ImuBuffer
-from companion.vio.strategy import StrategyContext
-from companion.vio.telemetry import NullSink
-from companion.vio.types import ImuSample, NavCameraFrame
-from companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
-from companion.world.texture import GroundTexture
-from emulator.bench.measure import NowS, Part
+from viso.bench.measure import NowS, Part
+from viso.companion.strategies.klt_ransac import KltRansac
+from viso.companion.vio.calibration import scaled
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.errors import VioDegradedError, VioInitializingError
+from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.strategy import StrategyContext
+from viso.companion.vio.telemetry import NullSink
+from viso.companion.vio.types import ImuSample, NavCameraFrame
+from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
+from viso.companion.world.texture import GroundTexture
 
 HOUR_S: Final = 3600.0
 WARM_UP_FRAMES: Final = 3

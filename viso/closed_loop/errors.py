@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.se3 import Array, rotation_from_quat_wxyz
-from emulator.companion_loop import LoopSetup
-from emulator.imu.world_flight import WorldFlight, rpy_of
-from emulator.loop_record import Arrived, Estimate
+from viso.closed_loop.loop import LoopSetup
+from viso.closed_loop.record import Arrived, Estimate
+from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz
+from viso.sensors.world_flight import WorldFlight, rpy_of
 
 IN_FLIGHT_M: Final = 1.0
 """Height above where it stood from which a vehicle counts as flying."""

@@ -13,11 +13,11 @@ import numpy as np
 from rich.table import Column, Table
 
 from ap_core.verdict import Outcome
-from companion.evaluation import rms
-from emulator.companion_loop import CompanionLoop
-from emulator.filter_fates import Fate, fate_of
-from emulator.loop_errors import PoseErrors, estimate_errors, odometry_errors, truth
-from emulator.loop_record import Arrived, Estimate
+from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors, truth
+from viso.closed_loop.loop import CompanionLoop
+from viso.closed_loop.record import Arrived, Estimate
+from viso.companion.trials.evaluation import rms
+from viso.fates.words import Fate, fate_of
 
 _PATH_STEP_S: Final = 0.1
 

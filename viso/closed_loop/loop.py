@@ -11,22 +11,22 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.world.flight import SyntheticFlight
-from emulator.filter_watch import FilterWatch
-from emulator.firmware import REFERENCE, Firmware
-from emulator.imu.errors import SensorErrors
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.world_flight import flight_source
-from emulator.log_sink import LogSink
-from emulator.loop_record import AUTOPILOT, COMPANION, LoopRecorder
-from emulator.scheduler import Scheduler
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
-from emulator.vehicle_config import by_ekf3
-from emulator.virtual_companion import VirtualCompanion
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import COMMAND_LONG
+from viso.closed_loop.record import AUTOPILOT, COMPANION, LoopRecorder
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.world.flight import SyntheticFlight
+from viso.fates.watch import FilterWatch
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.sink import LogSink
+from viso.running.virtual_time import Scheduler
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.world_flight import flight_source
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
+from viso.vio.virtual_companion import VirtualCompanion
 
 LOOK_PERIOD_US: Final = 50_000
 PARAMS: Final = MappingProxyType(

@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from companion.vio.types import VioState
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from emulator.companion_loop import CompanionLoop
-from emulator.loop_errors import PoseErrors, estimate_errors, odometry_errors, truth
-from emulator.report.series import spans_of
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
+from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors, truth
+from viso.closed_loop.loop import CompanionLoop
+from viso.companion.vio.types import VioState
+from viso.estimators.series import spans_of
 
 _TRUTH: Final = "#ffd92f"
 _VIO: Final = "#1f77b4"

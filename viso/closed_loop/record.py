@@ -9,17 +9,17 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ap_core.verdict import Outcome
-from companion.vio.types import FeatureQuality, VioState
-from companion.vio.update import VioUpdate
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from ekf_stub.states import POS
-from emulator.filter_fates import is_final
-from emulator.filter_watch import FilterWatch, SampleTest
-from emulator.vehicle import Vehicle
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.filter.states import POS
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.vio.types import FeatureQuality, VioState
+from viso.companion.vio.update import VioUpdate
+from viso.fates.watch import FilterWatch, SampleTest
+from viso.fates.words import is_final
+from viso.vehicle.vehicle import Vehicle
 
 AUTOPILOT: Final = "autopilot"
 COMPANION: Final = "companion"

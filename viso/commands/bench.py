@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from emulator.bench.measure import Figure, measure
-from emulator.bench.memory import MemoryPoint, run
-from emulator.bench.report import (
+from viso.bench.measure import Figure, measure
+from viso.bench.memory import MemoryPoint, run
+from viso.bench.report import (
     NOTE,
     Figures,
     comparison_table,
@@ -21,9 +21,9 @@ from emulator.bench.report import (
     read_data,
     table_of,
 )
-from emulator.bench.table import BENCHES
-from emulator.console import out, progress
-from emulator.errors import InputError
+from viso.bench.table import BENCHES
+from viso.errors import InputError
+from viso.terminal.console import out, progress
 
 
 def _chosen(names: list[str]) -> list[str]:

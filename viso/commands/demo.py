@@ -13,16 +13,16 @@ from typing import Annotated, Final
 import typer
 from rich.table import Table
 
-from companion.vio.errors import StrategyNotAvailableError
-from emulator import demo as simulated
-from emulator.console import err, out, progress, verdict_rows
-from emulator.errors import InputError
-from emulator.filter_report import aiding_rows, filter_rows, tables_of
-from emulator.firmware import Firmware
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from emulator.log_files import LogFile, LogStore
-from emulator.signals import stop_on_signal
-from emulator.vehicle import Vehicle
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.demo import tracking_camera as simulated
+from viso.errors import InputError
+from viso.firmware.releases import Firmware
+from viso.logs.files import LogFile, LogStore
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.terminal.console import err, out, progress, verdict_rows
+from viso.terminal.filter_report import aiding_rows, filter_rows, tables_of
+from viso.terminal.signals import stop_on_signal
+from viso.vehicle.vehicle import Vehicle
 
 _PLOT_HINT: Final = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
 _SIMULATED_INSTEAD: Final = "the camera is simulated: OpenCV is missing; for a real one: pip install 'viso[vio]'"
@@ -72,7 +72,7 @@ def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
         result = run.run(on_progress, stop)
 
     def save_plot(path: Path) -> None:
-        from emulator.demo_plot import save_plot
+        from viso.demo.plot import save_plot
 
         save_plot(result, path)
 
@@ -84,8 +84,8 @@ def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
 
 def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     # These need OpenCV, without which the rest of the command line works.
-    from emulator import demo_vio
-    from emulator.loop_figures import figures_of, figures_row, figures_table
+    from viso.closed_loop.figures import figures_of, figures_row, figures_table
+    from viso.demo import odometry as demo_vio
 
     try:
         run = demo_vio.VioDemo(seed, lambda: log_file, firmware)
@@ -95,7 +95,7 @@ def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
         run.run(on_progress, stop)
 
     def save_plot(path: Path) -> None:
-        from emulator.loop_plot import save_plot
+        from viso.closed_loop.plot import save_plot
 
         save_plot(run.loop, path)
 

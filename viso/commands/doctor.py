@@ -12,26 +12,26 @@ from typing import Annotated, Final
 
 import typer
 
-from companion.recorded.axes import PRESETS as AXES
-from companion.recorded.readers import FORMATS
-from emulator.console import err, out, progress
-from emulator.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
-from emulator.doctor.live import LinkRecorder
-from emulator.doctor.outputs import as_json, as_junit, as_sarif
-from emulator.doctor.summary import summarise
-from emulator.doctor.terminal import count_text, finding_lines, summary_lines, summary_table
-from emulator.doctor.vehicle_data import is_log, vehicle_of_log
-from emulator.doctor.vehicle_position import position_of_log
-from emulator.errors import InputError
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from emulator.presets import PRESET_HELP, preset_files
-from emulator.settings import load_settings
-from emulator.signals import stop_on_signal
-from emulator.stream_kinds.recorded_poses import FORMS_AS_RECORDED
-from emulator.stream_kinds.sessions import one_session
-from emulator.streams import Stream, TrajectoryOptions, read_whole_stream
-from emulator.text_files import write_text
 from mav_handlers.links import LINKS, open_link
+from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.readers import FORMATS
+from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor.live import LinkRecorder
+from viso.doctor.measures.vehicle_data import is_log, vehicle_of_log
+from viso.doctor.measures.vehicle_position import position_of_log
+from viso.doctor.telling.outputs import as_json, as_junit, as_sarif
+from viso.doctor.telling.summary import summarise
+from viso.doctor.telling.terminal import count_text, finding_lines, summary_lines, summary_table
+from viso.errors import InputError
+from viso.files.text_files import write_text
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.presets import PRESET_HELP, preset_files
+from viso.options.settings import load_settings
+from viso.streams.recorded_poses import FORMS_AS_RECORDED
+from viso.streams.sessions import one_session
+from viso.streams.table import Stream, TrajectoryOptions, read_whole_stream
+from viso.terminal.console import err, out, progress
+from viso.terminal.signals import stop_on_signal
 
 EXIT_FINDINGS: Final = 1
 _LONGEST_S: Final = 86_400.0

@@ -11,14 +11,14 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from emulator import ekf_targets
-from emulator.console import err, out, progress
-from emulator.ekf_comparison import Comparison, compare
-from emulator.ekf_output import check_place
-from emulator.ekf_replay import EkfRun
-from emulator.errors import InputError
-from emulator.firmware import Firmware
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.comparison import Comparison, compare
+from viso.ekf_runs.output import check_place
+from viso.ekf_runs.run import EkfRun
+from viso.errors import InputError
+from viso.firmware.releases import Firmware
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.terminal.console import err, out, progress
 
 _FINDINGS = 1
 

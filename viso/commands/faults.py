@@ -11,16 +11,16 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
-from companion.faults import FAULTS, Injector, Timeline, TimelineError, load_timeline, parse_timeline, run_through
-from companion.faults.timeline import MAX_SEED
-from emulator.console import err, out, progress
-from emulator.errors import InputError
-from emulator.faults_file import check_output, read_recording, write_recording
-from emulator.faults_proxy import FaultProxy
-from emulator.faults_tables import entry_table, summary_line, tally_as_dict
-from emulator.signals import stop_on_signal
 from mav_handlers.links import open_link
 from mav_handlers.links.base import Link
+from viso.companion.faults import FAULTS, Injector, Timeline, TimelineError, load_timeline, parse_timeline, run_through
+from viso.companion.faults.timeline import MAX_SEED
+from viso.errors import InputError
+from viso.faults.file import check_output, read_recording, write_recording
+from viso.faults.proxy import FaultProxy
+from viso.faults.tables import entry_table, summary_line, tally_as_dict
+from viso.terminal.console import err, out, progress
+from viso.terminal.signals import stop_on_signal
 
 LONGEST_S: Final = 4e9
 PROGRESS_EVERY: Final = 256

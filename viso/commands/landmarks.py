@@ -15,27 +15,27 @@ from typing import Annotated, Any, Final
 import typer
 from rich.console import Console
 
-from companion.landmarks.inputs.files import InputOptions
-from companion.landmarks.local_frame import FrameMode
-from companion.landmarks.palette import Palette
-from companion.landmarks.pose_choice import ESTIMATED_LABEL, ODOMETRY_LABEL
-from companion.landmarks.session import ReceiverWatch, Session, Settings
-from companion.landmarks.synthetic import Planted, SyntheticFlight
-from companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
-from emulator.console import err, out
-from emulator.errors import InputError
-from emulator.landmarks_aircraft import AircraftSender
-from emulator.landmarks_camera import KEYS, camera_of
-from emulator.landmarks_inputs import STANDARD_INPUT, Merged, is_live
-from emulator.landmarks_live import Live, standard_lines
-from emulator.landmarks_report import drops, fit_lines, oddities, refusals, summary_table
-from emulator.landmarks_run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink, write_bytes
-from emulator.option_checks import within
-from emulator.recorded_log import read_log
-from emulator.signals import stop_on_signal
-from emulator.text_files import write_text
-from emulator.vio_inputs import check_place
 from mav_handlers.links import open_link
+from viso.companion.landmarks.inputs.files import InputOptions
+from viso.companion.landmarks.local_frame import FrameMode
+from viso.companion.landmarks.palette import Palette
+from viso.companion.landmarks.pose_choice import ESTIMATED_LABEL, ODOMETRY_LABEL
+from viso.companion.landmarks.session import ReceiverWatch, Session, Settings
+from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
+from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
+from viso.errors import InputError
+from viso.files.text_files import write_text
+from viso.landmarks.aircraft import AircraftSender
+from viso.landmarks.camera import KEYS, camera_of
+from viso.landmarks.inputs import STANDARD_INPUT, Merged, is_live
+from viso.landmarks.live import Live, standard_lines
+from viso.landmarks.report import drops, fit_lines, oddities, refusals, summary_table
+from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink, write_bytes
+from viso.logs.recorded import read_log
+from viso.options.checks import within
+from viso.terminal.console import err, out
+from viso.terminal.signals import stop_on_signal
+from viso.vio.inputs import check_place
 
 LONGEST_S: Final = 4e9
 _PLOT_HINT: Final = "no pictures: matplotlib is missing; install it with: pip install 'viso[plot]'"
@@ -65,7 +65,7 @@ def _reference(text: str | None) -> GeodeticPoint | None:
 def _draw(palette: Palette, extent_m: float, *, with_sky: bool) -> Draw | None:
     """Return what makes a PNG of a scene; None, and a hint, without matplotlib."""
     try:
-        from companion.landmarks import picture
+        from viso.companion.landmarks import picture
     except ModuleNotFoundError as error:
         if error.name is None or not error.name.startswith(("matplotlib", "PIL")):
             raise

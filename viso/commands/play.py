@@ -13,20 +13,20 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Column, Table
 
-from companion.clock import OffsetClock
-from companion.odometry.encoding import CovarianceEncoding
-from companion.recorded.axes import PRESETS, FrameChange, parse_rotation
-from companion.recorded.engine import Playback, RecordedEngine
-from companion.recorded.messages import FORMS
-from companion.recorded.player import Player, Text
-from companion.recorded.readers import FORMATS, Source
-from emulator.console import err, out
-from emulator.errors import InputError
-from emulator.option_checks import within
-from emulator.playing import LinkPlay, write_telemetry_log
-from emulator.signals import stop_on_signal
-from emulator.trajectory_files import axes_of, form_of, left_out, load
 from mav_handlers.links import open_link
+from viso.companion.clock import OffsetClock
+from viso.companion.odometry.encoding import CovarianceEncoding
+from viso.companion.recorded.axes import PRESETS, FrameChange, parse_rotation
+from viso.companion.recorded.engine import Playback, RecordedEngine
+from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.player import Player, Text
+from viso.companion.recorded.readers import FORMATS, Source
+from viso.errors import InputError
+from viso.options.checks import within
+from viso.running.playing import LinkPlay, write_telemetry_log
+from viso.streams.trajectory_files import axes_of, form_of, left_out, load
+from viso.terminal.console import err, out
+from viso.terminal.signals import stop_on_signal
 
 DEFAULT_LINK: Final = "tcp:127.0.0.1:5760"
 LONGEST_S: Final = 4e9

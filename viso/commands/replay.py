@@ -12,10 +12,14 @@ from typing import Annotated, Final, NamedTuple
 
 import typer
 
-from companion.recorded.axes import PRESETS as AXES
-from companion.recorded.messages import FORMS
-from companion.recorded.readers import FORMATS
-from emulator.ahrs_source import (
+from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.readers import FORMATS
+from viso.errors import InputError
+from viso.files.text_files import write_text
+from viso.firmware.releases import Firmware
+from viso.logs.single import SingleLog
+from viso.options.ahrs import (
     AhrsChoice,
     AhrsOption,
     HeadingOption,
@@ -24,23 +28,13 @@ from emulator.ahrs_source import (
     ImuSeedOption,
     ahrs_maker,
 )
-from emulator.console import err, out, progress, verdict_rows, verdict_table
-from emulator.errors import InputError
-from emulator.filter_report import (
-    aiding_rows,
-    aiding_table,
-    filter_rows,
-    innovation_rows,
-    innovation_table,
-    tables_of,
-)
-from emulator.firmware import Firmware
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from emulator.presets import PRESET_HELP, preset_files
-from emulator.replay import ReplayedMessage
-from emulator.replay_comparison import compare, comparison_rows, comparison_tables, setting_lines
-from emulator.replay_run import ReplayOutcome, ReplaySetup, run_replay
-from emulator.replay_versus import (
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.presets import PRESET_HELP, preset_files
+from viso.options.settings import load_settings, needing_reboot, parse_assignments
+from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
+from viso.replay.feed import ReplayedMessage
+from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
+from viso.replay.versus import (
     error_changes,
     error_rows,
     error_table,
@@ -48,10 +42,16 @@ from emulator.replay_versus import (
     innovation_change_table,
     innovation_changes,
 )
-from emulator.settings import load_settings, needing_reboot, parse_assignments
-from emulator.single_log import SingleLog
-from emulator.streams import Stream, TrajectoryOptions, read_stream
-from emulator.text_files import write_text
+from viso.streams.table import Stream, TrajectoryOptions, read_stream
+from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
+from viso.terminal.filter_report import (
+    aiding_rows,
+    aiding_table,
+    filter_rows,
+    innovation_rows,
+    innovation_table,
+    tables_of,
+)
 
 _NAMED: Final = 8
 """How many parameters a note names; a log holds those of the whole autopilot."""

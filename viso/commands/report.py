@@ -9,15 +9,15 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from emulator.atomic_file import replace_file
-from emulator.console import err, out, progress
-from emulator.errors import InputError
-from emulator.firmware import Firmware
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from emulator.report.exports import csv_text, mcap_bytes, trajectories, tum_text
-from emulator.report.facts import Facts, facts_of
-from emulator.report.material import Material, read_material
-from emulator.report.summary import Summary, summarise
+from viso.errors import InputError
+from viso.files.atomic_file import replace_file
+from viso.firmware.releases import Firmware
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.report.exports import csv_text, mcap_bytes, trajectories, tum_text
+from viso.report.facts import Facts, facts_of
+from viso.report.material import Material, read_material
+from viso.report.summary import Summary, summarise
+from viso.terminal.console import err, out, progress
 
 _MISSING_EXTRA: Final = "figures are drawn with matplotlib; install it with: pip install 'viso[plot]'"
 _PAGES: Final = (".html", ".htm")
@@ -134,9 +134,9 @@ def _figures() -> Callable[..., list[Path]]:
 def _draw(
     material: Material, facts: Facts, summary: Summary, page: Path | None, png: Path | None, svg: Path | None
 ) -> list[Path]:
-    from emulator.report import drawing
-    from emulator.report.figures import FIGURES
-    from emulator.report.page import make_page
+    from viso.report import drawing
+    from viso.report.figures import FIGURES
+    from viso.report.page import make_page
 
     written: list[Path] = []
     inline: dict[Any, str | None] = {}

@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from emulator.ahrs_source import (
+from mav_handlers.links import Link, open_link
+from viso.errors import InputError
+from viso.files.key_store import FileKeyStore
+from viso.firmware.releases import PROFILES, Firmware
+from viso.logs.files import LogStore
+from viso.options.ahrs import (
     AhrsChoice,
     AhrsOption,
     HeadingOption,
@@ -20,31 +25,26 @@ from emulator.ahrs_source import (
     ImuSeedOption,
     ahrs_maker,
 )
-from emulator.console import err, out, verdict_rows
-from emulator.errors import InputError
-from emulator.filter_report import filter_rows, tables_of
-from emulator.firmware import PROFILES, Firmware
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from emulator.key_store import FileKeyStore
-from emulator.line_writer import LineWriter
-from emulator.live_counts import REFRESH_US, LiveCounts
-from emulator.live_report import LiveReport
-from emulator.log_files import LogStore
-from emulator.long_lived import long_lived
-from emulator.message_intervals import load_message_intervals
-from emulator.param_store import ParamStore
-from emulator.power import Port, PoweredVehicle
-from emulator.presets import PRESET_HELP, preset_files
-from emulator.realtime import Pacer
-from emulator.release_parameters import MAX_LINKS
-from emulator.settings import load_settings
-from emulator.signals import stop_on_signal
-from emulator.vehicle import Vehicle, VehicleConfig
-from emulator.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file
-from mav_handlers.links import Link, open_link
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.message_intervals import load_message_intervals
+from viso.options.presets import PRESET_HELP, preset_files
+from viso.options.settings import load_settings
+from viso.parameters.releases import MAX_LINKS
+from viso.parameters.store import ParamStore
+from viso.running.power import Port, PoweredVehicle
+from viso.running.real_time import Pacer
+from viso.terminal.console import err, out, verdict_rows
+from viso.terminal.filter_report import filter_rows, tables_of
+from viso.terminal.line_writer import LineWriter
+from viso.terminal.live_counts import REFRESH_US, LiveCounts
+from viso.terminal.live_report import LiveReport
+from viso.terminal.long_lived import long_lived
+from viso.terminal.signals import stop_on_signal
+from viso.terminal.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
-    from emulator.web.live_view import LiveView
+    from viso.web.live_view import LiveView
 
 MAX_DURATION_S = 4e9
 STORAGE_NAME = "storage.parm"
@@ -82,7 +82,7 @@ def _profile_text(firmware: Firmware) -> str:
 
 def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, stack: ExitStack) -> "LiveView":
     # Imported where it is wanted: with the faults that it can switch on it takes as long as the autopilot itself.
-    from emulator.web.live_view import LiveView
+    from viso.web.live_view import LiveView
 
     view = LiveView(address, links, title, speedup=speedup)
     stack.callback(view.close)

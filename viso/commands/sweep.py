@@ -9,24 +9,24 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from companion.recorded.axes import PRESETS as AXES
-from companion.recorded.messages import FORMS
-from companion.recorded.readers import FORMATS
-from emulator.ahrs_source import HeadingOption, ImuErrorOption
-from emulator.console import err, out, progress
-from emulator.errors import InputError
-from emulator.firmware import PROFILES
-from emulator.imu.table import IMU_HELP
-from emulator.presets import PRESET_HELP
-from emulator.sweep.cluster import run_on_cluster
-from emulator.sweep.job import Result, run_point
-from emulator.sweep.objectives import OBJECTIVES
-from emulator.sweep.plan import FOLLOW, NO_MOTION_OF_ITS_OWN, SAMPLINGS, Point, SweepPlan
-from emulator.sweep.planning import make_plan
-from emulator.sweep.processes import default_jobs, run_in_processes
-from emulator.sweep.store import SweepFolder, check_tables, table_rows
-from emulator.sweep.tell import DELAY, best_as_dict, best_lines, found, result_table, swept_axis
-from emulator.sweep.wishes import NO_FAULTS, Wishes, read_wishes
+from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.readers import FORMATS
+from viso.errors import InputError
+from viso.firmware.releases import PROFILES
+from viso.options.ahrs import HeadingOption, ImuErrorOption
+from viso.options.presets import PRESET_HELP
+from viso.sensors.table import IMU_HELP
+from viso.sweep.cluster import run_on_cluster
+from viso.sweep.job import Result, run_point
+from viso.sweep.objectives import OBJECTIVES
+from viso.sweep.plan import FOLLOW, NO_MOTION_OF_ITS_OWN, SAMPLINGS, Point, SweepPlan
+from viso.sweep.planning import make_plan
+from viso.sweep.processes import default_jobs, run_in_processes
+from viso.sweep.store import SweepFolder, check_tables, table_rows
+from viso.sweep.tell import DELAY, best_as_dict, best_lines, found, result_table, swept_axis
+from viso.sweep.wishes import NO_FAULTS, Wishes, read_wishes
+from viso.terminal.console import err, out, progress
 
 _FINDINGS: Final = 1
 _NAMED: Final = 5
@@ -240,7 +240,7 @@ def _results(plan: SweepPlan, points: list[Point], jobs: int, scheduler: str | N
 
 def _draw(plan: SweepPlan, rows: list[dict[str, Any]], objective: str, output: Path) -> None:
     try:
-        from emulator.sweep.plot import PLOT, save_plot
+        from viso.sweep.plot import PLOT, save_plot
     except ImportError:
         err.print(f"note: {_PLOT_HINT}")
         return

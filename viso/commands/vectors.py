@@ -12,11 +12,11 @@ from typing import Annotated, TextIO
 import typer
 
 from ap_visualodom.release import VisualOdomRelease
-from emulator.console import err, out, progress
-from emulator.errors import InputError
-from emulator.firmware_option import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from emulator.text_files import read_lines, write_text
-from emulator.vectors import VectorError, count_differences, parse_line, recompute
+from viso.errors import InputError
+from viso.files.text_files import read_lines, write_text
+from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.replay.vectors import VectorError, count_differences, parse_line, recompute
+from viso.terminal.console import err, out, progress
 
 _SHOWN_DIFFERENCES = 5
 

@@ -12,21 +12,21 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
-from companion.evaluation import TimedPoses
-from companion.sources.base import Recording, SourceOptions
-from companion.sources.camera import LiveCamera
-from companion.sources.kinds import SOURCES
-from companion.vio.registry import STRATEGIES
-from companion.vio.types import VioState
-from emulator.console import err, out
-from emulator.errors import InputError
-from emulator.option_checks import within
-from emulator.signals import stop_on_signal
-from emulator.text_files import write_text
-from emulator.vio_inputs import check_place, configured, known_truth, opened, rotation_of
-from emulator.vio_log import VioLog, tum_lines
-from emulator.vio_session import VioSession, event_logger
-from emulator.vio_tables import live_table, summary_table
+from viso.companion.sources.base import Recording, SourceOptions
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.sources.kinds import SOURCES
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.registry import STRATEGIES
+from viso.companion.vio.types import VioState
+from viso.errors import InputError
+from viso.files.text_files import write_text
+from viso.options.checks import within
+from viso.terminal.console import err, out
+from viso.terminal.signals import stop_on_signal
+from viso.vio.inputs import check_place, configured, known_truth, opened, rotation_of
+from viso.vio.log import VioLog, tum_lines
+from viso.vio.session import VioSession, event_logger
+from viso.vio.tables import live_table, summary_table
 
 LONGEST_S: Final = 4e9
 _LOST: Final = 1
@@ -155,7 +155,7 @@ def _title(summary: Mapping[str, Any]) -> str:
 
 def _save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, aligned: bool) -> Path | None:
     try:
-        from emulator.vio_plot import save_plot
+        from viso.vio.plot import save_plot
     except ModuleNotFoundError as error:
         if error.name is None or not error.name.startswith("matplotlib"):
             raise

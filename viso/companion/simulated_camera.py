@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import quaternion
 
-from companion.clock import OffsetClock
-from companion.trajectory import Flight, Vector
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.clock import OffsetClock
+from viso.companion.trials.trajectory import Flight, Vector
 
 MAV_FRAME_BODY_FRD = 12
 MAV_FRAME_LOCAL_FRD = 20

@@ -4,13 +4,13 @@
 
 from dataclasses import dataclass
 
-from companion.trajectory import Flight, Vector
-from emulator.imu.attitude import Three
-from emulator.imu.legs import Motion
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.script_file import Script
-from emulator.imu.trajectory import Trajectory
+from viso.companion.trials.trajectory import Flight, Vector
+from viso.sensors.attitude import Three
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.legs import Motion
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import Script
+from viso.sensors.script.trajectory import Trajectory
 
 _STILL: Three = (0.0, 0.0, 0.0)
 

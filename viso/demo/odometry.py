@@ -5,12 +5,12 @@
 from collections.abc import Callable
 from typing import Final
 
-from companion.world.ground import generate_texture
-from emulator.companion_loop import CompanionLoop, LoopSetup
-from emulator.firmware import REFERENCE, Firmware
-from emulator.log_sink import LogSink
-from emulator.survey_flight import SurveyPlan, survey_flight
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+from viso.closed_loop.loop import CompanionLoop, LoopSetup
+from viso.companion.world.ground import generate_texture
+from viso.demo.survey_flight import SurveyPlan, survey_flight
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.sink import LogSink
 
 COMPANION_S: Final = 7.0
 PLAN: Final = SurveyPlan(

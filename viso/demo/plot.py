@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from emulator.demo import END_S, FAULTS, FLIGHT, DemoResult, Estimate
-from emulator.filter_fates import Fate, fate_of
-from emulator.report.series import spans_of
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
+from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult, Estimate
+from viso.estimators.series import spans_of
+from viso.fates.words import Fate, fate_of
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"

@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.se3 import Array
-from companion.vio.types import ImuBias
-from companion.world.flight import SyntheticFlight
-from companion.world.ground import generate_texture
-from companion.world.texture import GroundTexture
-from companion.world.trajectory import Trajectory, nadir_survey
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import ImuBias
+from viso.companion.world.flight import SyntheticFlight
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.texture import GroundTexture
+from viso.companion.world.trajectory import Trajectory, nadir_survey
 
 STAND_M: Final = 0.25  # height of the body's origin above ground while it stands
 COMPANION_CLOCK_NS: Final = 300_000_000_000

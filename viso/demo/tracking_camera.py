@@ -10,25 +10,25 @@ from typing import Final, NamedTuple
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP
-from companion.clock import OffsetClock
-from companion.sender import Companion
-from companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from companion.trajectory import Flight
-from ekf_stub.ext_nav_ingest import HALF_FILTER_STEP_MS
-from ekf_stub.filter_status import FilterFlag
-from emulator.demo_flight import flight_source
-from emulator.filter_fates import is_final
-from emulator.filter_watch import AidingSpan, FilterWatch, SampleTest
-from emulator.firmware import REFERENCE, Firmware
-from emulator.imu.errors import SensorErrors
-from emulator.imu.options import ImuOptions
-from emulator.log_sink import LogSink
-from emulator.scheduler import Scheduler
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
-from emulator.vehicle_config import by_ekf3
+from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
+from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+from viso.companion.clock import OffsetClock
+from viso.companion.sender import Companion
+from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
+from viso.companion.trials.trajectory import Flight
+from viso.demo.flight import flight_source
+from viso.fates.watch import AidingSpan, FilterWatch, SampleTest
+from viso.fates.words import is_final
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.sink import LogSink
+from viso.running.virtual_time import Scheduler
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 HEADING_RAD: Final = math.radians(30)
 CAMERA_YAW_RAD: Final = math.radians(-75)

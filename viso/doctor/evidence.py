@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from emulator.doctor.compare import Comparison
-from emulator.doctor.motion import Motion
-from emulator.doctor.paths import PathComparison
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.tracks import Poses, Track, Velocities
-from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
-from emulator.filter_watch import AidingSpan, Innovations
-from emulator.firmware import Firmware
-from emulator.streams import Aspect
 from mav_handlers.handlers import VISION_MESSAGES
+from viso.doctor.measures.compare import Comparison
+from viso.doctor.measures.motion import Motion
+from viso.doctor.measures.paths import PathComparison
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.tracks import Poses, Track, Velocities
+from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
+from viso.fates.watch import AidingSpan, Innovations
+from viso.firmware.releases import Firmware
+from viso.streams.table import Aspect
 
 __all__ = ["Assumed", "Evidence", "SeenMessage"]
 

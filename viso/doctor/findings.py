@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from emulator.streams import Aspect
+from viso.streams.table import Aspect
 
 if TYPE_CHECKING:
-    from emulator.doctor.evidence import Evidence
+    from viso.doctor.evidence import Evidence
 
 NUMBERS_SHOWN: Final = 5
 

@@ -8,27 +8,27 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.compare import Comparison, compare
-from emulator.doctor.evidence import Assumed, Evidence, vision_of
-from emulator.doctor.motion import motions_of
-from emulator.doctor.paths import compare_paths
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.settle import settle
-from emulator.doctor.tracks import pose_tracks, stamped_tracks, velocity_tracks
-from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
-from emulator.doctor.vehicle_position import PositionSeries
-from emulator.errors import InputError
-from emulator.filter_watch import FilterWatch
-from emulator.firmware import REFERENCE, Firmware
-from emulator.imu.follow import FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.replay import Replay, ReplayedMessage
-from emulator.streams import Aspect, Stream
-from emulator.vehicle import Vehicle, VehicleConfig
-from emulator.vehicle_config import by_ekf3
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Received
+from viso.doctor.evidence import Assumed, Evidence, vision_of
+from viso.doctor.measures.compare import Comparison, compare
+from viso.doctor.measures.motion import motions_of
+from viso.doctor.measures.paths import compare_paths
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
+from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
+from viso.doctor.measures.vehicle_position import PositionSeries
+from viso.doctor.settle import settle
+from viso.errors import InputError
+from viso.fates.watch import FilterWatch
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.replay.feed import Replay, ReplayedMessage
+from viso.sensors.options import ImuOptions
+from viso.sensors.stream.follow import FollowSource
+from viso.streams.table import Aspect, Stream
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 _TURNING_RAD: Final = 0.05  # a second
 _NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)

@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.stamps import FEWEST, are_us, is_constant, lag_ms
-from emulator.doctor.tracks import Floats, Ints, Track
+from viso.doctor.evidence import Evidence
+from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms
+from viso.doctor.measures.tracks import Floats, Ints, Track
 
 STEP_BACK_US: Final = 1000
 LEAST_JUMP_MS: Final = 100.0

@@ -5,9 +5,9 @@
 from collections.abc import Callable
 from typing import Final
 
-from emulator.streams import Stream, StreamMessage
 from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
+from viso.streams.table import Stream, StreamMessage
 
 LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""

@@ -4,12 +4,12 @@
 
 from collections.abc import Collection, Mapping
 
-from emulator.doctor.evidence import EXTNAV, Assumed
-from emulator.doctor.tracks import POSE_TYPES, VELOCITY_TYPES
-from emulator.doctor.vehicle_data import VehicleData
-from emulator.firmware import Firmware
-from emulator.streams import Stream
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
+from viso.doctor.evidence import EXTNAV, Assumed
+from viso.doctor.measures.tracks import POSE_TYPES, VELOCITY_TYPES
+from viso.doctor.measures.vehicle_data import VehicleData
+from viso.firmware.releases import Firmware
+from viso.streams.table import Stream
 
 _BARO = 1
 _COMPASS = 1

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ekf_stub.inertial import Array
-from emulator import ekf_targets as targets
-from emulator.ekf_events import Differences, changes, compare_moves, compare_texts, compare_values
-from emulator.ekf_replay import LABELS, EkfReplay
+from ekf_stub.filter.inertial import Array
+from viso.ekf_runs import targets
+from viso.ekf_runs.events import Differences, changes, compare_moves, compare_texts, compare_values
+from viso.ekf_runs.run import LABELS, EkfReplay
 
 AIDING: Final = ("is using external nav data", "started relative aiding", "is using GPS")
 MEASURED: Final = LABELS[: LABELS.index("SV")]

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_sample import FIX_3D, GpsSample
-from emulator.record_fields import finite, instance, numbers, whole
+from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
+from viso.logs.record_fields import finite, instance, numbers, whole
 
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 _SLOW_FIELDS: Final = ("Flags", "Stat", "NSats")

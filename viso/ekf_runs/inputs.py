@@ -12,10 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.cint import i32
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import Array, InertialDelta
-from emulator.record_fields import RecordError, finite, instance, whole
-from emulator.replay_gps import GpsRecords
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.gps_sample import GpsSample
+from viso.ekf_runs.gps import GpsRecords
+from viso.logs.record_fields import RecordError, finite, instance, whole
 
 ARMED: Final = 1 << 0  # of RFRN.Flags
 TAKEOFF_EXPECTED: Final = 1 << 6

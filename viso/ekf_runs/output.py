@@ -13,13 +13,13 @@ from ap_core.dataflash import DataFlashWriter, ParameterRecord
 from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import EV, MSG, ORGN, LogStructure
-from ekf_stub.core_report import CoreReport
-from ekf_stub.ekf3_core import Ekf3Core
-from ekf_stub.ekf_log import EkfLog
-from ekf_stub.reporting import run_report_of
-from emulator.atomic_file import replace_file
-from emulator.errors import InputError
-from emulator.logger import STRUCTURES
+from ekf_stub.core.ekf3_core import Ekf3Core
+from ekf_stub.core.reporting import run_report_of
+from ekf_stub.log.ekf_log import EkfLog
+from ekf_stub.reports.core_report import CoreReport
+from viso.errors import InputError
+from viso.files.atomic_file import replace_file
+from viso.logs.logger import STRUCTURES
 
 EV_YAW_RESET: Final = 62
 EV_SOURCE_SET_1: Final = 85

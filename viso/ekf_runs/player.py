@@ -17,15 +17,15 @@ from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import TextSink
 from ap_core.vector3 import Vector3f
-from ekf_stub.core_report import CoreReport
-from ekf_stub.core_texts import CoreTexts, cores_of_mask
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.ekf_log import UNINITIALISED
-from ekf_stub.sources import EkfSources
-from ekf_stub.surroundings import Surroundings
-from emulator.kernels import chosen_kernel, kernel_of
-from emulator.record_fields import RecordError, finite, numbers, text, whole
-from emulator.replay_inputs import ARMED, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ekf_log import UNINITIALISED
+from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
+from viso.ekf_runs.inputs import ARMED, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs
+from viso.logs.record_fields import RecordError, finite, numbers, text, whole
+from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
 _AFTER_THE_FRAME: Final = frozenset({"XKF4", "REPH", "REVH", "RBOH", "RSO3", "REV3"})

@@ -12,14 +12,14 @@ import numpy as np
 
 from ap_core.location import Location
 from ap_core.log_structure import QUIET_NAN
-from ekf_stub.core_report import CoreReport
-from ekf_stub.ekf_log import PERIOD_US
-from ekf_stub.inertial import Array
-from emulator.ekf_output import EV_SOURCE_SET_1, EV_YAW_RESET, EkfOutput
-from emulator.ekf_player import EkfPlayer
-from emulator.errors import InputError
-from emulator.record_fields import RecordError, finite, text, whole
-from emulator.recorded_log import read_log
+from ekf_stub.filter.inertial import Array
+from ekf_stub.log.ekf_log import PERIOD_US
+from ekf_stub.reports.core_report import CoreReport
+from viso.ekf_runs.output import EV_SOURCE_SET_1, EV_YAW_RESET, EkfOutput
+from viso.ekf_runs.player import EkfPlayer
+from viso.errors import InputError
+from viso.logs.record_fields import RecordError, finite, text, whole
+from viso.logs.recorded import read_log
 
 LABELS: Final = (
     *("Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"),

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from emulator.estimators.least_squares import blocks_of, fit
-from emulator.estimators.pairs import TurnPair, best_rotation, centred, correlation_of, cross_matrices, turn_pair
-from emulator.estimators.turning import Array
+from viso.estimators.least_squares import blocks_of, fit
+from viso.estimators.pairs import TurnPair, best_rotation, centred, correlation_of, cross_matrices, turn_pair
+from viso.estimators.turning import Array
 
 SEARCH_MS: Final = (-100.0, 400.0)
 LEAST_CORRELATION: Final = 0.6

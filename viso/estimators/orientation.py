@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from emulator import quaternion_arrays as quaternion
-from emulator.estimators.axes import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
-from emulator.estimators.least_squares import FEWEST_BLOCKS, blocks_of, fit, mean_and_sigma
-from emulator.estimators.pairs import best_rotation, centred, correlation_of, cross_matrices, turn_pair
-from emulator.estimators.turning import Array, attitudes_of
+from viso.estimators import quaternion_arrays as quaternion
+from viso.estimators.axes import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
+from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, fit, mean_and_sigma
+from viso.estimators.pairs import best_rotation, centred, correlation_of, cross_matrices, turn_pair
+from viso.estimators.turning import Array, attitudes_of
 
 LEAST_CORRELATION: Final = 0.6
 LEAST_MARGIN_SIGMAS: Final = 4.0

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from emulator.estimators.least_squares import inliers
-from emulator.estimators.turning import Array, Attitudes, attitudes_of, turns, window_of, windows
+from viso.estimators.least_squares import inliers
+from viso.estimators.turning import Array, Attitudes, attitudes_of, turns, window_of, windows
 
 Mask = npt.NDArray[np.bool_]
 

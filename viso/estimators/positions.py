@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from emulator.estimators.axes import EARTH_WORDS, MIRRORED, PROPER, AxisMap
-from emulator.estimators.least_squares import blocks_of, fit, inliers
-from emulator.estimators.orientation import UNDECIDED, Choice, choose_axes
-from emulator.estimators.pairs import centred
-from emulator.estimators.turning import Array, windows
+from viso.estimators.axes import EARTH_WORDS, MIRRORED, PROPER, AxisMap
+from viso.estimators.least_squares import blocks_of, fit, inliers
+from viso.estimators.orientation import UNDECIDED, Choice, choose_axes
+from viso.estimators.pairs import centred
+from viso.estimators.turning import Array, windows
 
 WINDOW_S: Final = 2.0
 LEAST_CORRELATION: Final = 0.8

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Arrays of quaternions, as numpy-quaternion has them, without what its package imports besides.
 
-Names and results are those of that package; ``ekf_stub.quaternions`` says why it is not imported itself.
+Names and results are those of that package; ``ekf_stub.filter.quaternions`` says why it is not imported itself.
 """
 
 from typing import Any, Final
@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ekf_stub.quaternions import one, quaternion
+from ekf_stub.filter.quaternions import one, quaternion
 
 Array = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from emulator.estimators.turning import Array
+from viso.estimators.turning import Array
 
 LARGEST_SIGMA_PPM: Final = 500.0
 LARGEST_UNEVENNESS_US: Final = 20_000.0

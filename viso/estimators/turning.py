@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from emulator import quaternion_arrays as quaternion
+from viso.estimators import quaternion_arrays as quaternion
 
 Array = npt.NDArray[np.float64]
 

@@ -9,13 +9,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.aiding import AidingMode
-from ekf_stub.ekf3_core import Ekf3Core
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from ekf_stub.sources import SourceZ
-from emulator.filter_fates import Fate, fate_of
-from emulator.vehicle import Vehicle
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.core.ekf3_core import Ekf3Core
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.sources import SourceZ
+from viso.fates.words import Fate, fate_of
+from viso.vehicle.vehicle import Vehicle
 
 UNITS: Final = {"pose": "m", "height": "m", "yaw": "deg", "velocity": "m/s", "odometry": "m/s"}
 """Of innovations, by kind of sample."""

@@ -13,8 +13,8 @@ from types import MappingProxyType
 from typing import Final
 
 from ap_core.verdict import Rule
-from ekf_stub import ingest_rules as rules
-from ekf_stub.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 
 
 class Fate(StrEnum):

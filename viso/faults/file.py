@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from companion.faults import TimedFrame
-from emulator.errors import InputError
-from emulator.streams import Stream, read_stream
-from emulator.text_files import write_text
 from mav_handlers.links import TlogError, TlogWriter, read_tlog
 from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
+from viso.companion.faults import TimedFrame
+from viso.errors import InputError
+from viso.files.text_files import write_text
+from viso.streams.table import Stream, read_stream
 
 TLOG: Final = (".tlog", ".tlog.gz")
 CAPTURE: Final = (".jsonl", ".jsonl.gz")

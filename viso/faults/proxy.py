@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from companion.faults import Injector
-from companion.faults.splitter import FrameSplitter
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
+from viso.companion.faults import Injector
+from viso.companion.faults.splitter import FrameSplitter
 
 LONGEST_WAIT_S: Final = 0.05
 """How long to wait at once, so that a signal is heeded soon."""

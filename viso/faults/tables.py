@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from rich.table import Column, Table
 
-from companion.faults import Entry, EntryTally, Tally
+from viso.companion.faults import Entry, EntryTally, Tally
 
 
 def when(entry: Entry) -> str:

@@ -6,9 +6,9 @@ import logging
 from pathlib import Path
 from typing import Final
 
-from emulator.atomic_file import remove_stale_drafts, replace_file
-from emulator.errors import InputError
-from mav_handlers.signing import SigningKey
+from mav_handlers.signing.state import SigningKey
+from viso.errors import InputError
+from viso.files.atomic_file import remove_stale_drafts, replace_file
 
 _log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from emulator.errors import InputError
+from viso.errors import InputError
 
 GZIP_MAGIC = b"\x1f\x8b"
 

@@ -10,14 +10,14 @@ from typing import Final
 from ap_core.log_structure import LogStructure
 from ap_visualodom import release as visual_odom
 from ap_visualodom.release import VisualOdomRelease
-from ekf_stub.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
-from emulator import release_parameters as params
-from emulator.log_structure import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
-from emulator.release_parameters import ParameterRelease
+from ekf_stub.log.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
 from mav_handlers import release as endpoint
 from mav_handlers.covariance import pose_errors, root_of_sum
-from mav_handlers.endpoint_params import MAV_NAMES_WITH_RANGE, SYSID_NAMES
+from mav_handlers.params.names import MAV_NAMES_WITH_RANGE, SYSID_NAMES
 from mav_handlers.release import EndpointRelease, tell_origin_after_texts
+from viso.firmware.log_releases import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
+from viso.parameters import releases as params
+from viso.parameters.releases import ParameterRelease
 
 OFFICIAL: Final = 255
 """FIRMWARE_VERSION_TYPE of what is released; 0 is development."""

@@ -4,10 +4,10 @@
 
 from typing import Final
 
-from companion.landmarks.adsb_vehicle import to_message
-from companion.landmarks.types import AircraftReport, Event
 from mav_handlers.links.base import Link
 from mav_handlers.wire.codec import Codec
+from viso.companion.landmarks.adsb_vehicle import to_message
+from viso.companion.landmarks.types import AircraftReport, Event
 
 MAV_COMP_ID_ADSB: Final = 156
 

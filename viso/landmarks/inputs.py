@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
-from companion.landmarks.inputs.dataflash import DataFlashFile
-from companion.landmarks.inputs.files import InputOptions, line_reader, open_file
-from companion.landmarks.types import Detections, Event
-from emulator.errors import InputError
+from viso.companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
+from viso.companion.landmarks.inputs.dataflash import DataFlashFile
+from viso.companion.landmarks.inputs.files import InputOptions, line_reader, open_file
+from viso.companion.landmarks.types import Detections, Event
+from viso.errors import InputError
 
 STANDARD_INPUT: Final = "-"
 SBS_SCHEME: Final = "sbs:"

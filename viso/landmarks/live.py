@@ -13,21 +13,21 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Final, Protocol
 
-from companion.landmarks.inputs.base import FileReader, InputFileError
-from companion.landmarks.inputs.dump1090 import Dump1090Reader
-from companion.landmarks.inputs.files import InputOptions, open_file
-from companion.landmarks.inputs.lines import LineSplitter, TextFile
-from companion.landmarks.inputs.sbs1 import Sbs1Reader
-from companion.landmarks.inputs.vehicle import MavlinkStream
-from companion.landmarks.types import Event
-from companion.odometry.inbound import stream_requests
-from companion.sender import HEARTBEAT_PERIOD_US, MAV_AUTOPILOT_INVALID, MAV_TYPE_ONBOARD_CONTROLLER
-from emulator.errors import InputError
-from emulator.landmarks_inputs import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
 from mav_handlers.links import open_link
 from mav_handlers.links.base import Link
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
+from viso.companion.landmarks.inputs.base import FileReader, InputFileError
+from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader
+from viso.companion.landmarks.inputs.files import InputOptions, open_file
+from viso.companion.landmarks.inputs.lines import LineSplitter, TextFile
+from viso.companion.landmarks.inputs.sbs1 import Sbs1Reader
+from viso.companion.landmarks.inputs.vehicle import MavlinkStream
+from viso.companion.landmarks.types import Event
+from viso.companion.odometry.inbound import stream_requests
+from viso.companion.sender import HEARTBEAT_PERIOD_US, MAV_AUTOPILOT_INVALID, MAV_TYPE_ONBOARD_CONTROLLER
+from viso.errors import InputError
+from viso.landmarks.inputs import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
 
 NOW_S: Final = time.time
 """Arrivals are by the time of day, which receivers of ADS-B and telemetry logs have as well."""

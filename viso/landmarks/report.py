@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rich.table import Column, Table
 
-from companion.landmarks.residuals import Innovation
-from companion.landmarks.scene import Scene
-from companion.landmarks.statistics import InnovationStatistics, Summary
+from viso.companion.landmarks.residuals import Innovation
+from viso.companion.landmarks.scene import Scene
+from viso.companion.landmarks.statistics import InnovationStatistics, Summary
 
 if TYPE_CHECKING:
-    from companion.landmarks.fit import PoseErrors
+    from viso.companion.landmarks.fit import PoseErrors
 
 MOST_ROWS: Final = 20
 """Of single landmarks or aircraft in a table; machines get all."""

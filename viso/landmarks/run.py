@@ -9,17 +9,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from companion.landmarks.aircraft import state_vectors_record
-from companion.landmarks.residuals import Residuals
-from companion.landmarks.scene import Scene
-from companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
-from companion.landmarks.statistics import Summary, summarise
-from companion.landmarks.types import Event
-from emulator.errors import InputError
-from emulator.landmarks_report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
+from viso.companion.landmarks.aircraft import state_vectors_record
+from viso.companion.landmarks.residuals import Residuals
+from viso.companion.landmarks.scene import Scene
+from viso.companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
+from viso.companion.landmarks.statistics import Summary, summarise
+from viso.companion.landmarks.types import Event
+from viso.errors import InputError
+from viso.landmarks.report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
 
 if TYPE_CHECKING:
-    from companion.landmarks.fit import PoseErrors
+    from viso.companion.landmarks.fit import PoseErrors
 
 LINE_PERIOD_S: Final = 1.0
 _ROUNDING_S: Final = 1e-6
@@ -75,7 +75,9 @@ class Run:
 
     def fit(self) -> "PoseErrors":
         """Return which errors would explain the innovations of the landmarks."""
-        from companion.landmarks.fit import fit_pose_errors  # with splines that take longer to import than all else
+        from viso.companion.landmarks.fit import (
+            fit_pose_errors,  # with splines that take longer to import than all else
+        )
 
         session = self.session
         return fit_pose_errors(session.camera, session.poses, session.landmarks, session.pictures)

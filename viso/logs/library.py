@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from ap_core.clock import Clock
-from emulator.log_files import LASTLOG_NAME, LogStore
+from viso.logs.files import LASTLOG_NAME, LogStore
 
 REOPEN_US: Final = 1_000_000
 """The firmware looks once a second whether a log is to be opened."""

@@ -14,10 +14,10 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, MSG, PARM, LogStructure
 from ap_core.param import ParamTable
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
-from ekf_stub.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
-from emulator.log_files import LogStoreError
-from emulator.log_sink import LogSink
-from emulator.log_structure import LOG_STRUCTURE_FROM_GPS, OF
+from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
+from viso.firmware.log_releases import LOG_STRUCTURE_FROM_GPS, OF
+from viso.logs.files import LogStoreError
+from viso.logs.sink import LogSink
 
 _log = logging.getLogger(__name__)
 

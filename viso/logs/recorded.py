@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
 from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
-from ekf_stub.ahrs_recorded import RecordedStates
-from emulator.errors import InputError
+from ekf_stub.ahrs.ahrs_recorded import RecordedStates
+from viso.errors import InputError
 
 if TYPE_CHECKING:
     from pymavlink.DFReader import DFReader_binary

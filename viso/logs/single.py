@@ -5,8 +5,8 @@
 import os
 from pathlib import Path
 
-from emulator.errors import InputError
-from emulator.log_files import LogFile, LogStoreError
+from viso.errors import InputError
+from viso.logs.files import LogFile, LogStoreError
 
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 

@@ -15,10 +15,10 @@ from ap_core.fmath import degrees, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, ORGN, VER
 from ap_core.quaternion import Quaternion
-from emulator.firmware import REFERENCE, Firmware
-from emulator.logger import Logger
 from mav_handlers.channel import Channel
 from mav_handlers.ports import Location
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.logger import Logger
 
 AUX_SOURCE_MAVLINK: Final = 3
 ORGN_EKF: Final = 0

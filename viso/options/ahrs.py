@@ -10,13 +10,13 @@ from typing import Annotated
 
 import typer
 
-from ekf_stub.ahrs_recorded import RecordedAhrs
-from emulator.errors import InputError
-from emulator.imu.errors import parse_errors
-from emulator.imu.options import ImuOptions
-from emulator.imu.table import IMU_HELP, read_source
-from emulator.recorded_log import read_recorded_states
-from emulator.vehicle_config import AhrsParts, VehicleAhrs, by_ekf3
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
+from viso.errors import InputError
+from viso.logs.recorded import read_recorded_states
+from viso.sensors.errors import parse_errors
+from viso.sensors.options import ImuOptions
+from viso.sensors.table import IMU_HELP, read_source
+from viso.vehicle.config import AhrsParts, VehicleAhrs, by_ekf3
 
 AhrsOption = Annotated[
     Path | None,

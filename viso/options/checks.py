@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks of command-line options that several commands share."""
 
-from emulator.errors import InputError
+from viso.errors import InputError
 
 
 def within(option: str, value: float | None, low: float, high: float) -> None:

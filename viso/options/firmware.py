@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from emulator.errors import InputError
-from emulator.firmware import PROFILES, REFERENCE, Firmware
+from viso.errors import InputError
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 
 FirmwareOption = Annotated[
     str, typer.Option("--firmware", help=f"The firmware to be: {', '.join(PROFILES)}.", metavar="PROFILE")

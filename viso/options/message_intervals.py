@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from emulator.errors import InputError
-from emulator.text_files import read_lines
+from viso.errors import InputError
+from viso.files.text_files import read_lines
 
 _MAX_INTERVAL_MS: Final = 65535
 _MAX_MESSAGE_ID: Final = (1 << 24) - 1

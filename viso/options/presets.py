@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from emulator.errors import InputError
+from viso.errors import InputError
 
 PRESETS: Final[Mapping[str, Path]] = MappingProxyType(
     {path.stem: path for path in sorted((Path(__file__).parent / "preset_files").glob("*.parm"))}

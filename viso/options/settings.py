@@ -10,12 +10,12 @@ from pathlib import Path
 from ap_core.param import ParamTable
 from ap_core.parm_file import ParmFileError, parse_parm
 from ap_visualodom.ap_visualodom import make_params
-from emulator.errors import InputError
-from emulator.firmware import REFERENCE, Firmware
-from emulator.param_conversion import NO_RENAMES, Renames, carry_over, name_here
-from emulator.parameters import make_groups
-from emulator.release_parameters import ALL_RENAMES
-from emulator.text_files import read_text
+from viso.errors import InputError
+from viso.files.text_files import read_text
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
+from viso.parameters.releases import ALL_RENAMES
+from viso.parameters.table import make_groups
 
 _log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned
-from mav_handlers.endpoint_params import PORT_OPTION_NO_STREAM_REQUESTS, PORT_OPTION_PRIVATE, link_options_of_port
+from mav_handlers.params.names import PORT_OPTION_NO_STREAM_REQUESTS, PORT_OPTION_PRIVATE, link_options_of_port
 
 _MAVLINK_PROTOCOLS: Final = (1, 2, 43)
 _PORT_BITS: Final = PORT_OPTION_PRIVATE | PORT_OPTION_NO_STREAM_REQUESTS

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from ap_core.param import ParamTable
-from emulator.param_conversion import NO_RENAMES, Renames, carry_over
+from viso.parameters.conversion import NO_RENAMES, Renames, carry_over
 
 
 class StoredParams(Protocol):

@@ -11,9 +11,9 @@ from typing import Final
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
-from emulator import copter_parameters as copter
-from emulator.ekf3_parameters import FLOW_LIMIT, FLOW_LIMIT_LATER
-from emulator.param_conversion import NO_RENAMES, Rename, Renames, skip_instead_of_check
+from viso.parameters import copter
+from viso.parameters.conversion import NO_RENAMES, Rename, Renames, skip_instead_of_check
+from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 
 INT8: Final = ParamType.INT8
 INT16: Final = ParamType.INT16

@@ -15,9 +15,9 @@ from typing import Final
 
 from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned, to_f32
-from emulator.atomic_file import remove_stale_drafts, replace_file
-from emulator.errors import InputError
-from emulator.param_conversion import NO_RENAMES, Renames, carry_over
+from viso.errors import InputError
+from viso.files.atomic_file import remove_stale_drafts, replace_file
+from viso.parameters.conversion import NO_RENAMES, Renames, carry_over
 
 _log = logging.getLogger(__name__)
 

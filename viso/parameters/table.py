@@ -16,10 +16,9 @@ from typing import Final
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamInfo, ParamType
-from emulator import copter_parameters as copter
-from emulator import sensor_parameters as sensors
-from emulator.ekf3_parameters import make_ekf3_group
-from emulator.release_parameters import REFERENCE, ParameterRelease
+from viso.parameters import copter, sensors
+from viso.parameters.ekf3 import make_ekf3_group
+from viso.parameters.releases import REFERENCE, ParameterRelease
 
 INT8: Final = ParamType.INT8
 INT16: Final = ParamType.INT16

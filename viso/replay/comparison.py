@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 from rich.table import Column, Table
 
 from ap_core.verdict import Outcome
-from emulator.console import reason_of
-from emulator.filter_fates import RULES_BY_CODE, basis, fate_of, final_counts, is_model, why
-from emulator.filter_report import aiding_rows
-from emulator.filter_watch import AidingSpan
-from emulator.replay import ReplayedMessage
-from emulator.replay_run import ReplayOutcome, SaidText
+from viso.fates.watch import AidingSpan
+from viso.fates.words import RULES_BY_CODE, basis, fate_of, final_counts, is_model, why
+from viso.replay.feed import ReplayedMessage
+from viso.replay.run import ReplayOutcome, SaidText
+from viso.terminal.console import reason_of
+from viso.terminal.filter_report import aiding_rows
 
 SHOWN: Final = 10
 """How many messages are told one by one."""

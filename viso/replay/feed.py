@@ -11,18 +11,18 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
-from emulator.bits import json_value
-from emulator.filter_watch import FilterWatch
-from emulator.sample_fates import FATE_WAIT_US, HandedSample, SampleFates
-from emulator.scheduler import Scheduler
-from emulator.streams import Stream, StreamMessage
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.handlers.vision import odometry_frames_accepted
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY
+from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
+from viso.fates.watch import FilterWatch
+from viso.files.bits import json_value
+from viso.running.virtual_time import Scheduler
+from viso.streams.table import Stream, StreamMessage
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)
 # A capture's arrival is the time of handling; the port was read up to one loop (2500 us) earlier, and unrecorded bytes

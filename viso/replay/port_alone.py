@@ -26,21 +26,21 @@ from ap_visualodom.batch import BatchVisualOdom, Event
 from ap_visualodom.batch_samples import PoseResults, Poses, Velocities, VelocityResults
 from ap_visualodom.ports import Ahrs
 from ap_visualodom.verdicts import VERDICTS
-from ekf_stub.ahrs_base import AHRS_START_US, ESTIMATOR_STARTUP_DELAY_US
-from ekf_stub.ahrs_recorded import RecordedAhrs, RecordedStates
-from ekf_stub.ahrs_settable import SettableAhrs
-from ekf_stub.ext_nav_log import ExtNavLog
-from ekf_stub.sources import EkfSources
-from emulator.firmware import REFERENCE, Firmware
-from emulator.parameters import make_groups
-from emulator.replay import READ_BEFORE_HANDLING_US, batches
-from emulator.replay_run import SaidText
-from emulator.streams import Stream
-from emulator.vehicle import LOOP_PERIOD_US
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US, ESTIMATOR_STARTUP_DELAY_US
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ext_nav_log import ExtNavLog
 from mav_handlers.channel import Channel
 from mav_handlers.vision_columns import Arrived, VisionColumns, is_sample, vision_columns
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, VISION_POSITION_DELTA, Message
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.parameters.table import make_groups
+from viso.replay.feed import READ_BEFORE_HANDLING_US, batches
+from viso.replay.run import SaidText
+from viso.streams.table import Stream
+from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 MakeAhrs = Callable[[VirtualClock, ParamTable, EkfSources], Ahrs]
 
@@ -97,7 +97,7 @@ def never_aligned(_clock: VirtualClock, _params: ParamTable, _sources: EkfSource
 
 
 def following(states: RecordedStates) -> MakeAhrs:
-    """Return the maker of an AHRS that follows a log (``emulator.recorded_log.read_recorded_states``)."""
+    """Return the maker of an AHRS that follows a log (``viso.logs.recorded.read_recorded_states``)."""
 
     def make(clock: VirtualClock, _params: ParamTable, sources: EkfSources) -> Ahrs:
         return RecordedAhrs(clock, sources, ExtNavLog(_Said(clock), lambda: False), states)

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from emulator.console import VerdictCounts
-from emulator.filter_fates import FilterCounts
-from emulator.filter_watch import AidingSpan, FilterWatch, Innovations
-from emulator.firmware import REFERENCE, Firmware
-from emulator.log_sink import LogSink
-from emulator.replay import Replay, ReplayedMessage
-from emulator.streams import Stream
-from emulator.vehicle import Vehicle, VehicleConfig
-from emulator.vehicle_config import AhrsParts, VehicleAhrs
+from viso.fates.watch import AidingSpan, FilterWatch, Innovations
+from viso.fates.words import FilterCounts
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.sink import LogSink
+from viso.replay.feed import Replay, ReplayedMessage
+from viso.streams.table import Stream
+from viso.terminal.console import VerdictCounts
+from viso.vehicle.config import AhrsParts, VehicleAhrs
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 class SaidText(NamedTuple):

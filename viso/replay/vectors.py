@@ -24,9 +24,9 @@ from ap_core.quaternion import Quaternion
 from ap_core.rotations import quaternion_from_rotation, rotate_vector
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ap_visualodom.release import REFERENCE, VisualOdomRelease
-from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, SettableAhrs
-from emulator.bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
+from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, SettableAhrs
 from mav_handlers.jitter_correction import JitterCorrection
+from viso.files.bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
 
 Out = list[object]
 

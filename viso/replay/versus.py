@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 from rich.table import Column, Table
 
 from ap_visualodom.log_structure import VISP
-from emulator.filter_watch import UNITS, Innovations
-from emulator.replay import ReplayedMessage
-from emulator.replay_run import ReplayOutcome
+from viso.fates.watch import UNITS, Innovations
+from viso.replay.feed import ReplayedMessage
+from viso.replay.run import ReplayOutcome
 
 _POS: Final = VISP.fields.index("PErr")
 _ANG: Final = VISP.fields.index("AErr")

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from emulator.report.material import Material, position_moves
-from emulator.report.series import Array, Mask, Series
+from viso.estimators.series import Array, Mask, Series
+from viso.report.material import Material, position_moves
 
 BRIDGED_S: Final = 0.3
 """Between EKF records farther apart than this nothing is interpolated."""

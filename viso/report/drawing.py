@@ -11,7 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from emulator.report.series import Array
+from viso.estimators.series import Array
 
 VISION: Final = "#e07b00"
 EKF: Final = "#2f7fd0"

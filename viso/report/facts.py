@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter_status import FilterFlag
-from emulator.firmware import REFERENCE, Firmware
-from emulator.report.agreement import Differences, differences, lag_ms
-from emulator.report.material import Material, armed_spans, position_moves
-from emulator.report.names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
-from emulator.report.parameters import ParameterFacts, parameter_facts
-from emulator.report.series import Array, Mask, Series, overlap_s, spans_of
+from ekf_stub.reports.filter_status import FilterFlag
+from viso.estimators.series import Array, Mask, Series, overlap_s, spans_of
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.report.agreement import Differences, differences, lag_ms
+from viso.report.material import Material, armed_spans, position_moves
+from viso.report.names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
+from viso.report.parameters import ParameterFacts, parameter_facts
 
 UNHEALTHY_S: Final = 0.3
 """Without a message for longer, the driver is not healthy (AP_VisualOdom_Backend.cpp, healthy)."""

@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from emulator.report import drawing
-from emulator.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
-from emulator.report.drawing import AXES, EKF, GATE, GREEN, MUTED, VIOLET, VISION, WITHHELD, dots, legend, level, line
-from emulator.report.facts import STALE_S, UNHEALTHY_S, Facts, has_position
-from emulator.report.material import Material, position_moves
-from emulator.report.series import Array, Mask, Series
-from emulator.report.timeline import draw_timeline
+from viso.estimators.series import Array, Mask, Series
+from viso.report import drawing
+from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
+from viso.report.drawing import AXES, EKF, GATE, GREEN, MUTED, VIOLET, VISION, WITHHELD, dots, legend, level, line
+from viso.report.facts import STALE_S, UNHEALTHY_S, Facts, has_position
+from viso.report.material import Material, position_moves
+from viso.report.timeline import draw_timeline
 
 _NED: Final = ("north", "east", "down")
 _IN_SECONDS_MS: Final = 10_000.0

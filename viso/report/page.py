@@ -10,13 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from companion.evaluation import rms
-from emulator.report.facts import Facts
-from emulator.report.figures import FigureKind
-from emulator.report.material import Material
-from emulator.report.parameters import ChangedParameter
-from emulator.report.series import total_s
-from emulator.report.summary import Level, Summary
+from viso.companion.trials.evaluation import rms
+from viso.estimators.series import total_s
+from viso.report.facts import Facts
+from viso.report.figures import FigureKind
+from viso.report.material import Material
+from viso.report.parameters import ChangedParameter
+from viso.report.summary import Level, Summary
 
 _TAGS: Final = {Level.GOOD: "fine", Level.WARNING: "look", Level.BAD: "trouble"}
 _CLASSES: Final = {Level.GOOD: "good", Level.WARNING: "warning", Level.BAD: "bad"}
@@ -36,7 +36,7 @@ def make_page(
         drawn: each figure as an SVG element; None where the log has nothing for it.
         version: of the program.
     """
-    css = resources.files("emulator.report").joinpath("style.css").read_text(encoding="utf-8")
+    css = resources.files("viso.report").joinpath("style.css").read_text(encoding="utf-8")
     name = escape(material.name)
     body = [
         f"<h1>External navigation in {name}</h1>",

@@ -12,10 +12,10 @@ import numpy as np
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from emulator.firmware import REFERENCE, Firmware
-from emulator.parameters import make_groups
-from emulator.release_parameters import MAX_LINKS
-from emulator.report.material import LoggedParameter, Material
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.parameters.releases import MAX_LINKS
+from viso.parameters.table import make_groups
+from viso.report.material import LoggedParameter, Material
 
 _ABOUT_VISION: Final = ("VISO_", "EK3_", "AHRS_", "COMPASS_USE", "COMPASS_ENABLE", "LOG_REPLAY", "ARMING_")
 

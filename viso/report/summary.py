@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from emulator.report.facts import STALE_S, Facts, KindFacts, navigates_by_vision
-from emulator.report.material import Material
-from emulator.report.series import overlap_s, total_s
+from viso.estimators.series import overlap_s, total_s
+from viso.report.facts import STALE_S, Facts, KindFacts, navigates_by_vision
+from viso.report.material import Material
 
 _REFUSED: Final = re.compile(r"(PreArm|Arm): VisOdom")
 _FEW: Final = 4  # times that are named one by one

@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from ekf_stub.filter_status import FilterFlag
-from emulator.report import drawing
-from emulator.report.drawing import EKF, GREEN, MUTED, VIOLET, VISION, WITHHELD, plain
-from emulator.report.facts import Facts, has_flag
-from emulator.report.material import Happening, Material
-from emulator.report.series import spans_of
+from ekf_stub.reports.filter_status import FilterFlag
+from viso.estimators.series import spans_of
+from viso.report import drawing
+from viso.report.drawing import EKF, GREEN, MUTED, VIOLET, VISION, WITHHELD, plain
+from viso.report.facts import Facts, has_flag
+from viso.report.material import Happening, Material
 
 MOST_TEXTS: Final = 36
 _LONGEST_TEXT: Final = 64

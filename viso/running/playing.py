@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from companion.recorded.player import Player, Text
-from companion.sender import HEARTBEAT_PERIOD_US
-from emulator.errors import InputError
 from mav_handlers.links import TlogError, TlogWriter, wait_readable
 from mav_handlers.links.base import Link
 from mav_handlers.links.tlog import YEAR_2000_US, YEAR_2100_US
+from viso.companion.recorded.player import Player, Text
+from viso.companion.sender import HEARTBEAT_PERIOD_US
+from viso.errors import InputError
 
 LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emulator.filter_fates import FilterCounts
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import Channel, CountKey
+from viso.fates.words import FilterCounts
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 @dataclass(frozen=True, slots=True)

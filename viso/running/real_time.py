@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from emulator.power import PoweredVehicle
-from emulator.vehicle import LOOP_PERIOD_US
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
+from viso.running.power import PoweredVehicle
+from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 NOW_S: Final = time.monotonic
 """The wall clock, in seconds."""

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Virtual time: the one place that advances a vehicle's clock."""
 
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle
 from mav_handlers.channel import Channel
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 
 class Scheduler:

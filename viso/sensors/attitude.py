@@ -8,8 +8,8 @@ A quaternion turns vectors from the body (FRD) to the earth (NED).
 import math
 from collections.abc import Iterable
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.inertial import Array
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.inertial import Array
 
 Three = tuple[float, float, float]
 

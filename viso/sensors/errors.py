@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from ekf_stub.inertial import Array, InertialDelta
-from ekf_stub.sensors import Sensors
-from emulator.errors import InputError
-from emulator.imu.attitude import Three
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.sensors import Sensors
+from viso.errors import InputError
+from viso.sensors.attitude import Three
 
 MAX_ERROR: Final = 1000.0
 

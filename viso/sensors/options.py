@@ -5,7 +5,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from emulator.imu.errors import NO_ERRORS, SensorErrors
+from viso.sensors.errors import NO_ERRORS, SensorErrors
 
 
 def no_compass() -> bool:

@@ -7,10 +7,10 @@ The reference reads both ten times a second, and its filter sees a reading in th
 
 from typing import Final
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.inertial import Array
-from emulator.imu.attitude import rotate_to_body
-from emulator.imu.errors import to_single
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.inertial import Array
+from viso.sensors.attitude import rotate_to_body
+from viso.sensors.errors import to_single
 
 PERIOD_US: Final = 100_000
 PHASE_US: Final = 50_000

@@ -15,14 +15,14 @@ import numpy as np
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub import quaternions as quaternion
-from ekf_stub.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
-from ekf_stub.sensors import Sensors
-from emulator.errors import InputError
-from emulator.imu.attitude import rotate_to_body
-from emulator.imu.errors import ErrorModel, to_single
-from emulator.imu.options import ImuOptions
-from emulator.recorded_log import read_log
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
+from ekf_stub.inputs.sensors import Sensors
+from viso.errors import InputError
+from viso.logs.recorded import read_log
+from viso.sensors.attitude import rotate_to_body
+from viso.sensors.errors import ErrorModel, to_single
+from viso.sensors.options import ImuOptions
 
 _INSTANCE: Final = 0
 _RECORDS: Final = ("RFRH", "RFRF", "RISI", "RBRI", "RMGI", "RMGH", "ATT")

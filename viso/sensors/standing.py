@@ -6,13 +6,13 @@ from typing import Final
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.error_state import GRAVITY_MSS
-from ekf_stub.inertial import InertialDelta
-from ekf_stub.sensors import Sensors
-from emulator.imu.attitude import quat_of_rpy, rotate_to_body
-from emulator.imu.errors import ErrorModel, exact_delta
-from emulator.imu.options import ImuOptions
-from emulator.imu.readings import PERIOD_US, ideal_field, last_reading_us
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.sensors import Sensors
+from viso.sensors.attitude import quat_of_rpy, rotate_to_body
+from viso.sensors.errors import ErrorModel, exact_delta
+from viso.sensors.options import ImuOptions
+from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 
 NOMINAL_US: Final = 2500
 SHORTEST_US: Final = NOMINAL_US // 4

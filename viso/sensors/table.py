@@ -7,14 +7,14 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ekf_stub.sensors import SensorSource
-from emulator.errors import InputError
-from emulator.imu.bench import BenchSource
-from emulator.imu.follow import FollowSource
-from emulator.imu.hil import HilSource
-from emulator.imu.options import ImuOptions
-from emulator.imu.recorded import read_recorded_source
-from emulator.imu.script import read_script_source
+from ekf_stub.inputs.sensors import SensorSource
+from viso.errors import InputError
+from viso.sensors.hil.source import HilSource
+from viso.sensors.options import ImuOptions
+from viso.sensors.recorded import read_recorded_source
+from viso.sensors.script.script import read_script_source
+from viso.sensors.standing import BenchSource
+from viso.sensors.stream.follow import FollowSource
 
 MakeSource = Callable[[ImuOptions], SensorSource]
 

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Final
 
-from emulator.errors import InputError
-from emulator.stream_kinds.stream import MAX_GAP_US, Stream, StreamMessage
-from emulator.text_files import read_lines
+from viso.errors import InputError
+from viso.files.text_files import read_lines
+from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
 # The recording simulator applied this rate to its TCP port.
 CAPTURE_BAUD: Final = 115200

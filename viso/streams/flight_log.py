@@ -16,13 +16,6 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from ap_core.dataflash_scan import Lost
-from companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-from emulator.errors import InputError
-from emulator.firmware import REFERENCE
-from emulator.record_fields import RecordError, numbers, text, whole
-from emulator.recorded_log import read_columns, read_kinds
-from emulator.stream_kinds.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
-from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 from mav_handlers.wire.codec import Codec, full_length
 from mav_handlers.wire.messages import (
     ODOMETRY,
@@ -31,6 +24,13 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+from viso.errors import InputError
+from viso.firmware.releases import REFERENCE
+from viso.logs.record_fields import RecordError, numbers, text, whole
+from viso.logs.recorded import read_columns, read_kinds
+from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
+from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 
 TOGETHER_US: Final = 2000
 """The two records of one ODOMETRY are less apart; a pass of the main loop takes longer."""

@@ -15,18 +15,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.recorded.messages import FORMS, Report
-from companion.recorded.readers import Source
-from companion.recorded.records import Records
-from companion.recorded.trajectory import Pose
-from companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-from companion.vio.se3 import Array, quat_wxyz_from_rotation
-from emulator import quaternion_arrays as quaternion
-from emulator.errors import InputError
-from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
-from emulator.stream_kinds.trajectory import TrajectoryOptions
-from emulator.trajectory_files import axes_of, load_as_it_is
 from mav_handlers.wire.codec import Codec
+from viso.companion.recorded.messages import FORMS, Report
+from viso.companion.recorded.readers import Source
+from viso.companion.recorded.records import Records
+from viso.companion.recorded.trajectory import Pose
+from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
+from viso.errors import InputError
+from viso.estimators import quaternion_arrays as quaternion
+from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
+from viso.streams.trajectory import TrajectoryOptions
+from viso.streams.trajectory_files import axes_of, load_as_it_is
 
 Times = NDArray[np.int64]
 

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from emulator.stream_kinds.stream import Stream, StreamMessage
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, Message
+from viso.streams.stream import Stream, StreamMessage
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 MAV_AUTOPILOT_INVALID: Final = 8

@@ -8,13 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from emulator.errors import InputError
-from emulator.stream_kinds.capture import CAPTURE_BAUD, read_capture
-from emulator.stream_kinds.flight_log import read_flight_log
-from emulator.stream_kinds.recorded_poses import read_as_recorded
-from emulator.stream_kinds.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
-from emulator.stream_kinds.telemetry_log import read_telemetry_log
-from emulator.stream_kinds.trajectory import TrajectoryOptions, read_trajectory
+from viso.errors import InputError
+from viso.streams.capture import CAPTURE_BAUD, read_capture
+from viso.streams.flight_log import read_flight_log
+from viso.streams.recorded_poses import read_as_recorded
+from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
+from viso.streams.telemetry_log import read_telemetry_log
+from viso.streams.trajectory import TrajectoryOptions, read_trajectory
 
 __all__ = [
     "CAPTURE_BAUD",

@@ -4,9 +4,9 @@
 
 from pathlib import Path
 
-from emulator.errors import InputError
-from emulator.stream_kinds.stream import MAX_GAP_US, Stream, StreamMessage
 from mav_handlers.links.tlog import TlogError, read_tlog
+from viso.errors import InputError
+from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
 
 def read_telemetry_log(path: Path, lead_us: int) -> Stream:

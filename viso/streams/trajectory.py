@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.recorded.axes import FrameChange
-from companion.recorded.engine import Playback, RecordedEngine
-from companion.recorded.player import Player
-from companion.recorded.readers import Source
-from emulator.option_checks import within
-from emulator.stream_kinds.stream import Stream, StreamMessage
-from emulator.trajectory_files import axes_of, form_of, left_out, load
+from viso.companion.recorded.axes import FrameChange
+from viso.companion.recorded.engine import Playback, RecordedEngine
+from viso.companion.recorded.player import Player
+from viso.companion.recorded.readers import Source
+from viso.options.checks import within
+from viso.streams.stream import Stream, StreamMessage
+from viso.streams.trajectory_files import axes_of, form_of, left_out, load
 
 LONGEST_GAP_S = 1.0
 """No pose is interpolated over a longer time."""

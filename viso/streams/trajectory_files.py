@@ -4,13 +4,13 @@
 
 from collections.abc import Iterator
 
-from companion.recorded.axes import parse_axes
-from companion.recorded.messages import FORMS, Form
-from companion.recorded.readers import Source, load_records, load_trajectory
-from companion.recorded.records import Records, TrajectoryError
-from companion.recorded.trajectory import RecordedTrajectory
-from companion.vio.se3 import Array
-from emulator.errors import InputError
+from viso.companion.recorded.axes import parse_axes
+from viso.companion.recorded.messages import FORMS, Form
+from viso.companion.recorded.readers import Source, load_records, load_trajectory
+from viso.companion.recorded.records import Records, TrajectoryError
+from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.vio.se3 import Array
+from viso.errors import InputError
 
 
 def form_of(name: str) -> Form:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from ap_core.param import ParamTable, ParamType
-from emulator.errors import InputError
-from emulator.settings import parse_assignment
+from viso.errors import InputError
+from viso.options.settings import parse_assignment
 
 MOST_VALUES: Final = 100_000
 """Of one axis; more are taken for a mistake."""

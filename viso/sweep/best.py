@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from emulator.sweep.objectives import LOWER_IS_BETTER
+from viso.sweep.objectives import LOWER_IS_BETTER
 
 Row = dict[str, Any]
 

@@ -8,9 +8,9 @@ from collections.abc import Generator, Iterable
 from itertools import islice
 from typing import Any, Final
 
-from emulator.errors import InputError
-from emulator.sweep.job import Result, run_point
-from emulator.sweep.plan import Point, SweepPlan
+from viso.errors import InputError
+from viso.sweep.job import Result, run_point
+from viso.sweep.plan import Point, SweepPlan
 
 MISSING_EXTRA: Final = "--scheduler: a cluster needs Dask distributed; install it with: pip install 'viso[cluster]'"
 

@@ -11,18 +11,18 @@ from typing import Final
 
 import yaml
 
-from companion.evaluation import TimedPoses
-from companion.faults import Timeline, TimelineError, inject, parse_timeline
-from emulator.ahrs_source import AhrsChoice, ahrs_maker, imu_options
-from emulator.errors import InputError
-from emulator.firmware import PROFILES
-from emulator.imu.table import MakeSource, read_source
-from emulator.replay_run import ReplaySetup, run_replay
-from emulator.streams import Stream, StreamMessage, TrajectoryOptions, read_stream
-from emulator.sweep.axes import fault_field
-from emulator.sweep.objectives import Judge, Row
-from emulator.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
-from emulator.vehicle_config import AhrsParts, VehicleAhrs, by_ekf3
+from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
+from viso.companion.trials.evaluation import TimedPoses
+from viso.errors import InputError
+from viso.firmware.releases import PROFILES
+from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
+from viso.replay.run import ReplaySetup, run_replay
+from viso.sensors.table import MakeSource, read_source
+from viso.streams.table import Stream, StreamMessage, TrajectoryOptions, read_stream
+from viso.sweep.axes import fault_field
+from viso.sweep.objectives import Judge, Row
+from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
+from viso.vehicle.config import AhrsParts, VehicleAhrs, by_ekf3
 
 _KEPT: Final = 4
 """How many files of a kind a process remembers."""
@@ -122,7 +122,7 @@ def _truth(plan: SweepPlan, recorded: Recorded) -> TimedPoses | None:
 
 @lru_cache(_KEPT)
 def _read_truth(reference: str, stream: str, lead_us: int, options: TrajectoryOptions) -> TimedPoses:
-    from emulator.sweep.reference import read_reference
+    from viso.sweep.reference import read_reference
 
     return read_reference(Path(reference), Path(stream), lead_us, options)
 

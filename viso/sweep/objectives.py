@@ -12,16 +12,16 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
-from companion.evaluation import EvaluationError, TimedPoses, absolute_error
-from companion.faults.vision import VISION_NAMES
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.aiding import AidingMode
-from ekf_stub.body_odometry import GATE_SIGMAS
-from emulator.filter_fates import Fate, FilterCounts, fate_of, final_counts
-from emulator.filter_watch import UNITS, AidingSpan, FilterWatch, SampleTest
-from emulator.replay import ReplayedMessage
-from emulator.replay_run import ReplayOutcome
-from emulator.vehicle import Vehicle
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.body_odometry import GATE_SIGMAS
+from viso.companion.faults.vision import VISION_NAMES
+from viso.companion.trials.evaluation import EvaluationError, TimedPoses, absolute_error
+from viso.fates.watch import UNITS, AidingSpan, FilterWatch, SampleTest
+from viso.fates.words import Fate, FilterCounts, fate_of, final_counts
+from viso.replay.feed import ReplayedMessage
+from viso.replay.run import ReplayOutcome
+from viso.vehicle.vehicle import Vehicle
 
 Figure = float | int | None
 Row = dict[str, Figure]

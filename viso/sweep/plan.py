@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from emulator.errors import InputError
-from emulator.streams import TrajectoryOptions
-from emulator.sweep.axes import Axis
+from viso.errors import InputError
+from viso.streams.table import TrajectoryOptions
+from viso.sweep.axes import Axis
 
 FOLLOW: Final = "follow"
 NO_MOTION_OF_ITS_OWN: Final = ("bench", FOLLOW)

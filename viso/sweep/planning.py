@@ -9,22 +9,22 @@ from typing import Final
 
 import yaml
 
-from companion.faults import TimelineError, parse_timeline
-from companion.faults.timeline import MAX_SEED
-from emulator.ahrs_source import AhrsChoice, imu_options
-from emulator.errors import InputError
-from emulator.firmware import REFERENCE, Firmware
-from emulator.firmware_option import firmware_of
-from emulator.imu.script_file import EXAMPLES
-from emulator.presets import preset_files
-from emulator.recorded_log import read_log
-from emulator.settings import known_parameters, load_settings, parse_assignments
-from emulator.streams import STREAM_KINDS, TrajectoryOptions, kind_of
-from emulator.sweep.axes import Axis, fault_field, parse_axes, values_of
-from emulator.sweep.job import code_version, timeline_of
-from emulator.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
-from emulator.sweep.wishes import NO_FAULTS, Wishes
-from emulator.text_files import read_text
+from viso.companion.faults import TimelineError, parse_timeline
+from viso.companion.faults.timeline import MAX_SEED
+from viso.errors import InputError
+from viso.files.text_files import read_text
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.recorded import read_log
+from viso.options.ahrs import AhrsChoice, imu_options
+from viso.options.firmware import firmware_of
+from viso.options.presets import preset_files
+from viso.options.settings import known_parameters, load_settings, parse_assignments
+from viso.sensors.script.script_file import EXAMPLES
+from viso.streams.table import STREAM_KINDS, TrajectoryOptions, kind_of
+from viso.sweep.axes import Axis, fault_field, parse_axes, values_of
+from viso.sweep.job import code_version, timeline_of
+from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
+from viso.sweep.wishes import NO_FAULTS, Wishes
 
 _NAME: Final = "{name}"
 _FLIGHT_LOG: Final = "DataFlash log"

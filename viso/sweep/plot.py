@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from emulator.sweep.best import best_rows
-from emulator.sweep.objectives import OBJECTIVES
-from emulator.sweep.plan import SweepPlan
-from emulator.sweep.tell import changed_columns, found
+from viso.sweep.best import best_rows
+from viso.sweep.objectives import OBJECTIVES
+from viso.sweep.plan import SweepPlan
+from viso.sweep.tell import changed_columns, found
 
 PLOT: Final = "plot.png"
 

@@ -12,8 +12,8 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
 from typing import Final
 
-from emulator.sweep.job import Result, run_point
-from emulator.sweep.plan import Point, SweepPlan
+from viso.sweep.job import Result, run_point
+from viso.sweep.plan import Point, SweepPlan
 
 KILLED: Final = "its process ended without a word (killed, or out of memory)"
 
@@ -90,7 +90,7 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["emulator.sweep.job"])
+    context.set_forkserver_preload(["viso.sweep.job"])
     return context
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.evaluation import TimedPoses
-from companion.recorded.readers import Source
-from emulator.errors import InputError
-from emulator.recorded_log import read_recorded_states
-from emulator.streams import TRAJECTORY, TrajectoryOptions, kind_of
-from emulator.trajectory_files import load
+from viso.companion.recorded.readers import Source
+from viso.companion.trials.evaluation import TimedPoses
+from viso.errors import InputError
+from viso.logs.recorded import read_recorded_states
+from viso.streams.table import TRAJECTORY, TrajectoryOptions, kind_of
+from viso.streams.trajectory_files import load
 
 _LOGS = (".bin", ".bin.xz")
 

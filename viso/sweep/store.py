@@ -14,11 +14,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from emulator.atomic_file import replace_file
-from emulator.errors import InputError
-from emulator.sweep.job import Result
-from emulator.sweep.objectives import OBJECTIVES, Row
-from emulator.sweep.plan import Point, SweepPlan
+from viso.errors import InputError
+from viso.files.atomic_file import replace_file
+from viso.sweep.job import Result
+from viso.sweep.objectives import OBJECTIVES, Row
+from viso.sweep.plan import Point, SweepPlan
 
 DEFINITION: Final = "sweep.json"
 JOURNAL: Final = "points.jsonl"

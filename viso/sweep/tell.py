@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
-from emulator.sweep.best import Best, best_along, best_rows
-from emulator.sweep.objectives import LOWER_IS_BETTER, OBJECTIVES
-from emulator.sweep.plan import NO_MOTION_OF_ITS_OWN, SweepPlan
+from viso.sweep.best import Best, best_along, best_rows
+from viso.sweep.objectives import LOWER_IS_BETTER, OBJECTIVES
+from viso.sweep.plan import NO_MOTION_OF_ITS_OWN, SweepPlan
 
 DELAY: Final = "VISO_DELAY_MS"
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
-from emulator.errors import InputError
-from emulator.imu.script_file import EXAMPLES
-from emulator.text_files import read_text
+from viso.errors import InputError
+from viso.files.text_files import read_text
+from viso.sensors.script.script_file import EXAMPLES
 
 NO_FAULTS: Final = "none"
 

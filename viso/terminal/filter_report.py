@@ -8,10 +8,10 @@ from typing import Final
 from rich.table import Column, Table
 from rich.text import Text
 
-from ekf_stub.aiding import AidingMode
-from emulator.console import VerdictCounts, verdict_table
-from emulator.filter_fates import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
-from emulator.filter_watch import UNITS, AidingSpan, Innovations
+from ekf_stub.fusion.aiding import AidingMode
+from viso.fates.watch import UNITS, AidingSpan, Innovations
+from viso.fates.words import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
+from viso.terminal.console import VerdictCounts, verdict_table
 
 _STYLES: Final = {
     Fate.FUSED: "green",

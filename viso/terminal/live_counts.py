@@ -9,9 +9,9 @@ from typing import Final, Self
 from rich.console import Console, Group
 from rich.live import Live
 
-from emulator.console import VerdictCounts
-from emulator.filter_fates import FilterCounts
-from emulator.filter_report import tables_of
+from viso.fates.words import FilterCounts
+from viso.terminal.console import VerdictCounts
+from viso.terminal.filter_report import tables_of
 
 REFRESH_US: Final = 250_000
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from rich.console import Console
 
 from ap_core.verdict import Outcome
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.filter_fates import Fate, basis, fate_of, is_final, sentence
-from emulator.vehicle import Vehicle
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
+from viso.fates.words import Fate, basis, fate_of, is_final, sentence
+from viso.vehicle.vehicle import Vehicle
 
 OnMessage = Callable[[str, MessageEvent], None]
 OnOutcome = Callable[[int, FilterOutcome], None]

@@ -14,11 +14,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.errors import InputError
-from emulator.filter_fates import Fate, as_dict, fate_of, is_final, is_model, sentence
-from emulator.line_writer import LineWriter
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
+from viso.errors import InputError
+from viso.fates.words import Fate, as_dict, fate_of, is_final, is_model, sentence
+from viso.terminal.line_writer import LineWriter
 
 
 class VerdictFormat(StrEnum):

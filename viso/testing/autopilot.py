@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import TypeVar
 
 from ap_core.verdict import Outcome
-from emulator.filter_watch import FilterWatch
-from emulator.testing import claims
-from emulator.testing.booted import booted_vehicle
-from emulator.testing.golden import GoldenFiles
-from emulator.testing.observer import VISION_RECORDS, Observer
-from emulator.testing.options import AutopilotOptions
-from emulator.testing.params import LiveParams
-from emulator.testing.seen import MessageVerdict, Record, StatusText
-from emulator.testing.sender import Sender
-from emulator.vehicle import LOOP_PERIOD_US
 from mav_handlers.wire.messages import Message
+from viso.fates.watch import FilterWatch
+from viso.testing import claims
+from viso.testing.booted import booted_vehicle
+from viso.testing.golden import GoldenFiles
+from viso.testing.observer import VISION_RECORDS, Observer
+from viso.testing.options import AutopilotOptions
+from viso.testing.params import LiveParams
+from viso.testing.seen import MessageVerdict, Record, StatusText
+from viso.testing.sender import Sender
+from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 M = TypeVar("M", bound=Message)
 

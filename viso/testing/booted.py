@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
-from emulator.log_sink import MemoryLog
-from emulator.scheduler import Scheduler
-from emulator.testing.copies import Copies
-from emulator.testing.options import AutopilotOptions
-from emulator.vehicle import Vehicle
 from mav_handlers.channel import Channel
+from viso.logs.sink import MemoryLog
+from viso.running.virtual_time import Scheduler
+from viso.testing.copies import Copies
+from viso.testing.options import AutopilotOptions
+from viso.vehicle.vehicle import Vehicle
 
 READY_US: Final = 6_500_000
 """When a test begins, us since boot: the estimator runs, and the vehicle has told all it has to tell of its start."""

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.verdict import Outcome
-from emulator.filter_fates import Fate
-from emulator.filter_watch import UNITS
-from emulator.testing.seen import MessageVerdict, StatusText
 from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.endpoint import UNKNOWN_NAME
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
+from viso.fates.watch import UNITS
+from viso.fates.words import Fate
+from viso.testing.seen import MessageVerdict, StatusText
 
 MESSAGE_ROWS: Final = 8
 TEXT_ROWS: Final = 8

@@ -12,7 +12,7 @@ from typing import Any, Final, Generic, TypeVar, cast
 
 T = TypeVar("T")
 
-_PACKAGES: Final = ("ap_core", "ap_visualodom", "companion", "ekf_stub", "emulator", "mav_handlers")
+_PACKAGES: Final = ("ap_core", "ap_visualodom", "ekf_stub", "mav_handlers", "viso")
 _PLAIN: Final = (type(None), int, float, str, bytes)
 
 

@@ -16,9 +16,9 @@ from typing import Final
 
 import numpy as np
 
-from emulator.atomic_file import replace_file
-from emulator.testing.claims import shortened
-from emulator.testing.seen import Record
+from viso.files.atomic_file import replace_file
+from viso.testing.claims import shortened
+from viso.testing.seen import Record
 
 UPDATE_OPTION: Final = "--update-golden"
 FOLDER: Final = "golden"

@@ -9,13 +9,13 @@ from typing import Final
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
-from emulator.filter_watch import FilterWatch
-from emulator.sample_fates import FATE_WAIT_US, HandedSample, SampleFates
-from emulator.testing.seen import MessageVerdict, Record, StatusText
-from emulator.vehicle import Vehicle
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
+from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
+from viso.fates.watch import FilterWatch
+from viso.testing.seen import MessageVerdict, Record, StatusText
+from viso.vehicle.vehicle import Vehicle
 
 VISION_RECORDS: Final = tuple(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)
 """Names of the records that external navigation makes."""

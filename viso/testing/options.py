@@ -9,14 +9,14 @@ from numbers import Real
 from types import MappingProxyType
 from typing import Final
 
-from emulator.errors import InputError
-from emulator.firmware import PROFILES, REFERENCE
-from emulator.imu.options import ImuOptions
-from emulator.imu.table import read_source
-from emulator.log_sink import LogSink
-from emulator.presets import PRESETS
-from emulator.settings import load_settings
-from emulator.vehicle_config import VehicleConfig, by_ekf3
+from viso.errors import InputError
+from viso.firmware.releases import PROFILES, REFERENCE
+from viso.logs.sink import LogSink
+from viso.options.presets import PRESETS
+from viso.options.settings import load_settings
+from viso.sensors.options import ImuOptions
+from viso.sensors.table import read_source
+from viso.vehicle.config import VehicleConfig, by_ekf3
 
 DEFAULT_PARAMS: Final[Mapping[str, float]] = MappingProxyType(
     {

@@ -5,9 +5,9 @@
 from collections.abc import Iterator, Mapping
 
 from ap_core.param import ParamOutcome
-from emulator.param_conversion import name_here
-from emulator.release_parameters import ALL_RENAMES
-from emulator.vehicle import Vehicle
+from viso.parameters.conversion import name_here
+from viso.parameters.releases import ALL_RENAMES
+from viso.vehicle.vehicle import Vehicle
 
 
 class LiveParams(Mapping[str, float]):

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from ap_core.log_field import LogValue
 from ap_core.verdict import Outcome
-from emulator.filter_fates import Fate, fate_of
-from emulator.sample_fates import HandedSample
 from mav_handlers.wire.messages import Message
+from viso.fates.samples import HandedSample
+from viso.fates.words import Fate, fate_of
 
 
 class StatusText(NamedTuple):

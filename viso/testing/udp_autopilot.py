@@ -6,11 +6,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from emulator.testing.autopilot import Autopilot
-from emulator.testing.fenced_link import FencedUdpLink
-from emulator.testing.golden import GoldenFiles
-from emulator.testing.options import AutopilotOptions
-from emulator.vehicle import LOOP_PERIOD_US
+from viso.testing.autopilot import Autopilot
+from viso.testing.fenced_link import FencedUdpLink
+from viso.testing.golden import GoldenFiles
+from viso.testing.options import AutopilotOptions
+from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 
 class UdpAutopilot(Autopilot):

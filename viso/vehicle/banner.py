@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Final
 
 from ap_core.param import ParamTable
-from emulator.firmware import Firmware
 from mav_handlers.senders.status import system_text
+from viso.firmware.releases import Firmware
 
 _QUAD_TYPES: Final[Mapping[int, str]] = MappingProxyType(
     {

@@ -15,25 +15,25 @@ from ap_core.param_cache import FromParams, Numbers
 from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.core_texts import cores_of_mask
-from ekf_stub.ekf_log import EkfLog
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.replay_log import ReplayLog
-from ekf_stub.sensors import SensorSource
-from ekf_stub.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
-from ekf_stub.sources import EkfSources
-from ekf_stub.surroundings import Surroundings
-from emulator.firmware import REFERENCE, Firmware
-from emulator.imu.bench import BenchSource
-from emulator.imu.options import ImuOptions
-from emulator.kernels import chosen_kernel, kernel_of
-from emulator.log_files import LogStore
-from emulator.log_sink import LogSink
-from emulator.param_memory import MemoryParamStore, StoredParams
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sensors import SensorSource
+from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ekf_log import EkfLog
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import ReplayLog
+from ekf_stub.reports.core_texts import cores_of_mask
 from mav_handlers.ports import AhrsPort
-from mav_handlers.signing import KeyStore, MemoryKeyStore
+from mav_handlers.signing.state import KeyStore, MemoryKeyStore
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.files import LogStore
+from viso.logs.sink import LogSink
+from viso.parameters.memory import MemoryParamStore, StoredParams
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
+from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 
 class VehicleAhrs(Ahrs, AhrsPort, Protocol):

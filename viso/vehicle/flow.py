@@ -14,8 +14,8 @@ from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
-from emulator.log_structure import OF
 from mav_handlers.wire.messages import OPTICAL_FLOW
+from viso.firmware.log_releases import OF
 
 FLOW_TYPE_NONE: Final = 0
 FLOW_TYPE_MAVLINK: Final = 5

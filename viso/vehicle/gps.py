@@ -12,10 +12,10 @@ from ap_core.clock import Clock
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_core.sinks import RecordSink, TextSink
-from ekf_stub.gps_sample import FIX_3D, GpsSample
-from emulator.log_structure import GPA, GPS
-from emulator.mavlink_gps_driver import UNKNOWN_DOP, GpsState, MavlinkGpsDriver
+from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT
+from viso.firmware.log_releases import GPA, GPS
+from viso.vehicle.gps_driver import UNKNOWN_DOP, GpsState, MavlinkGpsDriver
 
 GPS_TYPE_NONE: Final = 0
 GPS_TYPE_MAV: Final = 14

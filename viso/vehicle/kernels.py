@@ -10,9 +10,9 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from ekf_stub.kernel import PLAIN as PLAIN_KERNEL
-from ekf_stub.kernel import Kernel
-from emulator.errors import InputError
+from ekf_stub.filter.kernel import PLAIN as PLAIN_KERNEL
+from ekf_stub.filter.kernel import Kernel
+from viso.errors import InputError
 
 KERNEL_VARIABLE: Final = "VISO_KERNEL"
 PLAIN: Final = "plain"
@@ -27,7 +27,7 @@ def _plain() -> Kernel:
 
 def _compiled() -> Kernel:
     try:
-        from ekf_stub.compiled_pass import COMPILED
+        from ekf_stub.compiled.compiled_pass import COMPILED
     except ModuleNotFoundError as error:
         _log.warning("%s: %s; going on with %s; pip install 'viso[numba]'", NUMBA, error, PLAIN)
         return PLAIN_KERNEL

@@ -11,33 +11,33 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
-from ekf_stub.ahrs_base import AHRS_START_US
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.replay_log import ReplayLog
-from ekf_stub.sources import EkfSources
-from emulator.banner import banner
-from emulator.copter import Copter, CopterParts
-from emulator.ftp_files import VehicleFiles
-from emulator.imu.hil import HilSource
-from emulator.log_library import NoLogs, StoredLogs
-from emulator.logger import Logger, structures_with
-from emulator.mavlink_flow import FLOW_PERIOD_US, MavlinkFlow
-from emulator.mavlink_gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
-from emulator.modes import AVAILABLE_MODES
-from emulator.param_conversion import carry_over
-from emulator.parameters import make_groups
-from emulator.rtc import Rtc, RtcSource
-from emulator.uarts_text import UartCounts, UartsText
-from emulator.vehicle_config import AhrsParts, VehicleAhrs, VehicleConfig, bench
-from emulator.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import ReplayLog
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
-from mav_handlers.ftp_ports import FtpFiles
-from mav_handlers.log_transfer import LogLibrary
 from mav_handlers.ports import AvailableMode, CopterPort, Location, OriginResult
 from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
+from mav_handlers.transfers.ftp_ports import FtpFiles
+from mav_handlers.transfers.log_transfer import LogLibrary
 from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
+from viso.logs.library import NoLogs, StoredLogs
+from viso.logs.logger import Logger, structures_with
+from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
+from viso.parameters.conversion import carry_over
+from viso.parameters.table import make_groups
+from viso.sensors.hil.source import HilSource
+from viso.vehicle.banner import banner
+from viso.vehicle.config import AhrsParts, VehicleAhrs, VehicleConfig, bench
+from viso.vehicle.copter.copter import Copter, CopterParts
+from viso.vehicle.copter.modes import AVAILABLE_MODES
+from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
+from viso.vehicle.ftp.files import VehicleFiles
+from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
+from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
+from viso.vehicle.rtc import Rtc, RtcSource
 
 __all__ = ["LOOP_PERIOD_US", "AhrsParts", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
 

@@ -6,10 +6,10 @@ import dataclasses
 import queue
 from typing import Protocol
 
-from companion.sources.base import Recording
-from companion.trial import Event, Height
-from companion.vio.types import ImuSample, NavCameraFrame
-from companion.world.flight import HeightMeasurement
+from viso.companion.sources.base import Recording
+from viso.companion.trials.trial import Event, Height
+from viso.companion.vio.types import ImuSample, NavCameraFrame
+from viso.companion.world.flight import HeightMeasurement
 
 
 class Sensors(Protocol):

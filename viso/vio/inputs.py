@@ -6,20 +6,20 @@ import dataclasses
 import logging
 from pathlib import Path
 
-from companion.evaluation import TimedPoses
-from companion.recorded.axes import parse_rotation
-from companion.recorded.readers import Source, load_trajectory
-from companion.recorded.records import TrajectoryError
-from companion.sources.base import Recording, SourceError, SourceOptions
-from companion.sources.camera import LiveCamera
-from companion.sources.kinds import open_source
-from companion.vio.config import ConfigError, VioConfig, load_config
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.registry import build_vio_strategy
-from companion.vio.se3 import Array
-from companion.vio.telemetry import NullSink
-from companion.vio.types import CameraCalibration
-from emulator.errors import InputError
+from viso.companion.recorded.axes import parse_rotation
+from viso.companion.recorded.readers import Source, load_trajectory
+from viso.companion.recorded.records import TrajectoryError
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.sources.kinds import open_source
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.config import ConfigError, VioConfig, load_config
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.registry import build_vio_strategy
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.telemetry import NullSink
+from viso.companion.vio.types import CameraCalibration
+from viso.errors import InputError
 
 
 def rotation_of(text: str) -> Array:

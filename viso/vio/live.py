@@ -7,26 +7,26 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from companion.odometry.clock_sync import ClockSync
-from companion.odometry.inbound import FcInbound, HeightSample, stream_requests
-from companion.odometry.sender import OdometrySender
-from companion.odometry.source import OdometrySource
-from companion.sources.base import Recording
-from companion.sources.camera import LiveCamera
-from companion.trial import Height
-from companion.vio.config import AglSource, LocalAlignment, VioConfig
-from companion.vio.imu_buffer import ImuBuffer
-from companion.vio.ingest import FrameSource
-from companion.vio.runtime import VioRuntime
-from companion.vio.telemetry import NullSink
-from companion.vio.types import ImuSample
-from companion.world.flight import HeightMeasurement
-from emulator.vio_feed import HandedFrames, RecordingFeed
-from emulator.vio_log import VioLog
-from emulator.virtual_companion import TakesHeights
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
 from mav_handlers.wire.messages import STATUSTEXT
+from viso.companion.odometry.clock_sync import ClockSync
+from viso.companion.odometry.inbound import FcInbound, HeightSample, stream_requests
+from viso.companion.odometry.sender import OdometrySender
+from viso.companion.odometry.source import OdometrySource
+from viso.companion.sources.base import Recording
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.trials.trial import Height
+from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
+from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.ingest import FrameSource
+from viso.companion.vio.runtime import VioRuntime
+from viso.companion.vio.telemetry import NullSink
+from viso.companion.vio.types import ImuSample
+from viso.companion.world.flight import HeightMeasurement
+from viso.vio.feed import HandedFrames, RecordingFeed
+from viso.vio.log import VioLog
+from viso.vio.virtual_companion import TakesHeights
 
 NOW_NS: Final = time.monotonic_ns
 LONGEST_WAIT_S: Final = 0.1

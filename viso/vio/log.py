@@ -10,12 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
-from companion.odometry.composer import LocalPose, OdometryComposer
-from companion.vio.config import AglSource, LocalAlignment, VioConfig
-from companion.vio.se3 import SE3
-from companion.vio.types import VioState
-from companion.vio.update import VioUpdate
+from viso.companion.odometry.composer import LocalPose, OdometryComposer
+from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
+from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import VioState
+from viso.companion.vio.update import VioUpdate
 
 TOTAL: Final = "total"
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from companion.evaluation import TimedPoses
-from companion.vio.se3 import Array
-from companion.vio.types import VioState
-from emulator.vio_log import VioLog
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import VioState
+from viso.vio.log import VioLog
 
 _TRUTH: Final = "0.45"
 _PATH: Final = "#1f77b4"

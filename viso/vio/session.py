@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from companion.sources.base import Recording, SourceError
-from companion.sources.camera import LiveCamera
-from companion.trial import Event, run_trial
-from companion.vio.config import LocalAlignment, VioConfig
-from companion.vio.json_log import JsonFormatter
-from companion.vio.types import NavCameraFrame
-from emulator.errors import InputError
-from emulator.vio_feed import time_of
-from emulator.vio_live import NOW_NS, LiveVio
-from emulator.vio_log import VioLog
 from mav_handlers.links import open_link
 from mav_handlers.links.base import LinkStats
 from mav_handlers.wire.messages import STATUSTEXT
+from viso.companion.sources.base import Recording, SourceError
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.trials.trial import Event, run_trial
+from viso.companion.vio.config import LocalAlignment, VioConfig
+from viso.companion.vio.json_log import JsonFormatter
+from viso.companion.vio.types import NavCameraFrame
+from viso.errors import InputError
+from viso.vio.feed import time_of
+from viso.vio.live import NOW_NS, LiveVio
+from viso.vio.log import VioLog
 
 Stop = Callable[[], bool]
 

@@ -8,8 +8,8 @@ from typing import Any, Final
 from rich.table import Column, Table
 from rich.text import Text
 
-from companion.vio.types import VioState
-from emulator.vio_log import LoggedFrame
+from viso.companion.vio.types import VioState
+from viso.vio.log import LoggedFrame
 
 STYLES: Final = {
     VioState.INIT: "blue",

@@ -9,22 +9,22 @@ from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from companion.odometry.clock_sync import ClockSync
-from companion.odometry.inbound import FcInbound, stream_requests
-from companion.odometry.sender import OdometrySender
-from companion.odometry.source import OdometrySource
-from companion.vio.config import VioConfig
-from companion.vio.frames import enu_to_ned
-from companion.vio.imu_buffer import ImuBuffer
-from companion.vio.registry import build_vio_strategy
-from companion.vio.se3 import SE3, Array
-from companion.vio.telemetry import NullSink
-from companion.vio.types import ImuBias, ImuSample, NavCameraFrame, VioHealth, WarmStartPose
-from companion.vio.update import VioUpdate
-from companion.vio.worker import VioWorker
-from companion.world.flight import Event, HeightMeasurement, SyntheticFlight
 from mav_handlers.links.base import Link
 from mav_handlers.wire.messages import LOCAL_POSITION_NED, Message
+from viso.companion.odometry.clock_sync import ClockSync
+from viso.companion.odometry.inbound import FcInbound, stream_requests
+from viso.companion.odometry.sender import OdometrySender
+from viso.companion.odometry.source import OdometrySource
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.frames import enu_to_ned
+from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.registry import build_vio_strategy
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.telemetry import NullSink
+from viso.companion.vio.types import ImuBias, ImuSample, NavCameraFrame, VioHealth, WarmStartPose
+from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioWorker
+from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight
 
 AUTOPILOT_STREAMS_HZ: Final = MappingProxyType({"ATTITUDE_QUATERNION": 20.0, "LOCAL_POSITION_NED": 20.0})
 MAX_POSITION_AGE_NS: Final = 200_000_000

@@ -17,10 +17,6 @@ import numpy as np
 
 from ap_core.param_info import MAX_NAME_SIZE
 from ap_core.verdict import Outcome
-from emulator.vehicle import Vehicle
-from emulator.web.bounded import BoundedQueue
-from emulator.web.faults import FaultSwitches
-from emulator.web.seen import Answer
 from mav_handlers.channel import Channel
 from mav_handlers.context import Context
 from mav_handlers.handlers.commands import MavCmd, MavResult, handle_command_long
@@ -28,6 +24,10 @@ from mav_handlers.handlers.params import handle_param_set
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.codec import Codec, Header, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, PARAM_SET, Message
+from viso.vehicle.vehicle import Vehicle
+from viso.web.bounded import BoundedQueue
+from viso.web.faults import FaultSwitches
+from viso.web.seen import Answer
 
 GCS_SYSTEM_ID: Final = 255
 GCS_COMPONENT_ID: Final = 190

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from companion.faults import Injector, TimedFrame, Timeline, make_entry
-from companion.faults.splitter import FrameSplitter
 from mav_handlers.links.base import Link, LinkStats
+from viso.companion.faults import Injector, TimedFrame, Timeline, make_entry
+from viso.companion.faults.splitter import FrameSplitter
 
 _MAX_READS: Final = 64
 

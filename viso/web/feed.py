@@ -8,16 +8,17 @@ from typing import Final
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP, VISV
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.filter_watch import innovation_of
-from emulator.modes import MODES
-from emulator.vehicle import Vehicle
-from emulator.web.bounded import BoundedQueue
-from emulator.web.desk import Desk
-from emulator.web.faults import FaultSwitches
-from emulator.web.params import defaults_of, read_params
-from emulator.web.seen import (
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from mav_handlers.endpoint import MessageEvent
+from viso.fates.watch import innovation_of
+from viso.vehicle.copter.modes import MODES
+from viso.vehicle.vehicle import Vehicle
+from viso.web.bounded import BoundedQueue
+from viso.web.desk import Desk
+from viso.web.faults import FaultSwitches
+from viso.web.params import defaults_of, read_params
+from viso.web.seen import (
     Seen,
     SeenBoot,
     SeenMessage,
@@ -27,7 +28,6 @@ from emulator.web.seen import (
     SeenText,
     VehicleState,
 )
-from mav_handlers.endpoint import MessageEvent
 
 THINGS_WAITING: Final = 20_000
 LOOK_PERIOD_S: Final = 0.1

@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from emulator.filter_fates import Fate, fate_of, is_final, is_model
-from emulator.filter_watch import UNITS, SampleTest
-from emulator.web.desk import ACTIONS
-from emulator.web.faults import SWITCHES
-from emulator.web.params import row_of, shown
-from emulator.web.rates import Rates
-from emulator.web.runs import RunKey, Runs
-from emulator.web.seen import (
+from viso.fates.watch import UNITS, SampleTest
+from viso.fates.words import Fate, fate_of, is_final, is_model
+from viso.web.desk import ACTIONS
+from viso.web.faults import SWITCHES
+from viso.web.params import row_of, shown
+from viso.web.rates import Rates
+from viso.web.runs import RunKey, Runs
+from viso.web.seen import (
     Answer,
     Seen,
     SeenBoot,

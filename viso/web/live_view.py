@@ -6,14 +6,14 @@ import socket
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from emulator.errors import InputError
-from emulator.realtime import NOW_S
-from emulator.web.desk import Desk
-from emulator.web.faults import FaultSwitches, FaultyLink
-from emulator.web.feed import Feed
-from emulator.web.live_state import LiveState
 from mav_handlers.links.address import LOOPBACK, parse_host_port, resolve
 from mav_handlers.links.base import Link, LinkError, reason_of
+from viso.errors import InputError
+from viso.running.real_time import NOW_S
+from viso.web.desk import Desk
+from viso.web.faults import FaultSwitches, FaultyLink
+from viso.web.feed import Feed
+from viso.web.live_state import LiveState
 
 MISSING_EXTRA: Final = "--web: the live view is served with starlette; install it with: pip install 'viso[web]'"
 
@@ -48,7 +48,7 @@ class LiveView:
         now_s: Callable[[], float] = NOW_S,
     ) -> None:
         try:
-            from emulator.web.server import Broadcaster, PageServer, make_app
+            from viso.web.server import Broadcaster, PageServer, make_app
         except ModuleNotFoundError as error:
             raise InputError(MISSING_EXTRA) from error
         self.links = [FaultyLink(link, lambda: int(now_s() * speedup * 1e6)) for link in links]

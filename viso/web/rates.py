@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from ap_core.verdict import Outcome
-from emulator.filter_fates import Fate, fate_of
-from emulator.filter_watch import SampleTest
-from emulator.sample_fates import FATE_WAIT_US, HandedSample, SampleFates
 from mav_handlers.endpoint import MessageEvent
+from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
+from viso.fates.watch import SampleTest
+from viso.fates.words import Fate, fate_of
 
 WINDOW_US: Final = 2_000_000
 OFFERED: Final = "offered"

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ap_core.log_field import LogValue
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.web.params import Reading
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
+from viso.web.params import Reading
 
 
 @dataclass(frozen=True, slots=True)

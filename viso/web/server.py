@@ -20,11 +20,11 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from emulator.web.desk import MAX_REQUEST_CHARS
-from emulator.web.encoding import encode
-from emulator.web.live_state import LiveState
-from emulator.web.same_site import SameSite
-from emulator.web.seen import Answer, Seen
+from viso.web.desk import MAX_REQUEST_CHARS
+from viso.web.encoding import encode
+from viso.web.live_state import LiveState
+from viso.web.same_site import SameSite
+from viso.web.seen import Answer, Seen
 
 BATCH_PERIOD_S: Final = 0.1
 MAX_CLIENTS: Final = 8
@@ -180,7 +180,7 @@ def make_app(broadcaster: Broadcaster, host: str) -> Starlette:
 
 
 def _file(name: str, media_type: str) -> Callable[[Request], Any]:
-    content = resources.files("emulator.web").joinpath("static", name).read_bytes()
+    content = resources.files("viso.web").joinpath("static", name).read_bytes()
 
     async def answer(_request: Request) -> Response:
         return Response(content, media_type=media_type)

@@ -6,12 +6,12 @@ from typing import Final
 
 from ap_core.cint import int_of_float
 from ap_core.fmath import f32, is_zero
-from mav_handlers.available_modes import MONITOR_INTERVAL_MS, request_modes
 from mav_handlers.context import Context
 from mav_handlers.handlers.commands.numbers import u32_of_float
 from mav_handlers.handlers.commands.results import MavResult
-from mav_handlers.intervals import MAX_INTERVAL_MS, MIN_INTERVAL_MS, default_interval_ms, set_interval
 from mav_handlers.senders import SENDERS
+from mav_handlers.senders.available_modes import MONITOR_INTERVAL_MS, request_modes
+from mav_handlers.senders.intervals import MAX_INTERVAL_MS, MIN_INTERVAL_MS, default_interval_ms, set_interval
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, MESSAGE_INTERVAL
 

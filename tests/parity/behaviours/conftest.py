@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import pytest
 
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.script_file import parse_script
-from emulator.vehicle_config import bench, by_ekf3
 from tests.parity.behaviours.logs import Recordings, recordings_of_run
 from tests.parity.behaviours.parked import Parked, source_set
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import parse_script
+from viso.vehicle.config import bench, by_ekf3
 
 MakeParked = Callable[..., Parked]
 

@@ -14,11 +14,12 @@ from typing import Any, Final
 
 import pytest
 
-from emulator import ekf_targets
-from emulator.ekf_replay import EkfReplay, EkfRun
-from emulator.recorded_log import read_log
+from tests.places import DATA
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.run import EkfReplay, EkfRun
+from viso.logs.recorded import read_log
 
-LOGS: Final = Path(__file__).resolve().parents[2] / "data" / "logs"
+LOGS: Final = DATA / "logs"
 SAME_TIME_S: Final = 0.25
 """How far apart an event of ours and the recorded one may be."""
 

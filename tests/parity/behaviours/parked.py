@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
-from emulator.log_sink import MemoryLog
-from emulator.scheduler import Scheduler
-from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -23,6 +20,9 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.parity.behaviours.logs import Log
+from viso.logs.sink import MemoryLog
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 

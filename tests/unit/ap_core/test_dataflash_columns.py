@@ -20,8 +20,9 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.dataflash_columns import LogColumns
 from ap_core.dataflash_scan import CUT_SHORT, NO_HEADER, Lost
 from ap_core.log_structure import COMMON_STRUCTURES, EV, FMT, MSG, LogStructure
+from tests.places import DATA
 
-LOGS = Path(__file__).parent.parent.parent / "data"
+LOGS = DATA
 RECORDED = sorted([*LOGS.glob("logs/*.BIN.xz"), *LOGS.glob("2026-02/logs/*.BIN.xz")])
 HEAD_RECORDS, TAIL_RECORDS = 6000, 1500
 SIZES = dict(

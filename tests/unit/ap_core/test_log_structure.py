@@ -7,7 +7,6 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,8 +27,9 @@ from ap_core.log_structure import (
     UNITS,
     LogStructure,
 )
+from tests.places import DATA
 
-FIRMWARE_FMT = Path(__file__).parents[2] / "data" / "firmware_fmt.json"
+FIRMWARE_FMT = DATA / "firmware_fmt.json"
 
 # From UNIT and MULT records of the recorded log voxl.BIN (ArduCopter 4.7.0-dev of October 2025, SITL).
 RECORDED_UNITS = (

@@ -21,7 +21,7 @@ from ap_visualodom.batch import SHORT_ROWS, BatchVisualOdom
 from ap_visualodom.batch_samples import VERDICT_NUMBER, Poses, Velocities
 from ap_visualodom.log_structure import VISP, VISV
 from ap_visualodom.verdicts import CONSUMED, DISABLED, NO_BACKEND, QUALITY_BELOW_MIN, RESET_SETTLING
-from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
+from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
 
 PERIOD_US = 50_000
 FEW, MANY = SHORT_ROWS - 1, 3 * SHORT_ROWS

@@ -19,7 +19,7 @@ from ap_visualodom.release import (
     position_with_correction,
 )
 from ap_visualodom.visualodom_type import VisualOdom_Type
-from ekf_stub.ahrs_settable import ExtNav
+from ekf_stub.ahrs.ahrs_settable import ExtNav
 
 if TYPE_CHECKING:
     from tests.conftest import MakeRig

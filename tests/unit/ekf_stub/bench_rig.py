@@ -16,19 +16,19 @@ from ap_core.param_cache import Numbers
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.core_report import CoreReport
-from ekf_stub.ekf3_core import Ekf3Core
-from ekf_stub.error_state import GYRO
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.replay_log import ReplayLog
-from ekf_stub.source_check import SENSORS
-from ekf_stub.sources import EkfSources
-from ekf_stub.surroundings import Surroundings
-from emulator.imu.bench import BenchSource
-from emulator.imu.options import ImuOptions
-from emulator.parameters import make_groups
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.core.ekf3_core import Ekf3Core
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.filter.error_state import GYRO
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.source_check import SENSORS
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import ReplayLog
+from ekf_stub.reports.core_report import CoreReport
+from viso.parameters.table import make_groups
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
 
 LOOP_US = 2500
 HOME = Location(-353632610, 1491652300, 58400)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import pytest
 
-from emulator.imu.errors import NO_ERRORS, SensorErrors
-from emulator.imu.options import ImuOptions
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from tests.unit.ekf_stub.core_rig import CoreRig
 from tests.unit.ekf_stub.filter_parts import FilterParts
+from viso.sensors.errors import NO_ERRORS, SensorErrors
+from viso.sensors.options import ImuOptions
 
 
 @pytest.fixture(scope="session")

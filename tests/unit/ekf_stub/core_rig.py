@@ -14,12 +14,12 @@ from ap_core.param_cache import Numbers
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta
-from ekf_stub.obs_ring import RingSizes
-from ekf_stub.sources import EkfSources
-from emulator.parameters import make_groups
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
+from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.reports.core_texts import CoreTexts
+from viso.parameters.table import make_groups
 
 LOOP_US = 2500
 SOURCES = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")

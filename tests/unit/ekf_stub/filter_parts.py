@@ -11,23 +11,23 @@ import quaternion
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub import ingest_rules as rules
-from ekf_stub.aiding import Aiding
-from ekf_stub.body_odometry import BodyOdometry
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.error_state import ErrorState, quat_of_euler
-from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
-from ekf_stub.gps_checks import GpsChecks
-from ekf_stub.gps_reading import GpsReading
-from ekf_stub.height_source import HeightSource
-from ekf_stub.measurements import Delayed, Pose, Velocity
-from ekf_stub.obs_ring import RingSizes
-from ekf_stub.output_predictor import OutputPredictor
-from ekf_stub.resets import Resets
-from ekf_stub.sources import EkfSources
-from ekf_stub.vel_pos_fusion import VelPosFusion
-from ekf_stub.yaw_fusion import YawFusion
-from emulator.parameters import make_groups
+from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.output_predictor import OutputPredictor
+from ekf_stub.fusion.aiding import Aiding
+from ekf_stub.fusion.body_odometry import BodyOdometry
+from ekf_stub.fusion.height_source import HeightSource
+from ekf_stub.fusion.measurements import Delayed, Pose, Velocity
+from ekf_stub.fusion.resets import Resets
+from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
+from ekf_stub.fusion.yaw_fusion import YawFusion
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.reports.core_texts import CoreTexts
+from viso.parameters.table import make_groups
 
 SOURCES = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
 

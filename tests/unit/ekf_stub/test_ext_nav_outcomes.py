@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub import ingest_rules as rules
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ext_nav_ingest import ExtNavIngest, FilterOutcome
-from ekf_stub.obs_ring import RingSizes
-from emulator.imu.options import ImuOptions
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.inputs.obs_ring import RingSizes
 from tests.unit.ekf_stub.bench_rig import BenchRig
+from viso.sensors.options import ImuOptions
 
 NAN = float("nan")
 DELAY_MS = 10

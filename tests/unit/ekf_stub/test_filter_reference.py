@@ -14,9 +14,9 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.error_state import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, ErrorState, ProcessNoise
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep
-from ekf_stub.states import MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, MIN_VEL_POS_VAR
+from ekf_stub.filter.error_state import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, ErrorState, ProcessNoise
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep
+from ekf_stub.filter.states import MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, MIN_VEL_POS_VAR
 
 DT = 0.0125
 SECONDS = 60

@@ -12,17 +12,17 @@ import pytest
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
-from ekf_stub.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
-from emulator.firmware import PROFILES, REFERENCE, Firmware
-from emulator.log_sink import MemoryLog
-from emulator.scheduler import Scheduler
-from emulator.testing.copies import Copies
-from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
-from emulator.vehicle_config import bench
+from ekf_stub.ahrs.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.logs.sink import MemoryLog
+from viso.running.virtual_time import Scheduler
+from viso.testing.copies import Copies
+from viso.vehicle.config import bench
+from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 

@@ -6,7 +6,6 @@ import itertools
 import math
 import struct
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import pytest
@@ -38,6 +37,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
+from tests.places import DATA
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench
@@ -72,7 +72,7 @@ REAL32 = 9
 ESTIMATOR_RUNS_MS = 8000
 
 # Messages of one rate, in the order in which the firmware was seen to send them.
-BURST_ORDER = (Path(__file__).parents[2] / "data" / "burst_order.txt").read_text(encoding="ascii").split()
+BURST_ORDER = (DATA / "burst_order.txt").read_text(encoding="ascii").split()
 
 
 def name(message: Message) -> str:

@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.internal_error import InternalError
 from ap_core.verdict import Outcome
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES
 from mav_handlers.endpoint import EVENTS_KEPT, MessageEvent
 from mav_handlers.verdicts import (
@@ -35,6 +34,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench

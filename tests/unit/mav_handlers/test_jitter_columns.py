@@ -6,7 +6,6 @@ import gzip
 import json
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,9 @@ from hypothesis import strategies as st
 
 from mav_handlers.jitter_columns import correct_column
 from mav_handlers.jitter_correction import JitterCorrection
+from tests.places import DATA
 
-VECTORS = Path(__file__).parents[2] / "data" / "vectors" / "jitter_correction.jsonl.gz"
+VECTORS = DATA / "vectors" / "jitter_correction.jsonl.gz"
 U64 = st.integers(0, (1 << 64) - 1)
 NEAR = st.integers(10_000_000, 12_000_000)
 

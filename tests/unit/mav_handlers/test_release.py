@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.param import ParamTable
-from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from emulator.parameters import make_groups
-from mav_handlers.endpoint_params import link_options_of_port, options_of_port
+from mav_handlers.params.names import link_options_of_port, options_of_port
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     AUTOPILOT_VERSION,
@@ -28,6 +26,8 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
+from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.parameters.table import make_groups
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, MakeBench

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.param import ParamEcho
-from emulator.vehicle import Vehicle, VehicleConfig
-from mav_handlers.intervals import set_interval
+from mav_handlers.senders.intervals import set_interval
 from mav_handlers.wire.messages import (
     COMMAND_LONG,
     FILE_TRANSFER_PROTOCOL,
@@ -35,6 +34,7 @@ from mav_handlers.wire.messages import (
     TIMESYNC,
     Message,
 )
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, MakeBench

@@ -16,7 +16,6 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ap_visualodom.verdicts import CONSUMED
-from emulator.firmware import PROFILES
 from mav_handlers.handlers import VISION_HANDLERS
 from mav_handlers.jitter_correction import JitterCorrection
 from mav_handlers.vision_columns import Arrived, is_sample, vision_columns
@@ -31,6 +30,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.firmware.releases import PROFILES
 
 FLOATS = st.floats(width=32)
 STAMPS = st.integers(0, 2**63)

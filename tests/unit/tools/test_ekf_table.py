@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emulator.ekf_comparison import compare
-from emulator.ekf_replay import LABELS, EkfReplay
-from emulator.errors import InputError
 from tools import ekf_table
+from viso.ekf_runs.comparison import compare
+from viso.ekf_runs.run import LABELS, EkfReplay
+from viso.errors import InputError
 
 PAGE = "before\n<!-- measured: ekf -->\nold\n<!-- end -->\nafter\n<!-- table: cli -->\nkept\n<!-- end -->\n"
 COLUMNS = len(ekf_table.HEAD)

@@ -4,7 +4,7 @@
 
 import pytest
 
-from ekf_stub import ingest_rules as rules
+from ekf_stub.inputs import ingest_rules as rules
 from tools.make_docs import TABLES, render
 
 

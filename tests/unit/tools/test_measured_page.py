@@ -4,8 +4,8 @@
 
 import pytest
 
-from emulator.errors import InputError
 from tools.measured_page import render, replace
+from viso.errors import InputError
 
 PAGE = "before\n<!-- measured: ekf -->\nold\n<!-- end -->\nafter\n<!-- table: cli -->\nkept\n<!-- end -->\n"
 

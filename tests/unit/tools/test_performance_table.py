@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from emulator.bench.measure import Figure
-from emulator.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 from tools import performance_table
 from tools.performance_table import ON_BOTH_KERNELS, TARGETS, Measured, main, measure_apart, target_rows
+from viso.bench.measure import Figure
+from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 
 PAGE = "".join(f"<!-- measured: {name} -->\nold\n<!-- end -->\n" for name in ("where", "performance", "targets"))
 

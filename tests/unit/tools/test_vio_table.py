@@ -14,12 +14,12 @@ import pytest
 
 pytest.importorskip("cv2", reason="needs OpenCV, of the extra vio")
 
-from companion.euroc import EurocError
-from companion.evaluation import TimedPoses
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.types import VioState
 from tools import vio_table
+from viso.companion.trials.euroc import EurocError
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.types import VioState
 
 PAGE = "before\n<!-- measured: vio -->\nold\n<!-- end -->\nafter\n"
 TRACKED = Counter({VioState.INIT: 2, VioState.TRACKING: 8})

@@ -18,23 +18,24 @@ from ap_core.log_field import LogValue
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
-from ekf_stub.ahrs_settable import SettableAhrs
-from ekf_stub.filter_status import FilterFlag, FilterStatus
-from ekf_stub.gps_sample import GpsSample
-from emulator import cli, console
-from emulator.commands import serve as serve_command
-from emulator.copter import Copter, CopterParts
-from emulator.log_sink import LogSink, MemoryLog
-from emulator.logger import Logger
-from emulator.parameters import make_groups
-from emulator.scheduler import Scheduler
-from emulator.testing.copies import Copies
-from emulator.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
-from emulator.vehicle_log import VehicleLog
+from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
-from tests.unit.emulator.command_line import Outcome, Viso
+from tests.unit.viso.command_line import Outcome, Viso
+from viso import cli
+from viso.commands import serve as serve_command
+from viso.logs.logger import Logger
+from viso.logs.sink import LogSink, MemoryLog
+from viso.logs.vehicle_log import VehicleLog
+from viso.parameters.table import make_groups
+from viso.running.virtual_time import Scheduler
+from viso.terminal import console
+from viso.testing.copies import Copies
+from viso.vehicle.copter.copter import Copter, CopterParts
+from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
 

@@ -19,12 +19,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from emulator import cli
-from emulator.cli import COMMANDS, command_function, command_help, make_app
-from emulator.commands import serve as serve_command
-from tests.unit.emulator.command_line import Outcome, Viso, failed_with
+from tests.places import DATA
+from tests.unit.viso.command_line import Outcome, Viso, failed_with
+from viso import cli
+from viso.cli import COMMANDS, command_function, command_help, make_app
+from viso.commands import serve as serve_command
 
-DATA = Path(__file__).parents[2] / "data"
 SHORT = 40
 
 
@@ -435,8 +435,8 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
     def refuse(_descriptor: int, _data: bytes) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("emulator.log_files.os.write", refuse)
-    monkeypatch.setattr("emulator.log_files.LogStore._replace_lastlog", lambda *_args: None)
+    monkeypatch.setattr("viso.logs.files.os.write", refuse)
+    monkeypatch.setattr("viso.logs.files.LogStore._replace_lastlog", lambda *_args: None)
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
     assert "log: log cannot be written\n" in outcome.err
@@ -446,7 +446,7 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
 
 
 def viso_process(*args: str | Path, **options: Any) -> subprocess.CompletedProcess[bytes]:
-    command = [sys.executable, "-c", "from emulator.cli import main; main()", *map(str, args)]
+    command = [sys.executable, "-c", "from viso.cli import main; main()", *map(str, args)]
     # As in a user's shell: output is buffered.
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     return subprocess.run(command, timeout=60, check=False, stderr=subprocess.PIPE, env=environment, **options)
@@ -478,7 +478,7 @@ def test_what_is_left_of_the_output_goes_nowhere_when_its_reader_leaves(
 
     redirected: list[int] = []
     add_command(monkeypatch, write)
-    monkeypatch.setattr("emulator.cli.os.dup2", lambda _source, target: redirected.append(target))
+    monkeypatch.setattr("viso.cli.os.dup2", lambda _source, target: redirected.append(target))
     monkeypatch.setattr(sys, "argv", ["viso", "write"])
     with pytest.raises(SystemExit) as ended:
         cli.main()

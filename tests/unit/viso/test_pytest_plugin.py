@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from emulator.testing import UdpAutopilot
+from tests.places import ROOT
+from viso.testing import UdpAutopilot
 
 pytest_plugins = ("pytester",)
 
-ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "docs" / "pytest.md"
 EXAMPLE = ROOT / "docs" / "examples" / "bridge"
-WITH_PLUGIN = ("-p", "emulator.pytest_plugin", "-p", "no:cacheprovider")
+WITH_PLUGIN = ("-p", "viso.pytest_plugin", "-p", "no:cacheprovider")
 
 POSE = """
 import pytest
@@ -152,7 +152,7 @@ def test_it(request, way):
 def test_plugin_imports_nothing_heavy_before_a_fixture_is_used(tmp_path: Path) -> None:
     test = tmp_path / "test_it.py"
     test.write_text(
-        "import sys\ndef test_it():\n    assert not {'numpy', 'pymavlink', 'emulator.testing'} & set(sys.modules)\n"
+        "import sys\ndef test_it():\n    assert not {'numpy', 'pymavlink', 'viso.testing'} & set(sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-m", "pytest", *WITH_PLUGIN, "-q", test], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout

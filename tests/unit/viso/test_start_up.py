@@ -9,9 +9,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-from emulator.bench.odometry import odometry_at
-from emulator.cli import COMMANDS
 from mav_handlers.wire.codec import Codec
+from viso.bench.odometry import odometry_at
+from viso.cli import COMMANDS
 
 HEAVY: Final = {
     *("scipy", "numba", "matplotlib", "cv2", "gtsam", "pandas", "pyarrow", "distributed", "filterpy", "rosbags"),
@@ -21,7 +21,7 @@ HEAVY: Final = {
 # demo comes last: it may bring what others may not.
 EACH: Final = """
 import sys
-from emulator.cli import COMMANDS, command_function
+from viso.cli import COMMANDS, command_function
 for name in sorted(COMMANDS, key=lambda name: name == "demo"):
     before = set(sys.modules)
     command_function(name)
@@ -29,7 +29,7 @@ for name in sorted(COMMANDS, key=lambda name: name == "demo"):
 """
 PROGRAM: Final = """
 import sys
-from emulator.cli import main
+from viso.cli import main
 sys.argv = {arguments}
 try:
     main()
@@ -64,7 +64,7 @@ def test_help_of_a_command_imports_no_other_command() -> None:
 def test_the_list_of_commands_imports_none_of_them() -> None:
     done = subprocess.run(program("-h"), capture_output=True, text=True, check=True, timeout=60)
     modules = listed(done.stderr)
-    assert "emulator.cli" in modules
+    assert "viso.cli" in modules
     assert modules & {*COMMANDS.values(), "numpy", "pymavlink", "rich"} == set()
 
 
@@ -82,5 +82,5 @@ def test_serving_imports_nothing_heavy_up_to_an_accepted_message(tmp_path: Path)
                 assert any('"outcome": "accepted"' in line for line in process.stdout)
                 process.terminate()
                 modules = listed(process.communicate(timeout=60)[1])
-    assert "ekf_stub.ekf3_core" in modules
+    assert "ekf_stub.core.ekf3_core" in modules
     assert modules & HEAVY == set()

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.places import DATA
+
 EXTRAS = (
     "cv2",
     "gtsam",
@@ -24,10 +26,10 @@ EXTRAS = (
 PROGRAM = f"""
 import sys
 sys.modules.update(dict.fromkeys({EXTRAS!r}))
-from emulator.cli import main
+from viso.cli import main
 main()
 """
-FLIGHT = Path(__file__).parents[2] / "data" / "trajectories" / "flight.tum"
+FLIGHT = DATA / "trajectories" / "flight.tum"
 
 
 def viso(*args: str, cwd: Path) -> tuple[int, str]:

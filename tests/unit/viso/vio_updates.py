@@ -6,12 +6,12 @@ from typing import Self
 
 import numpy as np
 
-from companion.vio.config import VioConfig
-from companion.vio.se3 import SE3
-from companion.vio.strategy import FrameReport
-from companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, VioState, frame_uuid
-from companion.vio.update import VioUpdate
-from emulator.vio_log import VioLog
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.strategy import FrameReport
+from viso.companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, VioState, frame_uuid
+from viso.companion.vio.update import VioUpdate
+from viso.vio.log import VioLog
 
 SECOND_NS = 10**9
 STEP = SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))

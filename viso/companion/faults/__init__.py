@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Faults on a seeded timeline, for any stream of MAVLink frames, in virtual time."""
 
-from companion.faults.injector import EntryTally, Injector, Tally, TimedFrame, inject, run_through
-from companion.faults.kinds import FAULTS
-from companion.faults.timeline import Entry, Timeline, TimelineError, load_timeline, make_entry, parse_timeline
+from viso.companion.faults.injector import EntryTally, Injector, Tally, TimedFrame, inject, run_through
+from viso.companion.faults.kinds import FAULTS
+from viso.companion.faults.timeline import Entry, Timeline, TimelineError, load_timeline, make_entry, parse_timeline
 
 __all__ = [
     "FAULTS",

@@ -8,8 +8,9 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from companion.faults.fault import ContentFault, Moment
-from companion.faults.poses import (
+from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+from viso.companion.faults.fault import ContentFault, Moment
+from viso.companion.faults.poses import (
     Quat,
     Vector,
     attitude_of,
@@ -19,9 +20,8 @@ from companion.faults.poses import (
     with_attitude,
     with_position,
 )
-from companion.recorded.axes import axes_matrix
-from companion.vio.se3 import Array, quat_wxyz_from_rotation
-from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+from viso.companion.recorded.axes import axes_matrix
+from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
 
 class AxesOf(enum.StrEnum):

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Final, cast
 
-from companion.faults.fault import ContentFault, Moment
-from companion.faults.parameters import parameter
-from companion.faults.vision import VISION_TYPES
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA
+from viso.companion.faults.fault import ContentFault, Moment
+from viso.companion.faults.parameters import parameter
+from viso.companion.faults.vision import VISION_TYPES
 
 _COVARIANCES: Final = ("covariance", "pose_covariance", "velocity_covariance")
 # An upper triangle of 6 x 6 row by row, or all of 3 x 3.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, ClassVar
 
-from companion.faults.packet import Packet, PassedOver, decode, pack
-from companion.faults.parameters import check_parameters
+from viso.companion.faults.packet import Packet, PassedOver, decode, pack
+from viso.companion.faults.parameters import check_parameters
 
 
 @dataclass(frozen=True, slots=True)

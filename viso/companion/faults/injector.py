@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 
-from companion.faults.fault import Moment
-from companion.faults.packet import Key, Packet, PassedOver, read_packet
-from companion.faults.timeline import Entry, Timeline
+from viso.companion.faults.fault import Moment
+from viso.companion.faults.packet import Key, Packet, PassedOver, read_packet
+from viso.companion.faults.timeline import Entry, Timeline
 
 BY_CHANCE = "by chance"
 

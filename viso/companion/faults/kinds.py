@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from companion.faults.axes import WrongAxes
-from companion.faults.contents import Covariance, FrameIds, NotANumber, Quality
-from companion.faults.fault import Fault
-from companion.faults.motion import (
+from viso.companion.faults.axes import WrongAxes
+from viso.companion.faults.contents import Covariance, FrameIds, NotANumber, Quality
+from viso.companion.faults.fault import Fault
+from viso.companion.faults.motion import (
     Degrees,
     Drift,
     FrameYaw,
@@ -28,8 +28,8 @@ from companion.faults.motion import (
     VelocityNoise,
     YawError,
 )
-from companion.faults.stamps import ClockDrift, ClockStep, StampConstant, StampInUnit
-from companion.faults.transport import (
+from viso.companion.faults.stamps import ClockDrift, ClockStep, StampConstant, StampInUnit
+from viso.companion.faults.transport import (
     Blackout,
     Bunch,
     Corrupt,

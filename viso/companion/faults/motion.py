@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from companion.faults.fault import ContentFault, Moment
-from companion.faults.parameters import parameter
-from companion.faults.poses import (
+from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+from viso.companion.faults.fault import ContentFault, Moment
+from viso.companion.faults.parameters import parameter
+from viso.companion.faults.poses import (
     Vector,
     attitude_of,
     cross,
@@ -28,8 +29,7 @@ from companion.faults.poses import (
     with_velocity_added,
     with_yaw_added,
 )
-from companion.faults.stamps import stamp_of, with_stamp
-from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+from viso.companion.faults.stamps import stamp_of, with_stamp
 
 FAR_M = 1e7
 FAST_M_S = 1e6

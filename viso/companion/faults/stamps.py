@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
-from companion.faults.fault import ContentFault, Moment
-from companion.faults.parameters import parameter
+from viso.companion.faults.fault import ContentFault, Moment
+from viso.companion.faults.parameters import parameter
 
 _STAMPS: Final = ("usec", "time_usec")
 _LATEST_US: Final = 2**64 - 1

@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import yaml
 
-from companion.faults.fault import Fault
-from companion.faults.kinds import FAULTS
-from companion.faults.parameters import as_number, parameters_of
-from companion.faults.vision import VISION_NAMES
 from mav_handlers.wire.codec import message_id
+from viso.companion.faults.fault import Fault
+from viso.companion.faults.kinds import FAULTS
+from viso.companion.faults.parameters import as_number, parameters_of
+from viso.companion.faults.vision import VISION_NAMES
 
 ALL: Final = "all"
 LATEST_S: Final = 1e9

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
-from companion.faults.fault import Fault, Moment
-from companion.faults.packet import Key, Packet, PassedOver, decode, pack
-from companion.faults.parameters import parameter
-from companion.faults.stamps import shifted
+from viso.companion.faults.fault import Fault, Moment
+from viso.companion.faults.packet import Key, Packet, PassedOver, decode, pack
+from viso.companion.faults.parameters import parameter
+from viso.companion.faults.stamps import shifted
 
 LONGEST_DELAY_MS = 60_000.0
 UNTOUCHED_BYTES = 3

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.klt.grid import FeatureGrid, Mask, Points
-from companion.klt.outliers import Agreement, Model, check, rotated
-from companion.klt.tracker import KltTracker
-from companion.vio.se3 import Array
-from companion.vio.types import CameraCalibration, Pixels
-from companion.vio.undistortion import distort, undistort
+from viso.companion.klt.grid import FeatureGrid, Mask, Points
+from viso.companion.klt.outliers import Agreement, Model, check, rotated
+from viso.companion.klt.tracker import KltTracker
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import CameraCalibration, Pixels
+from viso.companion.vio.undistortion import distort, undistort
 
 Ids = npt.NDArray[np.int64]
 

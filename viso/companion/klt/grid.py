@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.types import Pixels
+from viso.companion.vio.types import Pixels
 
 Points = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]

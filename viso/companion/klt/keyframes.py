@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from companion.klt.front_end import Sighting, common_points
-from companion.klt.outliers import rotated
-from companion.vio.se3 import Array
+from viso.companion.klt.front_end import Sighting, common_points
+from viso.companion.klt.outliers import rotated
+from viso.companion.vio.se3 import Array
 
 MIN_DISPARITY_PX: Final = 20.0
 MIN_COMMON: Final = 40

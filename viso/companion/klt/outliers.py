@@ -9,8 +9,8 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
-from companion.klt.grid import Mask
-from companion.vio.se3 import Array
+from viso.companion.klt.grid import Mask
+from viso.companion.vio.se3 import Array
 
 _CONFIDENCE: Final = 0.999
 _ITERATIONS: Final = 500

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from companion.klt.grid import Mask, Points
-from companion.vio.types import Pixels
+from viso.companion.klt.grid import Mask, Points
+from viso.companion.vio.types import Pixels
 
 BORDER_PX: Final = 5
 MIN_CORRELATION: Final = 0.5  # what is seen and its noise are then equally strong

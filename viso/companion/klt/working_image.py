@@ -6,7 +6,7 @@ from typing import Any, Final, cast
 
 import cv2
 
-from companion.vio.types import Pixels
+from viso.companion.vio.types import Pixels
 
 _CLAHE_LIMIT: Final = 2.0
 _CLAHE_TILES: Final = (8, 8)

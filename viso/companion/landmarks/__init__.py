@@ -3,5 +3,5 @@
 """Where known landmarks and aircraft should appear in the camera, and what the difference tells about the pose.
 
 A diagnostic: nothing here feeds a filter. Pure functions and frozen records; files and sockets are in
-``companion.landmarks.inputs``.
+``viso.companion.landmarks.inputs``.
 """

@@ -8,8 +8,8 @@ Source: common.xml (ADSB_VEHICLE, ADSB_FLAGS, ADSB_ALTITUDE_TYPE).
 from enum import IntEnum, IntFlag
 from typing import Final
 
-from companion.landmarks.types import AircraftReport
 from mav_handlers.wire.messages import ADSB_VEHICLE
+from viso.companion.landmarks.types import AircraftReport
 
 M_PER_FT: Final = 0.3048
 M_S_PER_KT: Final = 0.514444

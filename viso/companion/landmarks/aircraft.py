@@ -13,11 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.landmarks.local_frame import FrameMode, to_enu
-from companion.landmarks.observation import world_R_body
-from companion.landmarks.types import AircraftReport, AircraftState, GeodeticPoint, VehiclePose
-from companion.vio.frames import yaw_of_heading
-from companion.vio.se3 import Array, quat_wxyz_from_rotation
+from viso.companion.landmarks.local_frame import FrameMode, to_enu
+from viso.companion.landmarks.observation import world_R_body
+from viso.companion.landmarks.types import AircraftReport, AircraftState, GeodeticPoint, VehiclePose
+from viso.companion.vio.frames import yaw_of_heading
+from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
 M_PER_FT: Final = 0.3048
 M_S_PER_KT: Final = 0.514444

@@ -17,10 +17,10 @@ import numpy as np
 import numpy.typing as npt
 import quaternion
 
-from companion.landmarks.observation import camera_R_body, rays, to_pixels, turned, world_R_body
-from companion.landmarks.residuals import first_of_each
-from companion.landmarks.types import Camera, Detections, Landmark, VehiclePose
-from companion.vio.se3 import Array
+from viso.companion.landmarks.observation import camera_R_body, rays, to_pixels, turned, world_R_body
+from viso.companion.landmarks.residuals import first_of_each
+from viso.companion.landmarks.types import Camera, Detections, Landmark, VehiclePose
+from viso.companion.vio.se3 import Array
 
 EARLIEST_S: Final = -0.3
 LATEST_S: Final = 0.7

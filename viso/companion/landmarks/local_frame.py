@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.landmarks.types import GeodeticPoint
-from companion.vio.se3 import Array
+from viso.companion.landmarks.types import GeodeticPoint
+from viso.companion.vio.se3 import Array
 
 EARTH_RADIUS_M: Final = 6_371_000.0
 MISSING_EXTRA: Final = "the frame wgs84 needs pymap3d: pip install 'viso[landmarks]'"

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.landmarks.types import Camera, VehiclePose
-from companion.vio.frames import MOUNTINGS
-from companion.vio.se3 import Array
+from viso.companion.landmarks.types import Camera, VehiclePose
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.se3 import Array
 
 LANDMARK_NEAREST_M: Final = 1e-6
 """Along the view; a landmark that is nearer, or behind, is not projected."""

@@ -20,8 +20,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
-from companion.landmarks.palette import COLOURS, Colours, Palette
-from companion.landmarks.scene import Mark, Pixel, Scene, horizon
+from viso.companion.landmarks.palette import COLOURS, Colours, Palette
+from viso.companion.landmarks.scene import Mark, Pixel, Scene, horizon
 
 WIDTH_PX: Final = 1600
 HEIGHT_PX: Final = 800

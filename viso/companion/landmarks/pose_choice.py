@@ -4,8 +4,8 @@
 
 from dataclasses import dataclass, replace
 
-from companion.landmarks.local_frame import FrameMode, to_enu
-from companion.landmarks.types import EstimatedPosition, GeodeticPoint, GlobalFix, VehiclePose
+from viso.companion.landmarks.local_frame import FrameMode, to_enu
+from viso.companion.landmarks.types import EstimatedPosition, GeodeticPoint, GlobalFix, VehiclePose
 
 ODOMETRY_LABEL = "odom"
 ESTIMATED_LABEL = "estimated"

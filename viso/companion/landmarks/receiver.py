@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.landmarks.aircraft import STALE_AFTER_S
-from companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
-from companion.landmarks.types import AircraftReport, GeodeticPoint
-from companion.vio.se3 import Array
+from viso.companion.landmarks.aircraft import STALE_AFTER_S
+from viso.companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
+from viso.companion.landmarks.types import AircraftReport, GeodeticPoint
+from viso.companion.vio.se3 import Array
 
 PERIOD_S: Final = 5.0
 """How often to estimate."""

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.landmarks.observation import (
+from viso.companion.landmarks.observation import (
     AIRCRAFT_NEAREST_M,
     LANDMARK_NEAREST_M,
     Projection,
     camera_centre,
     project,
 )
-from companion.landmarks.types import AircraftState, Camera, Detection, Detections, Landmark, VehiclePose
-from companion.vio.se3 import Array
+from viso.companion.landmarks.types import AircraftState, Camera, Detection, Detections, Landmark, VehiclePose
+from viso.companion.vio.se3 import Array
 
 
 @dataclass(frozen=True, slots=True)

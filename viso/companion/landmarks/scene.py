@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from companion.landmarks.aircraft import drawn
-from companion.landmarks.observation import (
+from viso.companion.landmarks.aircraft import drawn
+from viso.companion.landmarks.observation import (
     AIRCRAFT_NEAREST_M,
     LANDMARK_NEAREST_M,
     Projection,
@@ -18,15 +18,23 @@ from companion.landmarks.observation import (
     camera_centre,
     project,
 )
-from companion.landmarks.residuals import (
+from viso.companion.landmarks.residuals import (
     Residuals,
     aircraft_points,
     aircraft_residuals,
     first_of_each,
     landmark_residuals,
 )
-from companion.landmarks.types import AircraftState, Camera, Detection, Detections, GeodeticPoint, Landmark, VehiclePose
-from companion.vio.se3 import Array
+from viso.companion.landmarks.types import (
+    AircraftState,
+    Camera,
+    Detection,
+    Detections,
+    GeodeticPoint,
+    Landmark,
+    VehiclePose,
+)
+from viso.companion.vio.se3 import Array
 
 Pixel = tuple[float, float]
 """Right and down of the picture's corner."""

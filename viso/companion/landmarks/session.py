@@ -8,17 +8,17 @@ from collections.abc import Reversible
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from companion.landmarks.aircraft import STALE_AFTER_S, AircraftTracker
-from companion.landmarks.local_frame import FrameMode, to_geodetic
-from companion.landmarks.pose_choice import choose_pose, reference_of
-from companion.landmarks.receiver import (
+from viso.companion.landmarks.aircraft import STALE_AFTER_S, AircraftTracker
+from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
+from viso.companion.landmarks.pose_choice import choose_pose, reference_of
+from viso.companion.landmarks.receiver import (
     PERIOD_S,
     ReceiverFilter,
     estimate_receiver,
     receiver_record,
 )
-from companion.landmarks.scene import Scene, Situation, make_scene
-from companion.landmarks.types import (
+from viso.companion.landmarks.scene import Scene, Situation, make_scene
+from viso.companion.landmarks.types import (
     AircraftReport,
     AircraftState,
     Camera,
@@ -32,7 +32,7 @@ from companion.landmarks.types import (
     LandmarkMap,
     VehiclePose,
 )
-from companion.vio.se3 import so3_exp, so3_log
+from viso.companion.vio.se3 import so3_exp, so3_log
 
 PICTURE_PERIOD_S: Final = 0.2
 """Between scenes when there are no detections."""

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from companion.landmarks.residuals import Innovation, Residuals
+from viso.companion.landmarks.residuals import Innovation, Residuals
 
 _SIGMA_OF_MAD: Final = 1.4826
 """For normal noise."""

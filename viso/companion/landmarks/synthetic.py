@@ -14,10 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from companion.landmarks.aircraft import AircraftTracker
-from companion.landmarks.local_frame import FrameMode, to_geodetic
-from companion.landmarks.residuals import Innovation, aircraft_residuals, landmark_residuals
-from companion.landmarks.types import (
+from viso.companion.landmarks.aircraft import AircraftTracker
+from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
+from viso.companion.landmarks.residuals import Innovation, aircraft_residuals, landmark_residuals
+from viso.companion.landmarks.types import (
     AircraftReport,
     Camera,
     Detection,

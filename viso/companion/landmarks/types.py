@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.se3 import Array, read_only
+from viso.companion.vio.se3 import Array, read_only
 
 _ICAO: Final = re.compile(r"[0-9A-F]{6}")
 

@@ -4,13 +4,13 @@
 
 from typing import Final
 
-from companion.klt.front_end import Sighting
-from companion.msckf.multi_state import Plane, TracksUsed, use_tracks
-from companion.msckf.tracks import RIPE, TrackBook, padded
-from companion.msckf.window_filter import VEL, WindowFilter, sigma_of
-from companion.vio.imu_window import steps_of
-from companion.vio.se3 import SE3
-from companion.vio.types import ImuWindow
+from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.multi_state import Plane, TracksUsed, use_tracks
+from viso.companion.msckf.tracks import RIPE, TrackBook, padded
+from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
+from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import ImuWindow
 
 UNSURE_VELOCITY_M_S: Final = 0.1
 UNSURE_PASSES: Final = 3

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from companion.klt.outliers import Model
-from companion.msckf.multi_state import Plane
-from companion.msckf.window_filter import POS, WindowFilter, sigma_of
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.se3 import SE3, Array
+from viso.companion.klt.outliers import Model
+from viso.companion.msckf.multi_state import Plane
+from viso.companion.msckf.window_filter import POS, WindowFilter, sigma_of
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.se3 import SE3, Array
 
 ROUGHNESS_SHARE: Final = 0.01  # of the height: how rough a ground is that counts as a plane
 MIN_PLANE_HEIGHT_M: Final = 0.5

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from companion.msckf.aiding import take_height
-from companion.msckf.window_filter import WindowFilter
-from companion.vio.se3 import Array
+from viso.companion.msckf.aiding import take_height
+from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.vio.se3 import Array
 
 MAX_AGE_NS: Final = 200_000_000
 SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller

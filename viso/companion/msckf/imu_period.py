@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.imu_window import IMU_EMPTY, window_fault
-from companion.vio.types import ImuWindow
+from viso.companion.vio.imu_window import IMU_EMPTY, window_fault
+from viso.companion.vio.types import ImuWindow
 
 INTERVALS: Final = 200
 
@@ -26,7 +26,7 @@ class ImuPeriod:
         self._last_ns: int | None = None
 
     def fault(self, window: ImuWindow) -> str | None:
-        """Take in the next window; return what is wrong with it, as :func:`~companion.vio.imu_window.window_fault`.
+        """Take in the next window; return what is wrong with it, as `imu_window.window_fault` does.
 
         Windows overlap at their ends. One without any duration, as before the first frame, has no faults.
         """

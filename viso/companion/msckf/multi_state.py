@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from scipy.special import chdtri
 
-from companion.msckf.tracks import Tracks
-from companion.msckf.triangulation import Mask, on_plane, triangulate
-from companion.msckf.window_filter import CLONE, MOTION, WindowFilter
-from companion.vio.se3 import SE3, Array
+from viso.companion.msckf.tracks import Tracks
+from viso.companion.msckf.triangulation import Mask, on_plane, triangulate
+from viso.companion.msckf.window_filter import CLONE, MOTION, WindowFilter
+from viso.companion.vio.se3 import SE3, Array
 
 _REFUSED: Final = 0.05  # of good tracks, by the gate
 _WIDEST_GATE: Final = 25.0

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.msckf.tracks import Tracks
-from companion.vio.se3 import Array
+from viso.companion.msckf.tracks import Tracks
+from viso.companion.vio.se3 import Array
 
 Mask = npt.NDArray[np.bool_]
 

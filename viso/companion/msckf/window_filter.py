@@ -16,12 +16,12 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import ImuSteps
-from companion.vio.preintegration import preintegrate
-from companion.vio.se3 import SE3, Array, right_jacobian, skew, so3_exp
-from companion.vio.types import ImuBias
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.preintegration import preintegrate
+from viso.companion.vio.se3 import SE3, Array, right_jacobian, skew, so3_exp
+from viso.companion.vio.types import ImuBias
 
 # Of the error vector: attitude (rad), position (m), velocity (m/s), all in the world, gyro bias (rad/s) and
 # accelerometer bias (m/s^2) in the body; then attitude and position of each past pose.

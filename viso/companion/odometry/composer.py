@@ -3,7 +3,7 @@
 """From poses relative to keyframes to a pose in one local frame.
 
 The local frame L has z up and its origin in the first pose: with north as its alignment it is ENU, else x points along
-the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`companion.odometry.encoding`.
+the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`viso.companion.odometry.encoding`.
 """
 
 import uuid
@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.config import LocalAlignment
-from companion.vio.covariance import sound_covariance
-from companion.vio.frames import enu_to_ned, flu_to_frd
-from companion.vio.se3 import SE3, Array, so3_exp, yaw_of
-from companion.vio.types import VioOutput
+from viso.companion.vio.config import LocalAlignment
+from viso.companion.vio.covariance import sound_covariance
+from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import SE3, Array, so3_exp, yaw_of
+from viso.companion.vio.types import VioOutput
 
 AGL_SCALE_SIGMA: Final = 0.02
 

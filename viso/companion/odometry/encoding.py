@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.config import CovarianceEncoding
-from companion.vio.covariance import to_translation_first
-from companion.vio.se3 import Array
+from viso.companion.vio.config import CovarianceEncoding
+from viso.companion.vio.covariance import to_translation_first
+from viso.companion.vio.se3 import Array
 
 __all__ = ["UNKNOWN", "CovarianceEncoding", "edge_covariance", "encoded"]
 

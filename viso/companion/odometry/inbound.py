@@ -10,10 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from companion.odometry.clock_sync import ClockSync
-from companion.vio.frames import GRAVITY_MSS, enu_to_ned, flu_to_frd
-from companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
-from companion.vio.types import ImuSample
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import (
     ATTITUDE,
@@ -25,6 +21,10 @@ from mav_handlers.wire.messages import (
     SCALED_IMU,
     Message,
 )
+from viso.companion.odometry.clock_sync import ClockSync
+from viso.companion.vio.frames import GRAVITY_MSS, enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
+from viso.companion.vio.types import ImuSample
 
 MAV_CMD_SET_MESSAGE_INTERVAL: Final = 511
 MAV_SENSOR_ROTATION_PITCH_270: Final = 25

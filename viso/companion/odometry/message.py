@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from companion.odometry.composer import local_to_frd
-from companion.odometry.encoding import edge_covariance, encoded
-from companion.odometry.propagation import MotionState
-from companion.vio.config import CovarianceEncoding, LocalAlignment
-from companion.vio.frames import flu_to_frd
-from companion.vio.se3 import quat_wxyz_from_rotation
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.odometry.composer import local_to_frd
+from viso.companion.odometry.encoding import edge_covariance, encoded
+from viso.companion.odometry.propagation import MotionState
+from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
+from viso.companion.vio.frames import flu_to_frd
+from viso.companion.vio.se3 import quat_wxyz_from_rotation
 
 MAV_FRAME_BODY_FRD: Final = 12
 MAV_FRAME_LOCAL_FRD: Final = 20

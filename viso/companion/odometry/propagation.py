@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from companion.odometry.composer import LocalPose
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import steps_of
-from companion.vio.preintegration import PreintegratedDelta, preintegrate
-from companion.vio.se3 import SE3, Array, skew
-from companion.vio.types import ImuBias, ImuSample, ImuWindow
+from viso.companion.odometry.composer import LocalPose
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
+from viso.companion.vio.se3 import SE3, Array, skew
+from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 
 HISTORY_NS: Final = 10_000_000_000
 VELOCITY_SIGMA_M_S: Final = 0.1

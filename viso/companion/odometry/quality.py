@@ -4,7 +4,7 @@
 
 from typing import Final
 
-from companion.vio.types import FeatureQuality, VioState
+from viso.companion.vio.types import FeatureQuality, VioState
 
 QUALITY_LOST: Final = -1
 FULL_INLIERS: Final = 100

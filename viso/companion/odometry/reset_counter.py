@@ -5,7 +5,7 @@
 import math
 from typing import Final
 
-from companion.vio.se3 import Array
+from viso.companion.vio.se3 import Array
 
 JUMP_SIGMAS: Final = 3.0
 JUMP_M: Final = 0.5

@@ -6,17 +6,17 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from companion.odometry.clock_sync import REQUEST_PERIOD_NS, ClockSync
-from companion.odometry.inbound import FcInbound
-from companion.sender import (
+from mav_handlers.links.base import Link
+from mav_handlers.wire.codec import BadData, Codec, Received
+from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, TIMESYNC, Message
+from viso.companion.odometry.clock_sync import REQUEST_PERIOD_NS, ClockSync
+from viso.companion.odometry.inbound import FcInbound
+from viso.companion.sender import (
     HEARTBEAT_PERIOD_US,
     MAV_AUTOPILOT_INVALID,
     MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
     MAV_TYPE_ONBOARD_CONTROLLER,
 )
-from mav_handlers.links.base import Link
-from mav_handlers.wire.codec import BadData, Codec, Received
-from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, TIMESYNC, Message
 
 MAV_STATE_ACTIVE: Final = 4
 MAVLINK_VERSION: Final = 3

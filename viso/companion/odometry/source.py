@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Final
 
-from companion.odometry.composer import AGL_SCALE_SIGMA, LocalPose, OdometryComposer
-from companion.odometry.message import odometry_message
-from companion.odometry.propagation import VELOCITY_SIGMA_M_S, MotionState, OdometryPropagator
-from companion.odometry.quality import quality_of
-from companion.odometry.reset_counter import ResetCounter
-from companion.vio.config import CovarianceEncoding, LocalAlignment
-from companion.vio.health import WARM_START
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
-from companion.vio.update import VioUpdate
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.odometry.composer import AGL_SCALE_SIGMA, LocalPose, OdometryComposer
+from viso.companion.odometry.message import odometry_message
+from viso.companion.odometry.propagation import VELOCITY_SIGMA_M_S, MotionState, OdometryPropagator
+from viso.companion.odometry.quality import quality_of
+from viso.companion.odometry.reset_counter import ResetCounter
+from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
+from viso.companion.vio.health import WARM_START
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
+from viso.companion.vio.update import VioUpdate
 
 LOST_SEND_S: Final = 3.0
 DEGRADED_AFTER_NS: Final = 1_000_000_000

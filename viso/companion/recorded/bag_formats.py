@@ -10,9 +10,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from companion.recorded.records import Records, TrajectoryError, usable
-from companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
-from companion.vio.se3 import rotation_from_quat_wxyz
+from viso.companion.recorded.records import Records, TrajectoryError, usable
+from viso.companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
+from viso.companion.vio.se3 import rotation_from_quat_wxyz
 
 MISSING_EXTRA: Final = "bags are read with rosbags; install it with: pip install 'viso[bags]'"
 LONGEST_REASON: Final = 200  # some quote what they could not parse

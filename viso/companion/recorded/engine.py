@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from companion.clock import OffsetClock
-from companion.odometry.encoding import CovarianceEncoding
-from companion.recorded.messages import FORMS, Form, Report
-from companion.recorded.trajectory import RecordedTrajectory
 from mav_handlers.wire.messages import Message
+from viso.companion.clock import OffsetClock
+from viso.companion.odometry.encoding import CovarianceEncoding
+from viso.companion.recorded.messages import FORMS, Form, Report
+from viso.companion.recorded.trajectory import RecordedTrajectory
 
 
 @dataclass(frozen=True)

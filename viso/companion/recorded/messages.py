@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
-from companion.recorded.trajectory import Pose
-from companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     ODOMETRY,
@@ -19,6 +16,9 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
+from viso.companion.recorded.trajectory import Pose
+from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log
 
 MAV_FRAME_BODY_FRD: Final = 12
 MAV_FRAME_LOCAL_FRD: Final = 20

@@ -5,15 +5,15 @@
 from collections import Counter
 from typing import Final, NamedTuple
 
-from companion.recorded.engine import RecordedEngine
-from companion.sender import (
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
+from viso.companion.recorded.engine import RecordedEngine
+from viso.companion.sender import (
     HEARTBEAT_PERIOD_US,
     MAV_AUTOPILOT_INVALID,
     MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
     MAV_TYPE_ONBOARD_CONTROLLER,
 )
-from mav_handlers.wire.codec import Codec, Received
-from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
 
 MAV_STATE_ACTIVE: Final = 4
 MAVLINK_VERSION: Final = 3

@@ -8,10 +8,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from companion.recorded.bag_formats import POSE_TYPES, bag_records
-from companion.recorded.records import Records, TrajectoryError, usable
-from companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, detect, kitti_records, read_text, table_records
-from companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.recorded.bag_formats import POSE_TYPES, bag_records
+from viso.companion.recorded.records import Records, TrajectoryError, usable
+from viso.companion.recorded.text_formats import (
+    EUROC,
+    OKVIS,
+    OPENVINS,
+    TUM,
+    detect,
+    kitti_records,
+    read_text,
+    table_records,
+)
+from viso.companion.recorded.trajectory import RecordedTrajectory
 
 _POSES: Final = ", ".join(kind.rpartition("/")[2] for kind in POSE_TYPES)
 

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.recorded.trajectory import RecordedTrajectory
-from companion.vio.covariance import sound_covariance
-from companion.vio.se3 import Array
+from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.vio.covariance import sound_covariance
+from viso.companion.vio.se3 import Array
 
 LARGEST: Final = 1e6
 """No position in m and no velocity in m/s is larger; what is, came from a damaged file."""

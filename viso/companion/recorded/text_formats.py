@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from companion.recorded.records import CUT_SHORT, Records, TrajectoryError, usable
-from companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
-from companion.vio.se3 import Array, quat_wxyz_from_rotation
+from viso.companion.recorded.records import CUT_SHORT, Records, TrajectoryError, usable
+from viso.companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
+from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
 NANOSECONDS_FROM: Final = 1_000_000_000_000
 """A stamp from this on is one in nanoseconds: in seconds it would be after the year 30,000."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.se3 import Array
+from viso.companion.vio.se3 import Array
 
 Integers = npt.NDArray[np.int64]
 

@@ -8,17 +8,17 @@ from typing import Final
 
 import numpy as np
 
-from companion.klt.front_end import Sighting
-from companion.msckf.multi_state import Plane
-from companion.msckf.window_filter import WindowFilter
-from companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
-from companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError
-from companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import bracketed, steps_between
-from companion.vio.preintegration import ImuPreintegrator
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import ImuWindow
+from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.multi_state import Plane
+from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
+from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError
+from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import bracketed, steps_between
+from viso.companion.vio.preintegration import ImuPreintegrator
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import ImuWindow
 
 EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
 EARLY_PASSES: Final = 4

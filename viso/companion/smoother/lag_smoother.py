@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.vio.preintegration import ImuPreintegrator
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import ImuBias
+from viso.companion.vio.preintegration import ImuPreintegrator
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import ImuBias
 
 try:
     import gtsam

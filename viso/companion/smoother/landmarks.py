@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from companion.klt.front_end import Sighting
-from companion.msckf.multi_state import Plane
-from companion.msckf.tracks import Tracks, padded
-from companion.msckf.triangulation import Mask, on_plane, triangulate
-from companion.smoother.lag_smoother import Seen
-from companion.vio.se3 import SE3, Array
+from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.multi_state import Plane
+from viso.companion.msckf.tracks import Tracks, padded
+from viso.companion.msckf.triangulation import Mask, on_plane, triangulate
+from viso.companion.smoother.lag_smoother import Seen
+from viso.companion.vio.se3 import SE3, Array
 
 MOST_LANDMARKS: Final = 30  # at a time; more take longer and hardly help
 FEWEST_SIGHTINGS: Final = 3

@@ -10,14 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from companion.evaluation import TimedPoses
-from companion.recorded.axes import axes_matrix
-from companion.trial import Event
-from companion.vio.calibration import CalibrationError, load_calibration
-from companion.vio.config import VioConfig
-from companion.vio.frames import flu_to_frd
-from companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
-from companion.vio.types import (
+from viso.companion.recorded.axes import axes_matrix
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.trials.trial import Event
+from viso.companion.vio.calibration import CalibrationError, load_calibration
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.frames import flu_to_frd
+from viso.companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
     ImuSample,

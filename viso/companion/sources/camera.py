@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from companion.sources.base import SourceError, SourceOptions, Thinning, make_frame
-from companion.sources.video import check_size, opencv
-from companion.vio.config import VioConfig
-from companion.vio.types import CameraCalibration, NavCameraFrame
+from viso.companion.sources.base import SourceError, SourceOptions, Thinning, make_frame
+from viso.companion.sources.video import check_size, opencv
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.types import CameraCalibration, NavCameraFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,12 +14,12 @@ from typing import Final
 
 import numpy as np
 
-from companion.sources.base import SourceError
-from companion.sources.gpmf import GpmfError, Stream, streams_of
-from companion.sources.karma import DroneTrack, drone_track
-from companion.sources.mp4 import Payload, read_payloads
-from companion.vio.se3 import Array
-from companion.vio.types import ImuSample
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.gpmf import GpmfError, Stream, streams_of
+from viso.companion.sources.karma import DroneTrack, drone_track
+from viso.companion.sources.mp4 import Payload, read_payloads
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import ImuSample
 
 TELEMETRY: Final = b"gpmd"
 DEFAULT_AXES: Final = "ZXY"

@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from companion.sources.base import SourceError
-from companion.vio.types import ImuSample
+from viso.companion.sources.base import SourceError
+from viso.companion.vio.types import ImuSample
 
 GYRO: Final = ("gx", "gy", "gz")
 ACCEL: Final = ("ax", "ay", "az")

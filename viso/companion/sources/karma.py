@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from companion.evaluation import TimedPoses
-from companion.vio.frames import GRAVITY_MSS, enu_to_ned, flu_to_frd
-from companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
-from companion.vio.types import ImuBias, ImuSample, WarmStartPose
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.frames import GRAVITY_MSS, enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
+from viso.companion.vio.types import ImuBias, ImuSample, WarmStartPose
 
 DELAY_S: Final = 0.2
 """How late the drone's messages are: by that, its accelerations agree best with those that the camera felt."""

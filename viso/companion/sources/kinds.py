@@ -8,10 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from companion.sources.base import Recording, SourceError, SourceOptions, body_rotation
-from companion.sources.camera import LiveCamera, open_camera, sounds_like_camera
-from companion.sources.gopro import has_telemetry
-from companion.sources.recordings import SYNTHETIC, open_euroc, open_gopro, open_synthetic, open_video
+from viso.companion.sources.base import Recording, SourceError, SourceOptions, body_rotation
+from viso.companion.sources.camera import LiveCamera, open_camera, sounds_like_camera
+from viso.companion.sources.gopro import has_telemetry
+from viso.companion.sources.recordings import SYNTHETIC, open_euroc, open_gopro, open_synthetic, open_video
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from companion.sources.base import SourceError
+from viso.companion.sources.base import SourceError
 
 LARGEST_INDEX_BYTES: Final = 1 << 28
 MOST_SAMPLES: Final = 1_000_000

@@ -9,18 +9,18 @@ from typing import Final
 
 import numpy as np
 
-from companion.euroc import EurocError, EurocRecording, Image, load_euroc
-from companion.evaluation import TimedPoses
-from companion.sources.base import Recording, SourceError, SourceOptions, Thinning, in_order_of_arrival
-from companion.sources.gopro import read_telemetry
-from companion.sources.inertial_csv import read_inertial_csv
-from companion.sources.video import video_frames, video_size
-from companion.trial import Event
-from companion.vio.calibration import load_calibration
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.se3 import quat_wxyz_from_rotation
-from companion.vio.types import CameraCalibration, WarmStartPose
-from companion.world.flight import DEFAULT_FRAME_RATE_HZ, SyntheticFlight, nadir_calibration
+from viso.companion.sources.base import Recording, SourceError, SourceOptions, Thinning, in_order_of_arrival
+from viso.companion.sources.gopro import read_telemetry
+from viso.companion.sources.inertial_csv import read_inertial_csv
+from viso.companion.sources.video import video_frames, video_size
+from viso.companion.trials.euroc import EurocError, EurocRecording, Image, load_euroc
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.trials.trial import Event
+from viso.companion.vio.calibration import load_calibration
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.se3 import quat_wxyz_from_rotation
+from viso.companion.vio.types import CameraCalibration, WarmStartPose
+from viso.companion.world.flight import DEFAULT_FRAME_RATE_HZ, SyntheticFlight, nadir_calibration
 
 SYNTHETIC: Final = "synthetic"
 KARMA: Final = Path(__file__).with_name("karma_hero5_854x480.toml")

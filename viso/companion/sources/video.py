@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, cast
 
-from companion.sources.base import SourceError, Thinning, make_frame
-from companion.vio.types import CameraCalibration, NavCameraFrame, Pixels
+from viso.companion.sources.base import SourceError, Thinning, make_frame
+from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels
 
 _NS_PER_MS: Final = 1e6
 _SILENT: Final = "-8"

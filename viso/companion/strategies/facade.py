@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from companion.strategies.native import NativeFeatures, NativeStatus, load_engine
-from companion.vio.covariance import sound_covariance
-from companion.vio.errors import VioFatalError
-from companion.vio.health import FrameFacts
-from companion.vio.imu_window import median_period_ns, window_fault
-from companion.vio.se3 import SE3, Array, read_only
-from companion.vio.strategy import StrategyBase, StrategyContext
-from companion.vio.types import (
+from viso.companion.strategies.native import NativeFeatures, NativeStatus, load_engine
+from viso.companion.vio.covariance import sound_covariance
+from viso.companion.vio.errors import VioFatalError
+from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.imu_window import median_period_ns, window_fault
+from viso.companion.vio.se3 import SE3, Array, read_only
+from viso.companion.vio.strategy import StrategyBase, StrategyContext
+from viso.companion.vio.types import (
     CameraCalibration,
     FeatureQuality,
     ImuBias,

@@ -4,13 +4,13 @@
 
 from typing import Final
 
-from companion.klt.keyframes import Keyframe
-from companion.msckf.aiding import stand_still
-from companion.msckf.stillness import SPAN_NS
-from companion.msckf.window_filter import WindowFilter
-from companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
-from companion.strategies.tracking import Outcome, Seen, TrackingStrategy
-from companion.vio.config import AglSource
+from viso.companion.klt.keyframes import Keyframe
+from viso.companion.msckf.aiding import stand_still
+from viso.companion.msckf.stillness import SPAN_NS
+from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
+from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from viso.companion.vio.config import AglSource
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
 MIN_NODE_INTERVAL_NS: Final = 150_000_000

@@ -4,15 +4,15 @@
 
 from typing import Final
 
-from companion.klt.keyframes import Keyframe
-from companion.msckf.aiding import stand_still
-from companion.msckf.estimator import WindowEstimator
-from companion.msckf.multi_state import TracksUsed
-from companion.msckf.stillness import SPAN_NS
-from companion.msckf.window_filter import WindowFilter
-from companion.strategies.tracking import Outcome, Seen, TrackingStrategy
-from companion.vio.config import AglSource, Scene
-from companion.vio.types import ImuWindow
+from viso.companion.klt.keyframes import Keyframe
+from viso.companion.msckf.aiding import stand_still
+from viso.companion.msckf.estimator import WindowEstimator
+from viso.companion.msckf.multi_state import TracksUsed
+from viso.companion.msckf.stillness import SPAN_NS
+from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.types import ImuWindow
 
 PIXEL_SIGMA: Final = 0.5
 MIN_CLONE_INTERVAL_NS: Final = 80_000_000

@@ -20,9 +20,9 @@ import importlib
 from dataclasses import dataclass
 from typing import Final, Protocol, cast
 
-from companion.vio.config import VioConfig
-from companion.vio.se3 import Array
-from companion.vio.types import CameraCalibration, Pixels, WarmStartPose
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import CameraCalibration, Pixels, WarmStartPose
 
 WIRING_ABSENT: Final = "native wiring absent"
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """OKVIS2 as a strategy, where its native module is installed."""
 
-from companion.strategies.facade import NativeFacade
+from viso.companion.strategies.facade import NativeFacade
 
 
 class Okvis2(NativeFacade):

@@ -9,24 +9,24 @@ from typing import Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from companion.klt.front_end import FrontEnd, Sighting
-from companion.klt.keyframes import Keyframe
-from companion.klt.working_image import WorkingImages, shrink_factor
-from companion.msckf.ground import Ground
-from companion.msckf.heights import Heights
-from companion.msckf.imu_period import ImuPeriod
-from companion.msckf.stillness import Stillness, level_rotation
-from companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
-from companion.vio.calibration import scaled
-from companion.vio.config import AglSource, Scene
-from companion.vio.covariance import sound_covariance
-from companion.vio.health import FrameFacts
-from companion.vio.imu_window import steps_of
-from companion.vio.preintegration import preintegrate
-from companion.vio.se3 import SE3, Array
-from companion.vio.strategy import StrategyBase, StrategyContext
-from companion.vio.threads import limit_threads
-from companion.vio.types import (
+from viso.companion.klt.front_end import FrontEnd, Sighting
+from viso.companion.klt.keyframes import Keyframe
+from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.msckf.ground import Ground
+from viso.companion.msckf.heights import Heights
+from viso.companion.msckf.imu_period import ImuPeriod
+from viso.companion.msckf.stillness import Stillness, level_rotation
+from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.vio.calibration import scaled
+from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.covariance import sound_covariance
+from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.preintegration import preintegrate
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.strategy import StrategyBase, StrategyContext
+from viso.companion.vio.threads import limit_threads
+from viso.companion.vio.types import (
     DEFAULT_ACCEL_BIAS_SIGMA_M_S2,
     DEFAULT_GYRO_BIAS_SIGMA_RAD_S,
     DEFAULT_TILT_SIGMA_RAD,

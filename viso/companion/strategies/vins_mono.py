@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """VINS-Mono as a strategy, where its native module is installed."""
 
-from companion.strategies.facade import NativeFacade
+from viso.companion.strategies.facade import NativeFacade
 
 
 class VinsMono(NativeFacade):

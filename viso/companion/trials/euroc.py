@@ -16,12 +16,12 @@ from typing import Final, cast
 
 import numpy as np
 
-from companion.evaluation import TimedPoses
-from companion.recorded.records import TrajectoryError
-from companion.recorded.text_formats import EUROC, TUM, Row, read_table, read_text, rows_of
-from companion.vio.calibration import CalibrationError, load_calibration
-from companion.vio.se3 import SE3, Array, so3_exp
-from companion.vio.types import (
+from viso.companion.recorded.records import TrajectoryError
+from viso.companion.recorded.text_formats import EUROC, TUM, Row, read_table, read_text, rows_of
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.calibration import CalibrationError, load_calibration
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
     ImuSample,

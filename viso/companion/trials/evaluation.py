@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.se3 import SE3, Array, read_only, rotation_from_quat_wxyz, so3_log
+from viso.companion.vio.se3 import SE3, Array, read_only, rotation_from_quat_wxyz, so3_log
 
 
 class EvaluationError(ValueError):

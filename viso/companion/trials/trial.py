@@ -13,16 +13,16 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from companion.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error, nees_per_dof
-from companion.odometry.composer import LocalPose, OdometryComposer
-from companion.vio.config import AglSource, LocalAlignment, VioConfig
-from companion.vio.imu_buffer import ImuBuffer
-from companion.vio.registry import build_vio_strategy
-from companion.vio.se3 import SE3, Array
-from companion.vio.telemetry import NullSink, TelemetrySink
-from companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioState, WarmStartPose
-from companion.vio.update import Listener, VioUpdate
-from companion.vio.worker import VioWorker
+from viso.companion.odometry.composer import LocalPose, OdometryComposer
+from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error, nees_per_dof
+from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
+from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.registry import build_vio_strategy
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.telemetry import NullSink, TelemetrySink
+from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioState, WarmStartPose
+from viso.companion.vio.update import Listener, VioUpdate
+from viso.companion.vio.worker import VioWorker
 
 _LOGGER: Final = logging.getLogger(__name__)
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Calibrations of cameras, from files.
 
-A file of our own is TOML; its keys are the fields of :class:`~companion.vio.types.CameraCalibration`::
+A file of our own is TOML; its keys are the fields of :class:`~viso.companion.vio.types.CameraCalibration`::
 
     camera_id = "nav"
     unit = "07"
@@ -29,10 +29,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from companion.vio.frames import MOUNTINGS
-from companion.vio.se3 import SE3, Array
-from companion.vio.sensor_yaml import sensor_values
-from companion.vio.types import CameraCalibration, DistortionModel
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.sensor_yaml import sensor_values
+from viso.companion.vio.types import CameraCalibration, DistortionModel
 
 
 class CalibrationError(ValueError):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_noise import ImuNoise
 
 _T = TypeVar("_T")
 

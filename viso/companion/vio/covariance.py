@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.se3 import Array
+from viso.companion.vio.se3 import Array
 
 SYMMETRY: Final = 1e-9
 NEGATIVE: Final = 1e-12

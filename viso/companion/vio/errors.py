@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a strategy and its factory raise."""
 
-from companion.vio.types import VioOutput
+from viso.companion.vio.types import VioOutput
 
 
 class VioError(Exception):

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from companion.vio.imu_window import IMU_EMPTY
-from companion.vio.types import VioHealth, VioState
+from viso.companion.vio.imu_window import IMU_EMPTY
+from viso.companion.vio.types import VioHealth, VioState
 
 MIN_COVERAGE: Final = 0.25
 MAX_MRE_PX: Final = 3.0

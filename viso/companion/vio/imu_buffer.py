@@ -9,7 +9,7 @@ from operator import attrgetter
 from threading import Condition
 from typing import Final
 
-from companion.vio.types import ImuSample, ImuWindow
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 CAPACITY: Final = 2000  # 10 s at 200 Hz
 WAIT_S: Final = 0.05

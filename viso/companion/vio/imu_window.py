@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.se3 import Array
-from companion.vio.types import ImuSample, ImuWindow
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 IMU_EMPTY: Final = "imu_empty"
 IMU_GAP: Final = "imu_gap"

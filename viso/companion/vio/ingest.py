@@ -8,8 +8,8 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Final, Protocol
 
-from companion.vio.json_log import log_event
-from companion.vio.types import NavCameraFrame
+from viso.companion.vio.json_log import log_event
+from viso.companion.vio.types import NavCameraFrame
 
 JOIN_S: Final = 1.0  # for each of two threads: both are gone within 2 s
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import ImuSteps, steps_between
-from companion.vio.se3 import Array, read_only
-from companion.vio.types import ImuBias, ImuSample
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import ImuSteps, steps_between
+from viso.companion.vio.se3 import Array, read_only
+from viso.companion.vio.types import ImuBias, ImuSample
 
 if TYPE_CHECKING:
     import gtsam

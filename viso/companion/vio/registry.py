@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, cast
 
-from companion.vio import build_info
-from companion.vio.config import VioConfig
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.json_log import log_event
-from companion.vio.strategy import ReportingStrategy, StrategyContext
-from companion.vio.telemetry import TelemetrySink
-from companion.vio.types import CameraCalibration
+from viso.companion.vio import build_info
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.json_log import log_event
+from viso.companion.vio.strategy import ReportingStrategy, StrategyContext
+from viso.companion.vio.telemetry import TelemetrySink
+from viso.companion.vio.types import CameraCalibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ def _lazy(module: str, class_name: str, extra: str | None = None) -> Callable[[S
 
     def load(context: StrategyContext) -> ReportingStrategy:
         try:
-            strategy = getattr(importlib.import_module(f"companion.strategies.{module}"), class_name)(context)
+            strategy = getattr(importlib.import_module(f"viso.companion.strategies.{module}"), class_name)(context)
         except ModuleNotFoundError as error:
             if extra is None:
                 raise

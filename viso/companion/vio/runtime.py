@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Self
 
-from companion.vio import build_info
-from companion.vio.config import VioConfig
-from companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
-from companion.vio.json_log import log_event
-from companion.vio.registry import build_vio_strategy
-from companion.vio.telemetry import TelemetrySink
-from companion.vio.types import CameraCalibration, VioHealth, WarmStartPose
-from companion.vio.update import Listener
-from companion.vio.worker import ImuWindows, VioWorker
+from viso.companion.vio import build_info
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
+from viso.companion.vio.json_log import log_event
+from viso.companion.vio.registry import build_vio_strategy
+from viso.companion.vio.telemetry import TelemetrySink
+from viso.companion.vio.types import CameraCalibration, VioHealth, WarmStartPose
+from viso.companion.vio.update import Listener
+from viso.companion.vio.worker import ImuWindows, VioWorker
 
 
 class VioRuntime:

@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from companion.vio.config import VioConfig
-from companion.vio.errors import VioDegradedError, VioError, VioFatalError, VioInitializingError
-from companion.vio.health import FrameFacts, HealthLimits, HealthMachine
-from companion.vio.se3 import SE3
-from companion.vio.strategy_log import StrategyLog
-from companion.vio.telemetry import TelemetrySink
-from companion.vio.types import (
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.errors import VioDegradedError, VioError, VioFatalError, VioInitializingError
+from viso.companion.vio.health import FrameFacts, HealthLimits, HealthMachine
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.strategy_log import StrategyLog
+from viso.companion.vio.telemetry import TelemetrySink
+from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
     ImuWindow,

@@ -6,8 +6,8 @@ import logging
 import uuid
 from collections.abc import Callable, Mapping
 
-from companion.vio.json_log import RateLimiter, log_event
-from companion.vio.types import VioOutput, VioState, WarmStartPose
+from viso.companion.vio.json_log import RateLimiter, log_event
+from viso.companion.vio.types import VioOutput, VioState, WarmStartPose
 
 
 class StrategyLog:

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Protocol
 
-from companion.vio.json_log import log_event
-from companion.vio.telemetry_records import Record, output_of, pack_record, read_records, warm_start_of
-from companion.vio.types import VioOutput, WarmStartPose
+from viso.companion.vio.json_log import log_event
+from viso.companion.vio.telemetry_records import Record, output_of, pack_record, read_records, warm_start_of
+from viso.companion.vio.types import VioOutput, WarmStartPose
 
 SUFFIX: Final = ".vtl"
 FLUSH_PERIOD_NS: Final = 1_000_000_000

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from companion.vio.json_log import compact_json
-from companion.vio.se3 import SE3
-from companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, WarmStartPose
+from viso.companion.vio.json_log import compact_json
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, WarmStartPose
 
 Record = Mapping[str, object]
 

@@ -6,9 +6,9 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from companion.vio.strategy import FrameReport
-from companion.vio.telemetry_records import Record, health_values, output_values
-from companion.vio.types import VioHealth, VioOutput
+from viso.companion.vio.strategy import FrameReport
+from viso.companion.vio.telemetry_records import Record, health_values, output_values
+from viso.companion.vio.types import VioHealth, VioOutput
 
 
 @dataclass(frozen=True, slots=True, eq=False)

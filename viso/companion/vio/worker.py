@@ -10,13 +10,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final, Protocol
 
-from companion.vio.config import VioConfig
-from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
-from companion.vio.ingest import DropOldestQueue
-from companion.vio.json_log import log_event
-from companion.vio.strategy import ReportingStrategy
-from companion.vio.telemetry import TelemetrySink
-from companion.vio.types import (
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.ingest import DropOldestQueue
+from viso.companion.vio.json_log import log_event
+from viso.companion.vio.strategy import ReportingStrategy
+from viso.companion.vio.telemetry import TelemetrySink
+from viso.companion.vio.types import (
     CameraCalibration,
     ImuWindow,
     NavCameraFrame,
@@ -25,7 +25,7 @@ from companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from companion.vio.update import Listener, VioUpdate, update_record
+from viso.companion.vio.update import Listener, VioUpdate, update_record
 
 STALL_S: Final = 3.0  # as long as the frames that are fatal when lost take at 3 Hz
 COUNTERS: Final = (

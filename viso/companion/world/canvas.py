@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.types import Pixels
-from companion.world.texture import Field, to_pixels
+from viso.companion.vio.types import Pixels
+from viso.companion.world.texture import Field, to_pixels
 
 Patch = tuple[slice, slice]
 Mask = npt.NDArray[np.bool_]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from companion.vio.frames import MOUNTINGS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.se3 import SE3, Array, so3_exp
-from companion.vio.types import (
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
     ImuBias,
@@ -20,13 +20,13 @@ from companion.vio.types import (
     NavCameraFrame,
     WarmStartPose,
 )
-from companion.world.ground import generate_texture
-from companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
-from companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
-from companion.world.trajectory import Trajectory, nadir_survey
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
+from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
+from viso.companion.world.trajectory import Trajectory, nadir_survey
 
 if TYPE_CHECKING:
-    from companion.world.renderer import PlaneRenderer
+    from viso.companion.world.renderer import PlaneRenderer
 
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
 CAMERA_ID: Final = "synthetic"
@@ -190,7 +190,7 @@ class SyntheticFlight:
             yield t_ns, HeightMeasurement(t_ns, height_m, self.height_sigma_m)
 
     def _frame_events(self) -> Iterator[tuple[int, Event]]:
-        from companion.world.renderer import PlaneRenderer  # wants OpenCV, which a flight without frames does not
+        from viso.companion.world.renderer import PlaneRenderer  # wants OpenCV, which a flight without frames does not
 
         renderer = PlaneRenderer(self.texture, self.calibration, self.seed, self.pixel_sigma)
         offset_ns = round(self.calibration.time_offset_s * _NS)

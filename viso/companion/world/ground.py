@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from companion.world.canvas import Canvas, power_of_two
-from companion.world.land import lay_parcels
-from companion.world.texture import GroundTexture, fractal_noise, grit
-from companion.world.things import build, plant, scatter_stones
+from viso.companion.world.canvas import Canvas, power_of_two
+from viso.companion.world.land import lay_parcels
+from viso.companion.world.texture import GroundTexture, fractal_noise, grit
+from viso.companion.world.things import build, plant, scatter_stones
 
 DEFAULT_SIZE_PX: Final = 2048
 DEFAULT_METRES_PER_PIXEL: Final = 0.075

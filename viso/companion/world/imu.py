@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.types import ImuBias, ImuSample
-from companion.world.trajectory import Trajectory
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.types import ImuBias, ImuSample
+from viso.companion.world.trajectory import Trajectory
 
 DEFAULT_RATE_HZ: Final = 200
 _NS: Final = 1_000_000_000

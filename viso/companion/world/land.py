@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.world.canvas import PARCELS, TONE, Canvas, Material, Patch, power_of_two
-from companion.world.texture import fractal_noise
+from viso.companion.world.canvas import PARCELS, TONE, Canvas, Material, Patch, power_of_two
+from viso.companion.world.texture import fractal_noise
 
 Plan = npt.NDArray[np.int16]
 

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.vio.se3 import Array
-from companion.vio.types import Pixels
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import Pixels
 
 Field = npt.NDArray[np.float32]
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from companion.world.canvas import PARCELS, SUN, TONE, Canvas, Mask, Material, Patch
-from companion.world.texture import Field
+from viso.companion.world.canvas import PARCELS, SUN, TONE, Canvas, Mask, Material, Patch
+from viso.companion.world.texture import Field
 
 Places = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.se3 import SE3, Array
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.se3 import SE3, Array
 
 Curve = Callable[[Array], Array]
 

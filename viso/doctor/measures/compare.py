@@ -10,13 +10,13 @@ import numpy as np
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
-from emulator import quaternion_arrays as quaternion
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.tracks import Floats, Ints, Poses
-from emulator.doctor.vehicle_data import AttitudeSeries
-from emulator.estimators.delay import Delay, estimate_delay
-from emulator.estimators.orientation import Orientation, WorldAxes, estimate_orientation, estimate_world_axes
-from emulator.estimators.turning import quats_of_euler
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.tracks import Floats, Ints, Poses
+from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.estimators import quaternion_arrays as quaternion
+from viso.estimators.delay import Delay, estimate_delay
+from viso.estimators.orientation import Orientation, WorldAxes, estimate_orientation, estimate_world_axes
+from viso.estimators.turning import quats_of_euler
 
 ALIGNING_TYPES: Final = (2, 3)
 _FEWEST: Final = 40

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from emulator.doctor.stamps import time_base_us
-from emulator.doctor.tracks import (
+from viso.doctor.measures.stamps import time_base_us
+from viso.doctor.measures.tracks import (
     Bools,
     Floats,
     Ints,

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from emulator.doctor.compare import ALIGNING_TYPES, Comparison
-from emulator.doctor.tracks import Poses
-from emulator.doctor.vehicle_position import EXTNAV, PositionSeries
-from emulator.estimators.positions import PositionAxes, Scale, estimate_position_axes, estimate_scale
+from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
+from viso.doctor.measures.tracks import Poses
+from viso.doctor.measures.vehicle_position import EXTNAV, PositionSeries
+from viso.estimators.positions import PositionAxes, Scale, estimate_position_axes, estimate_scale
 
 _FEWEST: Final = 40
 

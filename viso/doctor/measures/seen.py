@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from ap_core.log_field import LogValue
 from ap_core.verdict import Outcome, Verdict
-from emulator.sample_fates import HandedSample
 from mav_handlers.wire.messages import Message
+from viso.fates.samples import HandedSample
 
 
 @dataclass(frozen=True, slots=True)

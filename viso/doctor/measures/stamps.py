@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.tracks import Floats, Ints, Track
+from viso.doctor.measures.tracks import Floats, Ints, Track
 
 FEWEST: Final = 10
 _RIGHT_UNIT: Final = (0.8, 1.25)

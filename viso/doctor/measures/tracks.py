@@ -9,8 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from emulator.doctor.seen import SeenMessage
-from emulator.estimators.turning import quats_of_euler
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     GLOBAL_VISION_POSITION_ESTIMATE,
@@ -19,6 +17,8 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     VISION_SPEED_ESTIMATE,
 )
+from viso.doctor.measures.seen import SeenMessage
+from viso.estimators.turning import quats_of_euler
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

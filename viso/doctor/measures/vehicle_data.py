@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.tracks import Floats, Ints
-from emulator.doctor.vehicle_position import PositionListener, PositionSeries, sources_of
-from emulator.errors import InputError
-from emulator.recorded_log import read_recorded_states
-from emulator.streams import Stream
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
+from viso.doctor.measures.tracks import Floats, Ints
+from viso.doctor.measures.vehicle_position import PositionListener, PositionSeries, sources_of
+from viso.errors import InputError
+from viso.logs.recorded import read_recorded_states
+from viso.streams.table import Stream
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 MAV_AUTOPILOT_INVALID: Final = 8

@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from emulator.doctor.tracks import Floats, Ints
-from emulator.recorded_log import read_columns
 from mav_handlers.wire.messages import GLOBAL_POSITION_INT, GPS_RAW_INT, LOCAL_POSITION_NED, Message
+from viso.doctor.measures.tracks import Floats, Ints
+from viso.logs.recorded import read_columns
 
 EXTNAV: Final = 6
 _FEWEST: Final = 20

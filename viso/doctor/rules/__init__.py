@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from emulator.doctor.findings import Rule
-from emulator.doctor.rules import (
+from viso.doctor.findings import Rule
+from viso.doctor.rules import (
     alignment,
     axes,
     clocks,

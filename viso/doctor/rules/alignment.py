@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.compare import ALIGNING_TYPES, oriented
-from emulator.doctor.evidence import EXTNAV, Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.stamps import FEWEST
-from emulator.doctor.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
-from emulator.doctor.words import at, share
+from viso.doctor.evidence import EXTNAV, Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
+from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
+from viso.doctor.telling.words import at, share
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"

@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
-from emulator.doctor.tracks import Floats
-from emulator.doctor.words import seen_in, share
-from emulator.streams import Aspect
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
+from viso.doctor.measures.tracks import Floats
+from viso.doctor.telling.words import seen_in, share
+from viso.streams.table import Aspect
 
 _FITS: Final = 0.9
 _BETTER: Final = 0.01

@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.compare import Comparison
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_ms, minima_of, usable_tracks
-from emulator.doctor.rules.clocks import CORRECTION
-from emulator.doctor.words import at, of_whole, share
-from emulator.streams import Aspect
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_ms, minima_of, usable_tracks
+from viso.doctor.measures.compare import Comparison
+from viso.doctor.rules.clocks import CORRECTION
+from viso.doctor.telling.words import at, of_whole, share
+from viso.streams.table import Aspect
 
 _MAX_LAG_MS: Final = 500.0
 _FILTER_STEP_MS: Final = 12

@@ -7,16 +7,16 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.stamps import FEWEST
-from emulator.doctor.tracks import Bools, Floats, Poses
-from emulator.doctor.words import at, of_track
-from emulator.report.series import stretches_of
-from emulator.streams import Aspect
 from mav_handlers.covariance import no_errors
 from mav_handlers.vision_columns import error_columns
 from mav_handlers.wire.messages import ATT_POS_MOCAP
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.tracks import Bools, Floats, Poses
+from viso.doctor.telling.words import at, of_track
+from viso.estimators.series import stretches_of
+from viso.streams.table import Aspect
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"

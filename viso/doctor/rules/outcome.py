@@ -9,16 +9,16 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
-from ekf_stub.aiding import AidingMode
-from ekf_stub.ingest_rules import OVERWRITTEN, SUPERSEDED
-from emulator.doctor.evidence import EXTNAV, Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.stamps import time_base_us
-from emulator.doctor.tracks import Floats
-from emulator.doctor.words import at, share
-from emulator.filter_fates import Fate, fate_of
-from emulator.filter_watch import UNITS
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
+from viso.doctor.evidence import EXTNAV, Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.stamps import time_base_us
+from viso.doctor.measures.tracks import Floats
+from viso.doctor.telling.words import at, share
+from viso.fates.watch import UNITS
+from viso.fates.words import Fate, fate_of
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"

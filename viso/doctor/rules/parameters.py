@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from ekf_stub.ingest_rules import NO_BUFFER
-from emulator.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.stamps import FEWEST
-from emulator.doctor.words import at, seen_in, share
+from ekf_stub.inputs.ingest_rules import NO_BUFFER
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
+from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.telling.words import at, seen_in, share
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
 _SETS: Final = (1, 2, 3)

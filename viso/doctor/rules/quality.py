@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from typing import Final
 
 from ap_visualodom.verdicts import QUALITY_BELOW_MIN
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.stamps import FEWEST
-from emulator.doctor.words import seen_in, share
-from emulator.streams import Aspect
 from mav_handlers.wire.messages import ODOMETRY
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.telling.words import seen_in, share
+from viso.streams.table import Aspect
 
 _GATE: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 

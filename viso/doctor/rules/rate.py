@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.ingest_rules import TOO_SOON
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.stamps import FEWEST
-from emulator.doctor.tracks import Track
-from emulator.doctor.words import at, share
+from ekf_stub.inputs.ingest_rules import TOO_SOON
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.tracks import Track
+from viso.doctor.telling.words import at, share
 
 _HEALTHY_US: Final = 300_000
 _FRESH_US: Final = 500_000

@@ -7,15 +7,15 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.tracks import covariance_of
-from emulator.doctor.words import seen_in, share
-from emulator.firmware import PROFILES, Firmware
-from emulator.streams import Aspect
 from mav_handlers.covariance import pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.tracks import covariance_of
+from viso.doctor.telling.words import seen_in, share
+from viso.firmware.releases import PROFILES, Firmware
+from viso.streams.table import Aspect
 
 _NEEDS: Final = frozenset({Aspect.COVARIANCE})
 

@@ -8,12 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Rule, Severity, Sighting
-from emulator.doctor.stamps import FEWEST, are_us
-from emulator.doctor.tracks import Bools, Ints, Track
-from emulator.doctor.words import at, listed, seen_in, share
-from emulator.streams import Aspect
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.messages import (
     COMMAND_INT,
@@ -21,6 +15,12 @@ from mav_handlers.wire.messages import (
     PARAM_SET,
     SET_GPS_GLOBAL_ORIGIN,
 )
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.measures.stamps import FEWEST, are_us
+from viso.doctor.measures.tracks import Bools, Ints, Track
+from viso.doctor.telling.words import at, listed, seen_in, share
+from viso.streams.table import Aspect
 
 _LEAST_LOST: Final = 3
 _LOST_SHARE: Final = 0.02

@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.findings import Finding, Rule, Severity, numbers_text
-from emulator.doctor.summary import Summary
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Finding, Rule, Severity, numbers_text
+from viso.doctor.telling.summary import Summary
 
 SARIF_VERSION: Final = "2.1.0"
 _NUMBERS_IN_SARIF: Final = 100

@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
-from ekf_stub.aiding import AidingMode
-from emulator.doctor.evidence import Evidence
-from emulator.doctor.stamps import are_us, lag_ms
-from emulator.filter_fates import Fate, fate_of
-from emulator.streams import Aspect
+from ekf_stub.fusion.aiding import AidingMode
+from viso.doctor.evidence import Evidence
+from viso.doctor.measures.stamps import are_us, lag_ms
+from viso.fates.words import Fate, fate_of
+from viso.streams.table import Aspect
 
 HEALTHY_US: Final = 300_000
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)

@@ -10,10 +10,10 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ap_core.verdict import Outcome
-from emulator.doctor.findings import Finding, Severity, numbers_text
-from emulator.doctor.summary import Summary
-from emulator.doctor.words import at
-from emulator.filter_fates import Fate
+from viso.doctor.findings import Finding, Severity, numbers_text
+from viso.doctor.telling.summary import Summary
+from viso.doctor.telling.words import at
+from viso.fates.words import Fate
 
 _STYLES: Final = {Severity.ERROR: "bold red", Severity.WARNING: "bold yellow", Severity.NOTE: "bold blue"}
 _INDENT: Final = "    "

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from emulator.doctor.findings import Sighting
-from emulator.doctor.seen import SeenMessage
-from emulator.doctor.tracks import Track
+from viso.doctor.findings import Sighting
+from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.tracks import Track
 
 
 def at(time_us: float) -> str:

@@ -13,17 +13,17 @@ import numpy as np
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import GRAVITY_MSS, euler_of
-from ekf_stub.inertial import Array
-from ekf_stub.sensors import Sensors
-from emulator.imu.attitude import halfway, rotate_to_body, rotation_between
-from emulator.imu.errors import ErrorModel, exact_delta, to_single
-from emulator.imu.hil_readings import MessageTime, RelativeHeight, isa_height_m
-from emulator.imu.options import ImuOptions
-from emulator.imu.readings import PERIOD_US, ideal_field, last_reading_us
-from emulator.imu.vectors import ZERO, Three, added, scaled
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
+from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
+from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
+from viso.sensors.errors import ErrorModel, exact_delta, to_single
+from viso.sensors.hil.readings import MessageTime, RelativeHeight, isa_height_m
+from viso.sensors.options import ImuOptions
+from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
+from viso.sensors.vectors import ZERO, Three, added, scaled
 
 UPDATED_INERTIAL: Final = 0b111111
 UPDATED_MAG: Final = 0b111 << 6

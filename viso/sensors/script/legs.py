@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
-from emulator.imu.attitude import Three
+from viso.sensors.attitude import Three
 
 TURN: Final = 2.0 * math.pi
 

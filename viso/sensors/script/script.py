@@ -11,18 +11,18 @@ import numpy as np
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.error_state import GRAVITY_MSS
-from ekf_stub.inertial import Array, InertialDelta
-from ekf_stub.sensors import Sensors
-from emulator.errors import InputError
-from emulator.imu.attitude import Three, halfway, rotate_to_body, rotation_between
-from emulator.imu.errors import ErrorModel, exact_delta
-from emulator.imu.legs import TURN
-from emulator.imu.options import ImuOptions
-from emulator.imu.readings import ideal_field, last_reading_us
-from emulator.imu.script_file import EXAMPLES, Script, parse_script
-from emulator.imu.trajectory import State
-from emulator.text_files import read_text
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.sensors import Sensors
+from viso.errors import InputError
+from viso.files.text_files import read_text
+from viso.sensors.attitude import Three, halfway, rotate_to_body, rotation_between
+from viso.sensors.errors import ErrorModel, exact_delta
+from viso.sensors.options import ImuOptions
+from viso.sensors.readings import ideal_field, last_reading_us
+from viso.sensors.script.legs import TURN
+from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
+from viso.sensors.script.trajectory import State
 
 FIRST_INTERVAL_US: Final = 2500
 _RATE_SPAN_US: Final = 1000

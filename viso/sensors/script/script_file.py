@@ -59,12 +59,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from ekf_stub.error_state import GRAVITY_MSS
-from emulator.errors import InputError
-from emulator.imu.attitude import Three
-from emulator.imu.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
-from emulator.imu.toml_table import TomlTable
-from emulator.imu.trajectory import Trajectory
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from viso.errors import InputError
+from viso.sensors.attitude import Three
+from viso.sensors.script.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
+from viso.sensors.script.toml_table import TomlTable
+from viso.sensors.script.trajectory import Trajectory
 
 ARMED: Final = "armed"
 MAX_M: Final = 1e4

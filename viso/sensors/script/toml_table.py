@@ -5,8 +5,8 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from emulator.errors import InputError
-from emulator.imu.attitude import Three
+from viso.errors import InputError
+from viso.sensors.attitude import Three
 
 
 class TomlTable:

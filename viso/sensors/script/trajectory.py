@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import GRAVITY_MSS
-from emulator.imu.attitude import Three, quat_of_rpy
-from emulator.imu.legs import Leg, Motion
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from viso.sensors.attitude import Three, quat_of_rpy
+from viso.sensors.script.legs import Leg, Motion
 
 _STILL: Three = (0.0, 0.0, 0.0)
 

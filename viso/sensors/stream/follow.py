@@ -10,17 +10,17 @@ import numpy as np
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import euler_of
-from ekf_stub.inertial import Array
-from ekf_stub.sensors import Sensors
-from emulator.imu.bench import LONGEST_US, NOMINAL_US, SHORTEST_US
-from emulator.imu.errors import ErrorModel, exact_delta
-from emulator.imu.imagined_vehicle import ImaginedVehicle
-from emulator.imu.options import ImuOptions
-from emulator.imu.readings import PERIOD_US, ideal_field, last_reading_us
-from emulator.imu.stream_follower import StreamFollower
-from emulator.imu.stream_frame import Pose
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.sensors import Sensors
+from viso.sensors.errors import ErrorModel, exact_delta
+from viso.sensors.options import ImuOptions
+from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
+from viso.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US
+from viso.sensors.stream.follower import StreamFollower
+from viso.sensors.stream.frame import Pose
+from viso.sensors.stream.imagined_vehicle import ImaginedVehicle
 
 REST_UNTIL_US: Final = 6_000_000
 """Until then since boot the vehicle stands still: the filter takes its first tilt from gravity alone."""

@@ -6,11 +6,11 @@ import math
 from collections import Counter
 from typing import Final
 
-from emulator.imu.attitude import rotation_between
-from emulator.imu.imagined_vehicle import Movement
-from emulator.imu.stream_frame import Pose, StreamFrame
-from emulator.imu.stream_tracker import MAX_RATE, MAX_SPEED, StreamTracker, turned
-from emulator.imu.vectors import ZERO, added, scaled
+from viso.sensors.attitude import rotation_between
+from viso.sensors.stream.frame import Pose, StreamFrame
+from viso.sensors.stream.imagined_vehicle import Movement
+from viso.sensors.stream.tracker import MAX_RATE, MAX_SPEED, StreamTracker, turned
+from viso.sensors.vectors import ZERO, added, scaled
 
 LONGEST_INTERVAL_S: Final = 0.3
 """An interval as long as this explains as much of a difference as any longer one."""

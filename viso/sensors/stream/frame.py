@@ -6,11 +6,11 @@ import math
 from collections import Counter
 from typing import Final, NamedTuple
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import euler_of
-from emulator.imu.attitude import quat_of_rpy
-from emulator.imu.imagined_vehicle import Movement
-from emulator.imu.vectors import ZERO, Three, added
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import euler_of
+from viso.sensors.attitude import quat_of_rpy
+from viso.sensors.stream.imagined_vehicle import Movement
+from viso.sensors.vectors import ZERO, Three, added
 
 JUMP_M: Final = 0.5
 JUMP_YAW_RAD: Final = math.radians(5.0)

@@ -4,10 +4,10 @@
 
 from typing import Final, NamedTuple
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.error_state import GRAVITY_MSS, euler_of
-from emulator.imu.attitude import quat_of_rpy, rotation_between
-from emulator.imu.vectors import ZERO, Three
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
+from viso.sensors.attitude import quat_of_rpy, rotation_between
+from viso.sensors.vectors import ZERO, Three
 
 MAX_ACCEL: Final = 15.0
 MAX_JERK: Final = 150.0

@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub import quaternions as quaternion
-from ekf_stub.inertial import Array
-from emulator.imu.attitude import rotation_between
-from emulator.imu.imagined_vehicle import MAX_ACCEL, Movement
-from emulator.imu.vectors import Three, added, limited_length, scaled
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.inertial import Array
+from viso.sensors.attitude import rotation_between
+from viso.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
+from viso.sensors.vectors import Three, added, limited_length, scaled
 
 MAX_SPEED: Final = 20.0
 MAX_RATE: Final = 10.0

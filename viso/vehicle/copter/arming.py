@@ -10,7 +10,7 @@ from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.param import ParamGroup
 from ap_core.sinks import TextSink
-from emulator.release_parameters import REFERENCE, ParameterRelease
+from viso.parameters.releases import REFERENCE, ParameterRelease
 
 PREARM_DISPLAY_PERIOD_MS: Final = 30_000
 PREARM_CHANGE_DISPLAY_MS: Final = 4000

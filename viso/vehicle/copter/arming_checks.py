@@ -15,12 +15,12 @@ from ap_core.fmath import f32, norm3
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom
-from ekf_stub.gps_sample import GpsSample
-from emulator.arming import ANY_CHECK, Check, CheckLists
-from emulator.estimates import Estimates
-from emulator.logger import Logger
-from emulator.modes import Mode, ModeNumber
-from emulator.vehicle_config import VehicleAhrs
+from ekf_stub.inputs.gps_sample import GpsSample
+from viso.logs.logger import Logger
+from viso.vehicle.config import VehicleAhrs
+from viso.vehicle.copter.arming import ANY_CHECK, Check, CheckLists
+from viso.vehicle.copter.estimates import Estimates
+from viso.vehicle.copter.modes import Mode, ModeNumber
 
 CHECK_GPS: Final = 1 << 3
 CHECK_INS: Final = 1 << 4

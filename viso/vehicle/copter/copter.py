@@ -13,19 +13,19 @@ from ap_core.location import Location
 from ap_core.param import ParamTable
 from ap_core.sinks import TextSink
 from ap_visualodom.ap_visualodom import AP_VisualOdom
-from ekf_stub.gps_sample import GpsSample
-from emulator.arming import Arming, ArmMethod
-from emulator.arming_checks import ArmingChecks, CheckedThings
-from emulator.ekf_check import EkfCheck
-from emulator.estimates import Estimates
-from emulator.home import Home
-from emulator.landing import Landing
-from emulator.logger import Logger
-from emulator.modes import FlightModes, ModeReason
-from emulator.release_parameters import REFERENCE, ParameterRelease
-from emulator.vehicle_config import VehicleAhrs
-from emulator.vehicle_log import VehicleLog
+from ekf_stub.inputs.gps_sample import GpsSample
 from mav_handlers.mission import Mission
+from viso.logs.logger import Logger
+from viso.logs.vehicle_log import VehicleLog
+from viso.parameters.releases import REFERENCE, ParameterRelease
+from viso.vehicle.config import VehicleAhrs
+from viso.vehicle.copter.arming import Arming, ArmMethod
+from viso.vehicle.copter.arming_checks import ArmingChecks, CheckedThings
+from viso.vehicle.copter.ekf_check import EkfCheck
+from viso.vehicle.copter.estimates import Estimates
+from viso.vehicle.copter.home import Home
+from viso.vehicle.copter.landing import Landing
+from viso.vehicle.copter.modes import FlightModes, ModeReason
 
 EV_EKF_ALT_RESET: Final = 60
 

@@ -9,9 +9,9 @@ from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.param import ParamTable
 from ap_core.sinks import TextSink
-from ekf_stub.filter_status import FilterStatus
-from emulator.vehicle_config import VehicleAhrs
-from emulator.vehicle_log import VehicleLog
+from ekf_stub.reports.filter_status import FilterStatus
+from viso.logs.vehicle_log import VehicleLog
+from viso.vehicle.config import VehicleAhrs
 
 ITERATIONS_MAX: Final = 10
 WARNING_PERIOD_MS: Final = 30_000

@@ -4,8 +4,8 @@
 
 from collections.abc import Callable, Iterator
 
-from ekf_stub.filter_status import FilterFlag, FilterStatus
-from emulator.vehicle_config import VehicleAhrs
+from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from viso.vehicle.config import VehicleAhrs
 
 
 class Estimates:

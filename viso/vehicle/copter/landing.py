@@ -10,9 +10,9 @@ from typing import Final
 
 from ap_core.clock import Clock
 from ap_core.param import ParamTable
-from emulator.modes import Mode, ModeNumber, UserTakeoff
-from emulator.vehicle_config import VehicleAhrs
-from emulator.vehicle_log import VehicleLog
+from viso.logs.vehicle_log import VehicleLog
+from viso.vehicle.config import VehicleAhrs
+from viso.vehicle.copter.modes import Mode, ModeNumber, UserTakeoff
 
 EV_AUTO_ARMED: Final = 15
 EV_LAND_COMPLETE: Final = 18

@@ -12,8 +12,8 @@ from enum import Enum, IntEnum
 from typing import Final, Protocol
 
 from ap_core.sinks import TextSink
-from emulator.vehicle_log import VehicleLog
 from mav_handlers.ports import AvailableMode
+from viso.logs.vehicle_log import VehicleLog
 
 ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
 

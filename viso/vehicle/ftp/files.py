@@ -16,10 +16,10 @@ from types import MappingProxyType
 from typing import Final
 
 from ap_core.param import ParamTable
-from emulator.ftp_open_files import BytesFile, DiskFile, OnUpload, ParamPckFile, ParamUpload
-from emulator.log_files import LASTLOG_NAME
-from mav_handlers.ftp_ports import Entry, Failure, ReadableFile, WritableFile
-from mav_handlers.param_pck import PckQuery, parse_query
+from mav_handlers.transfers.ftp_ports import Entry, Failure, ReadableFile, WritableFile
+from mav_handlers.transfers.param_pck import PckQuery, parse_query
+from viso.logs.files import LASTLOG_NAME
+from viso.vehicle.ftp.open_files import BytesFile, DiskFile, OnUpload, ParamPckFile, ParamUpload
 
 LOG_FOLDERS: Final = ("APM/LOGS", "logs")
 """Where clients look for logs: on a card, and in simulation."""

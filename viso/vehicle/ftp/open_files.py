@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Final, Self
 
 from ap_core.param import ParamTable
-from mav_handlers.ftp_ports import Failure
-from mav_handlers.param_pck import (
+from mav_handlers.transfers.ftp_ports import Failure
+from mav_handlers.transfers.param_pck import (
     MAX_UPLOAD_BYTES,
     PckQuery,
     UploadedParam,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from kestrel_bridge import Bridge, UdpPort
 
-from emulator.testing import Autopilot, UdpAutopilot
+from viso.testing import Autopilot, UdpAutopilot
 
 
 @pytest.fixture(params=["extnav_autopilot", "extnav_autopilot_udp"])

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from kestrel_bridge import Bridge, CameraPose, UdpPort
 
-from emulator.testing import Autopilot, UdpAutopilot
+from viso.testing import Autopilot, UdpAutopilot
 
 FACING_NORTH = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # a quarter turn to the left of east
 FACING_EAST = (0.0, 0.0, 0.0, 1.0)

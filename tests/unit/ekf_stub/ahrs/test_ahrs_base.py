@@ -13,9 +13,9 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
-from ekf_stub.sources import EkfSources, SourceYaw
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
 
 START_US = 1_000_000
 ORIGIN = Location(-353632610, 1491652300, 58400)

@@ -15,12 +15,12 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.replay_log import ReplayLog
-from ekf_stub.sources import EkfSources
-from emulator.imu.bench import BenchSource
-from emulator.imu.options import ImuOptions
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import ReplayLog
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig

@@ -10,7 +10,7 @@ import pytest
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from emulator.imu.errors import SensorErrors
+from viso.sensors.errors import SensorErrors
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig

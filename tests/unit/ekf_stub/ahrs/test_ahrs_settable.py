@@ -6,7 +6,7 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
+from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
 
 V, Q = Vector3f(1, 2, 3), Quaternion(1, 2, 3, 4)
 

@@ -8,11 +8,11 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from ekf_stub.compiled_pass import CompiledPass
-from ekf_stub.error_state import ErrorState, quat_of_euler
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta, InertialStep
-from ekf_stub.inertial_pass import InertialPass
-from ekf_stub.output_predictor import OutputState
+from ekf_stub.compiled.compiled_pass import CompiledPass
+from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, InertialStep
+from ekf_stub.filter.inertial_pass import InertialPass
+from ekf_stub.filter.output_predictor import OutputState
 
 DT = 0.0025
 LENGTH = 7

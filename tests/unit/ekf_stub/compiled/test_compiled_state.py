@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.compiled_state import CompiledErrorState
-from ekf_stub.error_state import ATT, BODY, EARTH, GYRO, STATES, VEL, ErrorState, ProcessNoise, quat_of_euler
-from ekf_stub.inertial import Array, InertialStep
+from ekf_stub.compiled.compiled_state import CompiledErrorState
+from ekf_stub.filter.error_state import ATT, BODY, EARTH, GYRO, STATES, VEL, ErrorState, ProcessNoise, quat_of_euler
+from ekf_stub.filter.inertial import Array, InertialStep
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)

@@ -11,10 +11,10 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.ekf3_core import Frame
-from ekf_stub.frame_door import FrameDoor
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import GRAVITY_MSS, MIN_DT, InertialDelta
+from ekf_stub.core.ekf3_core import Frame
+from ekf_stub.core.frame_door import FrameDoor
+from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, InertialDelta
+from ekf_stub.inputs.gps_sample import GpsSample
 
 DT = 0.0025
 FIX = GpsSample(1000, 3, Location(0, 0, 0), Vector3f(1, 2, 3), 10, speed_accuracy=0.3, yaw_deg=359.0)

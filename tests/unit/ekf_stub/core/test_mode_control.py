@@ -11,9 +11,9 @@ import pytest
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.aiding import AidingMode
-from ekf_stub.error_state import ATT, GYRO, POS, VEL
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.filter.error_state import ATT, GYRO, POS, VEL
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.core_rig import CoreRig
@@ -306,7 +306,7 @@ def test_flags_of_the_situations_that_were_recorded(make_core: MakeCore) -> None
 
 def test_core_without_tilt_is_initialised_and_no_more(make_core: MakeCore, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = make_core(run_s=1.01)
-    monkeypatch.setattr("ekf_stub.mode_control.TILT_ALIGNED_VAR", 0.0)
+    monkeypatch.setattr("ekf_stub.core.mode_control.TILT_ALIGNED_VAR", 0.0)
     rig.run_for(1.2)
     assert rig.flags == INITIALISED
 

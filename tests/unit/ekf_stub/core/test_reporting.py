@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from ap_core.location import Location
-from ekf_stub.core_report import CoreReport
-from ekf_stub.inertial import GRAVITY_MSS
-from ekf_stub.reporting import run_report_of, three
+from ekf_stub.core.reporting import run_report_of, three
+from ekf_stub.filter.inertial import GRAVITY_MSS
+from ekf_stub.reports.core_report import CoreReport
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.core_rig import CoreRig

@@ -9,10 +9,10 @@ import pytest
 
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
-from ekf_stub.obs_ring import RingSizes
-from ekf_stub.sources import EkfSources
-from ekf_stub.surroundings import Surroundings
-from emulator.ekf3_parameters import EKF3_VAR_INFO, make_ekf3_group
+from ekf_stub.core.surroundings import Surroundings
+from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.sources import EkfSources
+from viso.parameters.ekf3 import EKF3_VAR_INFO, make_ekf3_group
 
 DELAYS = {"EK3_HGT_DELAY": 60, "EK3_FLOW_DELAY": 10, "EK3_BCN_DELAY": 50, "VISO_DELAY_MS": 10}
 

@@ -10,8 +10,8 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.attitude import by_rotation, euler_of, matrix_of_quat, quat_of_euler, yaw_by_components, yaw_of
-from ekf_stub.inertial import Array, quat_of_rotation
+from ekf_stub.filter.attitude import by_rotation, euler_of, matrix_of_quat, quat_of_euler, yaw_by_components, yaw_of
+from ekf_stub.filter.inertial import Array, quat_of_rotation
 
 TILTS = st.floats(-1.4, 1.4)
 YAWS = st.floats(-math.pi, math.pi)

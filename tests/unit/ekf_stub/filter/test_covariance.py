@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub import covariance
-from ekf_stub.inertial import Array
-from ekf_stub.states import ACCEL, ATT, POS, STATES, VEL, StateLimits
+from ekf_stub.filter import covariance
+from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.states import ACCEL, ATT, POS, STATES, VEL, StateLimits
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -10,7 +10,7 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.error_state import (
+from ekf_stub.filter.error_state import (
     ACCEL,
     ATT,
     BODY,
@@ -24,7 +24,7 @@ from ekf_stub.error_state import (
     euler_of,
     quat_of_euler,
 )
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialStep
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)

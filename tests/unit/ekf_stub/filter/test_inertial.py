@@ -10,7 +10,7 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.inertial import (
+from ekf_stub.filter.inertial import (
     GRAVITY_MSS,
     Array,
     DownSampler,

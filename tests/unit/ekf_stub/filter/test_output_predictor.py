@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.error_state import ErrorState, quat_of_euler
-from ekf_stub.inertial import GRAVITY_MSS, Array, InertialDelta
-from ekf_stub.output_predictor import Output, OutputPredictor
+from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
+from ekf_stub.filter.output_predictor import Output, OutputPredictor
 
 DT = 0.0025
 STEP = 0.0125

@@ -9,9 +9,9 @@ import sys
 import pytest
 import quaternion
 
-from ekf_stub import quaternions
+from ekf_stub.filter import quaternions
 
-OURS = "from ekf_stub.quaternions import quaternion as ours"
+OURS = "from ekf_stub.filter.quaternions import quaternion as ours"
 THEIRS = "from quaternion import quaternion as theirs"
 
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from ekf_stub.inertial import GRAVITY_MSS, InertialDelta
-from ekf_stub.stillness import Filtered, Stillness
+from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
+from ekf_stub.filter.stillness import Filtered, Stillness
 
 LOOP_DT = 0.0025
 STEP_DT = 0.0125

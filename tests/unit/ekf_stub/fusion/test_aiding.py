@@ -4,7 +4,7 @@
 
 import pytest
 
-from ekf_stub.aiding import Aiding, AidingMode, Ready
+from ekf_stub.fusion.aiding import Aiding, AidingMode, Ready
 
 NOTHING = Ready(gps=False, ext_nav=False, odometry=False)
 EXT_NAV = Ready(gps=False, ext_nav=True, odometry=False)

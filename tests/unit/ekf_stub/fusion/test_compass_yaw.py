@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from ekf_stub.compass_yaw import CompassAlignment, angle_between
-from ekf_stub.error_state import ErrorState, quat_of_euler
-from ekf_stub.height_source import Vehicle
+from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.fusion.compass_yaw import CompassAlignment, angle_between
+from ekf_stub.fusion.height_source import Vehicle
 
 PARKED = Vehicle(armed=False, on_ground=True, in_flight=False)
 UNTILTED = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_flags import FilterState, filter_flags
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.filter_flags import FilterState, filter_flags
 
 PARKED: dict[str, Any] = {
     **dict.fromkeys(("healthy", "tilt_aligned", "yaw_aligned", "uses_compass", "vel_timeout"), True),

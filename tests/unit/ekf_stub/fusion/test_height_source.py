@@ -12,9 +12,9 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.height_source import BARO, EXT_NAV, GPS, NO_SOURCE, Vehicle
-from ekf_stub.measurements import BaroSample
+from ekf_stub.fusion.height_source import BARO, EXT_NAV, GPS, NO_SOURCE, Vehicle
+from ekf_stub.fusion.measurements import BaroSample
+from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.filter_parts import FilterParts

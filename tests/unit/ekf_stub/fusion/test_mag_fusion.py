@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.error_state import ATT, BODY, EARTH, ErrorState, euler_of, quat_of_euler
-from ekf_stub.inertial import Array, InertialStep
-from ekf_stub.mag_fusion import MagFusion
-from ekf_stub.measurements import MagSample
+from ekf_stub.filter.error_state import ATT, BODY, EARTH, ErrorState, euler_of, quat_of_euler
+from ekf_stub.filter.inertial import Array, InertialStep
+from ekf_stub.fusion.mag_fusion import MagFusion
+from ekf_stub.fusion.measurements import MagSample
 
 PARAMS = {"MAG_M_NSE": 0.05, "MAG_I_GATE": 300.0, "MAG_EF_LIM": 50.0}
 NOISE_VAR = 0.0025

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inertial import InertialStep
+from ekf_stub.filter.inertial import InertialStep
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.filter_parts import FilterParts

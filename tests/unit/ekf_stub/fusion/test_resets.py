@@ -10,9 +10,9 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.aiding import AidingMode
-from ekf_stub.error_state import POS, VEL
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.filter.error_state import POS, VEL
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.filter_parts import FilterParts

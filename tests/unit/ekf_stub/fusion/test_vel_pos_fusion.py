@@ -11,12 +11,12 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.aiding import AidingMode
-from ekf_stub.error_state import POS, VEL
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.height_source import BARO, EXT_NAV, Vehicle
-from ekf_stub.inertial import Array
-from ekf_stub.measurements import BaroSample
+from ekf_stub.filter.error_state import POS, VEL
+from ekf_stub.filter.inertial import Array
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.height_source import BARO, EXT_NAV, Vehicle
+from ekf_stub.fusion.measurements import BaroSample
+from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.filter_parts import FilterParts

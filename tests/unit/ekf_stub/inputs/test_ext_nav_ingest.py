@@ -12,9 +12,9 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Rule
-from ekf_stub import ingest_rules as rules
-from ekf_stub.ext_nav_ingest import MIN_YAW_ERR, ExtNavIngest
-from ekf_stub.obs_ring import RingSizes
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import MIN_YAW_ERR, ExtNavIngest
+from ekf_stub.inputs.obs_ring import RingSizes
 
 NAN = float("nan")
 INF = float("inf")

@@ -8,8 +8,8 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_checks import GpsChecks
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_sample import GpsSample
 
 GOOD: dict[str, Any] = {
     "fix_type": 3,

@@ -9,9 +9,9 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_checks import GpsChecks
-from ekf_stub.gps_reading import GpsReading
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.gps_sample import GpsSample
 
 ORIGIN = Location(-353632610, 1491652300, 58400)
 NOISES = {"VELNE_M_NSE": 0.3, "POSNE_M_NSE": 0.5}

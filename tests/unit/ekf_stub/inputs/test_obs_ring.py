@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from ekf_stub.obs_ring import ObsRing, ring_sizes
+from ekf_stub.inputs.obs_ring import ObsRing, ring_sizes
 
 
 @dataclass(frozen=True)

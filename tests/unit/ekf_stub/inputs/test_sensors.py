@@ -9,8 +9,8 @@ import pytest
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inertial import InertialDelta
-from ekf_stub.sensors import Sensors, SensorSource
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.sensors import Sensors, SensorSource
 
 REST = InertialDelta(np.array([0.0, 0.0, -0.0245]), np.zeros(3), 0.0025, 0.0025)
 

@@ -4,8 +4,8 @@
 
 import pytest
 
-from ekf_stub.source_check import SENSORS, source_failure
-from ekf_stub.sources import ROWS, EkfSources
+from ekf_stub.inputs.source_check import SENSORS, source_failure
+from ekf_stub.inputs.sources import ROWS, EkfSources
 
 LEGAL = {
     "POSXY": {0, 3, 4, 6},

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ekf_stub.sources import EkfSources, SourceXY, SourceYaw, SourceZ
+from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceYaw, SourceZ
 
 # A second set with external navigation for everything.
 SECOND = {"SRC2_POSXY": SourceXY.EXTNAV, "SRC2_POSZ": SourceZ.EXTNAV}

@@ -14,8 +14,8 @@ import pytest
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ekf_stub.core_report import CoreReport, OdometryReport, StillnessReport
-from ekf_stub.ekf_log import UNINITIALISED, EkfLog
+from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
+from ekf_stub.reports.core_report import CoreReport, OdometryReport, StillnessReport
 
 PERIOD_US = 99_960  # of the recorded logs
 LOOP_US = 2499

@@ -11,10 +11,10 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from ap_core.log_structure import LogStructure
-from ekf_stub.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM
-from ekf_stub.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
+from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM
+from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
+from tests.places import DATA
 
-DATA = Path(__file__).parents[2] / "data"
 FIRMWARE: dict[str, dict[str, Any]] = json.loads((DATA / "firmware_fmt.json").read_text())["types"]
 # The recorded logs have been reduced, and this one is not among what was kept.
 NOT_RECORDED = {XKFM.name}

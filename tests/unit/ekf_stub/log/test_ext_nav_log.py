@@ -11,7 +11,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ext_nav_log import ExtNavLog, VisualOdomFrame
+from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
 
 
 class Rig:

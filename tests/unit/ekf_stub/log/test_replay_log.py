@@ -14,10 +14,11 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.ext_nav_log import VisualOdomFrame
-from ekf_stub.gps_sample import GpsSample
-from ekf_stub.inertial import InertialDelta
-from ekf_stub.replay_log import (
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sensors import Sensors
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.replay_log import (
     CHECK_LANE_SWITCH,
     EKF2_BEFORE_EKF3,
     EKF3_BEFORE_EKF2,
@@ -29,8 +30,7 @@ from ekf_stub.replay_log import (
     TERRAIN_UNSTABLE,
     ReplayLog,
 )
-from ekf_stub.replay_vehicle import SensorSet, VehicleFrame
-from ekf_stub.sensors import Sensors
+from ekf_stub.log.replay_vehicle import SensorSet, VehicleFrame
 
 START_US = 3_455_000
 FRAME_US = 2500

@@ -5,7 +5,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import astuple
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,10 @@ from hypothesis import strategies as st
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ekf_stub.replay_log_structure import LOG_STRUCTURE_OF_FRAMES, RISI, FrameStructure
+from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_OF_FRAMES, RISI, FrameStructure
+from tests.places import DATA
 
-FIRMWARE_FMT = Path(__file__).parents[2] / "data" / "firmware_fmt.json"
+FIRMWARE_FMT = DATA / "firmware_fmt.json"
 
 WIDE = FrameStructure(1, "TEST", "QIiHBff", "A,B,C,D,E,F,G", "-------", "-------")
 ORDINARY = LogStructure(*astuple(WIDE))

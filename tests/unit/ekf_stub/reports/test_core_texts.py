@@ -4,7 +4,7 @@
 
 import pytest
 
-from ekf_stub.core_texts import CoreTexts, NoTexts, cores_of_mask
+from ekf_stub.reports.core_texts import CoreTexts, NoTexts, cores_of_mask
 
 
 class Sink:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from emulator.firmware import FEBRUARY_2026
 from mav_handlers.verdicts import HANDLED, NOT_ACCEPTED
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
@@ -20,6 +19,7 @@ from mav_handlers.wire.messages import (
     SYS_STATUS,
     SYSTEM_TIME,
 )
+from viso.firmware.releases import FEBRUARY_2026
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench

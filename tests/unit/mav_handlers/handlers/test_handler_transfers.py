@@ -5,7 +5,7 @@
 import struct
 from typing import TYPE_CHECKING
 
-from mav_handlers.ftp_wire import PAYLOAD_BYTES, Opcode
+from mav_handlers.transfers.ftp_wire import PAYLOAD_BYTES, Opcode
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, SETUP_SIGNING, STATUSTEXT
 

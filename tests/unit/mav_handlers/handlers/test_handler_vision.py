@@ -13,7 +13,7 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.verdicts import CONSUMED, DISABLED, NO_BACKEND, QUALITY_BELOW_MIN
-from ekf_stub.ahrs_settable import BodyFrameOdom
+from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom
 from mav_handlers.handlers.vision import odometry_frames_accepted
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import (

@@ -9,7 +9,7 @@ import pytest
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from mav_handlers.channel import Channel
-from mav_handlers.param_reads import REPLY_QUEUE_LENGTH, ParamReads, find_requested
+from mav_handlers.params.reads import REPLY_QUEUE_LENGTH, ParamReads, find_requested
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import PARAM_REQUEST_READ
 

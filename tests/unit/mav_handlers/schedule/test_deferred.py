@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from mav_handlers.buckets import NEVER_MS
-from mav_handlers.deferred import NEXT_PARAM, DeferredMessages
+from mav_handlers.schedule.buckets import NEVER_MS
+from mav_handlers.schedule.deferred import NEXT_PARAM, DeferredMessages
 
 HEARTBEAT = "HEARTBEAT"
 

@@ -12,8 +12,8 @@ import pytest
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter_status import FilterStatus
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.reports.filter_status import FilterStatus
 from mav_handlers.channel import Channel
 from mav_handlers.ports import Location, VehiclePort
 from mav_handlers.wire.messages import Message

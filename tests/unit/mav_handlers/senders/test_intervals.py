@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import Channel
-from mav_handlers.deferred import NEXT_PARAM
-from mav_handlers.intervals import default_interval_ms, set_defaults, set_interval, stream_interval_ms
+from mav_handlers.schedule.deferred import NEXT_PARAM
 from mav_handlers.senders import STREAM_GROUPS
+from mav_handlers.senders.intervals import default_interval_ms, set_defaults, set_interval, stream_interval_ms
 from mav_handlers.wire.codec import Codec
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import MakeBench

@@ -8,7 +8,7 @@ import pytest
 
 from ap_core.internal_error import InternalError
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_sample import GpsSample
+from ekf_stub.inputs.gps_sample import GpsSample
 from mav_handlers.ports import Location
 from mav_handlers.senders.sys_status import (
     SENSOR_3D_MAG,

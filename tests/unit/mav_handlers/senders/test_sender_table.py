@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The table of messages: what there is, in which order, in which group."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,13 +10,14 @@ from mav_handlers import senders
 from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_to_report
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import COMMAND_INT, REQUEST_DATA_STREAM, Message
+from tests.places import DATA
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client
     from tests.unit.mav_handlers.senders.conftest import Desk
 
 # Seen with everything at one rate.
-OBSERVED = (Path(__file__).parents[3] / "data" / "burst_order.txt").read_text(encoding="ascii").split()
+OBSERVED = (DATA / "burst_order.txt").read_text(encoding="ascii").split()
 NOT_SAID = {"SIMSTATE", "WIND", "TERRAIN_REQUEST", "TERRAIN_REPORT", "ESC_TELEMETRY_1_TO_4"}
 SAID = [name for name in OBSERVED if name not in NOT_SAID]
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mav_handlers.intervals import set_interval
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
+from mav_handlers.senders.intervals import set_interval
 from mav_handlers.wire.messages import (
     ATTITUDE,
     AUTOPILOT_VERSION,

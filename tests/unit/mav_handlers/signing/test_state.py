@@ -12,14 +12,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
 from mav_handlers.channel import Channel
-from mav_handlers.signing import (
+from mav_handlers.signing.state import (
     OPTION_SIGNING_DISABLED,
     SIGNING_KEY_MAGIC,
     MemoryKeyStore,
     SigningKey,
     SigningState,
 )
-from mav_handlers.signing_verdicts import (
+from mav_handlers.signing.verdicts import (
     BAD_SIGNATURE,
     KEY_NOT_SAVED,
     SETUP_WHILE_ARMED,

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mav_handlers.ftp import FtpPeer, FtpReply, FtpServer
-from mav_handlers.ftp_ports import Entry, Failure, FtpFiles, ReadableFile, WritableFile
-from mav_handlers.ftp_wire import Opcode
+from mav_handlers.transfers.ftp import FtpPeer, FtpReply, FtpServer
+from mav_handlers.transfers.ftp_ports import Entry, Failure, FtpFiles, ReadableFile, WritableFile
+from mav_handlers.transfers.ftp_wire import Opcode
 
 ACK, NACK = 128, 129
 GCS = FtpPeer(0, 255, 190)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
-from mav_handlers.log_transfer import PACKETS_PER_PASS, LogTransfer
-from mav_handlers.log_transfer_verdicts import (
+from mav_handlers.transfers.log_transfer import PACKETS_PER_PASS, LogTransfer
+from mav_handlers.transfers.log_transfer_verdicts import (
     LOG_ARMED,
     LOG_BUSY,
     LOG_NOT_READY,

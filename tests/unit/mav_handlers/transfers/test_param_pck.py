@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.mavftp import MAVFTP
 
 from ap_core.param import ParamGroup, ParamInfo, ParamTable, ParamType
-from mav_handlers.param_pck import (
+from mav_handlers.transfers.param_pck import (
     PckQuery,
     UploadedParam,
     build_param_pck,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from emulator.bench.about import about, commit
+from viso.bench.about import about, commit
 
 SHA = "0123456789abcdef0123456789abcdef01234567"
 

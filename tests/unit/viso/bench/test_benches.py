@@ -11,20 +11,20 @@ import pytest
 from ap_core.verdict import Outcome
 from ap_visualodom.batch_samples import CONSUMED_NUMBER
 from ap_visualodom.visualodom_type import VisualOdom_Type
-from companion.vio.types import VioState
-from companion.world.ground import generate_texture
-from ekf_stub.ingest_rules import FUSED
-from emulator.bench import ekf_step, growth, startup, versus_pymavlink
-from emulator.bench.batch_port import BenchPort, no_velocities, poses_of_a_flight
-from emulator.bench.full_vehicle import WARM_UP_MESSAGES, FullVehicle
-from emulator.bench.log_columns import BenchLog
-from emulator.bench.logging_vehicle import LoggingVehicle
-from emulator.bench.measure import measure
-from emulator.bench.odometry import PERIOD_US, odometry_at
-from emulator.bench.table import BENCHES
-from emulator.bench.vio_flight import FlownStrategy
-from emulator.log_files import LogStore
+from ekf_stub.inputs.ingest_rules import FUSED
 from mav_handlers.handlers.vision import odometry_frames_accepted
+from viso.bench import ekf_step, growth, startup, versus_pymavlink
+from viso.bench.batch_port import BenchPort, no_velocities, poses_of_a_flight
+from viso.bench.full_vehicle import WARM_UP_MESSAGES, FullVehicle
+from viso.bench.log_columns import BenchLog
+from viso.bench.logging_vehicle import LoggingVehicle
+from viso.bench.measure import measure
+from viso.bench.odometry import PERIOD_US, odometry_at
+from viso.bench.table import BENCHES
+from viso.bench.vio_flight import FlownStrategy
+from viso.companion.vio.types import VioState
+from viso.companion.world.ground import generate_texture
+from viso.logs.files import LogStore
 
 PARTS = {
     "loop": {"yaw of the camera", "yaw of the compass"},

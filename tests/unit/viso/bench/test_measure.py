@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from emulator.bench.measure import CALIBRATION_TURNS, MIN_ROUNDS, Bench, Figure, NowS, Part, Round, measure, turn_s
+from viso.bench.measure import CALIBRATION_TURNS, MIN_ROUNDS, Bench, Figure, NowS, Part, Round, measure, turn_s
 
 
 class Clock:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from emulator.bench import startup
-from emulator.errors import InputError
+from viso.bench import startup
+from viso.errors import InputError
 
 
 def test_time_counts_until_a_message_is_accepted(tmp_path: Path) -> None:

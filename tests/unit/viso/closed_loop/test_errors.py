@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import quaternion
 
-from companion.vio.frames import enu_to_ned, flu_to_frd
-from companion.vio.se3 import Array, quat_wxyz_from_rotation
-from companion.world.ground import generate_texture
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from emulator.companion_loop import LoopSetup
-from emulator.loop_errors import PoseErrors, estimate_errors, odometry_errors, truth
-from emulator.loop_record import Arrived, Estimate
-from emulator.survey_flight import SurveyPlan, survey_flight
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.wire.messages import ODOMETRY
+from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors, truth
+from viso.closed_loop.loop import LoopSetup
+from viso.closed_loop.record import Arrived, Estimate
+from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
+from viso.companion.world.ground import generate_texture
+from viso.demo.survey_flight import SurveyPlan, survey_flight
 
 PLAN = SurveyPlan(climb_s=1.0, cruise_s=5.0, height_m=10.0)
 SETUP = LoopSetup(flight=survey_flight(PLAN, 20.0, texture=generate_texture(size_px=64)), companion_us=2_000_000)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from companion.vio.se3 import Array
-from emulator.companion_loop import CompanionLoop
-from emulator.log_sink import MemoryLog
-from emulator.loop_errors import PoseErrors
-from emulator.loop_figures import LoopFigures, accuracy_of, figures_of, figures_row, figures_table
-from tests.unit.emulator.closed_loop import COMPANION_S, HOP_END_S, hop, make_setup
+from tests.unit.viso.closed_loop.hops import COMPANION_S, HOP_END_S, hop, make_setup
+from viso.closed_loop.errors import PoseErrors
+from viso.closed_loop.figures import LoopFigures, accuracy_of, figures_of, figures_row, figures_table
+from viso.closed_loop.loop import CompanionLoop
+from viso.companion.vio.se3 import Array
+from viso.logs.sink import MemoryLog
 
 
 def errors(errors_ned: list[tuple[float, float, float]], sigma_m: float) -> PoseErrors:

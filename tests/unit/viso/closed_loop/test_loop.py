@@ -9,15 +9,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import NavCameraFrame, VioState, WarmStartPose
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from emulator.companion_loop import CompanionLoop
-from emulator.log_sink import MemoryLog
-from emulator.loop_errors import estimate_errors, odometry_errors
-from emulator.loop_record import AUTOPILOT, COMPANION, Arrived, Estimate
-from tests.unit.emulator.closed_loop import ARM_S, Script, make_setup, play
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
+from tests.unit.viso.closed_loop.hops import ARM_S, Script, make_setup, play
+from viso.closed_loop.errors import estimate_errors, odometry_errors
+from viso.closed_loop.loop import CompanionLoop
+from viso.closed_loop.record import AUTOPILOT, COMPANION, Arrived, Estimate
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import NavCameraFrame, VioState, WarmStartPose
+from viso.logs.sink import MemoryLog
 
 JUMP_ENU = np.array([2.0, -1.5, 0.0])
 

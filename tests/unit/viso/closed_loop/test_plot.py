@@ -4,10 +4,10 @@
 
 from pathlib import Path
 
-from emulator.companion_loop import CompanionLoop
-from emulator.log_sink import MemoryLog
-from emulator.loop_plot import save_plot
-from tests.unit.emulator.closed_loop import hop, make_setup
+from tests.unit.viso.closed_loop.hops import hop, make_setup
+from viso.closed_loop.loop import CompanionLoop
+from viso.closed_loop.plot import save_plot
+from viso.logs.sink import MemoryLog
 
 
 def test_plot_is_a_picture(tmp_path: Path) -> None:

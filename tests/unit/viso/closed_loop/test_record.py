@@ -5,11 +5,11 @@
 import numpy as np
 import pytest
 
-from companion.vio.types import VioState
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from emulator.loop_record import AUTOPILOT, COMPANION, Health, LoopRecord, Said, StateSpan
-from tests.unit.emulator.closed_loop import ARM_S, COMPANION_S, HOP_END_S, HOP_RESTART_S, hop
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
+from tests.unit.viso.closed_loop.hops import ARM_S, COMPANION_S, HOP_END_S, HOP_RESTART_S, hop
+from viso.closed_loop.record import AUTOPILOT, COMPANION, Health, LoopRecord, Said, StateSpan
+from viso.companion.vio.types import VioState
 
 TRACKING, DEGRADED, INIT = VioState.TRACKING, VioState.DEGRADED, VioState.INIT
 

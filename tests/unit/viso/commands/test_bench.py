@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emulator.bench import memory
-from emulator.bench.table import BENCHES
-from emulator.cli import make_app
-from emulator.errors import InputError
-from tests.unit.emulator.command_line import Viso
+from tests.unit.viso.command_line import Viso
+from viso.bench import memory
+from viso.bench.table import BENCHES
+from viso.cli import make_app
+from viso.errors import InputError
 
 
 def test_json_has_the_chosen_benches_with_their_figures() -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from emulator import demo_vio
-from emulator.demo_vio import VioDemo
-from tests.unit.emulator.command_line import Viso, failed_with
+from tests.unit.viso.command_line import Viso, failed_with
+from viso.demo import odometry as demo_vio
+from viso.demo.odometry import VioDemo
 
 SIMULATED = "--camera", "simulated"
 VIO = "--camera", "vio"
@@ -21,8 +21,8 @@ VIO = "--camera", "vio"
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut the flights short, where their course does not matter."""
-    monkeypatch.setattr("emulator.demo.END_S", 8.0)
-    monkeypatch.setattr("emulator.demo_vio.END_S", 8.0)
+    monkeypatch.setattr("viso.demo.tracking_camera.END_S", 8.0)
+    monkeypatch.setattr("viso.demo.odometry.END_S", 8.0)
 
 
 def forget(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
@@ -98,7 +98,7 @@ def test_without_matplotlib_says_what_to_install(
     viso: Viso, monkeypatch: pytest.MonkeyPatch, camera: tuple[str, str]
 ) -> None:
     forget(monkeypatch, "matplotlib")
-    for module in ("emulator.demo_plot", "emulator.loop_plot"):
+    for module in ("viso.demo.plot", "viso.closed_loop.plot"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     outcome = viso("demo", *camera, "--json")
     assert outcome.code == 0
@@ -107,14 +107,14 @@ def test_without_matplotlib_says_what_to_install(
 
 
 def test_other_missing_module_is_not_taken_for_matplotlib(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "emulator.demo_plot", raising=False)
-    monkeypatch.setitem(sys.modules, "ekf_stub.aiding", None)
+    monkeypatch.delitem(sys.modules, "viso.demo.plot", raising=False)
+    monkeypatch.setitem(sys.modules, "ekf_stub.fusion.aiding", None)
     with pytest.raises(ModuleNotFoundError, match=r"ekf_stub\.aiding"):
         viso("demo", *SIMULATED)
 
 
 def test_strategy_that_is_not_there_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "companion.strategies.klt_ransac", None)
+    monkeypatch.setitem(sys.modules, "viso.companion.strategies.klt_ransac", None)
     outcome = viso("demo", *VIO)
     assert outcome.code == 2
     assert outcome.err.startswith("viso: strategy klt_ransac is not available: ")
@@ -139,8 +139,8 @@ def test_log_that_cannot_be_written_is_one_line(viso: Viso, monkeypatch: pytest.
     def refuse(_descriptor: int, _data: bytes) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("emulator.log_files.os.write", refuse)
-    monkeypatch.setattr("emulator.log_files.LogStore._replace_lastlog", lambda *_args: None)
+    monkeypatch.setattr("viso.logs.files.os.write", refuse)
+    monkeypatch.setattr("viso.logs.files.LogStore._replace_lastlog", lambda *_args: None)
     assert failed_with(viso("demo", *SIMULATED), "logs/00000001.BIN: No space left on device")
 
 
@@ -164,7 +164,7 @@ def test_ctrl_c_keeps_what_is_there(viso: Viso, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_simulated_flight_stops_as_well(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("emulator.commands.demo.stop_on_signal", Stopped)
+    monkeypatch.setattr("viso.commands.demo.stop_on_signal", Stopped)
     outcome = viso("demo", *SIMULATED, "--no-plot")
     assert (outcome.code, outcome.err) == (0, "stopped at 0 s\n")
 

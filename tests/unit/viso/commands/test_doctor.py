@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from emulator.commands import doctor as doctor_command
 from mav_handlers.links import make_pair
 from mav_handlers.wire.codec import Codec
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.conftest import odometry
-from tests.unit.emulator.doctor.corpus import CORPUS
-from tests.unit.emulator.doctor.streams import LEAD_US, SETUP, piece
+from tests.places import ROOT
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.corpus import CORPUS
+from tests.unit.viso.doctor.streams import LEAD_US, SETUP, piece
+from viso.commands import doctor as doctor_command
 
 UNTIL_US = LEAD_US + 3_000_000
-ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "doctor.md").read_text(encoding="utf-8")
 
 

@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from emulator import ekf_targets
-from emulator.commands import ekf as ekf_command
-from emulator.ekf_replay import EkfRun
-from emulator.ekf_targets import Limit
-from tests.unit.emulator.command_line import Outcome, Viso, failed_with
+from tests.places import DATA
+from tests.unit.viso.command_line import Outcome, Viso, failed_with
+from viso.commands import ekf as ekf_command
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.run import EkfRun
+from viso.ekf_runs.targets import Limit
 
-LOG = Path(__file__).parents[2] / "data" / "logs" / "voxl.BIN.xz"
+LOG = DATA / "logs" / "voxl.BIN.xz"
 UNTIL_S = 6.6  # after aiding, yaw and origin
 
 

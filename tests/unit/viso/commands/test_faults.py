@@ -14,23 +14,24 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from companion.faults import Injector, parse_timeline
-from emulator import faults_proxy
-from emulator.commands import faults as faults_command
-from emulator.errors import InputError
-from emulator.faults_file import Recording, check_output, read_recording, write_recording
-from emulator.faults_proxy import FaultProxy
 from mav_handlers.links import TlogWriter, read_tlog
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.conftest import odometry
+from tests.places import DATA, ROOT
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.conftest import odometry
+from viso.commands import faults as faults_command
+from viso.companion.faults import Injector, parse_timeline
+from viso.errors import InputError
+from viso.faults import proxy as faults_proxy
+from viso.faults.file import Recording, check_output, read_recording, write_recording
+from viso.faults.proxy import FaultProxy
 
-CAPTURE = Path(__file__).parents[2] / "data" / "captures" / "mav.jsonl.gz"
-DOCS = Path(__file__).parents[3] / "docs"
+CAPTURE = DATA / "captures" / "mav.jsonl.gz"
+DOCS = ROOT / "docs"
 BEAT = HEARTBEAT(18, 8, 0, 0, 4, 3)
 SHORT = 40
 

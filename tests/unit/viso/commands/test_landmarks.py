@@ -14,10 +14,13 @@ from typing import Any
 
 import pytest
 
-from companion.landmarks.local_frame import FrameMode
-from companion.landmarks.scene import Scene
-from companion.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
-from companion.landmarks.types import (
+from tests.places import ROOT
+from tests.unit.viso.command_line import Outcome, Viso, failed_with
+from viso.commands import landmarks as landmarks_command
+from viso.companion.landmarks.local_frame import FrameMode
+from viso.companion.landmarks.scene import Scene
+from viso.companion.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
+from viso.companion.landmarks.types import (
     AircraftReport,
     Camera,
     Detection,
@@ -28,13 +31,10 @@ from companion.landmarks.types import (
     LandmarkMap,
     VehiclePose,
 )
-from emulator.commands import landmarks as landmarks_command
-from emulator.landmarks_camera import KEYS
-from emulator.landmarks_inputs import Merged
-from emulator.landmarks_live import Live
-from tests.unit.emulator.command_line import Outcome, Viso, failed_with
+from viso.landmarks.camera import KEYS
+from viso.landmarks.inputs import Merged
+from viso.landmarks.live import Live
 
-ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "docs" / "landmarks.md"
 EPOCH_S = 1_760_000_000.0
 YAW_DEG = 3.1
@@ -333,12 +333,10 @@ def test_missing_geodesy_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch
 
 
 def test_missing_matplotlib_is_a_hint(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "companion.landmarks.picture", raising=False)
+    monkeypatch.delitem(sys.modules, "viso.companion.landmarks.picture", raising=False)
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
-    import companion.landmarks
-
-    monkeypatch.delattr(companion.landmarks, "picture", raising=False)
+    monkeypatch.delattr("viso.companion.landmarks.picture", raising=False)
     outcome = viso("landmarks", *SHORT, "--until", "1", "--plot", "out.png")
     assert (outcome.code, Path("out.png").exists()) == (0, False)
     assert outcome.err == "no pictures: matplotlib is missing; install it with: pip install 'viso[plot]'\n"

@@ -13,17 +13,17 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from companion.recorded.axes import PRESETS
-from companion.recorded.messages import FORMS
-from companion.recorded.readers import FORMATS, Source, load_trajectory
-from emulator.commands import play as play_command
 from mav_handlers.links import read_tlog
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, Message
-from tests.unit.emulator.command_line import Outcome, Viso, failed_with
+from tests.places import ROOT
+from tests.unit.viso.command_line import Outcome, Viso, failed_with
+from viso.commands import play as play_command
+from viso.companion.recorded.axes import PRESETS
+from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.readers import FORMATS, Source, load_trajectory
 
-ROOT = Path(__file__).resolve().parents[3]
 FLIGHT = ROOT / "tests" / "data" / "trajectories" / "flight.tum"
 CLIP = ROOT.parent / "shared" / "data" / "euroc_mh01_clip" / "groundtruth.tum"
 PAGE = ROOT / "docs" / "recorded.md"

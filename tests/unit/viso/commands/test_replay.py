@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from emulator.replay_run import ReplaySetup, run_replay
-from emulator.settings import needing_reboot
-from emulator.single_log import SingleLog
-from emulator.streams import read_stream
-from emulator.vehicle_config import bench
-from tests.unit.emulator.command_line import Viso, failed_with
+from tests.places import ROOT
+from tests.unit.viso.command_line import Viso, failed_with
+from viso.logs.single import SingleLog
+from viso.options.settings import needing_reboot
+from viso.replay.run import ReplaySetup, run_replay
+from viso.streams.table import read_stream
+from viso.vehicle.config import bench
 
-ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT / "tests" / "data"
 FLIGHT = DATA / "trajectories" / "flight.tum"
 LOG = DATA / "logs" / "bench_no_yaw_source.BIN.xz"

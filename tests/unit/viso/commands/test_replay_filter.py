@@ -14,10 +14,10 @@ import pytest
 
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ODOMETRY
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.conftest import odometry
+from tests.places import DATA
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.conftest import odometry
 
-DATA = Path(__file__).parents[2] / "data"
 CAPTURE = DATA / "captures" / "mav.jsonl.gz"
 SHORT = 120
 PERIOD_US = 33_333

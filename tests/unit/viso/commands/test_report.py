@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from emulator.commands import report as report_command
-from emulator.report import figures
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.report.log_maker import LogMaker, flight
+from tests.places import ROOT
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.report.log_maker import LogMaker, flight
+from viso.commands import report as report_command
+from viso.report import figures
 
 
 @pytest.fixture
@@ -106,7 +107,7 @@ def test_place_that_cannot_be_written_is_one_line(viso: Viso, log: Path, tmp_pat
 def test_program_of_the_documentation_prints_what_it_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    root = Path(__file__).parents[3]
+    root = ROOT
     monkeypatch.chdir(root)
     text = (root / "docs" / "report.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
@@ -116,7 +117,7 @@ def test_program_of_the_documentation_prints_what_it_says(
 
 def test_commands_of_the_documentation_name_what_is_written(viso: Viso, log: Path, tmp_path: Path) -> None:
     log.rename(tmp_path / "flight.BIN")
-    text = (Path(__file__).parents[3] / "docs" / "report.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
     commands = [line.split()[1:] for line in text.splitlines() if line.startswith("viso report")]
     assert len(commands) == 2
     assert [viso(*command).code for command in commands] == [0, 0]

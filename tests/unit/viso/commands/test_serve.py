@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from emulator import cli
-from emulator.presets import PRESETS
-from mav_handlers.signing import SigningKey
+from mav_handlers.signing.state import SigningKey
 from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.conftest import odometry
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.conftest import odometry
+from viso import cli
+from viso.options.presets import PRESETS
 
 ALIVE = HEARTBEAT(6, 8, 0, 0, 4, 3)
 KEY = bytes(range(1, 33))

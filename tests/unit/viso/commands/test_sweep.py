@@ -17,14 +17,14 @@ from typing import Any
 
 import pytest
 
-from emulator.commands import sweep as sweep_command
-from emulator.sweep import job, planning
-from emulator.sweep.job import Result
-from emulator.sweep.objectives import OBJECTIVES
-from emulator.sweep.plan import Point, SweepPlan
-from tests.unit.emulator.command_line import Viso, failed_with
+from tests.places import ROOT
+from tests.unit.viso.command_line import Viso, failed_with
+from viso.commands import sweep as sweep_command
+from viso.sweep import job, planning
+from viso.sweep.job import Result
+from viso.sweep.objectives import OBJECTIVES
+from viso.sweep.plan import Point, SweepPlan
 
-ROOT = Path(__file__).parents[3]
 CAPTURE = ROOT / "tests" / "data" / "captures" / "mav.jsonl.gz"
 PAGE = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")
 SHORT = (CAPTURE, "--until", "6", "-j", "1", "--imu", "follow")
@@ -109,7 +109,7 @@ def test_interruption_keeps_what_is_done(viso: Viso, tmp_path: Path, monkeypatch
 def started(folder: Path, *args: object) -> tuple[list[str], "subprocess.Popen[str]", Path]:
     """Return a command that sweeps in two processes, itself at work with the first point done, and its journal."""
     given = [*args, "--until", "6", "-j", "2", "-o", folder / "out"]
-    command = [sys.executable, "-P", "-c", "from emulator.cli import main; main()", "sweep", *map(str, given)]
+    command = [sys.executable, "-P", "-c", "from viso.cli import main; main()", "sweep", *map(str, given)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT)
     journal = folder / "out" / "points.jsonl"
     while not (journal.exists() and journal.stat().st_size):
@@ -185,7 +185,7 @@ def test_missing_table_writer_is_one_line(viso: Viso, monkeypatch: pytest.Monkey
 
 @pytest.mark.usefixtures("quick")
 def test_without_matplotlib_the_rest_is_written(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "emulator.sweep.plot", None)
+    monkeypatch.setitem(sys.modules, "viso.sweep.plot", None)
     outcome = viso("sweep", *SHORT, "--set", "VISO_SCALE=1,2", "-o", "out")
     assert (outcome.code, outcome.err) == (
         0, "note: no plot: matplotlib is missing; install it with: pip install 'viso[plot]'\n",

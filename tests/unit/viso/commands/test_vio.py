@@ -13,25 +13,26 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from companion.evaluation import TimedPoses
-from companion.recorded.readers import Source, load_trajectory
-from companion.sources.base import SourceOptions
-from companion.sources.kinds import SOURCES, open_source
-from companion.vio import health
-from companion.vio.calibration import load_calibration
-from companion.vio.config import load_config
-from companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from companion.vio.types import VioState
-from emulator import vio_inputs, vio_session
-from emulator.commands import vio as vio_command
-from emulator.vio_log import VioLog
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT
-from tests.unit.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
-from tests.unit.emulator.command_line import Outcome, Viso, failed_with
+from tests.places import ROOT
+from tests.unit.viso.command_line import Outcome, Viso, failed_with
+from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from viso.commands import vio as vio_command
+from viso.companion.recorded.readers import Source, load_trajectory
+from viso.companion.sources.base import SourceOptions
+from viso.companion.sources.kinds import SOURCES, open_source
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio import health
+from viso.companion.vio.calibration import load_calibration
+from viso.companion.vio.config import load_config
+from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.types import VioState
+from viso.vio import inputs as vio_inputs
+from viso.vio import session as vio_session
+from viso.vio.log import VioLog
 
-ROOT = Path(__file__).resolve().parents[3]
 CLIP = ROOT.parent / "shared" / "data" / "euroc_mh01_clip"
 PAGE = ROOT / "docs" / "companion.md"
 REASONS = (
@@ -115,7 +116,7 @@ def test_truth_is_compared_with(film: Viso) -> None:
 def test_missing_matplotlib_is_told_and_the_rest_done(film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "emulator.vio_plot", raising=False)
+    monkeypatch.delitem(sys.modules, "viso.vio.plot", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     outcome = film("--plot", "flight.png", "--save-trajectory", "flight.tum", "--json")
     assert outcome.code == 0
@@ -126,7 +127,7 @@ def test_missing_matplotlib_is_told_and_the_rest_done(film: Viso, monkeypatch: p
 def test_missing_opencv_is_one_line(viso: Viso, film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
     assert failed_with(film(), "pictures need OpenCV: pip install 'viso[vio]'")
-    for name in [name for name in sys.modules if name.startswith(("companion.strategies", "companion.klt"))]:
+    for name in [name for name in sys.modules if name.startswith(("viso.companion.strategies", "viso.companion.klt"))]:
         monkeypatch.delitem(sys.modules, name)
     outcome = viso("vio", "0", "--calibration", "small.toml", "--master", "none")
     assert outcome.code == 2

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
-from companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY, Companion
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, STATUSTEXT, VISION_SPEED_ESTIMATE, Message
+from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY, Companion
 
 
 def speed_at(time_us: int) -> Message:

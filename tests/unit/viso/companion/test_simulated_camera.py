@@ -10,10 +10,10 @@ import numpy.typing as npt
 import pytest
 import quaternion
 
-from companion.clock import OffsetClock
-from companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from companion.trajectory import Flight
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.clock import OffsetClock
+from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
+from viso.companion.trials.trajectory import Flight
 
 FLIGHT = Flight(start_s=2.0, heading_rad=0.7)
 EXACT = SimulatedCamera(

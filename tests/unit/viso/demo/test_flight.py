@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import quaternion
 
-from companion.trajectory import Flight
-from ekf_stub.error_state import GRAVITY_MSS
-from ekf_stub.inertial import quat_of_rotation
-from emulator.demo_flight import flight_source
-from emulator.imu.options import ImuOptions
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import quat_of_rotation
+from viso.companion.trials.trajectory import Flight
+from viso.demo.flight import flight_source
+from viso.sensors.options import ImuOptions
 
 FLIGHT = Flight(start_s=2.0, climb_s=2.0, loop_s=8.0, heading_rad=0.5)
 LOOP_US = 2500

@@ -7,11 +7,11 @@ from functools import cache
 
 import pytest
 
-from companion.vio.types import VioState
-from emulator.demo_vio import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
-from emulator.log_sink import MemoryLog
-from emulator.loop_figures import LoopFigures, figures_of
-from emulator.loop_record import AUTOPILOT, COMPANION, Said
+from viso.closed_loop.figures import LoopFigures, figures_of
+from viso.closed_loop.record import AUTOPILOT, COMPANION, Said
+from viso.companion.vio.types import VioState
+from viso.demo.odometry import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
+from viso.logs.sink import MemoryLog
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from companion.world.ground import generate_texture
-from emulator.survey_flight import COMPANION_CLOCK_NS, STAND_M, SurveyPlan, survey_flight
+from viso.companion.world.ground import generate_texture
+from viso.demo.survey_flight import COMPANION_CLOCK_NS, STAND_M, SurveyPlan, survey_flight
 
 PLAN = SurveyPlan(climb_s=2.0, cruise_s=6.0, descent_s=20.0, landed_s=25.0, ramp_s=3.0, height_m=15.0, speed_m_s=6.0)
 

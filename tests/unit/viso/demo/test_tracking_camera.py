@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from ap_core.verdict import Outcome
-from ekf_stub.aiding import AidingMode
-from ekf_stub.filter_status import FilterFlag
-from emulator.demo import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, Estimate
-from emulator.demo_plot import save_plot
-from emulator.ekf_comparison import compare
-from emulator.ekf_replay import EkfRun
-from emulator.filter_fates import Fate, fate_of
-from emulator.log_sink import MemoryLog
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.filter_status import FilterFlag
+from viso.demo.plot import save_plot
+from viso.demo.tracking_camera import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, Estimate
+from viso.ekf_runs.comparison import compare
+from viso.ekf_runs.run import EkfRun
+from viso.fates.words import Fate, fate_of
+from viso.logs.sink import MemoryLog
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from emulator.doctor import GatherOptions
-from emulator.streams import Stream
-from tests.unit.emulator.doctor.streams import faulty, piece, shifted
+from tests.unit.viso.doctor.streams import faulty, piece, shifted
+from viso.doctor import GatherOptions
+from viso.streams.table import Stream
 
 ODOMETRY: Final = "odometry"
 SPEED: Final = "speed"

@@ -11,17 +11,17 @@ import numpy as np
 
 from ap_core.verdict import Verdict
 from ap_visualodom.verdicts import CONSUMED
-from ekf_stub.aiding import AidingMode
-from emulator.doctor import RULES, Evidence, Finding, SeenMessage, diagnose
-from emulator.doctor.compare import compare
-from emulator.doctor.evidence import vision_of
-from emulator.doctor.motion import motions_of
-from emulator.doctor.tracks import pose_tracks, stamped_tracks, velocity_tracks
-from emulator.doctor.vehicle_data import AttitudeSeries
-from emulator.filter_watch import AidingSpan
-from emulator.firmware import REFERENCE
-from emulator.vehicle import Vehicle, VehicleConfig
+from ekf_stub.fusion.aiding import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
+from viso.doctor import RULES, Evidence, Finding, SeenMessage, diagnose
+from viso.doctor.evidence import vision_of
+from viso.doctor.measures.compare import compare
+from viso.doctor.measures.motion import motions_of
+from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
+from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.fates.watch import AidingSpan
+from viso.firmware.releases import REFERENCE
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 SETUP: Final[Mapping[str, float]] = {
     "VISO_TYPE": 1,

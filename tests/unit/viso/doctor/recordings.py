@@ -12,11 +12,11 @@ from typing import Any, Final
 import numpy as np
 import quaternion
 
-from emulator.doctor.tracks import rotated
-from emulator.estimators.turning import quats_of_euler
-from emulator.streams import Stream
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE
+from viso.doctor.measures.tracks import rotated
+from viso.estimators.turning import quats_of_euler
+from viso.streams.table import Stream
 
 UNKNOWN: Final = (math.nan,) * 3
 

@@ -4,18 +4,17 @@
 
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from companion.faults import inject, parse_timeline
-from emulator.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
-from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
-from emulator.streams import Stream, StreamMessage, read_stream
 from mav_handlers.wire.codec import Codec, Received
+from tests.places import DATA
+from viso.companion.faults import inject, parse_timeline
+from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
+from viso.streams.table import Stream, StreamMessage, read_stream
 
-DATA: Final = Path(__file__).parents[3] / "data"
 LEAD_US: Final = 6_500_000
 """When pieces begin: the vehicle of the trial stands still for 6 s."""
 

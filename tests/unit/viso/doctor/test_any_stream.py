@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from ap_core.verdict import Verdict
 from ap_visualodom.verdicts import VERDICTS as PORT_VERDICTS
-from emulator.doctor import RULES, Severity, diagnose
-from emulator.doctor.outputs import as_json, as_junit, as_sarif
-from emulator.doctor.summary import summarise
-from emulator.doctor.terminal import finding_lines, summary_lines
-from emulator.doctor.vehicle_data import AttitudeSeries
 from mav_handlers.verdicts import VERDICTS
 from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, VISION_POSITION_DELTA, Message
-from tests.unit.emulator.conftest import odometry
-from tests.unit.emulator.doctor.evidences import START_US, evidence_of, pose, seen, speed
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
+from viso.doctor import RULES, Severity, diagnose
+from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.doctor.telling.outputs import as_json, as_junit, as_sarif
+from viso.doctor.telling.summary import summarise
+from viso.doctor.telling.terminal import finding_lines, summary_lines
 
 NUMBERS = st.one_of(
     st.floats(-10, 10, width=32), st.floats(width=32), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e30])

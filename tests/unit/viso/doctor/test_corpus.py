@@ -4,9 +4,9 @@
 
 import pytest
 
-from emulator.doctor import Severity
-from tests.unit.emulator.doctor.corpus import CLEAN, CORPUS, ODOMETRY, POSE, SPEED, Case
-from tests.unit.emulator.doctor.streams import LEAD_US, codes, examine, recording, shifted
+from tests.unit.viso.doctor.corpus import CLEAN, CORPUS, ODOMETRY, POSE, SPEED, Case
+from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, recording, shifted
+from viso.doctor import Severity
 
 ALWAYS = {
     *("pose and speed against the vehicle", "reset with its counter", "two senders, two clocks"),

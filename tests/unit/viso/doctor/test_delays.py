@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from emulator.doctor import RULES, Evidence, diagnose, gather
-from emulator.doctor.compare import compare
-from emulator.doctor.vehicle_data import AttitudeSeries
-from tests.unit.emulator.doctor.streams import piece, shifted
+from tests.unit.viso.doctor.streams import piece, shifted
+from viso.doctor import RULES, Evidence, diagnose, gather
+from viso.doctor.measures.compare import compare
+from viso.doctor.measures.vehicle_data import AttitudeSeries
 
 SET_MS = 30
 """VISO_DELAY_MS of the recorded flight, whose camera is that late."""

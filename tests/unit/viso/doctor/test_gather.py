@@ -4,17 +4,17 @@
 
 import pytest
 
-from emulator.doctor import GatherOptions, SeenMessage, diagnose, gather
-from emulator.doctor.rules import RULES
-from emulator.doctor.summary import summarise
-from emulator.errors import InputError
-from emulator.filter_fates import Fate
-from emulator.streams import Stream, StreamMessage
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ATTITUDE, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
-from tests.unit.emulator.conftest import odometry
-from tests.unit.emulator.doctor.evidences import SETUP
-from tests.unit.emulator.doctor.streams import LEAD_US, codes, examine
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.evidences import SETUP
+from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
+from viso.doctor import GatherOptions, SeenMessage, diagnose, gather
+from viso.doctor.rules import RULES
+from viso.doctor.telling.summary import summarise
+from viso.errors import InputError
+from viso.fates.words import Fate
+from viso.streams.table import Stream, StreamMessage
 
 END_US = LEAD_US + 2_000_000
 

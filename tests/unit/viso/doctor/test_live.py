@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Listening to a link."""
 
-from emulator.doctor.live import LinkRecorder
 from mav_handlers.links import make_pair
 from mav_handlers.wire.codec import Codec
-from tests.unit.emulator.conftest import odometry
+from tests.unit.viso.conftest import odometry
+from viso.doctor.live import LinkRecorder
 
 
 def test_frames_get_the_times_at_which_they_were_read() -> None:

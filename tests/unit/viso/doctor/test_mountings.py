@@ -8,10 +8,11 @@ from functools import cache
 import pytest
 
 from ap_visualodom.var_info import VAR_INFO
-from emulator.doctor import RULES, Evidence, Finding, Severity, diagnose
-from emulator.doctor.compare import compare
-from tests.unit.emulator.command_line import Viso
-from tests.unit.emulator.doctor.streams import DATA, codes, examine, faulty, piece, shifted
+from tests.places import DATA
+from tests.unit.viso.command_line import Viso
+from tests.unit.viso.doctor.streams import codes, examine, faulty, piece, shifted
+from viso.doctor import RULES, Evidence, Finding, Severity, diagnose
+from viso.doctor.measures.compare import compare
 
 START_S = 40.0
 MOUNTINGS = {0: "FRD", 2: "RBD", 4: "BLD", 6: "LFD", 24: "URF", 25: "DRB"}

@@ -6,13 +6,13 @@ import pytest
 
 from ap_core.verdict import Rule
 from ap_visualodom.verdicts import QUALITY_BELOW_MIN
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from ekf_stub.ingest_rules import FUSED, GATE_POSITION
-from emulator.doctor import Finding, SeenMessage, Severity
-from emulator.filter_watch import SampleTest
-from emulator.sample_fates import HandedSample
-from tests.unit.emulator.conftest import odometry
-from tests.unit.emulator.doctor.evidences import START_US, evidence_of, findings_of, seen
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, seen
+from viso.doctor import Finding, SeenMessage, Severity
+from viso.fates.samples import HandedSample
+from viso.fates.watch import SampleTest
 
 PERIOD_US = 40_000
 

@@ -5,15 +5,15 @@
 import gzip
 import json
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.unit.emulator.doctor.evidences import START_US, evidence_of, findings_of, pose, seen
+from tests.places import DATA
+from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, pose, seen
 
-VECTORS = Path(__file__).parents[3] / "data" / "vectors" / "jitter_correction.jsonl.gz"
+VECTORS = DATA / "vectors" / "jitter_correction.jsonl.gz"
 Column = NDArray[np.int64]
 
 

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from emulator.doctor import RULES, Severity
-from emulator.errors import InputError
-from emulator.streams import MAX_GAP_US, Aspect, Stream, TrajectoryOptions, read_whole_stream
 from mav_handlers.wire.codec import Codec, Received
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.doctor.corpus import CLIMB, ODOMETRY, POSE, SPEED, Case
-from tests.unit.emulator.doctor.recordings import WRITERS, as_ros, rows_of
-from tests.unit.emulator.doctor.streams import LEAD_US, codes, examine
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.doctor.corpus import CLIMB, ODOMETRY, POSE, SPEED, Case
+from tests.unit.viso.doctor.recordings import WRITERS, as_ros, rows_of
+from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
+from viso.doctor import RULES, Severity
+from viso.errors import InputError
+from viso.streams.table import MAX_GAP_US, Aspect, Stream, TrajectoryOptions, read_whole_stream
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from emulator.doctor import Finding
-from emulator.firmware import PROFILES
 from mav_handlers.wire.messages import ATT_POS_MOCAP, Message
-from tests.unit.emulator.conftest import odometry
-from tests.unit.emulator.doctor.evidences import evidence_of, findings_of, pose, stream_of
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.evidences import evidence_of, findings_of, pose, stream_of
+from viso.doctor import Finding
+from viso.firmware.releases import PROFILES
 
 DIAGONAL = (0, 6, 11, 15, 18, 20)
 EARLIER = ("4.6", "4.7-dev")

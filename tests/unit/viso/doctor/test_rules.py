@@ -10,18 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emulator.doctor import RULES, Rule, Severity
-from emulator.doctor.evidence import Assumed
-from emulator.doctor.rules import FAMILIES
-from emulator.doctor.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
-from emulator.estimators.turning import quats_of_euler
-from emulator.firmware import PROFILES
-from emulator.streams import Aspect
 from mav_handlers.verdicts import NOT_ADDRESSED
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN, Message
-from tests.unit.emulator.conftest import odometry
-from tests.unit.emulator.doctor.corpus import CORPUS
-from tests.unit.emulator.doctor.evidences import (
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.corpus import CORPUS
+from tests.unit.viso.doctor.evidences import (
     START_US,
     evidence_of,
     findings_of,
@@ -30,6 +23,13 @@ from tests.unit.emulator.doctor.evidences import (
     speed,
     stream_of,
 )
+from viso.doctor import RULES, Rule, Severity
+from viso.doctor.evidence import Assumed
+from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
+from viso.doctor.rules import FAMILIES
+from viso.estimators.turning import quats_of_euler
+from viso.firmware.releases import PROFILES
+from viso.streams.table import Aspect
 
 HERE = {
     *("XN1-07", "XN2-03", "XN2-07", "XN2-08", "XN4-02", "XN4-07", "XN5-04", "XN5-08", "XN5-10"),

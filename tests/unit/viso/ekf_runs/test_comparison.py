@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ekf_stub.inertial import Array
-from emulator import ekf_targets
-from emulator.ekf_comparison import MEASURED, Check, Comparison, compare
-from emulator.ekf_replay import LABELS, EkfReplay
+from ekf_stub.filter.inertial import Array
+from viso.ekf_runs import targets as ekf_targets
+from viso.ekf_runs.comparison import MEASURED, Check, Comparison, compare
+from viso.ekf_runs.run import LABELS, EkfReplay
 
 PERIOD_S = 0.1
 RECORDS = 400

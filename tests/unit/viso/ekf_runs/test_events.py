@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.ekf_events import Differences, changes, compare_moves, compare_texts, compare_values
+from viso.ekf_runs.events import Differences, changes, compare_moves, compare_texts, compare_values
 
 TEXTS = [(1.0, "initialised"), (2.0, "initial pos NED = 0.0,-2.0,0.2 (m)"), (3.0, "stopped aiding")]
 

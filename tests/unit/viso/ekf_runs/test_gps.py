@@ -9,8 +9,8 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.gps_sample import GpsSample
-from emulator.replay_gps import GpsRecords
+from ekf_stub.inputs.gps_sample import GpsSample
+from viso.ekf_runs.gps import GpsRecords
 
 
 def record(**fields: object) -> Any:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from emulator.record_fields import RecordError
-from emulator.replay_inputs import ARMED, TAKEOFF_EXPECTED, ReplayInputs
+from viso.ekf_runs.inputs import ARMED, TAKEOFF_EXPECTED, ReplayInputs
+from viso.logs.record_fields import RecordError
 
 
 def record(kind: str, **fields: object) -> Any:

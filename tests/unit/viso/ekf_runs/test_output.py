@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from emulator.ekf_output import EkfOutput, check_place
-from emulator.errors import InputError
+from viso.ekf_runs.output import EkfOutput, check_place
+from viso.errors import InputError
 
 
 @pytest.fixture

@@ -14,15 +14,16 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from ap_core.dataflash import DataFlashWriter
-from emulator.ekf_player import EkfPlayer
-from emulator.ekf_replay import LABELS, EkfRun, replay_ekf
-from emulator.errors import InputError
-from emulator.logger import STRUCTURES
+from tests.places import DATA
+from viso.ekf_runs.player import EkfPlayer
+from viso.ekf_runs.run import LABELS, EkfRun, replay_ekf
+from viso.errors import InputError
+from viso.logs.logger import STRUCTURES
 
 Record = tuple[str, dict[str, Any]]
 Change = Callable[[str, dict[str, Any], int], Iterable[Record]]
 
-LOG = Path(__file__).parents[2] / "data" / "logs" / "voxl.BIN.xz"
+LOG = DATA / "logs" / "voxl.BIN.xz"
 BY_NAME = {structure.name: structure for structure in STRUCTURES}
 END_US = 5_250_000
 INITIALISED_US, AIDING_US, YAW_US = 4_454_051, 5_089_630, 5_162_101

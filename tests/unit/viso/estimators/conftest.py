@@ -3,17 +3,17 @@
 """A recorded flight with a camera, read once."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from emulator.estimators.turning import Array, quats_of_euler
-from emulator.imu.recorded import read_recording
-from emulator.recorded_log import read_log
+from tests.places import DATA
+from viso.estimators.turning import Array, quats_of_euler
+from viso.logs.recorded import read_log
+from viso.sensors.recorded import read_recording
 
-LOG = Path(__file__).parents[3] / "data" / "logs" / "flight_t265.BIN.xz"
+LOG = DATA / "logs" / "flight_t265.BIN.xz"
 HALF_A_STEP_US = 1250  # the rotation of a pass is what happened since the one before
 
 

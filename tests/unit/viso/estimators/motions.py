@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import quaternion
 
-from emulator.estimators.turning import Array, Attitudes, attitudes_of
+from viso.estimators.turning import Array, Attitudes, attitudes_of
 
 VEHICLE_HZ = 100
 MARGIN_S = 1.0

@@ -10,10 +10,10 @@ import quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulator.estimators.delay import estimate_delay
-from emulator.estimators.turning import quats_of_euler
-from tests.unit.emulator.estimators.conftest import Flight, read_gyro
-from tests.unit.emulator.estimators.motions import motion
+from tests.unit.viso.estimators.conftest import Flight, read_gyro
+from tests.unit.viso.estimators.motions import motion
+from viso.estimators.delay import estimate_delay
+from viso.estimators.turning import quats_of_euler
 
 RECORDED_TOLERANCE_MS = 5.0
 SET_MS = 30  # VISO_DELAY_MS of the recorded flight

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from emulator.estimators.least_squares import BLOCKS, blocks_of, fit, inliers, mean_and_sigma
+from viso.estimators.least_squares import BLOCKS, blocks_of, fit, inliers, mean_and_sigma
 
 
 def test_step_is_the_parameters_that_made_the_residuals() -> None:

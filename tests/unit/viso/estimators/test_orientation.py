@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import quaternion
 
-from emulator.estimators.axes import PROPER, AxisMap, rotation_matrix
-from emulator.estimators.orientation import estimate_orientation, estimate_world_axes
-from emulator.estimators.turning import Array, quats_of_euler
-from tests.unit.emulator.estimators.conftest import Flight
-from tests.unit.emulator.estimators.motions import Motion, motion
+from tests.unit.viso.estimators.conftest import Flight
+from tests.unit.viso.estimators.motions import Motion, motion
+from viso.estimators.axes import PROPER, AxisMap, rotation_matrix
+from viso.estimators.orientation import estimate_orientation, estimate_world_axes
+from viso.estimators.turning import Array, quats_of_euler
 
 OWN = AxisMap((1, 2, 3))
 FLU = AxisMap((1, -2, -3))

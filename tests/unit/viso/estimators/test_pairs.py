@@ -7,8 +7,8 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.estimators.pairs import best_rotation, correlation_of, cross_matrices, turn_pair
-from tests.unit.emulator.estimators.motions import motion
+from tests.unit.viso.estimators.motions import motion
+from viso.estimators.pairs import best_rotation, correlation_of, cross_matrices, turn_pair
 
 VECTORS = np.random.default_rng(50).normal(size=(30, 3))
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulator.estimators.axes import AxisMap
-from emulator.estimators.positions import estimate_position_axes, estimate_scale, path_of_velocity
-from emulator.estimators.turning import Array
-from tests.unit.emulator.estimators.conftest import Flight
-from tests.unit.emulator.estimators.motions import smooth
+from tests.unit.viso.estimators.conftest import Flight
+from tests.unit.viso.estimators.motions import smooth
+from viso.estimators.axes import AxisMap
+from viso.estimators.positions import estimate_position_axes, estimate_scale, path_of_velocity
+from viso.estimators.turning import Array
 
 STEP_US = 5e4
 

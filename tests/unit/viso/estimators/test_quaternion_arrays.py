@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from ekf_stub.quaternions import quaternion as our_type
-from emulator import quaternion_arrays
+from ekf_stub.filter.quaternions import quaternion as our_type
+from viso.estimators import quaternion_arrays
 
 NUMBERS = st.floats(-1e3, 1e3).filter(lambda number: number == 0.0 or abs(number) > 1e-9)
 SHAPES = st.sampled_from([(), (0,), (1,), (3,), (2, 2)])

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from emulator.estimators.time_offset import estimate_time_offset
-from emulator.estimators.turning import Array
-from tests.unit.emulator.estimators.conftest import Flight
+from tests.unit.viso.estimators.conftest import Flight
+from viso.estimators.time_offset import estimate_time_offset
+from viso.estimators.turning import Array
 
 
 def messages(

@@ -10,9 +10,9 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.estimators.turning import attitudes_of, quats_of_euler, rotation_vectors, turns, windows
-from emulator.imu.attitude import quat_of_rpy
-from tests.unit.emulator.estimators.motions import motion
+from tests.unit.viso.estimators.motions import motion
+from viso.estimators.turning import attitudes_of, quats_of_euler, rotation_vectors, turns, windows
+from viso.sensors.attitude import quat_of_rpy
 
 ANGLES = st.floats(-3.2, 3.2)
 IDENTITY = [1.0, 0.0, 0.0, 0.0]

@@ -3,10 +3,10 @@
 """Which message's sample a fate belongs to."""
 
 from ap_core.verdict import Rule
-from ekf_stub import ingest_rules as rules
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.filter_watch import SampleTest
-from emulator.sample_fates import HandedSample, SampleFates
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from viso.fates.samples import HandedSample, SampleFates
+from viso.fates.watch import SampleTest
 
 
 class Rig:

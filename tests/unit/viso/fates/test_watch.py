@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ekf_stub.ahrs_recorded import RecordedAhrs, RecordedStates
-from ekf_stub.aiding import AidingMode
-from emulator.filter_fates import Fate, fate_of, is_final
-from emulator.filter_watch import FilterWatch, SampleTest
-from emulator.vehicle import Vehicle, VehicleConfig
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.fusion.aiding import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
-from tests.unit.emulator.conftest import Bench, odometry
+from tests.unit.viso.conftest import Bench, odometry
+from viso.fates.watch import FilterWatch, SampleTest
+from viso.fates.words import Fate, fate_of, is_final
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BY_EXT_NAV = {
     "VISO_TYPE": 1,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from emulator.atomic_file import remove_stale_drafts, replace_file
+from viso.files.atomic_file import remove_stale_drafts, replace_file
 
 
 def test_file_and_folder_are_made(tmp_path: Path) -> None:

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from ap_core.param import ParamTable
-from emulator.ftp_files import LOG_FOLDERS, VehicleFiles
-from emulator.key_store import FileKeyStore, KeyStoreError
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
-from mav_handlers.ftp_ports import Failure
-from mav_handlers.signing import SigningKey
+from mav_handlers.signing.state import SigningKey
+from mav_handlers.transfers.ftp_ports import Failure
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING, Message
+from viso.files.key_store import FileKeyStore, KeyStoreError
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.ftp.files import LOG_FOLDERS, VehicleFiles
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 KEY = SigningKey(timestamp=123_456_789, secret_key=bytes(range(32)))
 OTHER = SigningKey(timestamp=5, secret_key=bytes(32))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.text_files import read_lines, read_text, write_text
+from viso.errors import InputError
+from viso.files.text_files import read_lines, read_text, write_text
 
 LINES = [(1, "a\n"), (3, "b\n"), (4, "c")]
 

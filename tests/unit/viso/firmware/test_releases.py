@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from emulator import firmware as table
-from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from emulator.testing import Autopilot, AutopilotOptions
 from mav_handlers.covariance import root_of_sum
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
+from tests.places import ROOT
 from tools import make_docs
+from viso.firmware import releases as table
+from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.testing import Autopilot, AutopilotOptions
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.command_line import Viso
+    from tests.unit.viso.command_line import Viso
 
-ROOT = Path(__file__).resolve().parents[3]
 CAPTURE = ROOT / "tests" / "data" / "captures" / "mav.jsonl.gz"
-PACKAGES = ("ap_core", "ap_visualodom", "companion", "ekf_stub", "emulator", "mav_handlers")
+PACKAGES = ("ap_core", "ap_visualodom", "ekf_stub", "mav_handlers", "viso")
 MADE_UP = "made-up"
 
 
@@ -98,7 +98,7 @@ def test_nothing_but_the_table_asks_for_a_release_by_its_name() -> None:
         for path in (ROOT / package).rglob("*.py")
         if path != Path(table.__file__) and _mentions(path, names)
     }
-    assert askers <= {"emulator/release_parameters.py"}  # which has a row of its own by that name
+    assert askers <= {"viso/parameters/releases.py"}  # which has a row of its own by that name
 
 
 def _mentions(path: Path, names: set[str]) -> bool:

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Aircraft that were heard go on to the autopilot, and nothing else does."""
 
-from companion.landmarks.adsb_vehicle import from_message
-from companion.landmarks.synthetic import SyntheticFlight
-from companion.landmarks.types import AircraftReport, Camera
-from emulator.landmarks_aircraft import MAV_COMP_ID_ADSB, AircraftSender
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ADSB_VEHICLE
+from viso.companion.landmarks.adsb_vehicle import from_message
+from viso.companion.landmarks.synthetic import SyntheticFlight
+from viso.companion.landmarks.types import AircraftReport, Camera
+from viso.landmarks.aircraft import MAV_COMP_ID_ADSB, AircraftSender
 
 
 def test_reports_of_aircraft_are_sent_and_nothing_else() -> None:

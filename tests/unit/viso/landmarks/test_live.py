@@ -10,11 +10,6 @@ from typing import Any
 
 import pytest
 
-from companion.landmarks.inputs.files import InputOptions
-from companion.landmarks.types import AircraftReport, Detections, Event, GlobalFix, LandmarkMap, VehiclePose
-from emulator import landmarks_live
-from emulator.errors import InputError
-from emulator.landmarks_live import Live, standard_lines
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
@@ -25,6 +20,11 @@ from mav_handlers.wire.messages import (
     LOCAL_POSITION_NED,
     Message,
 )
+from viso.companion.landmarks.inputs.files import InputOptions
+from viso.companion.landmarks.types import AircraftReport, Detections, Event, GlobalFix, LandmarkMap, VehiclePose
+from viso.errors import InputError
+from viso.landmarks import live as landmarks_live
+from viso.landmarks.live import Live, standard_lines
 
 NOW_S = 1_760_000_000.0
 SBS = "MSG,3,1,1,{},1,,,,,,4000,,,47.42,8.58,,,0,0,0,0"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from emulator.log_files import CHUNK_BYTES, FLUSH_INTERVAL_US, LogFile, LogStore, LogStoreError
+from viso.logs.files import CHUNK_BYTES, FLUSH_INTERVAL_US, LogFile, LogStore, LogStoreError
 
 RECORD = bytes.fromhex("a395b5") + bytes(9)
 
@@ -21,7 +21,7 @@ import os, signal, sys
 from pathlib import Path
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_structure import COMMON_STRUCTURES, EV
-from emulator.log_files import LogStore
+from viso.logs.files import LogStore
 
 log = LogStore(Path(sys.argv[1])).open_next()
 writer = DataFlashWriter(COMMON_STRUCTURES)
@@ -232,7 +232,7 @@ def test_log_that_cannot_be_opened_is_an_error_naming_it(store: LogStore, monkey
     def refuse(*_: object) -> int:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr("emulator.log_files.os.open", refuse)
+    monkeypatch.setattr("viso.logs.files.os.open", refuse)
     with pytest.raises(LogStoreError) as error:
         store.open_next()
     assert str(error.value) == f"{store.path_of(1)}: Read-only file system"
@@ -325,7 +325,7 @@ def test_full_disk_at_close_is_counted() -> None:
 
 def test_short_writes_are_continued(store: LogStore, monkeypatch: pytest.MonkeyPatch) -> None:
     whole_write = os.write
-    monkeypatch.setattr("emulator.log_files.os.write", lambda fd, data: whole_write(fd, data[:5]))
+    monkeypatch.setattr("viso.logs.files.os.write", lambda fd, data: whole_write(fd, data[:5]))
     with store.open_next() as log:
         log.write(RECORD)
     assert log.path.read_bytes() == RECORD
@@ -352,5 +352,5 @@ def test_file_system_without_locks_is_good_enough(store: LogStore, monkeypatch: 
     def refuse(*_: object) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr("emulator.log_files.fcntl.flock", refuse)
+    monkeypatch.setattr("viso.logs.files.fcntl.flock", refuse)
     assert write_log(store) == 1

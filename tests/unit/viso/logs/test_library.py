@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ap_core.clock import VirtualClock
-from emulator.log_files import LogFile, LogStore
-from emulator.log_library import REOPEN_US, FileReader, NoLogs, StoredLogs
-from mav_handlers.log_transfer import LogLibrary, LogTransfer
+from mav_handlers.transfers.log_transfer import LogLibrary, LogTransfer
 from mav_handlers.wire.messages import LOG_DATA
+from viso.logs.files import LogFile, LogStore
+from viso.logs.library import REOPEN_US, FileReader, NoLogs, StoredLogs
 
 UTC_US = 1_760_000_000_999_999
 

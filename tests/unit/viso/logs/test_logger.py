@@ -13,13 +13,13 @@ from ap_core.clock import VirtualClock
 from ap_core.log_field import LogValue
 from ap_core.log_structure import EV, MSG, LogStructure
 from ap_core.param import ParamTable
-from emulator.log_files import LogStoreError
-from emulator.log_sink import LogSink, MemoryLog
-from emulator.logger import STRUCTURES, Logger
-from emulator.parameters import make_groups
+from viso.logs.files import LogStoreError
+from viso.logs.logger import STRUCTURES, Logger
+from viso.logs.sink import LogSink, MemoryLog
+from viso.parameters.table import make_groups
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import Bench
+    from tests.unit.viso.conftest import Bench
 
 MakeBench = Callable[..., "Bench"]
 QUIET_NAN_BITS = 0x7FC04152

@@ -14,10 +14,11 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
-from emulator.errors import InputError
-from emulator.recorded_log import read_columns, read_kinds, read_log, read_recorded_states
+from tests.places import DATA
+from viso.errors import InputError
+from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states
 
-FIRMWARE_LOG = Path(__file__).parents[2] / "data" / "logs" / "t265.BIN.xz"
+FIRMWARE_LOG = DATA / "logs" / "t265.BIN.xz"
 
 XKF1 = ("XKF1", "TimeUS,C,PN,PE,PD", "QBfff")
 XKF4 = ("XKF4", "TimeUS,C,SS", "QBI")

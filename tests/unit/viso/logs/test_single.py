@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.log_files import LogStoreError
-from emulator.single_log import SingleLog
+from viso.errors import InputError
+from viso.logs.files import LogStoreError
+from viso.logs.single import SingleLog
 
 
 def write(log: SingleLog, data: bytes) -> None:

@@ -3,21 +3,20 @@
 """What a log says of texts and versions, in the layout of each release."""
 
 import lzma
-from pathlib import Path
 from typing import Any, Final
 
 import pytest
 
 from ap_core.log_structure import MSG, VER, LogStructure
-from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from emulator.log_sink import MemoryLog
-from emulator.log_structure import MSG_NUMBERED, number_and_piece
-from emulator.logger import STRUCTURES, structures_with
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
-from tests.unit.emulator.log_records import records
+from tests.places import DATA
+from tests.unit.viso.log_records import records
+from viso.firmware.log_releases import MSG_NUMBERED, number_and_piece
+from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.logs.logger import STRUCTURES, structures_with
+from viso.logs.sink import MemoryLog
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-DATA = Path(__file__).parents[2] / "data"
 RECORDED: Final = {
     REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",

@@ -5,23 +5,23 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ahrs_recorded import RecordedAhrs
-from emulator.ahrs_source import AhrsChoice, ahrs_maker
-from emulator.errors import InputError
-from emulator.imu.bench import BenchSource
-from emulator.imu.follow import FollowSource
-from emulator.imu.hil import HilSource
-from emulator.imu.recorded import RecordedSource
-from emulator.imu.script import ScriptSource
-from emulator.vehicle import Vehicle, VehicleConfig
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
+from tests.places import DATA
+from viso.errors import InputError
+from viso.options.ahrs import AhrsChoice, ahrs_maker
+from viso.sensors.hil.source import HilSource
+from viso.sensors.recorded import RecordedSource
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.standing import BenchSource
+from viso.sensors.stream.follow import FollowSource
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-LOG = Path(__file__).parents[2] / "data" / "logs" / "prearm.BIN.xz"
+LOG = DATA / "logs" / "prearm.BIN.xz"
 NOTHING = AhrsChoice(None, None, None, 0, 0.0)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.message_intervals import load_message_intervals
+from viso.errors import InputError
+from viso.options.message_intervals import load_message_intervals
 
 
 def test_each_link_has_a_file_of_its_own(tmp_path: Path) -> None:

@@ -12,16 +12,16 @@ import pytest
 import quaternion
 
 from ap_core.parm_file import parse_parm
-from companion.sender import Companion
-from companion.simulated_camera import SimulatedCamera
-from companion.trajectory import Flight
-from emulator.errors import InputError
-from emulator.presets import PRESETS, preset_files, preset_title
-from emulator.scheduler import Scheduler
-from emulator.settings import load_settings
-from emulator.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import ATT_POS_MOCAP, ODOMETRY, VISION_POSITION_ESTIMATE, Message
+from viso.companion.sender import Companion
+from viso.companion.simulated_camera import SimulatedCamera
+from viso.companion.trials.trajectory import Flight
+from viso.errors import InputError
+from viso.options.presets import PRESETS, preset_files, preset_title
+from viso.options.settings import load_settings
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 NORTH_RAD = 0.0
 CAMERA_TURNED_RAD = math.radians(-75)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.settings import load_settings
+from viso.errors import InputError
+from viso.options.settings import load_settings
 
 
 def parm(path: Path, text: str, name: str = "vehicle.parm") -> Path:

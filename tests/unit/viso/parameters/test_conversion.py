@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from ap_core.param import ParamTable
-from emulator.errors import InputError
-from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from emulator.param_conversion import CarriedOver, carry_over, name_here, skip_instead_of_check
-from emulator.param_memory import MemoryParamStore
-from emulator.param_store import ParamStore
-from emulator.parameters import make_groups
-from emulator.release_parameters import ALL_RENAMES, MAX_LINKS, SR_LINKS, checks_not_skipped
-from emulator.settings import load_settings
-from emulator.vehicle import Vehicle, VehicleConfig
+from viso.errors import InputError
+from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.options.settings import load_settings
+from viso.parameters.conversion import CarriedOver, carry_over, name_here, skip_instead_of_check
+from viso.parameters.memory import MemoryParamStore
+from viso.parameters.releases import ALL_RENAMES, MAX_LINKS, SR_LINKS, checks_not_skipped
+from viso.parameters.store import ParamStore
+from viso.parameters.table import make_groups
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 OF_4_6 = """\
 SYSID_THISMAV 7

@@ -5,18 +5,17 @@
 import lzma
 import math
 from functools import cache
-from pathlib import Path
 from typing import Final
 
 import pytest
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from emulator.firmware import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from emulator.parameters import make_groups
-from tests.unit.emulator.log_records import records
+from tests.places import DATA
+from tests.unit.viso.log_records import records
+from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.parameters.table import make_groups
 
-DATA = Path(__file__).parents[2] / "data"
 RECORDED: Final = {
     REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",

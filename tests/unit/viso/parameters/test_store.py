@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 
 from ap_core.param import ParamTable
 from ap_core.parm_file import parse_parm
-from emulator.errors import InputError
-from emulator.param_store import ParamStore, ParamStoreError
-from emulator.parameters import make_groups
+from viso.errors import InputError
+from viso.parameters.store import ParamStore, ParamStoreError
+from viso.parameters.table import make_groups
 
 OLD = {"VISO_TYPE": 1, "VISO_POS_X": 0.25}
 NEW = {"VISO_TYPE": 3, "VISO_POS_X": -0.5, "LOG_DISARMED": 2}
@@ -29,7 +29,7 @@ NEW = {"VISO_TYPE": 3, "VISO_POS_X": -0.5, "LOG_DISARMED": 2}
 SAVE_UNTIL_KILLED = """
 import sys
 from pathlib import Path
-from emulator.param_store import ParamStore
+from viso.parameters.store import ParamStore
 
 store = ParamStore(Path(sys.argv[1]))
 number = int(store.load().get("P0", 0))
@@ -345,7 +345,7 @@ class TestErrors:
     def test_kill_after_the_exchange_leaves_the_new_file(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         store = saved(path, OLD)
         with monkeypatch.context() as patch:
-            patch.setattr("emulator.atomic_file._sync_folder", killed)
+            patch.setattr("viso.files.atomic_file._sync_folder", killed)
             with pytest.raises(Killed):
                 store.save_if_changed(NEW)
         assert ParamStore(path).load() == NEW

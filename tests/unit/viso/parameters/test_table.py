@@ -11,13 +11,14 @@ from pymavlink.DFReader import DFReader_binary
 
 from ap_core.param import Param, ParamGroup, ParamInfo, ParamTable, ParamType
 from ap_visualodom.ap_visualodom import make_params
-from emulator.param_memory import MemoryParamStore, StoredParams
-from emulator.param_store import ParamStore
-from emulator.parameters import make_groups
-from emulator.release_parameters import MAX_LINKS, STREAM_NAMES
-from emulator.vehicle import Vehicle, VehicleConfig
+from tests.places import DATA
+from viso.parameters.memory import MemoryParamStore, StoredParams
+from viso.parameters.releases import MAX_LINKS, STREAM_NAMES
+from viso.parameters.store import ParamStore
+from viso.parameters.table import make_groups
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-LOG = Path(__file__).parents[2] / "data" / "logs" / "flight_t265.BIN.xz"
+LOG = DATA / "logs" / "flight_t265.BIN.xz"
 LINKS_OF_THE_LOG = 3
 VISO = (ParamInfo("_TYPE", ParamType.INT8, 0, "backend"),)
 

@@ -9,11 +9,11 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from ekf_stub.aiding import AidingMode
-from emulator.filter_watch import AidingSpan
-from emulator.imu.follow import FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.replay_comparison import (
+from ekf_stub.fusion.aiding import AidingMode
+from mav_handlers.wire.codec import Codec
+from tests.unit.viso.conftest import odometry
+from viso.fates.watch import AidingSpan
+from viso.replay.comparison import (
     ROWS,
     SHOWN,
     CountChange,
@@ -25,11 +25,11 @@ from emulator.replay_comparison import (
     comparison_tables,
     setting_lines,
 )
-from emulator.replay_run import ReplayOutcome, ReplaySetup, SaidText, run_replay
-from emulator.streams import Stream, StreamMessage
-from emulator.vehicle_config import bench, by_ekf3
-from mav_handlers.wire.codec import Codec
-from tests.unit.emulator.conftest import odometry
+from viso.replay.run import ReplayOutcome, ReplaySetup, SaidText, run_replay
+from viso.sensors.options import ImuOptions
+from viso.sensors.stream.follow import FollowSource
+from viso.streams.table import Stream, StreamMessage
+from viso.vehicle.config import bench, by_ekf3
 
 START_US = 6_000_000
 PERIOD_US = 33_333

@@ -13,17 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ap_core.verdict import Outcome
-from emulator.filter_watch import FilterWatch
-from emulator.imu.follow import FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.replay import Replay, ReplayedMessage, batches, makes_record
-from emulator.sample_fates import FATE_WAIT_US
-from emulator.streams import Stream, StreamMessage
-from emulator.vehicle import Vehicle, VehicleConfig
-from emulator.vehicle_config import by_ekf3
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, VISION_SPEED_ESTIMATE, Message
-from tests.unit.emulator.conftest import odometry
+from tests.unit.viso.conftest import odometry
+from viso.fates.samples import FATE_WAIT_US
+from viso.fates.watch import FilterWatch
+from viso.replay.feed import Replay, ReplayedMessage, batches, makes_record
+from viso.sensors.options import ImuOptions
+from viso.sensors.stream.follow import FollowSource
+from viso.streams.table import Stream, StreamMessage
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 def frame(message: Message) -> bytes:

@@ -4,7 +4,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,16 +11,17 @@ import pytest
 
 from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
-from ekf_stub.ahrs_recorded import RecordedStates
-from ekf_stub.ahrs_settable import SettableAhrs
-from ekf_stub.sources import EkfSources
-from emulator.batch_replay import following, replay_port
-from emulator.bench.odometry import odometry_at
-from emulator.streams import Stream, StreamMessage, read_stream
+from ekf_stub.ahrs.ahrs_recorded import RecordedStates
+from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.inputs.sources import EkfSources
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, PARAM_SET, VISION_POSITION_DELTA, Message
+from tests.places import DATA
+from viso.bench.odometry import odometry_at
+from viso.replay.port_alone import following, replay_port
+from viso.streams.table import Stream, StreamMessage, read_stream
 
-LOG = Path(__file__).parents[2] / "data" / "logs" / "flight_mav_extyaw.BIN.xz"
+LOG = DATA / "logs" / "flight_mav_extyaw.BIN.xz"
 START_US = 30_000_000
 PERIOD_US = 33_333
 MAV, T265 = {"VISO_TYPE": 1.0}, {"VISO_TYPE": 2.0}

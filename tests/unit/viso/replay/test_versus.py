@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-if TYPE_CHECKING:
-    from tests.unit.emulator.command_line import Viso
+from tests.places import DATA
 
-CAPTURES = Path(__file__).resolve().parents[2] / "data" / "captures"
+if TYPE_CHECKING:
+    from tests.unit.viso.command_line import Viso
+
+CAPTURES = DATA / "captures"
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@
 
 import pytest
 
-from emulator.report.facts import Facts, facts_of
-from emulator.report.material import Material
-from tests.unit.emulator.report.log_maker import flight, material_of
+from tests.unit.viso.report.log_maker import flight, material_of
+from viso.report.facts import Facts, facts_of
+from viso.report.material import Material
 
 SPITEFUL = "</td><script>alert(1)</script> $x^{2 & \"'"
 

@@ -10,10 +10,10 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.report.agreement import Poses, differences, interpolated, lag_ms, rotations, wrapped_deg
-from emulator.report.material import Material
-from emulator.report.series import Series
-from tests.unit.emulator.report.log_maker import LogMaker, material_of
+from tests.unit.viso.report.log_maker import LogMaker, material_of
+from viso.estimators.series import Series
+from viso.report.agreement import Poses, differences, interpolated, lag_ms, rotations, wrapped_deg
+from viso.report.material import Material
 
 NO_MOVES = np.zeros(0)
 

@@ -14,9 +14,10 @@ from evo.tools import file_interface  # type: ignore[import-untyped]  # as above
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from companion.recorded.bag_formats import read_bag
-from emulator.report.agreement import Poses
-from emulator.report.exports import (
+from tests.unit.viso.report.log_maker import LogMaker, material_of
+from viso.companion.recorded.bag_formats import read_bag
+from viso.report.agreement import Poses
+from viso.report.exports import (
     EKF_TOPIC,
     VISION_TOPIC,
     csv_text,
@@ -26,8 +27,7 @@ from emulator.report.exports import (
     tum_text,
     usable,
 )
-from emulator.report.material import Material
-from tests.unit.emulator.report.log_maker import LogMaker, material_of
+from viso.report.material import Material
 
 
 @pytest.fixture(scope="module")

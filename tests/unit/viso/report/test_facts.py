@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from emulator.report.facts import Facts, facts_of
-from emulator.report.material import Material
-from emulator.report.summary import Level, summarise
-from tests.unit.emulator.report.log_maker import LOST, NAVIGATES, VELOCITY, LogMaker, material_of
+from tests.unit.viso.report.log_maker import LOST, NAVIGATES, VELOCITY, LogMaker, material_of
+from viso.report.facts import Facts, facts_of
+from viso.report.material import Material
+from viso.report.summary import Level, summarise
 
 
 @pytest.fixture

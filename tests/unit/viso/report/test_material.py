@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emulator.report.material import Material, armed_spans, position_moves
-from emulator.report.series import overlap_s, spans_of
-from tests.unit.emulator.report.log_maker import LogMaker, material_of
+from tests.unit.viso.report.log_maker import LogMaker, material_of
+from viso.estimators.series import overlap_s, spans_of
+from viso.report.material import Material, armed_spans, position_moves
 
 
 @pytest.fixture

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emulator.report import drawing
-from emulator.report.facts import Facts, facts_of
-from emulator.report.figures import FIGURES
-from emulator.report.material import Happening, Material
-from emulator.report.page import make_page
-from emulator.report.summary import summarise
-from emulator.report.timeline import MOST_TEXTS, chosen
-from tests.unit.emulator.report.log_maker import LogMaker, material_of
+from tests.unit.viso.report.log_maker import LogMaker, material_of
+from viso.report import drawing
+from viso.report.facts import Facts, facts_of
+from viso.report.figures import FIGURES
+from viso.report.material import Happening, Material
+from viso.report.page import make_page
+from viso.report.summary import summarise
+from viso.report.timeline import MOST_TEXTS, chosen
 
 VOID = {"meta", "br", "link", "img", "hr", "input"}
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from emulator.firmware import PROFILES
-from emulator.report.parameters import ChangedParameter, ParameterFacts, parameter_facts
-from tests.unit.emulator.report.log_maker import LogMaker, material_of
+from tests.unit.viso.report.log_maker import LogMaker, material_of
+from viso.firmware.releases import PROFILES
+from viso.report.parameters import ChangedParameter, ParameterFacts, parameter_facts
 
 
 @pytest.fixture

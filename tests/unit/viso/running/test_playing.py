@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.recorded.engine import Playback, RecordedEngine
-from companion.recorded.player import Player, Text
-from companion.recorded.trajectory import RecordedTrajectory
-from emulator import playing
-from emulator.errors import InputError
-from emulator.playing import LinkPlay, write_telemetry_log
 from mav_handlers.links import read_tlog
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import make_pair
 from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
+from viso.companion.recorded.engine import Playback, RecordedEngine
+from viso.companion.recorded.player import Player, Text
+from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.errors import InputError
+from viso.running import playing
+from viso.running.playing import LinkPlay, write_telemetry_log
 
 PERIOD_NS = 250_000_000
 

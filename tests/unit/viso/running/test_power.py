@@ -8,11 +8,6 @@ from pathlib import Path
 import pytest
 
 from ap_core.verdict import Outcome
-from emulator.log_files import LogStore
-from emulator.param_memory import MemoryParamStore
-from emulator.power import Port, PoweredVehicle
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.ports import Location, OriginResult
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
@@ -23,6 +18,11 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
+from viso.logs.files import LogStore
+from viso.parameters.memory import MemoryParamStore
+from viso.running.power import Port, PoweredVehicle
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 REBOOT = 246
 ALIVE = HEARTBEAT(6, 8, 0, 0, 4, 3)

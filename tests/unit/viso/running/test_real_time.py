@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from emulator import realtime
-from emulator.power import Port, PoweredVehicle
-from emulator.realtime import Pacer
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, Message
+from viso.running import real_time as realtime
+from viso.running.power import Port, PoweredVehicle
+from viso.running.real_time import Pacer
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 class WallClock:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
 from mav_handlers.channel import Channel
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.error_state import quat_of_euler
-from ekf_stub.inertial import quat_of_rotation
-from emulator.imu.attitude import halfway, quat_of_rpy, rotate_to_body, rotation_between
+from ekf_stub.filter.error_state import quat_of_euler
+from ekf_stub.filter.inertial import quat_of_rotation
+from viso.sensors.attitude import halfway, quat_of_rpy, rotate_to_body, rotation_between
 
 ANGLES = st.floats(-math.pi, math.pi)
 ATTITUDES = st.builds(quat_of_rpy, ANGLES, st.floats(-1.5, 1.5), ANGLES)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from ekf_stub.inertial import InertialDelta
-from ekf_stub.sensors import Sensors
-from emulator.errors import InputError
-from emulator.imu.errors import NO_ERRORS, ErrorModel, SensorErrors, exact_delta, parse_errors
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.sensors import Sensors
+from viso.errors import InputError
+from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors, exact_delta, parse_errors
 
 DT = 0.0025
 PASSES = 20_000

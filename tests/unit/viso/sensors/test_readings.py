@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from emulator.imu.attitude import quat_of_rpy
-from emulator.imu.readings import ideal_field, last_reading_us
+from viso.sensors.attitude import quat_of_rpy
+from viso.sensors.readings import ideal_field, last_reading_us
 
 
 @pytest.mark.parametrize(("now_us", "reading_us"), [

@@ -14,14 +14,15 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inertial import DownSampler, InertialDelta, InertialStep
-from ekf_stub.sensors import Sensors
-from emulator.errors import InputError
-from emulator.imu.errors import SensorErrors
-from emulator.imu.options import ImuOptions
-from emulator.imu.recorded import RecordedSource, read_recorded_source
+from ekf_stub.filter.inertial import DownSampler, InertialDelta, InertialStep
+from ekf_stub.inputs.sensors import Sensors
+from tests.places import DATA
+from viso.errors import InputError
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.sensors.recorded import RecordedSource, read_recorded_source
 
-FIRMWARE_LOG = Path(__file__).parents[3] / "data" / "logs" / "prearm.BIN.xz"
+FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
 LOOP_US = 2500
 DT = 0.0025
 

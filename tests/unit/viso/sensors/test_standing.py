@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.sensors import Sensors
-from emulator.imu.bench import BenchSource
-from emulator.imu.errors import SensorErrors
-from emulator.imu.options import ImuOptions
+from ekf_stub.inputs.sensors import Sensors
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
 
 G = 9.80665
 LOOP_US = 2500

@@ -6,17 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from ekf_stub.sensors import SensorSource
-from emulator.errors import InputError
-from emulator.imu.bench import BenchSource
-from emulator.imu.follow import FollowSource
-from emulator.imu.hil import HilSource
-from emulator.imu.options import ImuOptions
-from emulator.imu.recorded import RecordedSource
-from emulator.imu.script import ScriptSource
-from emulator.imu.table import IMU_HELP, IMU_SOURCES, make_source, read_source
+from ekf_stub.inputs.sensors import SensorSource
+from tests.places import DATA
+from viso.errors import InputError
+from viso.sensors.hil.source import HilSource
+from viso.sensors.options import ImuOptions
+from viso.sensors.recorded import RecordedSource
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.standing import BenchSource
+from viso.sensors.stream.follow import FollowSource
+from viso.sensors.table import IMU_HELP, IMU_SOURCES, make_source, read_source
 
-FIRMWARE_LOG = Path(__file__).parents[3] / "data" / "logs" / "prearm.BIN.xz"
+FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
 ARGUMENTS = {"script": ":square", "log": f":{FIRMWARE_LOG}"}
 KINDS = {
     "bench": BenchSource,

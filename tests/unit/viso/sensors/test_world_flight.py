@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import quaternion
 
-from companion.vio.frames import enu_to_ned, flu_to_frd
-from companion.vio.se3 import Array, rotation_from_quat_wxyz
-from companion.world.trajectory import from_ground, nadir_survey
-from ekf_stub.error_state import GRAVITY_MSS
-from ekf_stub.inertial import quat_of_rotation
-from emulator.imu.options import ImuOptions
-from emulator.imu.world_flight import WorldFlight, WorldLeg, flight_source, rpy_of
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import quat_of_rotation
+from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz
+from viso.companion.world.trajectory import from_ground, nadir_survey
+from viso.sensors.options import ImuOptions
+from viso.sensors.world_flight import WorldFlight, WorldLeg, flight_source, rpy_of
 
 FLIGHT = from_ground(nadir_survey(8.0, 20.0), still_s=1.0, climb_s=4.0, ramp_s=2.0)
 START_S = 2.0

@@ -14,14 +14,7 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_structure import FMT, FMTU, MSG, MULT, PARM, UNIT, LogStructure
 from ap_visualodom.log_structure import VISO, VISP, VISV
-from ekf_stub.ahrs_recorded import RecordedAhrs
-from emulator.errors import InputError
-from emulator.log_sink import MemoryLog
-from emulator.recorded_log import read_log, read_recorded_states
-from emulator.replay import Replay
-from emulator.streams import Stream, StreamMessage, read_stream
-from emulator.vehicle import Vehicle, VehicleConfig
-from emulator.vehicle_config import AhrsParts, VehicleAhrs
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     PARAM_SET,
@@ -30,9 +23,17 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from tests.unit.emulator.conftest import odometry
+from tests.places import DATA
+from tests.unit.viso.conftest import odometry
+from viso.errors import InputError
+from viso.logs.recorded import read_log, read_recorded_states
+from viso.logs.sink import MemoryLog
+from viso.replay.feed import Replay
+from viso.streams.table import Stream, StreamMessage, read_stream
+from viso.vehicle.config import AhrsParts, VehicleAhrs
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-LOGS = Path(__file__).parents[2] / "data" / "logs"
+LOGS = DATA / "logs"
 LAYOUTS = {layout.name: layout for layout in (VISP, VISV, VISO)}
 START_US = 3_000_000
 EXACT = ("TimeUS", "RTimeUS", "PX", "PY", "PZ", "PErr", "AErr", "VX", "VY", "VZ", "VErr", "Rst", "Ign", "Q")

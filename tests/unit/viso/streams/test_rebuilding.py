@@ -14,8 +14,8 @@ from ap_core.fmath import f32
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import Rotation, rotate_vector
 from ap_core.vector3 import Vector3f
-from emulator.stream_kinds.rebuilding import DeltaRecord, PoseRecord, Rebuilder, VelocityRecord, covariance_of, unscaled
 from mav_handlers.covariance import pose_errors
+from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, VelocityRecord, covariance_of, unscaled
 
 LENGTHS = st.floats(-1000, 1000, width=32)
 ERRORS = st.floats(0.00999999977648258209228515625, 100, width=32)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from emulator.doctor.vehicle_data import listen
-from emulator.stream_kinds.sessions import one_session, sessions_of
-from emulator.streams import Stream, StreamMessage
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ATTITUDE, HEARTBEAT, PARAM_VALUE, SYSTEM_TIME, Message
-from tests.unit.emulator.command_line import Viso, failed_with
-from tests.unit.emulator.conftest import odometry
+from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.conftest import odometry
+from viso.doctor.measures.vehicle_data import listen
+from viso.streams.sessions import one_session, sessions_of
+from viso.streams.table import Stream, StreamMessage
 
 BEAT = HEARTBEAT(2, 3, 81, 0, 3, 3)
 LEAD_US = 30_000_000

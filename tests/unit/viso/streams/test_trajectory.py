@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.streams import Stream, TrajectoryOptions, read_stream
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY
-from tests.unit.emulator.command_line import Viso
+from tests.places import DATA
+from tests.unit.viso.command_line import Viso
+from viso.errors import InputError
+from viso.streams.table import Stream, TrajectoryOptions, read_stream
 
-FLIGHT = Path(__file__).parents[2] / "data" / "trajectories" / "flight.tum"
+FLIGHT = DATA / "trajectories" / "flight.tum"
 LEAD_US = 5_000_000
 TUM = "1.0 1 2 3 0 0 0 1\n1.1 1.5 2 3 0 0 0 1\n1.2 2 2 3 0 0 0 1\n"
 EUROC = "#timestamp,x,y,z,qw,qx,qy,qz\n" + "".join(f"{n}00000000,{n},2,3,1,0,0,0\n" for n in (10, 11, 12))

@@ -3,16 +3,16 @@
 """Small sweeps over a recorded capture, cut short."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from emulator.sweep.plan import SweepPlan
-from emulator.sweep.planning import make_plan
-from emulator.sweep.wishes import Wishes
+from tests.places import DATA
+from viso.sweep.plan import SweepPlan
+from viso.sweep.planning import make_plan
+from viso.sweep.wishes import Wishes
 
-CAPTURE = Path(__file__).parents[3] / "data" / "captures" / "mav.jsonl.gz"
+CAPTURE = DATA / "captures" / "mav.jsonl.gz"
 UNTIL_S = 5.6
 
 MakePlan = Callable[..., SweepPlan]

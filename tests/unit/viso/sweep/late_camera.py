@@ -8,11 +8,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.script_file import parse_script
 from mav_handlers.wire.codec import Codec
-from tests.unit.emulator.conftest import odometry
+from tests.unit.viso.conftest import odometry
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import parse_script
 
 END_S: Final = 14.0
 PARAMS: Final = {

@@ -5,10 +5,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from emulator.sweep.axes import Axis
-from emulator.sweep.objectives import OBJECTIVES
-from emulator.sweep.plan import InputFile, Recorded, Sampling, SweepPlan
-from emulator.sweep.store import table_rows
+from viso.sweep.axes import Axis
+from viso.sweep.objectives import OBJECTIVES
+from viso.sweep.plan import InputFile, Recorded, Sampling, SweepPlan
+from viso.sweep.store import table_rows
 
 
 def made_plan(*axes: Axis, sampling: Sampling | None = None, imu: str = "log:a.BIN", **others: Any) -> SweepPlan:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.errors import InputError
-from emulator.settings import known_parameters
-from emulator.sweep.axes import MOST_VALUES, Axis, fault_field, parse_axes
+from viso.errors import InputError
+from viso.options.settings import known_parameters
+from viso.sweep.axes import MOST_VALUES, Axis, fault_field, parse_axes
 
 TABLE = known_parameters(1)
 

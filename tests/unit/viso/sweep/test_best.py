@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from emulator.sweep.best import Best, best_along, best_rows
+from viso.sweep.best import Best, best_along, best_rows
 
 GROUP = {"stream": "s", "firmware": "f", "faults": "none", "seed": None}
 

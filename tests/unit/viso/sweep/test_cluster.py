@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.sweep.cluster import MISSING_EXTRA, run_on_cluster
-from emulator.sweep.job import run_point
-from emulator.sweep.plan import SweepPlan
-from tests.unit.emulator.sweep.conftest import MakePlan
+from tests.unit.viso.sweep.conftest import MakePlan
+from viso.errors import InputError
+from viso.sweep.cluster import MISSING_EXTRA, run_on_cluster
+from viso.sweep.job import run_point
+from viso.sweep.plan import SweepPlan
 
 KILLED_AFTER = 3
 
@@ -48,7 +48,7 @@ def test_no_result_is_lost_or_doubled_when_a_worker_is_killed(make_plan_of: Make
 
 @pytest.mark.filterwarnings("default")
 def test_scheduler_that_does_not_answer_is_one_line(plan: SweepPlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("emulator.sweep.cluster._TIMEOUT_S", 0.1)
+    monkeypatch.setattr("viso.sweep.cluster._TIMEOUT_S", 0.1)
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler answers"):
         next(run_on_cluster(plan, plan.points(), "tcp://127.0.0.1:9"))
 
@@ -59,7 +59,7 @@ def test_cluster_without_workers_is_one_line(plan: SweepPlan, monkeypatch: pytes
     import distributed
 
     cluster_of: Any = distributed.LocalCluster
-    monkeypatch.setattr("emulator.sweep.cluster._TIMEOUT_S", 1)
+    monkeypatch.setattr("viso.sweep.cluster._TIMEOUT_S", 1)
     with (
         cluster_of(n_workers=0, dashboard_address=None, host="127.0.0.1") as cluster,
         pytest.raises(InputError, match="the cluster has no workers"),

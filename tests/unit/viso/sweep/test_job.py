@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.sweep import job
-from emulator.sweep.job import Result, run_point, timeline_of
-from emulator.sweep.objectives import OBJECTIVES
-from emulator.sweep.plan import Faults, SweepPlan
-from emulator.text_files import read_lines
-from tests.unit.emulator.command_line import Viso
-from tests.unit.emulator.sweep.conftest import CAPTURE, UNTIL_S, MakePlan
+from tests.unit.viso.command_line import Viso
+from tests.unit.viso.sweep.conftest import CAPTURE, UNTIL_S, MakePlan
+from viso.errors import InputError
+from viso.files.text_files import read_lines
+from viso.sweep import job
+from viso.sweep.job import Result, run_point, timeline_of
+from viso.sweep.objectives import OBJECTIVES
+from viso.sweep.plan import Faults, SweepPlan
 
 LOSS = "faults: [{kind: loss, probability: 0.5}, {kind: delay, delay_ms: 40}]\nseed: 3\n"
 

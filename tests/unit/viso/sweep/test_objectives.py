@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from ap_core.verdict import Outcome
-from companion.evaluation import TimedPoses
-from ekf_stub import ingest_rules as rules
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.aiding import AidingMode
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.filter_watch import AidingSpan, FilterWatch, SampleTest
-from emulator.replay_run import ReplayOutcome, SaidText
-from emulator.sweep.objectives import LOWER_IS_BETTER, OBJECTIVES, Judge, Row
-from emulator.vehicle import Vehicle, VehicleConfig
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from viso.companion.trials.evaluation import TimedPoses
+from viso.fates.watch import AidingSpan, FilterWatch, SampleTest
+from viso.replay.run import ReplayOutcome, SaidText
+from viso.sweep.objectives import LOWER_IS_BETTER, OBJECTIVES, Judge, Row
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 def outcome(**values: Any) -> ReplayOutcome:

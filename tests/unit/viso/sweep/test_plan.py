@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emulator.errors import InputError
-from emulator.sweep.axes import Axis
-from emulator.sweep.plan import LATIN, RANDOM, Faults, InputFile, Recorded, Sampling, SweepPlan, check_plan, input_file
+from viso.errors import InputError
+from viso.sweep.axes import Axis
+from viso.sweep.plan import LATIN, RANDOM, Faults, InputFile, Recorded, Sampling, SweepPlan, check_plan, input_file
 
 A, B = Axis("A", (1.0, 2.0)), Axis("B", (3.0, 4.0, 5.0))
 SPAN, WHOLE = Axis("S", span=(-1.0, 1.0)), Axis("W", span=(0.0, 9.0), is_whole=True)

@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.streams import TrajectoryOptions
-from emulator.sweep.plan import Faults, Sampling
-from tests.unit.emulator.sweep.conftest import CAPTURE, MakePlan
-
-DATA = Path(__file__).parents[3] / "data"
+from tests.places import DATA
+from tests.unit.viso.sweep.conftest import CAPTURE, MakePlan
+from viso.errors import InputError
+from viso.streams.table import TrajectoryOptions
+from viso.sweep.plan import Faults, Sampling
 
 
 @pytest.mark.parametrize(("wishes", "complaint"), [

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from emulator.sweep import plot
-from emulator.sweep.axes import Axis
-from emulator.sweep.plan import Faults, Sampling, SweepPlan
-from emulator.sweep.plot import save_plot
-from tests.unit.emulator.sweep.made import made_plan, made_rows
+from tests.unit.viso.sweep.made import made_plan, made_rows
+from viso.sweep import plot
+from viso.sweep.axes import Axis
+from viso.sweep.plan import Faults, Sampling, SweepPlan
+from viso.sweep.plot import save_plot
 
 DELAY = Axis("VISO_DELAY_MS", (0.0, 10.0, 20.0, 30.0))
 GATE = Axis("EK3_POS_I_GATE", (300.0, 500.0, 700.0))

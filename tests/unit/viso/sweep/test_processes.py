@@ -9,11 +9,11 @@ from contextlib import closing
 
 import pytest
 
-from emulator.sweep import processes
-from emulator.sweep.job import Result, run_point
-from emulator.sweep.plan import Point, SweepPlan
-from emulator.sweep.processes import KILLED, default_jobs, run_in_processes
-from tests.unit.emulator.sweep.conftest import MakePlan
+from tests.unit.viso.sweep.conftest import MakePlan
+from viso.sweep import processes
+from viso.sweep.job import Result, run_point
+from viso.sweep.plan import Point, SweepPlan
+from viso.sweep.processes import KILLED, default_jobs, run_in_processes
 
 FATAL = 13.0
 

@@ -2,20 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """References on the clock of the vehicle, and the error that is measured against them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from ekf_stub.ahrs_recorded import RecordedStates
-from emulator.errors import InputError
-from emulator.streams import TrajectoryOptions
-from emulator.sweep import reference
-from emulator.sweep.job import run_point
-from emulator.sweep.reference import read_reference
-from tests.unit.emulator.sweep.conftest import CAPTURE, MakePlan
+from ekf_stub.ahrs.ahrs_recorded import RecordedStates
+from tests.places import DATA
+from tests.unit.viso.sweep.conftest import CAPTURE, MakePlan
+from viso.errors import InputError
+from viso.streams.table import TrajectoryOptions
+from viso.sweep import reference
+from viso.sweep.job import run_point
+from viso.sweep.reference import read_reference
 
-DATA = Path(__file__).parents[3] / "data"
 FLIGHT = DATA / "trajectories" / "flight.tum"
 LOG = DATA / "logs" / "prearm.BIN.xz"
 USUAL = TrajectoryOptions()

@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulator.errors import InputError
-from emulator.sweep.axes import Axis
-from emulator.sweep.job import Result
-from emulator.sweep.objectives import OBJECTIVES, Row
-from emulator.sweep.plan import InputFile, Recorded, SweepPlan
-from emulator.sweep.store import CSV, DEFINITION, JOURNAL, PARQUET, SweepFolder, columns, table_rows
+from viso.errors import InputError
+from viso.sweep.axes import Axis
+from viso.sweep.job import Result
+from viso.sweep.objectives import OBJECTIVES, Row
+from viso.sweep.plan import InputFile, Recorded, SweepPlan
+from viso.sweep.store import CSV, DEFINITION, JOURNAL, PARQUET, SweepFolder, columns, table_rows
 
 PLAN = SweepPlan(
     (Recorded("one", InputFile("/one.tum", "0" * 64), "follow"),),

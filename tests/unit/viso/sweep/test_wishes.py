@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from emulator.errors import InputError
-from emulator.sweep.planning import make_plan
-from emulator.sweep.wishes import Wishes, read_wishes
-from tests.unit.emulator.sweep.conftest import CAPTURE
+from tests.places import DATA
+from tests.unit.viso.sweep.conftest import CAPTURE
+from viso.errors import InputError
+from viso.sweep.planning import make_plan
+from viso.sweep.wishes import Wishes, read_wishes
 
-DATA = Path(__file__).parents[3] / "data"
 WHOLE = """
 streams = ["mav.jsonl.gz", "other/t265.jsonl.gz"]
 faults = ["none", "loss.yaml"]

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from ap_core.verdict import Outcome
-from emulator import console
-from emulator.console import VerdictCounts, progress, reason_of, verdict_rows, verdict_table
 from mav_handlers.all_verdicts import ALL_VERDICTS as VERDICTS
+from viso.terminal import console
+from viso.terminal.console import VerdictCounts, progress, reason_of, verdict_rows, verdict_table
 
 COUNTS: VerdictCounts = {
     ("ODOMETRY", Outcome.IGNORED, "quality_below_min"): 3,

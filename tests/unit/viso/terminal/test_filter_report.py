@@ -8,8 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from ap_core.verdict import Outcome
-from ekf_stub.aiding import AidingMode
-from emulator.filter_report import (
+from ekf_stub.fusion.aiding import AidingMode
+from viso.fates.watch import AidingSpan, Innovations
+from viso.terminal.filter_report import (
     aiding_rows,
     aiding_table,
     filter_rows,
@@ -18,7 +19,6 @@ from emulator.filter_report import (
     innovation_table,
     tables_of,
 )
-from emulator.filter_watch import AidingSpan, Innovations
 
 COUNTS = {("pose", "model_gate_position"): 2, ("pose", "taken"): 9, ("pose", "too_soon"): 4, ("yaw", "model_fused"): 7}
 SPANS = [AidingSpan(0, 5_117_500, AidingMode.NONE), AidingSpan(5_117_500, 35_000_000, AidingMode.ABSOLUTE)]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from emulator.line_writer import LineWriter
+from viso.terminal.line_writer import LineWriter
 
 
 class Pipe(NamedTuple):

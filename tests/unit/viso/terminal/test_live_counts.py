@@ -8,9 +8,9 @@ from io import StringIO
 from rich.console import Console
 
 from ap_core.verdict import Outcome
-from emulator.console import VerdictCounts
-from emulator.live_counts import REFRESH_US, LiveCounts
 from mav_handlers.verdicts import NOT_ADDRESSED
+from viso.terminal.console import VerdictCounts
+from viso.terminal.live_counts import REFRESH_US, LiveCounts
 
 CODE = NOT_ADDRESSED.rule.code
 LINE_UP_AND_CLEAR = "\x1b[1A\x1b[2K"

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ekf_stub.ahrs_recorded import RecordedAhrs, RecordedStates
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.console import out
-from emulator.live_report import LiveReport
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from tests.unit.emulator.conftest import BOOTED_US, Bench
+from tests.unit.viso.conftest import BOOTED_US, Bench
+from viso.terminal.console import out
+from viso.terminal.live_report import LiveReport
 
 
 def at(after_boot_s: float) -> str:

@@ -8,11 +8,11 @@ import sys
 
 import pytest
 
-from emulator.long_lived import uncollected
+from viso.terminal.long_lived import uncollected
 
 PROGRAM = """
 import gc
-from emulator.long_lived import long_lived, uncollected
+from viso.terminal.long_lived import long_lived, uncollected
 with uncollected():
     kept = [[number] for number in range(100_000)]
     assert gc.get_count()[0] > 100_000

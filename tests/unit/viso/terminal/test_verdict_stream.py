@@ -10,11 +10,13 @@ from pathlib import Path
 import pytest
 
 from ap_core.verdict import Rule
-from ekf_stub import ingest_rules as rules
-from ekf_stub.ext_nav_ingest import FilterOutcome
-from emulator.errors import InputError
-from emulator.line_writer import LineWriter
-from emulator.verdict_stream import (
+from ekf_stub.inputs import ingest_rules as rules
+from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from mav_handlers.endpoint import MessageEvent
+from tests.unit.viso.conftest import BOOTED_US, Bench, odometry
+from viso.errors import InputError
+from viso.terminal.line_writer import LineWriter
+from viso.terminal.verdict_stream import (
     VerdictFormat,
     VerdictStream,
     create_verdict_file,
@@ -23,8 +25,6 @@ from emulator.verdict_stream import (
     json_line,
     text_line,
 )
-from mav_handlers.endpoint import MessageEvent
-from tests.unit.emulator.conftest import BOOTED_US, Bench, odometry
 
 LINK = "udpin:0.0.0.0:14550"
 

@@ -4,7 +4,7 @@
 
 import pytest
 
-from emulator.testing import Autopilot, AutopilotOptions
+from viso.testing import Autopilot, AutopilotOptions
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from ap_core.verdict import Outcome
-from emulator.filter_fates import Fate
-from emulator.testing import Autopilot, AutopilotOptions
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT
-from tests.unit.emulator.testing.sample_odometry import odometry
+from tests.unit.viso.testing.sample_odometry import odometry
+from viso.fates.words import Fate
+from viso.testing import Autopilot, AutopilotOptions
 
 
 def fly(autopilot: Autopilot, count: int) -> None:

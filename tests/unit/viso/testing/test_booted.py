@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from emulator.presets import PRESETS
-from emulator.testing import AutopilotOptions
-from emulator.testing.booted import READY_US, BootedVehicle, boot, booted_vehicle
 from mav_handlers.wire.codec import Codec
-from tests.unit.emulator.testing.sample_odometry import odometry
+from tests.places import ROOT
+from tests.unit.viso.testing.sample_odometry import odometry
+from viso.options.presets import PRESETS
+from viso.testing import AutopilotOptions
+from viso.testing.booted import READY_US, BootedVehicle, boot, booted_vehicle
 
 
 def flown(booted: BootedVehicle) -> tuple[bytes, bytes]:
@@ -61,7 +62,7 @@ def test_file_is_read_each_time(tmp_path: Path) -> None:
     options = AutopilotOptions(imu=f"script:{script}")
     with pytest.raises(ValueError, match=r"turn\.toml"):
         booted_vehicle(options)
-    example = next((Path(__file__).parents[4] / "emulator" / "imu" / "example_scripts").glob("*.toml"))
+    example = next((ROOT / "viso" / "sensors" / "script" / "example_scripts").glob("*.toml"))
     script.write_text(example.read_text())
     assert booted_vehicle(options).scheduler.now_us == READY_US
     script.unlink()

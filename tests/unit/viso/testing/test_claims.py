@@ -6,9 +6,9 @@ import pytest
 
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN
-from emulator.testing import MessageVerdict, StatusText, claims
 from mav_handlers.verdicts import BAD_CRC, HANDLED, NO_HANDLER, ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
+from viso.testing import MessageVerdict, StatusText, claims
 
 
 def met(verdict: Verdict, name: str = "ODOMETRY", time_us: int = 8_000_000) -> MessageVerdict:

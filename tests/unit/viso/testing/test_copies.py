@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from emulator.testing.copies import Copies
 from mav_handlers.verdicts import HANDLED
+from viso.testing.copies import Copies
 
 
 @dataclass

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ap_core.log_field import LogValue
-from emulator.testing import Record
-from emulator.testing.golden import GoldenFiles, line_of
+from viso.testing import Record
+from viso.testing.golden import GoldenFiles, line_of
 
 
 def record(time_us: int = 7, **fields: LogValue) -> Record:

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from emulator.testing.sender import Sender
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY, PARAM_SET
-from tests.unit.emulator.testing.sample_odometry import odometry
+from tests.unit.viso.testing.sample_odometry import odometry
+from viso.testing.sender import Sender
 
 
 def read(frame: bytes) -> Received:

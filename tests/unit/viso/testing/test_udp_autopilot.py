@@ -10,10 +10,10 @@ from collections.abc import Iterator
 import pytest
 from pymavlink import mavutil
 
-from emulator.testing import UdpAutopilot
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
-from tests.unit.emulator.testing.sample_odometry import odometry
+from tests.unit.viso.testing.sample_odometry import odometry
+from viso.testing import UdpAutopilot
 
 GREETING = HEARTBEAT(18, 8, 0, 0, 4, 3)
 

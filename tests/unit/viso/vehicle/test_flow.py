@@ -16,10 +16,10 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from emulator.log_structure import OF
-from emulator.mavlink_flow import MavlinkFlow
-from emulator.parameters import make_groups
 from mav_handlers.wire.messages import OPTICAL_FLOW
+from viso.firmware.log_releases import OF
+from viso.parameters.table import make_groups
+from viso.vehicle.flow import MavlinkFlow
 
 UPDATE_US = 5000
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from emulator.mavlink_gps_driver import UNKNOWN_DOP, GpsState, Ignore, MavlinkGpsDriver
 from mav_handlers.wire.messages import GPS_INPUT
+from viso.vehicle.gps_driver import UNKNOWN_DOP, GpsState, Ignore, MavlinkGpsDriver
 
 FIRST = GPS_INPUT(
     0, 0, 0, 100_000, 2300, 3, 473977418, 85455938, 488.5, 0.5, 0.75, 1.0, 2.0, 3.0, 0.25, 0.5, 1.5, 11, 9000

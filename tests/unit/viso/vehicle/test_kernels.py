@@ -7,13 +7,13 @@ import sys
 
 import pytest
 
-from ekf_stub.compiled_state import CompiledErrorState
-from ekf_stub.error_state import ErrorState
-from ekf_stub.kernel import PLAIN
-from emulator.errors import InputError
-from emulator.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, kernel_of
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
+from ekf_stub.compiled.compiled_state import CompiledErrorState
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.kernel import PLAIN
+from viso.errors import InputError
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, kernel_of
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 RUNNING_US = 5_000_000
 
@@ -44,7 +44,7 @@ def test_unknown_kernel_is_refused_and_the_known_ones_named() -> None:
 def test_without_the_extra_it_goes_on_plain_and_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setitem(sys.modules, "ekf_stub.compiled_pass", None)  # as if it could not be imported
+    monkeypatch.setitem(sys.modules, "ekf_stub.compiled.compiled_pass", None)  # as if it could not be imported
     with caplog.at_level(logging.WARNING):
         assert kernel_of("numba") is PLAIN
     assert "pip install 'viso[numba]'" in caplog.text

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from emulator.parameters import make_groups
-from emulator.rtc import OLDEST_VALID_UTC_US, Rtc, RtcSource
+from viso.parameters.table import make_groups
+from viso.vehicle.rtc import OLDEST_VALID_UTC_US, Rtc, RtcSource
 
 NOON_US = 1_780_000_000_000_000
 ALL_TYPES = 7

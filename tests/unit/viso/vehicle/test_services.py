@@ -11,13 +11,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.verdict import Verdict
-from emulator.log_files import LogStore
-from emulator.param_store import ParamStore
-from emulator.scheduler import Scheduler
-from emulator.vehicle import Vehicle, VehicleConfig
-from mav_handlers.ftp_wire import Request
-from mav_handlers.param_pck import parse_query
-from mav_handlers.signing import MemoryKeyStore
+from mav_handlers.signing.state import MemoryKeyStore
+from mav_handlers.transfers.ftp_wire import Request
+from mav_handlers.transfers.param_pck import parse_query
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -35,6 +31,10 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
+from viso.logs.files import LogStore
+from viso.parameters.store import ParamStore
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from companion.sources.base import Recording, make_frame
-from companion.trial import Event, Height
-from companion.vio.types import ImuSample, NavCameraFrame
-from companion.world.flight import HeightMeasurement
-from emulator.vio_feed import HandedFrames, RecordingFeed, time_of
-from tests.unit.companion.vio.strategy_rig import make_calibration
+from tests.unit.viso.companion.vio.strategy_rig import make_calibration
+from viso.companion.sources.base import Recording, make_frame
+from viso.companion.trials.trial import Event, Height
+from viso.companion.vio.types import ImuSample, NavCameraFrame
+from viso.companion.world.flight import HeightMeasurement
+from viso.vio.feed import HandedFrames, RecordingFeed, time_of
 
 MS = 1_000_000
 

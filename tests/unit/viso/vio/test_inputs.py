@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.evaluation import TimedPoses
-from companion.sources.base import Recording, SourceOptions
-from companion.sources.camera import LiveCamera
-from companion.trial import Event
-from companion.vio.config import VioConfig
-from emulator.errors import InputError
-from emulator.vio_inputs import check_place, configured, known_truth, opened, rotation_of
-from tests.unit.companion.vio.strategy_rig import make_calibration
+from tests.unit.viso.companion.vio.strategy_rig import make_calibration
+from viso.companion.sources.base import Recording, SourceOptions
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.trials.trial import Event
+from viso.companion.vio.config import VioConfig
+from viso.errors import InputError
+from viso.vio.inputs import check_place, configured, known_truth, opened, rotation_of
 
 
 def nothing() -> Iterator[Event]:

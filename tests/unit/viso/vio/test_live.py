@@ -13,20 +13,6 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
-from companion.sources.base import Recording, SourceError, SourceOptions
-from companion.sources.camera import LiveCamera
-from companion.sources.recordings import open_video
-from companion.strategies.klt_ransac import KltRansac
-from companion.trial import Event
-from companion.vio.config import AglSource, VioConfig
-from companion.vio.runtime import VioRuntime
-from companion.vio.se3 import SE3
-from companion.vio.types import ImuBias, VioState, WarmStartPose
-from companion.world.flight import HeightMeasurement
-from emulator import vio_live
-from emulator.vio_feed import HandedFrames
-from emulator.vio_live import LiveVio
-from emulator.vio_log import VioLog
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
@@ -40,7 +26,21 @@ from mav_handlers.wire.messages import (
     STATUSTEXT,
     Message,
 )
-from tests.unit.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.sources.recordings import open_video
+from viso.companion.strategies.klt_ransac import KltRansac
+from viso.companion.trials.trial import Event
+from viso.companion.vio.config import AglSource, VioConfig
+from viso.companion.vio.runtime import VioRuntime
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
+from viso.companion.world.flight import HeightMeasurement
+from viso.vio import live as vio_live
+from viso.vio.feed import HandedFrames
+from viso.vio.live import LiveVio
+from viso.vio.log import VioLog
 
 ALIVE = HEARTBEAT(2, 3, 0, 0, 4, 3)
 LEVEL_EAST = (0.0, 0.0, np.pi / 2, 0.0, 0.0, 0.0)

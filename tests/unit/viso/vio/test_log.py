@@ -5,11 +5,11 @@
 import numpy as np
 import pytest
 
-from companion.evaluation import TimedPoses
-from companion.vio.config import AglSource, VioConfig
-from companion.vio.types import VioState
-from emulator.vio_log import VioLog, tum_lines
-from tests.unit.emulator.vio_updates import SECOND_NS, Flight, flown
+from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.config import AglSource, VioConfig
+from viso.companion.vio.types import VioState
+from viso.vio.log import VioLog, tum_lines
 
 
 def test_poses_are_those_of_the_outputs() -> None:

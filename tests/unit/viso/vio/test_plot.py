@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from companion.evaluation import TimedPoses
-from companion.vio.config import VioConfig
-from companion.vio.types import VioState
-from emulator.vio_log import VioLog
-from emulator.vio_plot import save_plot
-from tests.unit.emulator.vio_updates import SECOND_NS, Flight, flown
+from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.types import VioState
+from viso.vio.log import VioLog
+from viso.vio.plot import save_plot
 
 MIXED = Flight().init().fly(4).fly(3, VioState.DEGRADED).fly(2).lose()
 

@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from companion.sources.base import Recording, SourceError, SourceOptions
-from companion.sources.recordings import open_video
-from companion.trial import Event
-from emulator import vio_session
-from emulator.errors import InputError
-from emulator.vio_log import VioLog
-from emulator.vio_session import VioSession, event_logger, printable
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
-from tests.unit.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
+from viso.companion.sources.recordings import open_video
+from viso.companion.trials.trial import Event
+from viso.errors import InputError
+from viso.vio import session as vio_session
+from viso.vio.log import VioLog
+from viso.vio.session import VioSession, event_logger, printable
 
 ALIVE = HEARTBEAT(2, 3, 0, 0, 4, 3)
 SILENT = logging.Logger("test", logging.CRITICAL)

@@ -8,12 +8,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from companion.evaluation import TimedPoses
-from companion.vio.config import VioConfig
-from companion.vio.types import VioState
-from emulator.vio_log import VioLog
-from emulator.vio_tables import STYLES, live_table, summary_table
-from tests.unit.emulator.vio_updates import SECOND_NS, Flight, flown
+from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.types import VioState
+from viso.vio.log import VioLog
+from viso.vio.tables import STYLES, live_table, summary_table
 
 
 def drawn(table: Table) -> str:

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.odometry.clock_sync import ClockSync
-from companion.vio.frames import yaw_of_heading
-from companion.vio.se3 import yaw_of
-from companion.vio.types import NavCameraFrame, VioState
-from companion.vio.update import VioUpdate
-from emulator.virtual_companion import AutopilotState, VirtualCompanion
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ATTITUDE_QUATERNION, LOCAL_POSITION_NED
-from tests.unit.emulator.closed_loop import make_setup
+from tests.unit.viso.closed_loop.hops import make_setup
+from viso.companion.odometry.clock_sync import ClockSync
+from viso.companion.vio.frames import yaw_of_heading
+from viso.companion.vio.se3 import yaw_of
+from viso.companion.vio.types import NavCameraFrame, VioState
+from viso.companion.vio.update import VioUpdate
+from viso.vio.virtual_companion import AutopilotState, VirtualCompanion
 
 ORIGIN_W = np.array([5.0, -3.0, 0.25])
 HEADING_RAD = 0.4

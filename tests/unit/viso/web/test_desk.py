@@ -11,12 +11,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ap_core.verdict import Verdict
-from emulator.web.desk import ACTIONS, REQUESTS_WAITING, Desk
-from emulator.web.faults import FaultSwitches
-from emulator.web.seen import Answer
 from mav_handlers.verdicts import PARAM_NOT_FINITE, PARAM_UNKNOWN
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE
-from tests.unit.emulator.conftest import Bench
+from tests.unit.viso.conftest import Bench
+from viso.web.desk import ACTIONS, REQUESTS_WAITING, Desk
+from viso.web.faults import FaultSwitches
+from viso.web.seen import Answer
 
 
 def ask(bench: Bench, desk: Desk | None = None, **request: Any) -> Answer:

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from emulator.web.faults import SWITCHES, FaultSwitches, FaultyLink
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, Message
-from tests.unit.emulator.conftest import odometry
+from tests.unit.viso.conftest import odometry
+from viso.web.faults import SWITCHES, FaultSwitches, FaultyLink
 
 ALIVE = HEARTBEAT(6, 8, 0, 0, 4, 3)
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from emulator.web.desk import Desk
-from emulator.web.encoding import encode
-from emulator.web.faults import FaultSwitches
-from emulator.web.feed import Feed
-from emulator.web.live_state import LiveState
-from emulator.web.seen import SeenBoot
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from mav_handlers.wire.messages import HEARTBEAT
-from tests.unit.emulator.conftest import Bench, odometry
+from tests.unit.viso.conftest import Bench, odometry
+from viso.web.desk import Desk
+from viso.web.encoding import encode
+from viso.web.faults import FaultSwitches
+from viso.web.feed import Feed
+from viso.web.live_state import LiveState
+from viso.web.seen import SeenBoot
 
 INDOORS = {
     "VISO_TYPE": 1.0,

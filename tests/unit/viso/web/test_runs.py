@@ -5,7 +5,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.web.runs import GAP_US, RunKey, Runs
+from viso.web.runs import GAP_US, RunKey, Runs
 
 GOOD = RunKey("link", "ODOMETRY", "1:197", "accepted", "consumed")
 BAD = RunKey("link", "ODOMETRY", "1:197", "dropped", "odometry_frames")

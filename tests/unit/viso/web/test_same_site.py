@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from emulator.web.same_site import is_own_name, is_same_site
+from viso.web.same_site import is_own_name, is_same_site
 
 
 @pytest.mark.parametrize(

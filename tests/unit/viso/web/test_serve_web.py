@@ -4,17 +4,17 @@
 
 import gc
 import sys
-from pathlib import Path
 
 import pytest
 
-from emulator import long_lived
-from emulator.web.desk import ACTIONS
-from emulator.web.faults import SWITCHES
-from emulator.web.live_view import LiveView
-from tests.unit.emulator.command_line import Viso, failed_with
+from tests.places import ROOT
+from tests.unit.viso.command_line import Viso, failed_with
+from viso.terminal import long_lived
+from viso.web.desk import ACTIONS
+from viso.web.faults import SWITCHES
+from viso.web.live_view import LiveView
 
-PAGE = Path(__file__).parents[4] / "docs" / "web.md"
+PAGE = ROOT / "docs" / "web.md"
 
 
 def test_address_is_printed_and_everything_closes_at_the_end(serve: Viso) -> None:
@@ -48,7 +48,7 @@ def test_address_that_is_none_is_one_line(serve: Viso, address: str) -> None:
 
 
 def test_without_the_extra_it_says_what_to_install(serve: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "emulator.web.server", raising=False)
+    monkeypatch.delitem(sys.modules, "viso.web.server", raising=False)
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     line = "--web: the live view is served with starlette; install it with: pip install 'viso[web]'"
     assert failed_with(serve("--web", "0"), line)

@@ -16,14 +16,14 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
-import emulator.web
-from emulator.errors import InputError
-from emulator.web.live_view import LiveView
-from emulator.web.server import FILES, MAX_CLIENTS, MESSAGES_WAITING, Client
-from tests.unit.emulator.conftest import Bench
+from tests.places import ROOT
+from tests.unit.viso.conftest import Bench
+from viso.errors import InputError
+from viso.web.live_view import LiveView
+from viso.web.server import FILES, MAX_CLIENTS, MESSAGES_WAITING, Client
 
 LIMIT_S = 20.0
-STATIC = Path(emulator.web.__file__).parent / "static"
+STATIC = ROOT / "viso" / "web" / "static"
 
 
 class Served:

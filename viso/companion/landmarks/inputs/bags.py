@@ -4,7 +4,7 @@
 
 A topic may be missing from a bag, but not all of them. Odometry (or a stamped pose) is in ENU unless said to be in NED;
 ``CameraInfo`` and ``NavSatFix`` are as ROS has them, and the others are JSON in ``std_msgs/String``, as
-``companion.landmarks.inputs.json_lines`` describes it.
+``viso.companion.landmarks.inputs.json_lines`` describes it.
 """
 
 from collections import Counter
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from companion.landmarks.inputs.base import (
+from viso.companion.landmarks.inputs.base import (
     LARGEST_M,
     LARGEST_S,
     Clock,
@@ -22,10 +22,10 @@ from companion.landmarks.inputs.base import (
     counted,
     not_null_island,
 )
-from companion.landmarks.inputs.json_lines import JsonReader
-from companion.landmarks.inputs.poses import pose_from_enu, pose_from_ned, rotation_of_quat
-from companion.landmarks.types import CameraInfo, Event, GeodeticPoint, GlobalFix
-from companion.recorded.bag_formats import one_line_errors
+from viso.companion.landmarks.inputs.json_lines import JsonReader
+from viso.companion.landmarks.inputs.poses import pose_from_enu, pose_from_ned, rotation_of_quat
+from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, GlobalFix
+from viso.companion.recorded.bag_formats import one_line_errors
 
 STRING: Final = "std_msgs/msg/String"
 POSES: Final = frozenset(

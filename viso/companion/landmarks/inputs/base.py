@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from typing import Any, Final, Protocol
 
-from companion.landmarks.types import Event
+from viso.companion.landmarks.types import Event
 
 LARGEST_M: Final = 1e8
 """No coordinate is larger; those of UTM reach 1e7."""

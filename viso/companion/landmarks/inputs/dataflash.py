@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from companion.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message
-from companion.landmarks.inputs.base import Clock, InputFileError, Refused, counted, not_null_island
-from companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
-from companion.landmarks.types import Event, GeodeticPoint, GlobalFix
 from mav_handlers.wire.messages import ADSB_VEHICLE
+from viso.companion.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message
+from viso.companion.landmarks.inputs.base import Clock, InputFileError, Refused, counted, not_null_island
+from viso.companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
+from viso.companion.landmarks.types import Event, GeodeticPoint, GlobalFix
 
 GPS_EPOCH_S: Final = 315_964_800
 WEEK_S: Final = 604_800

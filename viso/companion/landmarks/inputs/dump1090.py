@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from companion.landmarks.inputs.base import (
+from viso.companion.landmarks.inputs.base import (
     LARGEST_S,
     NO_POSITION,
     NO_TIME,
@@ -25,8 +25,8 @@ from companion.landmarks.inputs.base import (
     number,
     optional_number,
 )
-from companion.landmarks.inputs.lines import file_lines
-from companion.landmarks.types import AircraftReport, Event
+from viso.companion.landmarks.inputs.lines import file_lines
+from viso.companion.landmarks.types import AircraftReport, Event
 
 SAME_POSITION_S: Final = 0.25
 """Two snapshots give the time of one position with a difference below this, as they round to 0.1 s."""

@@ -8,15 +8,15 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from companion.landmarks.inputs.bags import BagFile, BagTopics
-from companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
-from companion.landmarks.inputs.dataflash import DataFlashFile, ReadLog
-from companion.landmarks.inputs.dump1090 import Dump1090Folder, Dump1090Reader
-from companion.landmarks.inputs.json_lines import JsonReader
-from companion.landmarks.inputs.lines import TextFile, file_lines
-from companion.landmarks.inputs.mode_s import ModeSReader, is_frame
-from companion.landmarks.inputs.sbs1 import OTHER_TYPES, Sbs1Reader
-from companion.landmarks.inputs.vehicle import TlogFile
+from viso.companion.landmarks.inputs.bags import BagFile, BagTopics
+from viso.companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
+from viso.companion.landmarks.inputs.dataflash import DataFlashFile, ReadLog
+from viso.companion.landmarks.inputs.dump1090 import Dump1090Folder, Dump1090Reader
+from viso.companion.landmarks.inputs.json_lines import JsonReader
+from viso.companion.landmarks.inputs.lines import TextFile, file_lines
+from viso.companion.landmarks.inputs.mode_s import ModeSReader, is_frame
+from viso.companion.landmarks.inputs.sbs1 import OTHER_TYPES, Sbs1Reader
+from viso.companion.landmarks.inputs.vehicle import TlogFile
 
 KNOWN: Final = (
     "JSON lines, aircraft.json or a folder of them, BaseStation lines, Mode-S frames, .BIN, .tlog, "

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from companion.landmarks.types import AircraftReport
+from viso.companion.landmarks.types import AircraftReport
 
 HELD_S: Final = 15.0
 """An altitude or velocity older than this says nothing of a position any more."""

@@ -23,7 +23,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from companion.landmarks.inputs.base import (
+from viso.companion.landmarks.inputs.base import (
     LARGEST_M,
     LARGEST_S,
     NO_POSITION,
@@ -35,9 +35,9 @@ from companion.landmarks.inputs.base import (
     number,
     optional_number,
 )
-from companion.landmarks.inputs.dump1090 import Dump1090Reader, parsed_json
-from companion.landmarks.inputs.poses import pose_from_enu, rotation_of_quat
-from companion.landmarks.types import (
+from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader, parsed_json
+from viso.companion.landmarks.inputs.poses import pose_from_enu, rotation_of_quat
+from viso.companion.landmarks.types import (
     AircraftReport,
     CameraInfo,
     Detection,

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final, TextIO
 
-from companion.landmarks.inputs.base import Clock, InputFileError, LineReader
-from companion.landmarks.types import Event
+from viso.companion.landmarks.inputs.base import Clock, InputFileError, LineReader
+from viso.companion.landmarks.types import Event
 
 LONGEST_LINE_BYTES: Final = 1 << 20
 _GZIP_MAGIC: Final = b"\x1f\x8b"

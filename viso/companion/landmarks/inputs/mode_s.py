@@ -12,9 +12,9 @@ import re
 from collections import Counter
 from typing import Any, Final
 
-from companion.landmarks.inputs.base import LARGEST_S, NO_TIME, NOT_ICAO, Clock, InputFileError, Refused, counted
-from companion.landmarks.inputs.held import HeldReports
-from companion.landmarks.types import Event
+from viso.companion.landmarks.inputs.base import LARGEST_S, NO_TIME, NOT_ICAO, Clock, InputFileError, Refused, counted
+from viso.companion.landmarks.inputs.held import HeldReports
+from viso.companion.landmarks.types import Event
 
 MISSING_EXTRA: Final = "raw Mode-S frames are decoded with pyModeS; install it with: pip install 'viso[landmarks]'"
 COUNTER_HZ: Final = 12e6

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from companion.landmarks.inputs.base import LARGEST_M, Refused
-from companion.landmarks.types import VehiclePose
-from companion.vio.frames import enu_to_ned, flu_to_frd
-from companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
+from viso.companion.landmarks.inputs.base import LARGEST_M, Refused
+from viso.companion.landmarks.types import VehiclePose
+from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
 
 _UNIT_LENGTH = 0.05
 

@@ -17,9 +17,9 @@ from collections import Counter
 from datetime import UTC, datetime
 from typing import Final
 
-from companion.landmarks.inputs.base import NO_POSITION, NO_TIME, Clock, Refused, counted, icao_of, not_null_island
-from companion.landmarks.inputs.held import HeldReports
-from companion.landmarks.types import Event
+from viso.companion.landmarks.inputs.base import NO_POSITION, NO_TIME, Clock, Refused, counted, icao_of, not_null_island
+from viso.companion.landmarks.inputs.held import HeldReports
+from viso.companion.landmarks.types import Event
 
 FIELDS: Final = 22
 OTHER_TYPES: Final = frozenset({"SEL", "ID", "AIR", "STA", "CLK"})

@@ -16,10 +16,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from companion.landmarks.adsb_vehicle import from_message
-from companion.landmarks.inputs.base import Clock, InputFileError, Refused, counted, not_null_island
-from companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
-from companion.landmarks.types import Event, GeodeticPoint, GlobalFix
 from mav_handlers.links.tlog import TlogError, read_tlog
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
@@ -29,6 +25,10 @@ from mav_handlers.wire.messages import (
     LOCAL_POSITION_NED,
     Message,
 )
+from viso.companion.landmarks.adsb_vehicle import from_message
+from viso.companion.landmarks.inputs.base import Clock, InputFileError, Refused, counted, not_null_island
+from viso.companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
+from viso.companion.landmarks.types import Event, GeodeticPoint, GlobalFix
 
 POSITION_REACH_S: Final = 1.0
 """A position is carried on with its velocity for no longer than this."""

@@ -4,7 +4,6 @@
 
 from typing import Any
 
-from companion.faults import Injector, inject, parse_timeline, run_through
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
@@ -17,6 +16,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.companion.faults import Injector, inject, parse_timeline, run_through
 
 BEAT = HEARTBEAT(18, 8, 0, 0, 4, 3)
 STAMP_US = 5_000_000

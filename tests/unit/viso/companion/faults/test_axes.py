@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.recorded.axes import axes_matrix
-from companion.vio.se3 import rotation_from_quat_wxyz
-from tests.unit.companion.faults.rig import (
+from tests.unit.viso.companion.faults.rig import (
     BEAT,
     after_one,
     delta,
@@ -22,6 +20,8 @@ from tests.unit.companion.faults.rig import (
     position,
     speed,
 )
+from viso.companion.recorded.axes import axes_matrix
+from viso.companion.vio.se3 import rotation_from_quat_wxyz
 
 ENU_FLU = "kind: axes, world_axes: ENU, body_axes: FLU"
 RIGHT_HANDED = ("NED", "ENU", "NWU", "FRD", "FLU", "RDF", "BLD", "DBL")

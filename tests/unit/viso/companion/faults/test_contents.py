@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.unit.companion.faults.rig import (
+from tests.unit.viso.companion.faults.rig import (
     BEAT,
     after,
     after_one,

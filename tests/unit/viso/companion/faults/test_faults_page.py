@@ -3,14 +3,14 @@
 """What the page about faults shows is true."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-from companion.faults import FAULTS, load_timeline, parse_timeline
-from companion.faults.parameters import parameters_of
+from tests.places import ROOT
+from viso.companion.faults import FAULTS, load_timeline, parse_timeline
+from viso.companion.faults.parameters import parameters_of
 
-DOCS = Path(__file__).parents[4] / "docs"
+DOCS = ROOT / "docs"
 PAGE = (DOCS / "faults.md").read_text(encoding="utf-8")
 
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.faults import FAULTS, Injector, TimedFrame, Timeline, inject, parse_timeline, run_through
-from companion.faults.packet import read_packet
-from companion.faults.timeline import Entry, make_entry
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.signature import LinkSigning, SigningStreams
-from tests.unit.companion.faults.rig import BEAT, delta, encoded, every_kind, mocap, odometry, position, speed
+from tests.unit.viso.companion.faults.rig import BEAT, delta, encoded, every_kind, mocap, odometry, position, speed
+from viso.companion.faults import FAULTS, Injector, TimedFrame, Timeline, inject, parse_timeline, run_through
+from viso.companion.faults.packet import read_packet
+from viso.companion.faults.timeline import Entry, make_entry
 
 NUMBERS = st.floats(width=32)
 POSES = st.one_of(

@@ -10,9 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.faults.poses import euler_from_quat, quat_from_euler, turned
-from companion.vio.se3 import rotation_from_quat_wxyz
-from tests.unit.companion.faults.rig import (
+from tests.unit.viso.companion.faults.rig import (
     BEAT,
     EAST,
     after,
@@ -26,6 +24,8 @@ from tests.unit.companion.faults.rig import (
     position,
     speed,
 )
+from viso.companion.faults.poses import euler_from_quat, quat_from_euler, turned
+from viso.companion.vio.se3 import rotation_from_quat_wxyz
 
 ANGLES = st.floats(-3.1, 3.1)
 

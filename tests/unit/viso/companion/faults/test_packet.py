@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.faults.packet import NO_FRAME, PassedOver, decode, pack, read_packet
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
-from tests.unit.companion.faults.rig import BEAT, decoded, encoded, every_kind, odometry, passed_over, position
+from tests.unit.viso.companion.faults.rig import BEAT, decoded, encoded, every_kind, odometry, passed_over, position
+from viso.companion.faults.packet import NO_FRAME, PassedOver, decode, pack, read_packet
 
 
 @pytest.mark.parametrize("version", [1, 2])

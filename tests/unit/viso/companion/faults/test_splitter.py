@@ -5,8 +5,8 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.faults.splitter import FrameSplitter
-from tests.unit.companion.faults.rig import BEAT, encoded, odometry
+from tests.unit.viso.companion.faults.rig import BEAT, encoded, odometry
+from viso.companion.faults.splitter import FrameSplitter
 
 FRAMES = encoded(BEAT, odometry(), BEAT)
 

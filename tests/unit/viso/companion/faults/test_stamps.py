@@ -4,7 +4,7 @@
 
 import pytest
 
-from tests.unit.companion.faults.rig import (
+from tests.unit.viso.companion.faults.rig import (
     BEAT,
     STAMP_US,
     after,

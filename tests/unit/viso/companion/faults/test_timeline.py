@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.faults import FAULTS, Timeline, TimelineError, load_timeline, parse_timeline
-from companion.faults.motion import PositionGlitch
-from companion.faults.vision import VISION_NAMES
+from viso.companion.faults import FAULTS, Timeline, TimelineError, load_timeline, parse_timeline
+from viso.companion.faults.motion import PositionGlitch
+from viso.companion.faults.vision import VISION_NAMES
 
 
 def one(text: str) -> str:

@@ -6,9 +6,18 @@ from itertools import pairwise
 
 import pytest
 
-from companion.faults import Injector, TimedFrame, inject, parse_timeline, run_through
 from mav_handlers.wire.codec import BadData, Codec
-from tests.unit.companion.faults.rig import BEAT, decoded, encoded, every_kind, odometry, passed_over, position, speed
+from tests.unit.viso.companion.faults.rig import (
+    BEAT,
+    decoded,
+    encoded,
+    every_kind,
+    odometry,
+    passed_over,
+    position,
+    speed,
+)
+from viso.companion.faults import Injector, TimedFrame, inject, parse_timeline, run_through
 
 PERIOD_US = 50_000
 

@@ -7,14 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.klt.front_end import FrontEnd, Sighting, common_points
-from companion.klt.grid import FeatureGrid
-from companion.klt.outliers import Model
-from companion.vio.health import MIN_COVERAGE
-from companion.vio.se3 import so3_exp
-from companion.vio.types import DistortionModel, Pixels
-from companion.vio.undistortion import undistort
-from tests.unit.companion.klt.pictures import (
+from tests.unit.viso.companion.klt.pictures import (
     FOCAL,
     HEIGHT,
     WIDTH,
@@ -25,6 +18,13 @@ from tests.unit.companion.klt.pictures import (
     turned,
     zoomed_out,
 )
+from viso.companion.klt.front_end import FrontEnd, Sighting, common_points
+from viso.companion.klt.grid import FeatureGrid
+from viso.companion.klt.outliers import Model
+from viso.companion.vio.health import MIN_COVERAGE
+from viso.companion.vio.se3 import so3_exp
+from viso.companion.vio.types import DistortionModel, Pixels
+from viso.companion.vio.undistortion import undistort
 
 MOST = 100
 IMAGE = texture()

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.klt.grid import COLUMNS, MIN_DISTANCE_PX, ROWS, FeatureGrid, Points
-from tests.unit.companion.klt.pictures import texture
+from tests.unit.viso.companion.klt.pictures import texture
+from viso.companion.klt.grid import COLUMNS, MIN_DISTANCE_PX, ROWS, FeatureGrid, Points
 
 WIDTH, HEIGHT = 640, 480
 CELL_PX = 80

@@ -7,10 +7,10 @@ import uuid
 import numpy as np
 import pytest
 
-from companion.klt.front_end import Sighting
-from companion.klt.keyframes import MAX_AGE_NS, MIN_COMMON, MIN_DISPARITY_PX, Keyframe
-from companion.klt.outliers import Model, rotated
-from companion.vio.se3 import Array, so3_exp
+from viso.companion.klt.front_end import Sighting
+from viso.companion.klt.keyframes import MAX_AGE_NS, MIN_COMMON, MIN_DISPARITY_PX, Keyframe
+from viso.companion.klt.outliers import Model, rotated
+from viso.companion.vio.se3 import Array, so3_exp
 
 FOCAL = 500.0
 POINTS = np.random.default_rng(0).uniform(-0.4, 0.4, (60, 2))

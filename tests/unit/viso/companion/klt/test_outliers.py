@@ -5,8 +5,8 @@
 import numpy as np
 import pytest
 
-from companion.klt.outliers import Model, check, rotated
-from companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.klt.outliers import Model, check, rotated
+from viso.companion.vio.se3 import SE3, Array, so3_exp
 
 FOCAL = 500.0
 THRESHOLD_PX = 1.0

@@ -5,10 +5,10 @@
 import numpy as np
 import pytest
 
-from companion.klt.grid import FeatureGrid, Points
-from companion.klt.tracker import BORDER_PX, KltTracker
-from companion.vio.types import Pixels
-from tests.unit.companion.klt.pictures import HEIGHT, WIDTH, moved, noise, shifted, texture
+from tests.unit.viso.companion.klt.pictures import HEIGHT, WIDTH, moved, noise, shifted, texture
+from viso.companion.klt.grid import FeatureGrid, Points
+from viso.companion.klt.tracker import BORDER_PX, KltTracker
+from viso.companion.vio.types import Pixels
 
 IMAGE = texture()
 BLACK: Pixels = np.zeros_like(IMAGE)
@@ -60,7 +60,7 @@ def test_points_that_come_near_the_border_are_not_found() -> None:
 
 
 def test_strictness_is_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("companion.klt.tracker.MIN_CORRELATION", -2.0)  # which would refuse them as well
+    monkeypatch.setattr("viso.companion.klt.tracker.MIN_CORRELATION", -2.0)  # which would refuse them as well
     points, after = corners(), texture(seed=9)
     strict, lax = (tracker(fb_threshold_px=px).track(IMAGE, after, points, points)[1].mean() for px in (0.1, 50.0))
     assert strict < 0.5 * lax

@@ -5,11 +5,11 @@
 import numpy as np
 import pytest
 
-from companion.klt.working_image import WorkingImages, shrink_factor
-from companion.vio.calibration import scaled
-from companion.vio.se3 import Array
-from companion.vio.types import Pixels
-from tests.unit.companion.klt.pictures import calibration, texture
+from tests.unit.viso.companion.klt.pictures import calibration, texture
+from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.vio.calibration import scaled
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import Pixels
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@
 
 from collections.abc import Iterable
 
-from companion.landmarks.local_frame import FrameMode
-from companion.landmarks.scene import Scene
-from companion.landmarks.session import Session, Settings
-from companion.landmarks.synthetic import SyntheticFlight
-from companion.landmarks.types import Event
+from viso.companion.landmarks.local_frame import FrameMode
+from viso.companion.landmarks.scene import Scene
+from viso.companion.landmarks.session import Session, Settings
+from viso.companion.landmarks.synthetic import SyntheticFlight
+from viso.companion.landmarks.types import Event
 
 
 def scenes_of(session: Session, events: Iterable[Event]) -> list[Scene]:

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message, to_message
-from companion.landmarks.types import AircraftReport
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ADSB_VEHICLE, Message
+from viso.companion.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message, to_message
+from viso.companion.landmarks.types import AircraftReport
 
 REPORT = AircraftReport(100.0, "3C6DD1", 47.464127, 8.549031, 5000.0, 251.5, 87.31, -640.0)
 ALL = int(AdsbFlags.COORDS | AdsbFlags.ALTITUDE | AdsbFlags.HEADING | AdsbFlags.VELOCITY)

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.landmarks.aircraft import AircraftTracker, attitude_wxyz, drawn, state_vectors_record, velocity_enu
-from companion.landmarks.local_frame import FrameMode, to_geodetic
-from companion.landmarks.types import AircraftReport, AircraftState, GeodeticPoint, VehiclePose
-from companion.vio.se3 import rotation_from_quat_wxyz, so3_exp
+from viso.companion.landmarks.aircraft import AircraftTracker, attitude_wxyz, drawn, state_vectors_record, velocity_enu
+from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
+from viso.companion.landmarks.types import AircraftReport, AircraftState, GeodeticPoint, VehiclePose
+from viso.companion.vio.se3 import rotation_from_quat_wxyz, so3_exp
 
 ORIGIN = GeodeticPoint(47.0, 8.0, 500.0)
 MODES = pytest.mark.parametrize("mode", FrameMode)

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from companion.landmarks.fit import PoseErrors, fit_pose_errors
-from companion.landmarks.observation import project
-from companion.landmarks.residuals import landmark_residuals
-from companion.landmarks.types import Camera, Detection, Detections, Landmark, VehiclePose
-from companion.vio.se3 import so3_exp, yaw_of
+from viso.companion.landmarks.fit import PoseErrors, fit_pose_errors
+from viso.companion.landmarks.observation import project
+from viso.companion.landmarks.residuals import landmark_residuals
+from viso.companion.landmarks.types import Camera, Detection, Detections, Landmark, VehiclePose
+from viso.companion.vio.se3 import so3_exp, yaw_of
 
 CAMERA = Camera(offset_forward_m=0.5, offset_left_m=-0.2, pitch_trim_rad=-0.2)
 PLACES = np.random.default_rng(99).uniform((-200, -200, 0), (400, 200, 5), (80, 3))

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.landmarks.local_frame import EARTH_RADIUS_M, MISSING_EXTRA, FrameMode, to_enu, to_geodetic
-from companion.landmarks.types import GeodeticPoint
+from viso.companion.landmarks.local_frame import EARTH_RADIUS_M, MISSING_EXTRA, FrameMode, to_enu, to_geodetic
+from viso.companion.landmarks.types import GeodeticPoint
 
 pymap3d = import_module("pymap3d")
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.landmarks.observation import (
+from viso.companion.landmarks.observation import (
     AIRCRAFT_NEAREST_M,
     LANDMARK_NEAREST_M,
     back_project,
@@ -17,8 +17,8 @@ from companion.landmarks.observation import (
     horizon_v_px,
     project,
 )
-from companion.landmarks.types import Camera, VehiclePose
-from companion.vio.se3 import so3_exp
+from viso.companion.landmarks.types import Camera, VehiclePose
+from viso.companion.vio.se3 import so3_exp
 
 angles = st.floats(-math.pi, math.pi)
 trims = st.floats(math.radians(-30), math.radians(30))

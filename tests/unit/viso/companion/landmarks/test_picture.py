@@ -13,12 +13,13 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from PIL import Image
 
-from companion.landmarks.local_frame import FrameMode
-from companion.landmarks.palette import COLOURS, Palette
-from companion.landmarks.picture import draw, pixels_of, png_of, sky_place
-from companion.landmarks.scene import Mark, Scene, make_scene
-from companion.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
-from companion.landmarks.types import (
+from tests.unit.viso.companion.landmarks.scenes import flown
+from viso.companion.landmarks.local_frame import FrameMode
+from viso.companion.landmarks.palette import COLOURS, Palette
+from viso.companion.landmarks.picture import draw, pixels_of, png_of, sky_place
+from viso.companion.landmarks.scene import Mark, Scene, make_scene
+from viso.companion.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
+from viso.companion.landmarks.types import (
     Camera,
     Detection,
     Detections,
@@ -26,7 +27,6 @@ from companion.landmarks.types import (
     GeodeticPoint,
     VehiclePose,
 )
-from tests.unit.companion.landmarks.scenes import flown
 
 FLIGHT = SyntheticFlight(duration_s=1.0, mode=FrameMode.SPHERICAL)
 OFF = dataclasses.replace(FLIGHT, planted=Planted(math.radians(3)))

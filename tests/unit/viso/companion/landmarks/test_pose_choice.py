@@ -4,9 +4,9 @@
 
 import pytest
 
-from companion.landmarks.local_frame import FrameMode, to_geodetic
-from companion.landmarks.pose_choice import choose_pose, reference_of
-from companion.landmarks.types import EstimatedPosition, GeodeticPoint, GlobalFix, VehiclePose
+from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
+from viso.companion.landmarks.pose_choice import choose_pose, reference_of
+from viso.companion.landmarks.types import EstimatedPosition, GeodeticPoint, GlobalFix, VehiclePose
 
 REFERENCE = GeodeticPoint(47.0, 8.0, 500.0)
 ODOMETRY = VehiclePose(1.0, 10.0, 20.0, 0.3, z_m=5.0)

@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
-from companion.landmarks.receiver import (
+from viso.companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
+from viso.companion.landmarks.receiver import (
     FilteredPosition,
     ReceiverEstimate,
     ReceiverFilter,
     estimate_receiver,
     receiver_record,
 )
-from companion.landmarks.types import AircraftReport, GeodeticPoint
+from viso.companion.landmarks.types import AircraftReport, GeodeticPoint
 
 MIDDLE = GeodeticPoint(47.0, 8.0)
 CROSS = ((10_000.0, 0.0), (-10_000.0, 0.0), (0.0, 5000.0), (0.0, -5000.0))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.landmarks.observation import back_project, camera_centre, project
-from companion.landmarks.residuals import aircraft_residuals, landmark_residuals
-from companion.landmarks.types import (
+from viso.companion.landmarks.observation import back_project, camera_centre, project
+from viso.companion.landmarks.residuals import aircraft_residuals, landmark_residuals
+from viso.companion.landmarks.types import (
     AircraftReport,
     AircraftState,
     Camera,

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.landmarks.local_frame import FrameMode
-from companion.landmarks.scene import Scene
-from companion.landmarks.session import (
+from tests.unit.viso.companion.landmarks.scenes import scenes_of
+from viso.companion.landmarks.local_frame import FrameMode
+from viso.companion.landmarks.scene import Scene
+from viso.companion.landmarks.session import (
     ALONE_S,
     LONGEST_GAP_S,
     ReceiverWatch,
@@ -21,7 +22,7 @@ from companion.landmarks.session import (
     Settings,
     pose_at,
 )
-from companion.landmarks.types import (
+from viso.companion.landmarks.types import (
     AircraftReport,
     Camera,
     CameraInfo,
@@ -35,8 +36,7 @@ from companion.landmarks.types import (
     LandmarkMap,
     VehiclePose,
 )
-from companion.vio.se3 import so3_exp
-from tests.unit.companion.landmarks.scenes import scenes_of
+from viso.companion.vio.se3 import so3_exp
 
 MAP = LandmarkMap(0.0, (Landmark("1", 10.0, 0.0), Landmark("2", 20.0, 3.0)))
 FIX = GeodeticPoint(47.0, 8.0, 500.0)

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from companion.landmarks.residuals import Innovation, Residuals
-from companion.landmarks.statistics import innovation_statistics, summarise
+from viso.companion.landmarks.residuals import Innovation, Residuals
+from viso.companion.landmarks.statistics import innovation_statistics, summarise
 
 
 def off(name: str, du_px: float, dv_px: float) -> Innovation:

@@ -8,13 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from companion.landmarks.fit import fit_pose_errors
-from companion.landmarks.local_frame import FrameMode, to_enu
-from companion.landmarks.scene import Scene
-from companion.landmarks.session import Session, Settings
-from companion.landmarks.synthetic import REFERENCE, TRAFFIC, Planted, SyntheticFlight
-from companion.landmarks.types import AircraftReport, Camera, Detections, LandmarkMap, VehiclePose
-from tests.unit.companion.landmarks.scenes import flown, scenes_of
+from tests.unit.viso.companion.landmarks.scenes import flown, scenes_of
+from viso.companion.landmarks.fit import fit_pose_errors
+from viso.companion.landmarks.local_frame import FrameMode, to_enu
+from viso.companion.landmarks.scene import Scene
+from viso.companion.landmarks.session import Session, Settings
+from viso.companion.landmarks.synthetic import REFERENCE, TRAFFIC, Planted, SyntheticFlight
+from viso.companion.landmarks.types import AircraftReport, Camera, Detections, LandmarkMap, VehiclePose
 
 CAMERA = Camera(offset_forward_m=0.5, offset_left_m=-0.2, heading_offset_rad=0.02, pitch_trim_rad=-0.03)
 SHORT = SyntheticFlight(CAMERA, duration_s=3.0, mode=FrameMode.SPHERICAL)

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from companion.klt.front_end import Sighting
-from companion.klt.outliers import Model
-from companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
-from companion.vio.frames import MOUNTINGS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import ImuSteps
-from companion.vio.se3 import SE3, Array, so3_exp
-from companion.vio.types import ImuBias, ImuSample, ImuWindow
-from companion.world.imu import SimulatedImu, default_bias
-from companion.world.trajectory import Trajectory, nadir_survey
+from viso.companion.klt.front_end import Sighting
+from viso.companion.klt.outliers import Model
+from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
+from viso.companion.world.imu import SimulatedImu, default_bias
+from viso.companion.world.trajectory import Trajectory, nadir_survey
 
 B_T_C = SE3(MOUNTINGS["nadir"], np.array([0.1, 0.0, -0.05]))
 HALF_WIDTH, HALF_HEIGHT = 0.64, 0.48

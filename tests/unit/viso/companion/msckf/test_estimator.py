@@ -9,14 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from companion.msckf.estimator import WindowEstimator
-from companion.msckf.heights import Heights
-from companion.msckf.multi_state import Plane
-from companion.msckf.window_filter import ACCEL, GYRO, WindowFilter
-from companion.vio.se3 import SE3
-from companion.vio.types import ImuSample, ImuWindow
-from companion.world.imu import default_bias
-from tests.unit.companion.msckf.point_world import (
+from tests.unit.viso.companion.msckf.point_world import (
     B_T_C,
     SIGMA,
     Moment,
@@ -25,6 +18,13 @@ from tests.unit.companion.msckf.point_world import (
     filter_at,
     sighting_of,
 )
+from viso.companion.msckf.estimator import WindowEstimator
+from viso.companion.msckf.heights import Heights
+from viso.companion.msckf.multi_state import Plane
+from viso.companion.msckf.window_filter import ACCEL, GYRO, WindowFilter
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import ImuSample, ImuWindow
+from viso.companion.world.imu import default_bias
 
 CLONES = 11
 GROUND = Plane(0.0, 0.1)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.klt.outliers import Model, rotated
-from companion.msckf.ground import Ground
-from companion.vio.config import VioConfig
-from companion.vio.frames import MOUNTINGS
-from companion.vio.se3 import SE3, so3_exp
-from tests.unit.companion.msckf.point_world import filter_at
+from tests.unit.viso.companion.msckf.point_world import filter_at
+from viso.companion.klt.outliers import Model, rotated
+from viso.companion.msckf.ground import Ground
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.se3 import SE3, so3_exp
 
 PLANAR = {"scene": "planar", "agl_source": "rangefinder"}
 CAMERA = SE3(MOUNTINGS["nadir"], np.array([1.0, 2.0, 40.0]))

@@ -8,10 +8,10 @@ import threading
 import numpy as np
 import pytest
 
-from companion.msckf.heights import MOST_REFUSED, Heights
-from companion.msckf.window_filter import WindowFilter
-from companion.vio.se3 import SE3
-from tests.unit.companion.msckf.point_world import filter_at
+from tests.unit.viso.companion.msckf.point_world import filter_at
+from viso.companion.msckf.heights import MOST_REFUSED, Heights
+from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.vio.se3 import SE3
 
 MS = 1_000_000
 GROUND_M = -5.0

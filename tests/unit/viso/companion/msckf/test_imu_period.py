@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from companion.msckf.imu_period import ImuPeriod
-from companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from companion.vio.types import ImuSample, ImuWindow
+from viso.companion.msckf.imu_period import ImuPeriod
+from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 MS = 1_000_000
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.msckf.multi_state import Plane, TracksUsed, use_tracks
-from companion.msckf.tracks import Tracks, padded
-from companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.se3 import SE3, Array, so3_exp
-from companion.vio.types import ImuBias
-from tests.unit.companion.msckf.point_world import B_T_C, SIGMA
+from tests.unit.viso.companion.msckf.point_world import B_T_C, SIGMA
+from viso.companion.msckf.multi_state import Plane, TracksUsed, use_tracks
+from viso.companion.msckf.tracks import Tracks, padded
+from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import ImuBias
 
 CLONES, POINTS = 8, 30
 SIZE = MOTION + CLONE * CLONES

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.klt.front_end import Sighting
-from companion.klt.outliers import Model
-from companion.msckf.stillness import Stillness, level_rotation
-from companion.vio.se3 import Array
-from companion.vio.types import ImuSample, ImuWindow
-from tests.unit.companion.msckf.point_world import sighting_of
+from tests.unit.viso.companion.msckf.point_world import sighting_of
+from viso.companion.klt.front_end import Sighting
+from viso.companion.klt.outliers import Model
+from viso.companion.msckf.stillness import Stillness, level_rotation
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 FOCAL = 500.0
 POINTS = np.random.default_rng(0).uniform(-0.4, 0.4, (50, 2))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.msckf.tracks import MOST_TRACKS, RIPE, TrackBook, padded
+from viso.companion.msckf.tracks import MOST_TRACKS, RIPE, TrackBook, padded
 
 Used = list[dict[int, tuple[float, float]]]
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.msckf.tracks import Tracks, padded
-from companion.msckf.triangulation import on_plane, triangulate
-from companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.msckf.tracks import Tracks, padded
+from viso.companion.msckf.triangulation import on_plane, triangulate
+from viso.companion.vio.se3 import SE3, Array, so3_exp
 
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 

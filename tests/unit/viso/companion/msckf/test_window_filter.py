@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.msckf.window_filter import (
+from viso.companion.msckf.window_filter import (
     ACCEL,
     ATT,
     GYRO,
@@ -21,10 +21,10 @@ from companion.msckf.window_filter import (
     invariant_cov,
     sigma_of,
 )
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import ImuSteps
-from companion.vio.se3 import SE3, Array, right_jacobian, right_jacobian_inverse, skew, so3_exp, so3_log
-from companion.vio.types import ImuBias
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.se3 import SE3, Array, right_jacobian, right_jacobian_inverse, skew, so3_exp, so3_log
+from viso.companion.vio.types import ImuBias
 
 NOISE = ImuNoise()
 POSE = SE3(so3_exp(np.array([0.3, -0.4, 1.2])), np.array([30.0, -20.0, 40.0]))

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import FeatureQuality, ImuBias, ImuSample, VioOutput, frame_uuid
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import FeatureQuality, ImuBias, ImuSample, VioOutput, frame_uuid
 
 GOOD = FeatureQuality(100, 0, 0, 100, 10.0, 0.3, 0.6)
 

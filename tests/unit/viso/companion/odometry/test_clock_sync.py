@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.odometry.clock_sync import MAX_ROUND_TRIP_NS, SAMPLES, ClockSync
 from mav_handlers.wire.messages import TIMESYNC
+from viso.companion.odometry.clock_sync import MAX_ROUND_TRIP_NS, SAMPLES, ClockSync
 
 MS = 1_000_000
 OFFSET_NS = 987_654_321_000

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.odometry.composer import LocalPose, OdometryComposer, local_to_frd
-from companion.vio.config import LocalAlignment
-from companion.vio.frames import enu_to_ned, flu_to_frd
-from companion.vio.se3 import SE3, Array, so3_exp, yaw_of
-from companion.vio.types import VioOutput
+from viso.companion.odometry.composer import LocalPose, OdometryComposer, local_to_frd
+from viso.companion.vio.config import LocalAlignment
+from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.se3 import SE3, Array, so3_exp, yaw_of
+from viso.companion.vio.types import VioOutput
 
 Make = Callable[..., Any]
 

@@ -8,10 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.odometry.clock_sync import ClockSync
-from companion.odometry.inbound import FcInbound, HeightSample, stream_requests
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.types import ImuSample
 from mav_handlers.wire.messages import (
     ATTITUDE,
     ATTITUDE_QUATERNION,
@@ -23,6 +19,10 @@ from mav_handlers.wire.messages import (
     TIMESYNC,
     Message,
 )
+from viso.companion.odometry.clock_sync import ClockSync
+from viso.companion.odometry.inbound import FcInbound, HeightSample, stream_requests
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.types import ImuSample
 
 MS = 1_000_000
 NOW_NS = 10**12

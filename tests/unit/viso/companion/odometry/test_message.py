@@ -12,16 +12,16 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from companion.odometry.composer import LocalPose
-from companion.odometry.message import odometry_message
-from companion.odometry.propagation import MotionState
-from companion.vio.config import CovarianceEncoding, LocalAlignment
-from companion.vio.frames import enu_to_ned
-from companion.vio.se3 import SE3, so3_exp
 from mav_handlers.covariance import pose_errors
 from mav_handlers.handlers.vision import odometry_frames_accepted
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.odometry.composer import LocalPose
+from viso.companion.odometry.message import odometry_message
+from viso.companion.odometry.propagation import MotionState
+from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
+from viso.companion.vio.frames import enu_to_ned
+from viso.companion.vio.se3 import SE3, so3_exp
 
 ROTATION = so3_exp(np.array([0.0, 0.0, 2.0])).dot(so3_exp(np.array([0.2, -0.1, 0.0])))
 STATE = MotionState(

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pytest
 
-from companion.odometry.composer import LocalPose
-from companion.odometry.propagation import HISTORY_NS, MotionState, OdometryPropagator
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.se3 import SE3, Array, so3_exp
-from companion.vio.types import ImuBias, ImuSample
+from viso.companion.odometry.composer import LocalPose
+from viso.companion.odometry.propagation import HISTORY_NS, MotionState, OdometryPropagator
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import ImuBias, ImuSample
 
 AtRest = Callable[[int], ImuSample]
 

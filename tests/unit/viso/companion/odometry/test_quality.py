@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.odometry.quality import quality_of
-from companion.vio.types import FeatureQuality, VioState
+from viso.companion.odometry.quality import quality_of
+from viso.companion.vio.types import FeatureQuality, VioState
 
 
 def features(inliers: int = 100, coverage: float = 0.6) -> FeatureQuality:

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from companion.odometry.clock_sync import ClockSync
-from companion.odometry.inbound import FcInbound, stream_requests
-from companion.odometry.sender import OdometrySender
-from companion.odometry.source import OdometrySource
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.se3 import SE3, so3_exp
-from companion.vio.strategy import FrameReport
-from companion.vio.types import ImuSample, VioHealth, VioState
-from companion.vio.update import VioUpdate
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, ODOMETRY, RAW_IMU, STATUSTEXT, TIMESYNC, Message
+from viso.companion.odometry.clock_sync import ClockSync
+from viso.companion.odometry.inbound import FcInbound, stream_requests
+from viso.companion.odometry.sender import OdometrySender
+from viso.companion.odometry.source import OdometrySource
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.se3 import SE3, so3_exp
+from viso.companion.vio.strategy import FrameReport
+from viso.companion.vio.types import ImuSample, VioHealth, VioState
+from viso.companion.vio.update import VioUpdate
 
 AtRest = Callable[[int], ImuSample]
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.odometry.source import OdometrySource
-from companion.vio.config import CovarianceEncoding, LocalAlignment
-from companion.vio.health import WAITING, WARM_START
-from companion.vio.se3 import SE3, so3_exp
-from companion.vio.strategy import FrameReport
-from companion.vio.types import ImuSample, VioHealth, VioOutput, VioState, frame_uuid
-from companion.vio.update import VioUpdate
 from mav_handlers.covariance import pose_errors
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.odometry.source import OdometrySource
+from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
+from viso.companion.vio.health import WAITING, WARM_START
+from viso.companion.vio.se3 import SE3, so3_exp
+from viso.companion.vio.strategy import FrameReport
+from viso.companion.vio.types import ImuSample, VioHealth, VioOutput, VioState, frame_uuid
+from viso.companion.vio.update import VioUpdate
 
 Make = Callable[..., Any]
 AtRest = Callable[[int], ImuSample]
@@ -268,7 +268,7 @@ def test_encoding_is_the_one_asked_for(make_strategy: Make, at_rest: AtRest) -> 
 
 def test_unsound_covariance_leaves_the_last_pose(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     rig.track(0.0, 0.2)
-    monkeypatch.setattr("companion.odometry.composer.sound_covariance", lambda _covariance: None)
+    monkeypatch.setattr("viso.companion.odometry.composer.sound_covariance", lambda _covariance: None)
     rig.track(0.2)
     assert rig.sent().y == pytest.approx(0.2, abs=1e-6)
     assert rig.source.counters()["frames_refused_covariance"] == 1

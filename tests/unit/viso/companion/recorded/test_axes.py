@@ -3,21 +3,21 @@
 """A motion that is known comes out right whatever axes it was recorded in."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.recorded.axes import PRESETS, FrameChange, axes_matrix, parse_axes, parse_rotation
-from companion.recorded.messages import Report, vision_position_estimate
-from companion.recorded.readers import Source, load_trajectory
-from companion.recorded.trajectory import RecordedTrajectory
-from companion.vio.se3 import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz, so3_exp, so3_log
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
+from tests.places import SHARED
+from viso.companion.recorded.axes import PRESETS, FrameChange, axes_matrix, parse_axes, parse_rotation
+from viso.companion.recorded.messages import Report, vision_position_estimate
+from viso.companion.recorded.readers import Source, load_trajectory
+from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz, so3_exp, so3_log
 
-CLIP = Path(__file__).resolve().parents[5] / "shared" / "data" / "euroc_mh01_clip" / "groundtruth.tum"
+CLIP = SHARED / "euroc_mh01_clip" / "groundtruth.tum"
 NORTH, EAST, DOWN = np.eye(3)
 POINTS = {"N": NORTH, "F": NORTH, "S": -NORTH, "B": -NORTH, "E": EAST, "R": EAST, "W": -EAST, "L": -EAST}
 POINTS |= {"D": DOWN, "U": -DOWN}

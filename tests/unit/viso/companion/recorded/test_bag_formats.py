@@ -21,9 +21,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from companion.recorded.bag_formats import POSE_TYPES, read_bag
-from companion.recorded.records import NO_ROTATION, TrajectoryError
-from tests.unit.companion.recorded.conftest import outcome_of
+from tests.unit.viso.companion.recorded.conftest import outcome_of
+from viso.companion.recorded.bag_formats import POSE_TYPES, read_bag
+from viso.companion.recorded.records import NO_ROTATION, TrajectoryError
 
 STORE = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
 STAMPS_S = (5, 6)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.clock import OffsetClock
-from companion.recorded.engine import Playback, RecordedEngine
-from companion.recorded.messages import FORMS
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA
-from tests.unit.companion.recorded.conftest import MakeTrajectory
+from tests.unit.viso.companion.recorded.conftest import MakeTrajectory
+from viso.companion.clock import OffsetClock
+from viso.companion.recorded.engine import Playback, RecordedEngine
+from viso.companion.recorded.messages import FORMS
 
 
 def played(engine: RecordedEngine, count: int = 99) -> list[tuple[int, Any]]:

@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.odometry.encoding import CovarianceEncoding
-from companion.recorded.messages import (
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    ODOMETRY,
+    VISION_POSITION_DELTA,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+)
+from viso.companion.odometry.encoding import CovarianceEncoding
+from viso.companion.recorded.messages import (
     FORMS,
     MAX_DELTA_US,
     Report,
@@ -20,16 +28,8 @@ from companion.recorded.messages import (
     vision_position_estimate,
     vision_with_speed,
 )
-from companion.recorded.trajectory import Pose
-from companion.vio.se3 import quat_wxyz_from_rotation, so3_exp
-from mav_handlers.wire.codec import Codec, Received
-from mav_handlers.wire.messages import (
-    ATT_POS_MOCAP,
-    ODOMETRY,
-    VISION_POSITION_DELTA,
-    VISION_POSITION_ESTIMATE,
-    VISION_SPEED_ESTIMATE,
-)
+from viso.companion.recorded.trajectory import Pose
+from viso.companion.vio.se3 import quat_wxyz_from_rotation, so3_exp
 
 # Heading east: a quarter turn clockwise from north.
 EAST = so3_exp(np.array([0.0, 0.0, math.pi / 2]))

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import pytest
 
-from companion.recorded.engine import Playback, RecordedEngine
-from companion.recorded.messages import FORMS
-from companion.recorded.player import Frame, Player, Text
 from mav_handlers.statustext import chunk_text
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT
-from tests.unit.companion.recorded.conftest import MakeTrajectory
+from tests.unit.viso.companion.recorded.conftest import MakeTrajectory
+from viso.companion.recorded.engine import Playback, RecordedEngine
+from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.player import Frame, Player, Text
 
 LONG = "PreArm: " + "x" * 120
 

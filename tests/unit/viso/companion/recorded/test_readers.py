@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.recorded.readers import FORMATS, Source, format_of, load_trajectory
-from companion.recorded.records import TrajectoryError
+from tests.places import ROOT
+from viso.companion.recorded.readers import FORMATS, Source, format_of, load_trajectory
+from viso.companion.recorded.records import TrajectoryError
 
-ROOT = Path(__file__).resolve().parents[4]
 DATA = ROOT.parent / "shared" / "data"
 FLIGHT = ROOT / "tests" / "data" / "trajectories" / "flight.tum"
 TUM_TEXT = "0.5 1 2 3 0 0 0 1\n0.6 1 2 3 0 0 0 1\n"

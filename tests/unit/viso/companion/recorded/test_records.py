@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.recorded import records
-from companion.recorded.records import LARGEST, TrajectoryError, from_records
-from companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.recorded import records
+from viso.companion.recorded.records import LARGEST, TrajectoryError, from_records
+from viso.companion.recorded.trajectory import RecordedTrajectory
 
 COUNT = 4
 NAN = float("nan")

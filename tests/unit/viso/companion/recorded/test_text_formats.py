@@ -10,10 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.recorded.records import CUT_SHORT, TrajectoryError
-from companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, Layout, detect, read_kitti, read_table
-from companion.recorded.trajectory import RecordedTrajectory
-from tests.unit.companion.recorded.conftest import outcome_of
+from tests.unit.viso.companion.recorded.conftest import outcome_of
+from viso.companion.recorded.records import CUT_SHORT, TrajectoryError
+from viso.companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, Layout, detect, read_kitti, read_table
+from viso.companion.recorded.trajectory import RecordedTrajectory
 
 S = math.sqrt(0.5)
 T0 = "1403636583"

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
-from tests.unit.companion.recorded.conftest import MakeTrajectory
+from tests.unit.viso.companion.recorded.conftest import MakeTrajectory
+from viso.companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
 
 LEVEL = [1.0, 0.0, 0.0, 0.0]
 YAWED_90 = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]

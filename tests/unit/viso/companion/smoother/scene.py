@@ -4,13 +4,13 @@
 
 import numpy as np
 
-from companion.klt.front_end import Ids, Sighting
-from companion.klt.outliers import Model
-from companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
-from companion.vio.frames import GRAVITY_MSS, MOUNTINGS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import ImuBias, ImuSample, ImuWindow
+from viso.companion.klt.front_end import Ids, Sighting
+from viso.companion.klt.outliers import Model
+from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.vio.frames import GRAVITY_MSS, MOUNTINGS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 
 NOISE = ImuNoise()
 B_T_C = SE3(MOUNTINGS["forward"], np.array([0.1, 0.0, 0.05]))

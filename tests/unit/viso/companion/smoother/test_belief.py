@@ -8,14 +8,14 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
-from companion.msckf.window_filter import WindowFilter
-from companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
-from companion.smoother.lag_smoother import LagSmoother
-from companion.vio.imu_window import steps_of
-from companion.vio.preintegration import ImuPreintegrator
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import ImuBias
-from tests.unit.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, start, window
+from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, start, window
+from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
+from viso.companion.smoother.lag_smoother import LagSmoother
+from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.preintegration import ImuPreintegrator
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import ImuBias
 
 
 def turned_state(seed: int = 3) -> WindowFilter:

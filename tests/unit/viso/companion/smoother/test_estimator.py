@@ -8,13 +8,7 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
-from companion.klt.front_end import Sighting
-from companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
-from companion.smoother.lag_smoother import LAG_S, LagSmoother, SmootherError
-from companion.vio.imu_window import steps_of
-from companion.vio.se3 import Array
-from companion.vio.types import ImuWindow
-from tests.unit.companion.smoother.scene import (
+from tests.unit.viso.companion.smoother.scene import (
     B_T_C,
     NOISE,
     PERIOD_NS,
@@ -27,6 +21,12 @@ from tests.unit.companion.smoother.scene import (
     velocity_at,
     window,
 )
+from viso.companion.klt.front_end import Sighting
+from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
+from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, SmootherError
+from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import ImuWindow
 
 WRONG_VELOCITY = np.array([0.2, -0.2, 0.2])
 NOTHING = sighting_of(np.zeros(0, np.int64), np.zeros((0, 2)))

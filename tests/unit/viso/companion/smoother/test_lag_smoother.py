@@ -11,11 +11,11 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
-from companion.smoother.lag_smoother import LAG_S, LagSmoother, Motion, Seen, SmootherError
-from companion.vio.preintegration import ImuPreintegrator
-from companion.vio.se3 import SE3
-from companion.vio.types import ImuBias
-from tests.unit.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, SIGMA, WALL, pose_at, velocity_at, window
+from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, SIGMA, WALL, pose_at, velocity_at, window
+from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Motion, Seen, SmootherError
+from viso.companion.vio.preintegration import ImuPreintegrator
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import ImuBias
 
 COV = np.diag(np.repeat([0.01, 1e-3, 0.3, 0.1, 0.01], 3) ** 2)
 FAR_SIGMAS_M = np.full(3, 20.0)
@@ -135,6 +135,6 @@ def test_unknown_node_is_a_smoother_error() -> None:
 
 def test_missing_gtsam_tells_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gtsam", None)
-    monkeypatch.delitem(sys.modules, "companion.smoother.lag_smoother")
+    monkeypatch.delitem(sys.modules, "viso.companion.smoother.lag_smoother")
     with pytest.raises(ImportError, match=r"pip install 'viso\[gtsam\]'$"):
-        importlib.import_module("companion.smoother.lag_smoother")
+        importlib.import_module("viso.companion.smoother.lag_smoother")

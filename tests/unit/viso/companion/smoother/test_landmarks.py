@@ -8,10 +8,11 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
-from companion.klt.front_end import Sighting
-from companion.msckf.multi_state import Plane
-from companion.smoother.lag_smoother import Seen
-from companion.smoother.landmarks import (
+from tests.unit.viso.companion.smoother.scene import B_T_C, SIGMA, WALL, sight, sighting_of
+from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.multi_state import Plane
+from viso.companion.smoother.lag_smoother import Seen
+from viso.companion.smoother.landmarks import (
     FEWEST_LEFT,
     FEWEST_ON_PLANE,
     FEWEST_SIGHTINGS,
@@ -20,9 +21,8 @@ from companion.smoother.landmarks import (
     LandmarkBook,
     NewLandmark,
 )
-from companion.vio.frames import MOUNTINGS
-from companion.vio.se3 import SE3, Array
-from tests.unit.companion.smoother.scene import B_T_C, SIGMA, WALL, sight, sighting_of
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.se3 import SE3, Array
 
 STEP_M = 0.3
 AHEAD = WALL[(np.abs(WALL[:, 1:]) < 2).all(axis=1)][:20]  # seen all the way

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.evaluation import TimedPoses
-from companion.sources.base import (
+from viso.companion.sources.base import (
     Recording,
     SourceError,
     Thinning,
@@ -20,10 +19,11 @@ from companion.sources.base import (
     in_order_of_arrival,
     make_frame,
 )
-from companion.trial import Event
-from companion.vio.frames import MOUNTINGS
-from companion.vio.se3 import SE3, so3_exp
-from companion.vio.types import (
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.trials.trial import Event
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.se3 import SE3, so3_exp
+from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
     ImuBias,

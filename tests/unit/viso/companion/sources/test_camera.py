@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.sources.base import SourceError, SourceOptions
-from companion.sources.camera import CameraFrames, LiveCamera, open_camera, sounds_like_camera
-from tests.unit.companion.sources.film_maker import write_calibration, write_film
+from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film
+from viso.companion.sources.base import SourceError, SourceOptions
+from viso.companion.sources.camera import CameraFrames, LiveCamera, open_camera, sounds_like_camera
 
 
 class FakeCapture:

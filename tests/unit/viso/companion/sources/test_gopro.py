@@ -10,10 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.sources.base import SourceError
-from companion.sources.gopro import Telemetry, has_telemetry, read_telemetry
-from companion.sources.karma import DELAY_S
-from tests.unit.companion.sources.gopro_maker import (
+from tests.places import SHARED
+from tests.unit.viso.companion.sources.gopro_maker import (
     ACCEL_HZ,
     GYRO_HZ,
     camera,
@@ -24,8 +22,11 @@ from tests.unit.companion.sources.gopro_maker import (
     sensor,
     stream,
 )
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.gopro import Telemetry, has_telemetry, read_telemetry
+from viso.companion.sources.karma import DELAY_S
 
-KARMA = Path(__file__).resolve().parents[5] / "shared" / "data" / "karma_flight" / "karma.mp4"
+KARMA = SHARED / "karma_flight" / "karma.mp4"
 needs_karma = pytest.mark.skipif(not KARMA.exists(), reason="karma_flight is not there")
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.sources.gpmf import GpmfError, Stream, items_of, streams_of
-from tests.unit.companion.sources.gopro_maker import camera, item, nested, numbers, sensor, stream
+from tests.unit.viso.companion.sources.gopro_maker import camera, item, nested, numbers, sensor, stream
+from viso.companion.sources.gpmf import GpmfError, Stream, items_of, streams_of
 
 
 def only(payload: bytes) -> Stream:

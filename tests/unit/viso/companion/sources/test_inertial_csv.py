@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.sources.base import SourceError
-from companion.sources.inertial_csv import read_inertial_csv
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.inertial_csv import read_inertial_csv
 
 HEAD = "t_ns,gx,gy,gz,ax,ay,az\n"
 ROW = "5000000,0.1,0.2,0.3,1,2,9.8\n"

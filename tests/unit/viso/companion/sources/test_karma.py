@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from companion.sources.karma import DELAY_S, DroneTrack, drone_track
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.se3 import yaw_of
-from companion.vio.types import ImuSample
+from viso.companion.sources.karma import DELAY_S, DroneTrack, drone_track
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.se3 import yaw_of
+from viso.companion.vio.types import ImuSample
 
 Z = np.array([0.0, 0.0, 1.0])
 

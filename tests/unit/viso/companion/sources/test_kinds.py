@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.sources.base import Recording, SourceError, SourceOptions
-from companion.sources.camera import LiveCamera
-from companion.sources.kinds import SOURCES, kind_of, open_source
-from companion.vio.types import ImuSample
-from tests.unit.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
-from tests.unit.companion.sources.gopro_maker import movie
+from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from tests.unit.viso.companion.sources.gopro_maker import movie
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.sources.kinds import SOURCES, kind_of, open_source
+from viso.companion.vio.types import ImuSample
 
 
 def test_name_tells_the_kind(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.sources.base import SourceError
-from companion.sources.mp4 import Payload, read_payloads
-from tests.unit.companion.sources.gopro_maker import box, movie
+from tests.unit.viso.companion.sources.gopro_maker import box, movie
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.mp4 import Payload, read_payloads
 
 PAYLOADS = [b"first", b"second one", b"3"]
 

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.sources.base import Recording, SourceError, SourceOptions
-from companion.sources.recordings import KARMA, open_euroc, open_gopro, open_synthetic, open_video
-from companion.trial import run_trial
-from companion.vio.calibration import load_calibration
-from companion.vio.config import AglSource
-from companion.vio.types import NavCameraFrame, VioState
-from tests.unit.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
-from tests.unit.companion.sources.gopro_maker import movie, seconds_of_flight
+from tests.places import SHARED
+from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
+from tests.unit.viso.companion.sources.gopro_maker import movie, seconds_of_flight
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
+from viso.companion.sources.recordings import KARMA, open_euroc, open_gopro, open_synthetic, open_video
+from viso.companion.trials.trial import run_trial
+from viso.companion.vio.calibration import load_calibration
+from viso.companion.vio.config import AglSource
+from viso.companion.vio.types import NavCameraFrame, VioState
 
-SHARED = Path(__file__).resolve().parents[5] / "shared" / "data"
 CLIP, FLIGHT = SHARED / "euroc_mh01_clip", SHARED / "karma_flight" / "karma.mp4"
 needs_clip = pytest.mark.skipif(not CLIP.exists(), reason=f"{CLIP.name} is not there")
 needs_karma = pytest.mark.skipif(not FLIGHT.exists(), reason=f"{FLIGHT.parent.name} is not there")

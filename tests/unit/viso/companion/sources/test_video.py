@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from companion.sources.base import SourceError
-from companion.sources.video import opencv, video_frames, video_size
-from companion.vio.calibration import load_calibration
-from companion.vio.types import CameraCalibration
-from tests.unit.companion.sources.film_maker import HEIGHT, WIDTH, write_calibration, write_film
+from tests.unit.viso.companion.sources.film_maker import HEIGHT, WIDTH, write_calibration, write_film
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.video import opencv, video_frames, video_size
+from viso.companion.vio.calibration import load_calibration
+from viso.companion.vio.types import CameraCalibration
 
 
 @pytest.fixture

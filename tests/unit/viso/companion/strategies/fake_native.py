@@ -9,10 +9,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from companion.strategies.native import NativeBias, NativeEngine, NativeFeatures, NativePose, NativeStatus
-from companion.vio.config import VioConfig
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import CameraCalibration, Pixels, WarmStartPose
+from viso.companion.strategies.native import NativeBias, NativeEngine, NativeFeatures, NativePose, NativeStatus
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import CameraCalibration, Pixels, WarmStartPose
 
 STILL_GYRO_RAD_S = 0.02
 INITIAL_IMAGES = 2

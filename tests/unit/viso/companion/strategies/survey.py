@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from companion.strategies.klt_ransac import KltRansac
-from companion.vio.config import AglSource, Scene, VioConfig
-from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
-from companion.vio.imu_buffer import ImuBuffer
-from companion.vio.se3 import SE3, Array
-from companion.vio.strategy import StrategyContext
-from companion.vio.telemetry import NullSink
-from companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioHealth, VioOutput, WarmStartPose
-from companion.world.flight import Event, SyntheticFlight, nadir_calibration
-from companion.world.ground import generate_texture
-from companion.world.texture import GroundTexture
-from companion.world.trajectory import nadir_survey
+from viso.companion.strategies.klt_ransac import KltRansac
+from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.strategy import StrategyContext
+from viso.companion.vio.telemetry import NullSink
+from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioHealth, VioOutput, WarmStartPose
+from viso.companion.world.flight import Event, SyntheticFlight, nadir_calibration
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.texture import GroundTexture
+from viso.companion.world.trajectory import nadir_survey
 
 PERIOD_NS = 200_000_000
 PLANAR: dict[str, Any] = {"scene": Scene.PLANAR, "agl_source": AglSource.RANGEFINDER, "max_features": 100}

@@ -8,20 +8,20 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
-from companion.strategies.facade import NativeFacade
-from companion.strategies.native import NativeStatus
-from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
-from companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from companion.vio.se3 import SE3
-from companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
-from tests.unit.companion.strategies.fake_native import install
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.strategies.fake_native import install
+from tests.unit.viso.companion.vio.strategy_rig import (
     PERIOD_NS,
     WaxRig,
     make_frame,
     make_warm_start,
     still_window,
 )
+from viso.companion.strategies.facade import NativeFacade
+from viso.companion.strategies.native import NativeStatus
+from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
 
 NAME = "viso_test_native"
 

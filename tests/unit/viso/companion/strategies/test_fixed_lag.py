@@ -13,16 +13,16 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
-from companion.smoother.lag_smoother import LagSmoother, SmootherError
-from companion.strategies.fixed_lag import MIN_NODE_INTERVAL_NS
-from companion.trial import Trial, TrialFrame, run_trial
-from companion.vio.config import VioConfig
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.health import NON_FINITE, SCALE_UNOBSERVED
-from companion.vio.types import ImuSample, VioState
-from companion.world.flight import Event, SyntheticFlight, nadir_calibration
-from companion.world.ground import generate_texture
-from companion.world.texture import GroundTexture
+from viso.companion.smoother.lag_smoother import LagSmoother, SmootherError
+from viso.companion.strategies.fixed_lag import MIN_NODE_INTERVAL_NS
+from viso.companion.trials.trial import Trial, TrialFrame, run_trial
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.health import NON_FINITE, SCALE_UNOBSERVED
+from viso.companion.vio.types import ImuSample, VioState
+from viso.companion.world.flight import Event, SyntheticFlight, nadir_calibration
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.texture import GroundTexture
 
 
 @functools.cache
@@ -160,8 +160,8 @@ def test_missing_inertial_data_are_survived() -> None:
 
 def test_missing_gtsam_tells_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("lag_smoother", "belief", "landmarks", "estimator"):
-        monkeypatch.delitem(sys.modules, f"companion.smoother.{module}", raising=False)
-    monkeypatch.delitem(sys.modules, "companion.strategies.fixed_lag", raising=False)
+        monkeypatch.delitem(sys.modules, f"viso.companion.smoother.{module}", raising=False)
+    monkeypatch.delitem(sys.modules, "viso.companion.strategies.fixed_lag", raising=False)
     monkeypatch.setitem(sys.modules, "gtsam", None)
     with pytest.raises(StrategyNotAvailableError, match=r"^[^\n]*pip install 'viso\[gtsam\]'$"):
         fly(1.0)

@@ -8,14 +8,14 @@ import uuid
 import numpy as np
 import pytest
 
-from companion.vio.config import AglSource, Scene
-from companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.se3 import SE3
-from companion.vio.types import ImuSample, VioOutput, VioState
-from companion.world.flight import Event
-from companion.world.trajectory import from_ground, nadir_survey
-from tests.unit.companion.strategies.survey import PERIOD_NS, Aboard, aboard, begun, record, survey
+from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, aboard, begun, record, survey
+from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import ImuSample, VioOutput, VioState
+from viso.companion.world.flight import Event
+from viso.companion.world.trajectory import from_ground, nadir_survey
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 

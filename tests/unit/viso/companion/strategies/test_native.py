@@ -8,11 +8,11 @@ from typing import NoReturn
 
 import pytest
 
-from companion.strategies.native import load_engine
-from companion.vio.config import VioConfig
-from companion.vio.types import CameraCalibration
-from tests.unit.companion.strategies.fake_native import install
-from tests.unit.companion.vio.strategy_rig import make_calibration
+from tests.unit.viso.companion.strategies.fake_native import install
+from tests.unit.viso.companion.vio.strategy_rig import make_calibration
+from viso.companion.strategies.native import load_engine
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.types import CameraCalibration
 
 NAME = "viso_test_native"
 

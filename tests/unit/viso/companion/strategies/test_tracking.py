@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.strategies.tracking import LEAST_VARIANCE_M2
-from companion.vio.config import AglSource
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from companion.vio.se3 import SE3
-from companion.vio.types import ImuSample, NavCameraFrame, VioState, WarmStartPose
-from companion.world.flight import Event, HeightMeasurement
-from companion.world.trajectory import from_ground, nadir_survey
-from tests.unit.companion.strategies.survey import PERIOD_NS, Aboard, Recorded, aboard, begun, record, survey
+from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, Recorded, aboard, begun, record, survey
+from viso.companion.strategies.tracking import LEAST_VARIANCE_M2
+from viso.companion.vio.config import AglSource
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import ImuSample, NavCameraFrame, VioState, WarmStartPose
+from viso.companion.world.flight import Event, HeightMeasurement
+from viso.companion.world.trajectory import from_ground, nadir_survey
 
 QUIET = ImuNoise(gyro=2e-4, accel=2e-3)
 

@@ -4,9 +4,9 @@
 
 import pytest
 
-from companion.strategies.vins_mono import VinsMono
-from tests.unit.companion.strategies.fake_native import install
-from tests.unit.companion.vio.strategy_rig import WaxRig
+from tests.unit.viso.companion.strategies.fake_native import install
+from tests.unit.viso.companion.vio.strategy_rig import WaxRig
+from viso.companion.strategies.vins_mono import VinsMono
 
 
 def test_engine_is_that_of_its_native_module(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.euroc import EurocError, EurocRecording, load_euroc
-from companion.vio.se3 import so3_log
-from companion.vio.types import ImuSample, NavCameraFrame
+from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
+from viso.companion.vio.se3 import so3_log
+from viso.companion.vio.types import ImuSample, NavCameraFrame
 
 cv2 = pytest.importorskip("cv2")
 

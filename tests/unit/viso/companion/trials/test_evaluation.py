@@ -12,7 +12,7 @@ from evo.core.trajectory import PoseTrajectory3D  # type: ignore[import-untyped]
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.evaluation import (
+from viso.companion.trials.evaluation import (
     EvaluationError,
     TimedPoses,
     absolute_error,
@@ -21,7 +21,7 @@ from companion.evaluation import (
     relative_error,
     umeyama,
 )
-from companion.vio.se3 import SE3, Array, so3_exp, so3_log
+from viso.companion.vio.se3 import SE3, Array, so3_exp, so3_log
 
 NS = 1_000_000_000
 seeds = st.integers(0, 1_000_000)

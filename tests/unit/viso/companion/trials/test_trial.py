@@ -10,17 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion import trial
-from companion.evaluation import EvaluationError
-from companion.trial import Event, Trial, run_trial
-from companion.vio.config import AglSource, VioConfig
-from companion.vio.errors import VioFatalError
-from companion.vio.health import FrameFacts
-from companion.vio.se3 import SE3, Array
-from companion.vio.strategy import StrategyContext
-from companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioOutput, VioState, WarmStartPose
-from companion.vio.update import VioUpdate
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.vio.strategy_rig import (
     FEW,
     GOOD,
     GRAVITY,
@@ -34,6 +24,16 @@ from tests.unit.companion.vio.strategy_rig import (
     make_output,
     make_warm_start,
 )
+from viso.companion.trials import trial
+from viso.companion.trials.evaluation import EvaluationError
+from viso.companion.trials.trial import Event, Trial, run_trial
+from viso.companion.vio.config import AglSource, VioConfig
+from viso.companion.vio.errors import VioFatalError
+from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.strategy import StrategyContext
+from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioOutput, VioState, WarmStartPose
+from viso.companion.vio.update import VioUpdate
 
 FRAMES = 10
 VELOCITY_W = np.array([3.0, 0.0, 0.0])

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from companion.vio.config import VioConfig
-from companion.vio.health import FrameFacts
-from companion.vio.se3 import SE3
-from companion.vio.strategy import StrategyBase, StrategyContext
-from companion.vio.telemetry_records import Record
-from companion.vio.types import (
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.strategy import StrategyBase, StrategyContext
+from viso.companion.vio.telemetry_records import Record
+from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
     FeatureQuality,

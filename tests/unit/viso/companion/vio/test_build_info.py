@@ -6,8 +6,8 @@ import importlib.util
 
 import pytest
 
-from companion.vio import build_info
-from companion.vio.build_info import read_flags
+from viso.companion.vio import build_info
+from viso.companion.vio.build_info import read_flags
 
 
 @pytest.mark.parametrize(("gtsam", "on"), [(object(), True), (None, False)])

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.vio import calibration
-from companion.vio.calibration import CalibrationError, load_calibration, scaled
-from companion.vio.frames import MOUNTINGS
-from companion.vio.se3 import SE3
-from companion.vio.types import CameraCalibration, DistortionModel
+from tests.places import ROOT
+from viso.companion.vio import calibration
+from viso.companion.vio.calibration import CalibrationError, load_calibration, scaled
+from viso.companion.vio.frames import MOUNTINGS
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import CameraCalibration, DistortionModel
 
-ROOT = Path(__file__).resolve().parents[4]
 FOLDER = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data")) / "euroc_mh01_clip"
 
 CAMERA = """\

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.vio.config import (
+from viso.companion.vio.config import (
     AglSource,
     ConfigError,
     OdometryConfig,

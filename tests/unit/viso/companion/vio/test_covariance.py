@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from companion.vio.covariance import sound_covariance, to_translation_first
-from companion.vio.se3 import Array, so3_exp
+from viso.companion.vio.covariance import sound_covariance, to_translation_first
+from viso.companion.vio.se3 import Array, so3_exp
 
 ROOTS = arrays(np.float64, (6, 6), elements=st.floats(-100, 100))
 TURN = so3_exp(np.array([0.3, -0.5, 0.8]))

@@ -5,15 +5,15 @@
 import numpy as np
 import pytest
 
-from companion.vio.errors import (
+from viso.companion.vio.errors import (
     StrategyNotAvailableError,
     VioDegradedError,
     VioError,
     VioFatalError,
     VioInitializingError,
 )
-from companion.vio.se3 import SE3
-from companion.vio.types import FeatureQuality, ImuBias, VioOutput, frame_uuid
+from viso.companion.vio.se3 import SE3
+from viso.companion.vio.types import FeatureQuality, ImuBias, VioOutput, frame_uuid
 
 
 def output() -> VioOutput:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.vio.frames import MOUNTINGS, enu_to_ned, flu_to_frd, yaw_of_heading
-from companion.vio.se3 import Array
+from viso.companion.vio.frames import MOUNTINGS, enu_to_ned, flu_to_frd, yaw_of_heading
+from viso.companion.vio.se3 import Array
 
 X, Y, Z = np.eye(3)
 

@@ -12,9 +12,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from companion.vio.health import TRACE_FRAMES, FrameFacts, HealthLimits, HealthMachine
-from companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from companion.vio.types import VioState
+from viso.companion.vio.health import TRACE_FRAMES, FrameFacts, HealthLimits, HealthMachine
+from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.types import VioState
 
 INIT, TRACKING, DEGRADED, LOST = VioState.INIT, VioState.TRACKING, VioState.DEGRADED, VioState.LOST
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from companion.vio.imu_buffer import CAPACITY, ImuBuffer
-from companion.vio.types import ImuSample, ImuWindow
+from viso.companion.vio.imu_buffer import CAPACITY, ImuBuffer
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 
 class Waits:

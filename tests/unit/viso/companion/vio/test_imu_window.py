@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.vio.imu_window import bracketed, median_period_ns, steps_between, steps_of, window_fault
-from companion.vio.types import ImuSample, ImuWindow
+from viso.companion.vio.imu_window import bracketed, median_period_ns, steps_between, steps_of, window_fault
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 PERIOD_NS = 5_000_000
 

@@ -11,9 +11,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from companion.vio.ingest import CameraIngest, DropOldestQueue
-from companion.vio.types import NavCameraFrame
-from tests.unit.companion.vio.strategy_rig import EventHandler, make_frame, make_logger
+from tests.unit.viso.companion.vio.strategy_rig import EventHandler, make_frame, make_logger
+from viso.companion.vio.ingest import CameraIngest, DropOldestQueue
+from viso.companion.vio.types import NavCameraFrame
 
 
 def sequence_of(frame: NavCameraFrame | None) -> int | None:

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import ImuSteps
-from companion.vio.preintegration import ImuPreintegrator, PreintegratedDelta, preintegrate
-from companion.vio.se3 import Array, so3_log
-from companion.vio.types import ImuBias, ImuSample
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.preintegration import ImuPreintegrator, PreintegratedDelta, preintegrate
+from viso.companion.vio.se3 import Array, so3_log
+from viso.companion.vio.types import ImuBias, ImuSample
 
 NOISE = ImuNoise()
 BIAS = ImuBias(np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.015]))

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.imu_buffer import ImuBuffer
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.imu_window import steps_of
-from companion.vio.preintegration import preintegrate
-from companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log
-from companion.vio.types import ImuBias, ImuSample, ImuWindow
+from tests.places import ROOT
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.preintegration import preintegrate
+from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log
+from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 
-ROOT = Path(__file__).resolve().parents[4]
 FOLDER = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data")) / "euroc_v102_imu"
 SECOND_NS = 1_000_000_000
 GRAVITY = np.array([0, 0, -GRAVITY_MSS])

@@ -9,12 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.vio import build_info, registry
-from companion.vio.config import VioConfig
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy, describe
-from companion.vio.strategy import ReportingStrategy, StrategyContext
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.vio.strategy_rig import (
     EventHandler,
     Kept,
     Ticks,
@@ -22,6 +17,11 @@ from tests.unit.companion.vio.strategy_rig import (
     make_calibration,
     make_logger,
 )
+from viso.companion.vio import build_info, registry
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy, describe
+from viso.companion.vio.strategy import ReportingStrategy, StrategyContext
 
 ALL_ON = dict.fromkeys(build_info.FLAGS, True)
 ALL_OFF = dict.fromkeys(build_info.FLAGS, False)
@@ -63,7 +63,7 @@ def test_unknown_name_lists_the_names_whatever_the_flags() -> None:
 
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_flag_that_is_off_comes_before_the_import(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setitem(sys.modules, f"companion.strategies.{name}", None)
+    monkeypatch.setitem(sys.modules, f"viso.companion.strategies.{name}", None)
     assert refusal(name, ALL_OFF).reason == f"flag BUILD_{name.upper()} is off"
 
 
@@ -79,7 +79,7 @@ def test_native_wiring_absent_even_when_the_flag_is_on(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "extra"), [("klt_ransac", "vio"), ("fixed_lag", "vio,gtsam")])
 def test_import_that_fails_says_why_and_what_to_install(monkeypatch: pytest.MonkeyPatch, name: str, extra: str) -> None:
-    module = f"companion.strategies.{name}"
+    module = f"viso.companion.strategies.{name}"
     monkeypatch.setitem(sys.modules, module, None)
     reason = refusal(name, ALL_ON).reason
     assert reason == f"import of {module} halted; None in sys.modules; pip install 'viso[{extra}]'"

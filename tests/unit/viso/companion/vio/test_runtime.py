@@ -11,17 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.vio import build_info, registry
-from companion.vio.config import QueueConfig, VioConfig
-from companion.vio.errors import StrategyNotAvailableError
-from companion.vio.health import FrameFacts
-from companion.vio.ingest import JOIN_S
-from companion.vio.registry import StrategyEntry
-from companion.vio.runtime import VioRuntime
-from companion.vio.strategy import StrategyContext
-from companion.vio.types import ImuWindow, NavCameraFrame, VioOutput, VioState
-from companion.vio.update import VioUpdate
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.vio.strategy_rig import (
     INITIAL,
     Kept,
     Ticks,
@@ -33,6 +23,16 @@ from tests.unit.companion.vio.strategy_rig import (
     make_warm_start,
     still_window,
 )
+from viso.companion.vio import build_info, registry
+from viso.companion.vio.config import QueueConfig, VioConfig
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.ingest import JOIN_S
+from viso.companion.vio.registry import StrategyEntry
+from viso.companion.vio.runtime import VioRuntime
+from viso.companion.vio.strategy import StrategyContext
+from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioOutput, VioState
+from viso.companion.vio.update import VioUpdate
 
 LIMIT_S = 10
 

@@ -10,7 +10,7 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.vio.se3 import (
+from viso.companion.vio.se3 import (
     SE3,
     SMALL_ANGLE_RAD,
     Array,

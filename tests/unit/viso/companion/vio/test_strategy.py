@@ -9,10 +9,7 @@ from typing import NoReturn
 import numpy as np
 import pytest
 
-from companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
-from companion.vio.health import FrameFacts
-from companion.vio.types import NavCameraFrame, VioOutput, VioState
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.vio.strategy_rig import (
     FEW,
     GOOD,
     INITIAL,
@@ -25,6 +22,9 @@ from tests.unit.companion.vio.strategy_rig import (
     make_warm_start,
     still_window,
 )
+from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.types import NavCameraFrame, VioOutput, VioState
 
 SIZES = [(47, 64), (48, 65), (64, 48)]
 

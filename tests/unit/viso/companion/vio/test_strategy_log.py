@@ -6,9 +6,7 @@ import logging
 
 import pytest
 
-from companion.vio.strategy_log import StrategyLog
-from companion.vio.types import VioState
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.vio.strategy_rig import (
     EventHandler,
     Ticks,
     make_frame,
@@ -16,6 +14,8 @@ from tests.unit.companion.vio.strategy_rig import (
     make_output,
     make_warm_start,
 )
+from viso.companion.vio.strategy_log import StrategyLog
+from viso.companion.vio.types import VioState
 
 OUTPUT = make_output(make_frame(1))
 

@@ -11,9 +11,9 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
-from companion.vio.telemetry import NullSink, RingSink, last_output, ring_files, ring_records
-from companion.vio.telemetry_records import output_values, pack_record
-from tests.unit.companion.vio.strategy_rig import Ticks, make_frame, make_logger, make_output
+from tests.unit.viso.companion.vio.strategy_rig import Ticks, make_frame, make_logger, make_output
+from viso.companion.vio.telemetry import NullSink, RingSink, last_output, ring_files, ring_records
+from viso.companion.vio.telemetry_records import output_values, pack_record
 
 RECORD_BYTES = len(pack_record({"n": 1000}))
 

@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.vio.telemetry_records import (
+from tests.unit.viso.companion.vio.strategy_rig import make_frame, make_output
+from viso.companion.vio.telemetry_records import (
     MAX_RECORD_BYTES,
     health_values,
     output_of,
@@ -24,8 +25,7 @@ from companion.vio.telemetry_records import (
     unpack_records,
     warm_start_of,
 )
-from companion.vio.types import VioHealth, VioOutput, VioState
-from tests.unit.companion.vio.strategy_rig import make_frame, make_output
+from viso.companion.vio.types import VioHealth, VioOutput, VioState
 
 RECORDS: list[dict[str, Any]] = [{"a": 1}, {"b": [1.5, None]}, {"c": "x" * 50}]
 PACKED = [pack_record(record) for record in RECORDS]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from companion.vio.threads import limit_threads
+from viso.companion.vio.threads import limit_threads
 
 
 @pytest.fixture(autouse=True)

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.vio.se3 import SE3, Array
-from companion.vio.types import (
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
     FeatureQuality,

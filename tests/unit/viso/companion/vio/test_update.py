@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from companion.vio.strategy import FrameReport
-from companion.vio.telemetry_records import output_values
-from companion.vio.types import VioHealth, VioState
-from companion.vio.update import VioUpdate, update_record
-from tests.unit.companion.vio.strategy_rig import make_frame, make_output
+from tests.unit.viso.companion.vio.strategy_rig import make_frame, make_output
+from viso.companion.vio.strategy import FrameReport
+from viso.companion.vio.telemetry_records import output_values
+from viso.companion.vio.types import VioHealth, VioState
+from viso.companion.vio.update import VioUpdate, update_record
 
 FRAME = make_frame(5)
 OUTPUT = make_output(FRAME)

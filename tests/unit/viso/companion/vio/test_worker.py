@@ -8,12 +8,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from companion.vio import worker as worker_module
-from companion.vio.ingest import DropOldestQueue
-from companion.vio.types import ImuWindow, NavCameraFrame, VioState
-from companion.vio.update import VioUpdate
-from companion.vio.worker import COUNTERS, VioWorker
-from tests.unit.companion.vio.strategy_rig import (
+from tests.unit.viso.companion.vio.strategy_rig import (
     FEW,
     GOOD,
     INITIAL,
@@ -26,6 +21,11 @@ from tests.unit.companion.vio.strategy_rig import (
     make_warm_start,
     still_window,
 )
+from viso.companion.vio import worker as worker_module
+from viso.companion.vio.ingest import DropOldestQueue
+from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioState
+from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import COUNTERS, VioWorker
 
 
 class Imu:

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from companion.world.canvas import Canvas, Material, power_of_two
+from viso.companion.world.canvas import Canvas, Material, power_of_two
 
 
 @pytest.fixture

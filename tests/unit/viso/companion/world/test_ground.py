@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from companion.world.ground import generate_texture
-from companion.world.texture import GroundTexture
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.texture import GroundTexture
 
 
 def small(seed: int = 0, colour: bool = False) -> GroundTexture:

@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
-from companion.vio.imu_noise import ImuNoise
-from companion.vio.types import ImuBias
-from companion.world.imu import SimulatedImu
-from companion.world.trajectory import nadir_survey
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.types import ImuBias
+from viso.companion.world.imu import SimulatedImu
+from viso.companion.world.trajectory import nadir_survey
 
 SURVEY = nadir_survey(seed=1)
 QUIET = ImuNoise(1e-12, 1e-12, 1e-12, 1e-12)

@@ -11,13 +11,13 @@ import cv2
 import numpy as np
 import pytest
 
-from companion.vio.se3 import SE3, Array, so3_exp
-from companion.vio.types import CameraCalibration, DistortionModel, Pixels
-from companion.vio.undistortion import distort
-from companion.world.flight import nadir_calibration
-from companion.world.ground import generate_texture
-from companion.world.renderer import PlaneRenderer
-from companion.world.texture import GroundTexture
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels
+from viso.companion.vio.undistortion import distort
+from viso.companion.world.flight import nadir_calibration
+from viso.companion.world.ground import generate_texture
+from viso.companion.world.renderer import PlaneRenderer
+from viso.companion.world.texture import GroundTexture
 
 CALIBRATION = nadir_calibration()
 RADTAN = dataclasses.replace(
@@ -247,6 +247,6 @@ def test_full_size_frames_are_possible(countryside: GroundTexture) -> None:
 
 def test_without_opencv_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    monkeypatch.delitem(sys.modules, "companion.world.renderer")
+    monkeypatch.delitem(sys.modules, "viso.companion.world.renderer")
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'viso\[vio\]'"):
-        importlib.import_module("companion.world.renderer")
+        importlib.import_module("viso.companion.world.renderer")

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from companion.world.texture import (
+from tests.places import SHARED
+from viso.companion.world.texture import (
     GroundTexture,
     TextureError,
     fractal_noise,
@@ -18,7 +19,7 @@ from companion.world.texture import (
     pixel_from_ground,
 )
 
-PHOTOGRAPH = Path(__file__).parents[5] / "shared" / "data" / "brighton_nadir" / "DJI_0034.JPG"
+PHOTOGRAPH = SHARED / "brighton_nadir" / "DJI_0034.JPG"
 
 
 def noise(seed: int = 0, size: int = 200) -> np.ndarray:

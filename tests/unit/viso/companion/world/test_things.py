@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from companion.world.canvas import Canvas, Material
-from companion.world.things import build, plant, scatter_stones
+from viso.companion.world.canvas import Canvas, Material
+from viso.companion.world.things import build, plant, scatter_stones
 
 NO_BORDERS = np.zeros((0, 2), np.intp)
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.vio.frames import GRAVITY_MSS
-from companion.vio.se3 import so3_exp, so3_log, yaw_of
-from companion.world.trajectory import Trajectory, from_ground, hover, nadir_survey
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.se3 import so3_exp, so3_log, yaw_of
+from viso.companion.world.trajectory import Trajectory, from_ground, hover, nadir_survey
 
 SURVEY = nadir_survey(seed=1)
 FLIGHTS = {

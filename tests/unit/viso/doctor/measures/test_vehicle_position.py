@@ -10,11 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emulator.doctor import Finding, Severity
-from emulator.doctor.paths import compare_paths
-from emulator.doctor.tracks import Floats
-from emulator.doctor.vehicle_data import listen
-from emulator.doctor.vehicle_position import (
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import GLOBAL_POSITION_INT, GPS_RAW_INT, HEARTBEAT, LOCAL_POSITION_NED, PARAM_VALUE
+from tests.places import DATA
+from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, pose, stream_of
+from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piece, shifted
+from viso.doctor import Finding, Severity
+from viso.doctor.measures.paths import compare_paths
+from viso.doctor.measures.tracks import Floats
+from viso.doctor.measures.vehicle_data import listen
+from viso.doctor.measures.vehicle_position import (
     PositionListener,
     PositionSeries,
     is_independent,
@@ -23,12 +28,8 @@ from emulator.doctor.vehicle_position import (
     position_of_log,
     sources_of,
 )
-from emulator.recorded_log import read_recorded_states
-from emulator.streams import Stream, StreamMessage
-from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import GLOBAL_POSITION_INT, GPS_RAW_INT, HEARTBEAT, LOCAL_POSITION_NED, PARAM_VALUE
-from tests.unit.emulator.doctor.evidences import START_US, evidence_of, findings_of, pose, stream_of
-from tests.unit.emulator.doctor.streams import DATA, LEAD_US, codes, examine, faulty, piece, shifted
+from viso.logs.recorded import read_recorded_states
+from viso.streams.table import Stream, StreamMessage
 
 COUNT = 400
 PERIOD_US = 40_000

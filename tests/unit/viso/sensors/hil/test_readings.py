@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.imu.hil_readings import LATE_US, MessageTime, RelativeHeight, isa_height_m
+from viso.sensors.hil.readings import LATE_US, MessageTime, RelativeHeight, isa_height_m
 
 
 @pytest.mark.parametrize(

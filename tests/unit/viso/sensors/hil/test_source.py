@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.error_state import GRAVITY_MSS
-from emulator.imu.attitude import quat_of_rpy, rotate_to_body
-from emulator.imu.errors import SensorErrors
-from emulator.imu.hil import (
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
+from tests.unit.viso.sensors.conftest import LOOP_US
+from viso.sensors.attitude import quat_of_rpy, rotate_to_body
+from viso.sensors.errors import SensorErrors
+from viso.sensors.hil.source import (
     UPDATED_ABS_PRESSURE,
     UPDATED_INERTIAL,
     UPDATED_MAG,
@@ -24,13 +26,11 @@ from emulator.imu.hil import (
     UPDATED_RESET,
     HilSource,
 )
-from emulator.imu.options import ImuOptions
-from emulator.imu.readings import FIELD_NED_MGAUSS
-from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
-from tests.unit.emulator.imu.conftest import LOOP_US
+from viso.sensors.options import ImuOptions
+from viso.sensors.readings import FIELD_NED_MGAUSS
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.imu.conftest import MakeLoop
+    from tests.unit.viso.sensors.conftest import MakeLoop
 
 EPOCH_US = 1_700_000_000_000_000
 REST = HIL_SENSOR(EPOCH_US, 0.0, 0.0, -GRAVITY_MSS, *(0.0,) * 3, *(0.2, 0.0, 0.5), 1013.25, 0.0, 0.0, 20.0, 0x1FFF)

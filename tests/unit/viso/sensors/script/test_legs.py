@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.inertial import Array
-from emulator.imu.attitude import Three
-from emulator.imu.legs import (
+from ekf_stub.filter.inertial import Array
+from viso.sensors.attitude import Three
+from viso.sensors.script.legs import (
     CurveAt,
     CurveLeg,
     Leg,

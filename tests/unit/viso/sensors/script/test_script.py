@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inertial import Array, quat_of_rotation
-from ekf_stub.sensors import Sensors
-from emulator.errors import InputError
-from emulator.imu.attitude import halfway, rotation_between
-from emulator.imu.errors import SensorErrors
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource, Truth, read_script_source
-from emulator.imu.script_file import parse_script
+from ekf_stub.filter.inertial import Array, quat_of_rotation
+from ekf_stub.inputs.sensors import Sensors
+from viso.errors import InputError
+from viso.sensors.attitude import halfway, rotation_between
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource, Truth, read_script_source
+from viso.sensors.script.script_file import parse_script
 
 G = 9.80665
 LOOP_US = 2500

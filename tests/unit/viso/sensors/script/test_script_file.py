@@ -10,10 +10,10 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.error_state import euler_of
-from emulator.errors import InputError
-from emulator.imu import script_file
-from emulator.imu.script_file import EXAMPLES, SHAPES, Script, parse_script
+from ekf_stub.filter.error_state import euler_of
+from viso.errors import InputError
+from viso.sensors.script import script_file
+from viso.sensors.script.script_file import EXAMPLES, SHAPES, Script, parse_script
 
 HOVER = '[[leg]]\nshape = "hover"\nduration_s = 2.0\n'
 POINT = '[[leg]]\nshape = "point"\nto_ned_m = [1, 2, -3]\nduration_s = 4\n'

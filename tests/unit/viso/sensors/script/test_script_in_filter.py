@@ -12,15 +12,15 @@ from ap_core.param import ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.aiding import AidingMode
-from ekf_stub.core_texts import CoreTexts
-from ekf_stub.ekf3_core import Ekf3Core, Frame
-from ekf_stub.obs_ring import ring_sizes
-from ekf_stub.sources import EkfSources
-from emulator.imu.options import ImuOptions
-from emulator.imu.script import ScriptSource
-from emulator.imu.script_file import parse_script
-from emulator.parameters import make_groups
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.obs_ring import ring_sizes
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.reports.core_texts import CoreTexts
+from viso.parameters.table import make_groups
+from viso.sensors.options import ImuOptions
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import parse_script
 
 LOOP_US = 2500
 POSE_US = 33_333

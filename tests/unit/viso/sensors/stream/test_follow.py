@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.error_state import GRAVITY_MSS, euler_of
-from ekf_stub.inertial import Array, InertialDelta, quat_of_rotation
-from ekf_stub.sensors import Sensors
-from emulator.imu.errors import SensorErrors
-from emulator.imu.follow import ACCELERATION_DELAY_S, REST_UNTIL_US, FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.imu.readings import FIELD_NED_MGAUSS
-from tests.unit.emulator.imu.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
+from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
+from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation
+from ekf_stub.inputs.sensors import Sensors
+from tests.unit.viso.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.sensors.readings import FIELD_NED_MGAUSS
+from viso.sensors.stream.follow import ACCELERATION_DELAY_S, REST_UNTIL_US, FollowSource
 
 AGE_MS = 50
 POSE_US = 33_333

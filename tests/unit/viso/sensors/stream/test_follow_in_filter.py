@@ -4,22 +4,22 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from ekf_stub.core_report import CoreReport
-from emulator.imu.follow import FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.recorded_log import read_log
-from tests.unit.emulator.imu.conftest import LEVEL, LOOP_US, FilterLoop, Three, Wxyz, yawed
+from ekf_stub.reports.core_report import CoreReport
+from tests.places import DATA
+from tests.unit.viso.sensors.conftest import LEVEL, LOOP_US, FilterLoop, Three, Wxyz, yawed
+from viso.logs.recorded import read_log
+from viso.sensors.options import ImuOptions
+from viso.sensors.stream.follow import FollowSource
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.imu.conftest import MakeLoop
+    from tests.unit.viso.sensors.conftest import MakeLoop
 
-LOGS = Path(__file__).resolve().parents[3] / "data" / "logs"
+LOGS = DATA / "logs"
 POSE_US = 33_333
 FIRST_POSE_US = 1_000_000
 EVENT_S = 8.0

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from ekf_stub.ahrs_ekf3 import Ekf3Ahrs
-from emulator.imu.follow import FollowSource
-from emulator.imu.options import ImuOptions
-from emulator.vehicle_config import by_ekf3
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from mav_handlers.wire.messages import ODOMETRY
+from viso.sensors.options import ImuOptions
+from viso.sensors.stream.follow import FollowSource
+from viso.vehicle.config import by_ekf3
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import Bench
+    from tests.unit.viso.conftest import Bench
 
 ARM, ACCEPTED, DENIED = 400, 0, 4
 RATE_HZ = 30

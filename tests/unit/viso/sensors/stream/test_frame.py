@@ -7,11 +7,11 @@ import math
 import pytest
 import quaternion
 
-from ekf_stub.error_state import euler_of
-from emulator.imu.attitude import quat_of_rpy
-from emulator.imu.imagined_vehicle import Movement
-from emulator.imu.stream_frame import Pose, StreamFrame
-from emulator.imu.vectors import ZERO, Three
+from ekf_stub.filter.error_state import euler_of
+from viso.sensors.attitude import quat_of_rpy
+from viso.sensors.stream.frame import Pose, StreamFrame
+from viso.sensors.stream.imagined_vehicle import Movement
+from viso.sensors.vectors import ZERO, Three
 
 
 def standing(pos: Three, yaw_deg: float) -> Movement:

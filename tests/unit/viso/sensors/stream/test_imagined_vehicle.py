@@ -7,10 +7,10 @@ import math
 import numpy as np
 import quaternion
 
-from ekf_stub.error_state import GRAVITY_MSS
-from ekf_stub.inertial import quat_of_rotation
-from emulator.imu.attitude import quat_of_rpy, rotation_between
-from emulator.imu.imagined_vehicle import (
+from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import quat_of_rotation
+from viso.sensors.attitude import quat_of_rpy, rotation_between
+from viso.sensors.stream.imagined_vehicle import (
     MAX_ACCEL,
     MAX_ANGULAR_ACCEL,
     MAX_CATCH_UP_SPEED,
@@ -18,7 +18,7 @@ from emulator.imu.imagined_vehicle import (
     ImaginedVehicle,
     Movement,
 )
-from emulator.imu.vectors import ZERO
+from viso.sensors.vectors import ZERO
 
 DT = 0.0025
 

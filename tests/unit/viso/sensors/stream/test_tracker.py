@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import quaternion
 
-from emulator.imu.attitude import quat_of_rpy, rotation_between
-from emulator.imu.imagined_vehicle import MAX_ACCEL, Movement
-from emulator.imu.stream_tracker import MAX_RATE, MAX_SPEED, StreamTracker
-from emulator.imu.vectors import ZERO
+from viso.sensors.attitude import quat_of_rpy, rotation_between
+from viso.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
+from viso.sensors.stream.tracker import MAX_RATE, MAX_SPEED, StreamTracker
+from viso.sensors.vectors import ZERO
 
 REST = Movement(ZERO, ZERO, ZERO, quaternion.one, ZERO)
 

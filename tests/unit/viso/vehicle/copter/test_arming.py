@@ -6,8 +6,8 @@ import pytest
 
 from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
-from emulator.arming import ANY_CHECK, Arming, ArmMethod, Check, CheckLists
-from emulator.parameters import make_groups
+from viso.parameters.table import make_groups
+from viso.vehicle.copter.arming import ANY_CHECK, Arming, ArmMethod, Check, CheckLists
 
 LOGGING, VISION = 1 << 10, 1 << 18
 

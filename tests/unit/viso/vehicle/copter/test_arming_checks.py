@@ -11,14 +11,14 @@ from ap_core.internal_error import InternalError
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter_status import FilterFlag, FilterStatus
-from ekf_stub.gps_sample import GpsSample
-from emulator.log_files import LogStoreError
-from emulator.log_sink import LogSink
-from emulator.modes import ModeNumber
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from viso.logs.files import LogStoreError
+from viso.logs.sink import LogSink
+from viso.vehicle.copter.modes import ModeNumber
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import CopterRig
+    from tests.unit.viso.conftest import CopterRig
 
 PLACE = Location(-353_632_610, 1_491_652_300, 58_400)
 INS, GPS, LOGGING, SWITCH, MISSION, SYSTEM, VISION = (1 << bit for bit in (4, 3, 10, 11, 14, 13, 18))

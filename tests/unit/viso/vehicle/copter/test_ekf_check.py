@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from ekf_stub.filter_status import FilterFlag, FilterStatus
-from emulator.ekf_check import is_over_threshold
-from emulator.testing.copies import Copies
+from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.ports import Location
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
+from viso.testing.copies import Copies
+from viso.vehicle.copter.ekf_check import is_over_threshold
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import Bench
+    from tests.unit.viso.conftest import Bench
 
 MakeBench = Callable[..., "Bench"]
 ORIGIN = Location(-353632610, 1491652300, 58400)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter_status import FilterFlag, FilterStatus
-from emulator.estimates import Estimates
+from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from viso.vehicle.copter.estimates import Estimates
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import CopterRig
+    from tests.unit.viso.conftest import CopterRig
 
 F = FilterFlag
 

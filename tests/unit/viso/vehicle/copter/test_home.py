@@ -9,7 +9,7 @@ import pytest
 from ap_core.location import Location
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import CopterRig
+    from tests.unit.viso.conftest import CopterRig
 
 ORIGIN = Location(-353_632_610, 1_491_652_300, 58_400)
 PLACE = Location(-353_632_500, 1_491_652_000, 58_412)

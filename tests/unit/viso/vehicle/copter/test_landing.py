@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.location import Location
-from emulator.modes import MODES, ModeNumber
+from viso.vehicle.copter.modes import MODES, ModeNumber
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import CopterRig
+    from tests.unit.viso.conftest import CopterRig
 
 PLACE = Location(-353_632_610, 1_491_652_300, 58_400)
 M = ModeNumber

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.location import Location
-from ekf_stub.filter_status import FilterFlag
-from emulator.modes import AVAILABLE_MODES, MODES, ModeNumber
+from ekf_stub.reports.filter_status import FilterFlag
+from viso.vehicle.copter.modes import AVAILABLE_MODES, MODES, ModeNumber
 
 if TYPE_CHECKING:
-    from tests.unit.emulator.conftest import CopterRig
+    from tests.unit.viso.conftest import CopterRig
 
 PLACE = Location(-353_632_610, 1_491_652_300, 58_400)
 NEVER = {"FLIP", "AUTOTUNE", "FLOWHOLD", "FOLLOW", "SYSTEMID", "TURTLE"}

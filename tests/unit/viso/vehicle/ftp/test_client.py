@@ -15,10 +15,10 @@ from pymavlink.mavftp import FtpError as Code
 
 from ap_core.param import ParamGroup, ParamTable
 from ap_visualodom.var_info import VAR_INFO
-from emulator.ftp_files import VehicleFiles
-from emulator.parameters import make_groups
-from mav_handlers.ftp import FtpPeer, FtpReply, FtpServer
-from mav_handlers.param_pck import UploadedParam, build_param_pck
+from mav_handlers.transfers.ftp import FtpPeer, FtpReply, FtpServer
+from mav_handlers.transfers.param_pck import UploadedParam, build_param_pck
+from viso.parameters.table import make_groups
+from viso.vehicle.ftp.files import VehicleFiles
 
 SYSTEM, COMPONENT = 255, 190
 POLL_S = 0.0025

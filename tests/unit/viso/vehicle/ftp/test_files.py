@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ap_core.param import ParamGroup, ParamInfo, ParamTable, ParamType
-from emulator.ftp_files import VehicleFiles
-from emulator.ftp_open_files import DiskFile, ParamPckFile
-from mav_handlers.ftp_ports import Entry, Failure, ReadableFile
-from mav_handlers.param_pck import PckQuery, UploadedParam, build_param_pck
+from mav_handlers.transfers.ftp_ports import Entry, Failure, ReadableFile
+from mav_handlers.transfers.param_pck import PckQuery, UploadedParam, build_param_pck
+from viso.vehicle.ftp.files import VehicleFiles
+from viso.vehicle.ftp.open_files import DiskFile, ParamPckFile
 
 ABSENT = Failure(errno.ENOENT)
 INVALID = Failure(errno.EINVAL)

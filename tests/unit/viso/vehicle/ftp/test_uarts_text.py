@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report on the links."""
 
-from emulator.uarts_text import UartCounts, UartsText
+from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 
 
 class Links:

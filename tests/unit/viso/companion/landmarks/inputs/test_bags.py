@@ -18,9 +18,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from companion.landmarks.inputs.bags import BagFile, BagTopics
-from companion.landmarks.inputs.base import Clock, InputFileError
-from companion.landmarks.types import (
+from viso.companion.landmarks.inputs.bags import BagFile, BagTopics
+from viso.companion.landmarks.inputs.base import Clock, InputFileError
+from viso.companion.landmarks.types import (
     AircraftReport,
     CameraInfo,
     Detection,

@@ -13,13 +13,14 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import FMT, FMTU, MULT, PARM, UNIT
-from companion.landmarks.inputs.base import Clock, InputFileError
-from companion.landmarks.inputs.dataflash import DataFlashFile
-from companion.landmarks.types import AircraftReport, Event, GeodeticPoint, GlobalFix, VehiclePose
-from emulator.errors import InputError
-from emulator.recorded_log import read_log
+from tests.places import DATA
+from viso.companion.landmarks.inputs.base import Clock, InputFileError
+from viso.companion.landmarks.inputs.dataflash import DataFlashFile
+from viso.companion.landmarks.types import AircraftReport, Event, GeodeticPoint, GlobalFix, VehiclePose
+from viso.errors import InputError
+from viso.logs.recorded import read_log
 
-LOGS = Path(__file__).parents[4] / "data" / "logs"
+LOGS = DATA / "logs"
 KNOWN = 1 << 3 | 1 << 5
 Record = tuple[str, Sequence[LogValue]]
 

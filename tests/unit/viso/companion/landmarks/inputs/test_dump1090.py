@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.landmarks.inputs.base import InputFileError
-from companion.landmarks.inputs.dump1090 import Dump1090Folder, Dump1090Reader
-from companion.landmarks.types import AircraftReport
+from viso.companion.landmarks.inputs.base import InputFileError
+from viso.companion.landmarks.inputs.dump1090 import Dump1090Folder, Dump1090Reader
+from viso.companion.landmarks.types import AircraftReport
 
 NOW_S = 1_700_000_000.2
 ROW = {

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from companion.landmarks.inputs.bags import BagFile
-from companion.landmarks.inputs.base import InputFileError
-from companion.landmarks.inputs.dataflash import DataFlashFile
-from companion.landmarks.inputs.dump1090 import Dump1090Folder
-from companion.landmarks.inputs.files import InputOptions, line_reader, open_file
-from companion.landmarks.inputs.json_lines import JsonReader
-from companion.landmarks.inputs.sbs1 import Sbs1Reader
-from companion.landmarks.inputs.vehicle import TlogFile
-from companion.landmarks.types import AircraftReport, Event, LandmarkMap
-from emulator.recorded_log import read_log
+from viso.companion.landmarks.inputs.bags import BagFile
+from viso.companion.landmarks.inputs.base import InputFileError
+from viso.companion.landmarks.inputs.dataflash import DataFlashFile
+from viso.companion.landmarks.inputs.dump1090 import Dump1090Folder
+from viso.companion.landmarks.inputs.files import InputOptions, line_reader, open_file
+from viso.companion.landmarks.inputs.json_lines import JsonReader
+from viso.companion.landmarks.inputs.sbs1 import Sbs1Reader
+from viso.companion.landmarks.inputs.vehicle import TlogFile
+from viso.companion.landmarks.types import AircraftReport, Event, LandmarkMap
+from viso.logs.recorded import read_log
 
 SBS1 = "MSG,3,1,1,3C6DD1,1,2025/07/14,12:00:00.000,2025/07/14,12:00:00.000,,5000,,,47.4,8.5,,,,,,0"
 SNAPSHOT = {"now": 50.0, "aircraft": [{"hex": "3c6dd1", "lat": 47.4, "lon": 8.5}]}
@@ -91,7 +91,7 @@ def test_lines_of_basestation_are_known_even_behind_a_piece_of_one(tmp_path: Pat
 
 def test_frames_are_known_by_their_digits() -> None:
     pytest.importorskip("pyModeS", reason="pyModeS is not installed")
-    from companion.landmarks.inputs.mode_s import ModeSReader
+    from viso.companion.landmarks.inputs.mode_s import ModeSReader
 
     digits = "8D3C6DD1" + "0" * 20
     for line in (f"*{digits};", digits, f"1.5,{digits}", f"@{'0' * 12}{digits};"):

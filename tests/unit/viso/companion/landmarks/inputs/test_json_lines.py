@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.landmarks.inputs.json_lines import JsonReader
-from companion.landmarks.types import (
+from viso.companion.landmarks.inputs.json_lines import JsonReader
+from viso.companion.landmarks.types import (
     AircraftReport,
     CameraInfo,
     Detection,

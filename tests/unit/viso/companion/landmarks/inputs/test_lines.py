@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.landmarks.inputs.base import Clock, InputFileError
-from companion.landmarks.inputs.json_lines import JsonReader
-from companion.landmarks.inputs.lines import LONGEST_LINE_BYTES, LineSplitter, TextFile, file_lines, read_lines
-from companion.landmarks.types import Detections
+from viso.companion.landmarks.inputs.base import Clock, InputFileError
+from viso.companion.landmarks.inputs.json_lines import JsonReader
+from viso.companion.landmarks.inputs.lines import LONGEST_LINE_BYTES, LineSplitter, TextFile, file_lines, read_lines
+from viso.companion.landmarks.types import Detections
 
 
 def test_lines_of_a_source_have_the_times_at_which_they_come() -> None:

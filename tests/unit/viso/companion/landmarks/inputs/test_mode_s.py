@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 pytest.importorskip("pyModeS", reason="pyModeS is not installed")
 
-from companion.landmarks.inputs.base import Clock, InputFileError
-from companion.landmarks.inputs.mode_s import MISSING_EXTRA, ModeSReader
-from companion.landmarks.types import AircraftReport
-from tests.unit.companion.landmarks.inputs import frames
+from tests.unit.viso.companion.landmarks.inputs import frames
+from viso.companion.landmarks.inputs.base import Clock, InputFileError
+from viso.companion.landmarks.inputs.mode_s import MISSING_EXTRA, ModeSReader
+from viso.companion.landmarks.types import AircraftReport
 
 START_S = 1_700_000_000.0
 ZURICH = (47.464, 8.549)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.landmarks.inputs.sbs1 import FIELDS, Sbs1Reader
-from companion.landmarks.types import AircraftReport
+from viso.companion.landmarks.inputs.sbs1 import FIELDS, Sbs1Reader
+from viso.companion.landmarks.types import AircraftReport
 
 ICAO = "3C6DD1"
 NOON_S = datetime(2025, 7, 14, 12, tzinfo=UTC).timestamp()

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.landmarks.adsb_vehicle import to_message
-from companion.landmarks.inputs.base import Clock, InputFileError
-from companion.landmarks.inputs.vehicle import ArrivalTimes, MavlinkReader, MavlinkStream, TlogFile
-from companion.landmarks.types import AircraftReport, Event, GeodeticPoint, GlobalFix, VehiclePose
 from mav_handlers.links.tlog import TlogWriter
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, HEARTBEAT, LOCAL_POSITION_NED, Message
+from viso.companion.landmarks.adsb_vehicle import to_message
+from viso.companion.landmarks.inputs.base import Clock, InputFileError
+from viso.companion.landmarks.inputs.vehicle import ArrivalTimes, MavlinkReader, MavlinkStream, TlogFile
+from viso.companion.landmarks.types import AircraftReport, Event, GeodeticPoint, GlobalFix, VehiclePose
 
 AT = LOCAL_POSITION_NED(10_000, 3.0, 4.0, -5.0, 1.0, -2.0, 0.5)
 EAST = ATTITUDE(10_000, 0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0)

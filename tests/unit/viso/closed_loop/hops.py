@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Final
 
-from companion.world.flight import nadir_calibration
-from companion.world.ground import generate_texture
-from emulator.companion_loop import CompanionLoop, LoopSetup
-from emulator.log_sink import LogSink, MemoryLog
-from emulator.survey_flight import SurveyPlan, survey_flight
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+from viso.closed_loop.loop import CompanionLoop, LoopSetup
+from viso.companion.world.flight import nadir_calibration
+from viso.companion.world.ground import generate_texture
+from viso.demo.survey_flight import SurveyPlan, survey_flight
+from viso.logs.sink import LogSink, MemoryLog
 
 COMPANION_S: Final = 6.5
 ORIGIN_S: Final = 7.5
