@@ -31,19 +31,19 @@ from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function
 from viso.companion.faults.kinds import FAULTS
 from viso.companion.faults.parameters import parameters_of
-from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
 from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.rules import RULES as DOCTOR_RULES
-from viso.fates.words import basis, fate_of, is_final, why
+from viso.fates.labels import basis, fate_of, is_final, why
 from viso.firmware.releases import PROFILES, Firmware
 from viso.options.presets import PRESETS, preset_title
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
-from viso.streams.table import STREAM_KINDS
+from viso.streams.stream_kinds import STREAM_KINDS
 from viso.sweep.objectives import OBJECTIVES
 from viso.web.desk import ACTIONS
 from viso.web.faults import SWITCHES

@@ -26,7 +26,7 @@ from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.types import VioState
 from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.ground import generate_texture
-from viso.companion.world.trajectory import nadir_survey
+from viso.companion.world.motion import nadir_survey
 from viso.errors import InputError
 from viso.terminal.console import progress
 

@@ -12,9 +12,9 @@ from tests.unit.viso.sweep.late_camera import late_camera
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
 from viso.sweep.planning import make_plan
+from viso.sweep.request import Wishes
+from viso.sweep.result_tables import age_ms, found
 from viso.sweep.store import table_rows
-from viso.sweep.tell import age_ms, found
-from viso.sweep.wishes import Wishes
 
 BY_GYRO_MS = 26.3
 """Age of the flight's poses on arrival, by ``estimate_delay`` with its gyroscopes: +-0.7 ms."""

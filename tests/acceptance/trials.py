@@ -18,8 +18,8 @@ from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import VioState
 from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.ground import generate_texture
+from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
-from viso.companion.world.trajectory import nadir_survey
 
 DATA = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data"))
 NADIR = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)

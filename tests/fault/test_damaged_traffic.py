@@ -12,7 +12,7 @@ import pytest
 from ap_core.verdict import Outcome
 from mav_handlers.endpoint import MessageEvent
 from tests.places import DATA
-from viso.streams.table import StreamMessage, read_capture
+from viso.streams.stream_kinds import StreamMessage, read_capture
 
 if TYPE_CHECKING:
     from tests.fault.conftest import Bench, MakeBench

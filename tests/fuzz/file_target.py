@@ -17,7 +17,7 @@ from viso.logs.recorded import read_recorded_states
 from viso.options.settings import load_parm_file, parse_assignment
 from viso.parameters.store import ParamStore
 from viso.parameters.table import make_groups
-from viso.streams.table import Stream, read_stream
+from viso.streams.stream_kinds import Stream, read_stream
 
 LEAD_US = 30_000_000
 

@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
 from tests.places import DATA
 from viso.replay.feed import batches
-from viso.streams.table import Stream, read_stream
+from viso.streams.stream_kinds import Stream, read_stream
 
 pytestmark = pytest.mark.interop
 

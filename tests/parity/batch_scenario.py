@@ -21,7 +21,7 @@ from ap_visualodom.batch_samples import (
 )
 from ap_visualodom.release import REFERENCE, VisualOdomRelease
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from viso.files.bits import bits_of, float_of, quaternion_of, vector_of
+from viso.files.float_bits import bits_of, float_of, quaternion_of, vector_of
 from viso.replay.vectors import Scenario
 
 SAMPLES = {"pose", "pose_euler", "speed"}

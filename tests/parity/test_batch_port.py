@@ -18,14 +18,14 @@ from hypothesis import strategies as st
 from ap_visualodom import batch
 from tests.parity.batch_scenario import SAMPLES, BatchScenario, Step, expected_of, outputs_of
 from tests.places import DATA
-from viso.files.bits import bits_of, json_value
+from viso.files.float_bits import bits_of, json_value
 from viso.firmware.releases import PROFILES
 from viso.logs.recorded import read_recorded_states
 from viso.options.ahrs import AhrsChoice, ahrs_maker
 from viso.replay.port_alone import PortReplay, following, never_aligned, replay_port
 from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
 from viso.replay.vectors import Scenario
-from viso.streams.table import Stream, read_capture, read_stream
+from viso.streams.stream_kinds import Stream, read_capture, read_stream
 
 VECTORS = {"4.7-dev": DATA / "vectors", "2026-02": DATA / "2026-02" / "vectors"}
 SAMPLE_COUNTS = {"4.7-dev": 13589, "2026-02": 13648}

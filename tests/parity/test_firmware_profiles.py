@@ -20,7 +20,7 @@ from viso.ekf_runs.run import replay_ekf
 from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
 from viso.replay.feed import Replay
 from viso.replay.vectors import count_differences, recompute_text
-from viso.streams.table import read_stream
+from viso.streams.stream_kinds import read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 LABELS: Final = {label: index for index, label in enumerate(VISP.fields, 1)}

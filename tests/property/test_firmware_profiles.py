@@ -20,7 +20,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from viso.files.bits import json_value
+from viso.files.float_bits import json_value
 from viso.firmware.releases import PROFILES, REFERENCE
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler

@@ -17,7 +17,7 @@ from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors
 from viso.closed_loop.loop import CompanionLoop
 from viso.closed_loop.record import Arrived, Estimate
 from viso.companion.trials.evaluation import rms
-from viso.fates.words import Fate, fate_of
+from viso.fates.labels import Fate, fate_of
 
 _PATH_STEP_S: Final = 0.1
 

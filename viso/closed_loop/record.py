@@ -17,8 +17,8 @@ from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.vio.types import FeatureQuality, VioState
 from viso.companion.vio.update import VioUpdate
+from viso.fates.labels import is_final
 from viso.fates.watch import FilterWatch, SampleTest
-from viso.fates.words import is_final
 from viso.vehicle.vehicle import Vehicle
 
 AUTOPILOT: Final = "autopilot"

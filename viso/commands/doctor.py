@@ -13,15 +13,15 @@ from typing import Annotated, Final
 import typer
 
 from mav_handlers.links import LINKS, open_link
-from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.readers import FORMATS
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from viso.doctor.live import LinkRecorder
 from viso.doctor.measures.vehicle_data import is_log, vehicle_of_log
 from viso.doctor.measures.vehicle_position import position_of_log
-from viso.doctor.telling.outputs import as_json, as_junit, as_sarif
-from viso.doctor.telling.summary import summarise
-from viso.doctor.telling.terminal import count_text, finding_lines, summary_lines, summary_table
+from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
+from viso.doctor.outputs.summary import summarise
+from viso.doctor.outputs.terminal import count_text, finding_lines, summary_lines, summary_table
 from viso.errors import InputError
 from viso.files.text_files import write_text
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
@@ -29,7 +29,7 @@ from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings
 from viso.streams.recorded_poses import FORMS_AS_RECORDED
 from viso.streams.sessions import one_session
-from viso.streams.table import Stream, TrajectoryOptions, read_whole_stream
+from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_whole_stream
 from viso.terminal.console import err, out, progress
 from viso.terminal.signals import stop_on_signal
 

@@ -12,7 +12,7 @@ from typing import Annotated, Final, NamedTuple
 
 import typer
 
-from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.errors import InputError
@@ -42,7 +42,7 @@ from viso.replay.versus import (
     innovation_change_table,
     innovation_changes,
 )
-from viso.streams.table import Stream, TrajectoryOptions, read_stream
+from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_stream
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
 from viso.terminal.filter_report import (
     aiding_rows,

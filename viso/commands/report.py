@@ -15,7 +15,7 @@ from viso.firmware.releases import Firmware
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.report.exports import csv_text, mcap_bytes, trajectories, tum_text
 from viso.report.facts import Facts, facts_of
-from viso.report.material import Material, read_material
+from viso.report.flight_data import Material, read_material
 from viso.report.summary import Summary, summarise
 from viso.terminal.console import err, out, progress
 

@@ -9,23 +9,23 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from viso.companion.recorded.axes import PRESETS as AXES
+from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.errors import InputError
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import HeadingOption, ImuErrorOption
 from viso.options.presets import PRESET_HELP
-from viso.sensors.table import IMU_HELP
+from viso.sensors.inertial_sources import IMU_HELP
 from viso.sweep.cluster import run_on_cluster
 from viso.sweep.job import Result, run_point
 from viso.sweep.objectives import OBJECTIVES
 from viso.sweep.plan import FOLLOW, NO_MOTION_OF_ITS_OWN, SAMPLINGS, Point, SweepPlan
 from viso.sweep.planning import make_plan
 from viso.sweep.processes import default_jobs, run_in_processes
+from viso.sweep.request import NO_FAULTS, Wishes, read_wishes
+from viso.sweep.result_tables import DELAY, best_as_dict, best_lines, found, result_table, swept_axis
 from viso.sweep.store import SweepFolder, check_tables, table_rows
-from viso.sweep.tell import DELAY, best_as_dict, best_lines, found, result_table, swept_axis
-from viso.sweep.wishes import NO_FAULTS, Wishes, read_wishes
 from viso.terminal.console import err, out, progress
 
 _FINDINGS: Final = 1

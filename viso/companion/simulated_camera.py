@@ -10,7 +10,7 @@ import quaternion
 
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.clock import OffsetClock
-from viso.companion.trials.trajectory import Flight, Vector
+from viso.companion.trials.scripted_flight import Flight, Vector
 
 MAV_FRAME_BODY_FRD = 12
 MAV_FRAME_LOCAL_FRD = 20

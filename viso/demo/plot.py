@@ -14,7 +14,7 @@ from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult, Estimate
 from viso.estimators.series import spans_of
-from viso.fates.words import Fate, fate_of
+from viso.fates.labels import Fate, fate_of
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"

@@ -18,10 +18,10 @@ from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 from viso.companion.clock import OffsetClock
 from viso.companion.sender import Companion
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from viso.companion.trials.trajectory import Flight
+from viso.companion.trials.scripted_flight import Flight
 from viso.demo.flight import flight_source
+from viso.fates.labels import is_final
 from viso.fates.watch import AidingSpan, FilterWatch, SampleTest
-from viso.fates.words import is_final
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
 from viso.running.virtual_time import Scheduler

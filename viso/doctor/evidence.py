@@ -8,14 +8,14 @@ from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
 from viso.doctor.measures.compare import Comparison
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import Motion
 from viso.doctor.measures.paths import PathComparison
-from viso.doctor.measures.seen import SeenMessage
 from viso.doctor.measures.tracks import Poses, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.releases import Firmware
-from viso.streams.table import Aspect
+from viso.streams.stream_kinds import Aspect
 
 __all__ = ["Assumed", "Evidence", "SeenMessage"]
 

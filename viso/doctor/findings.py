@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from viso.streams.table import Aspect
+from viso.streams.stream_kinds import Aspect
 
 if TYPE_CHECKING:
     from viso.doctor.evidence import Evidence

@@ -13,20 +13,20 @@ from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Received
 from viso.doctor.evidence import Assumed, Evidence, vision_of
 from viso.doctor.measures.compare import Comparison, compare
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
 from viso.doctor.measures.paths import compare_paths
-from viso.doctor.measures.seen import SeenMessage
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
 from viso.doctor.measures.vehicle_position import PositionSeries
-from viso.doctor.settle import settle
+from viso.doctor.trial_parameters import settle
 from viso.errors import InputError
 from viso.fates.watch import FilterWatch
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
-from viso.streams.table import Aspect, Stream
+from viso.streams.stream_kinds import Aspect, Stream
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
-from viso.streams.table import Stream, StreamMessage
+from viso.streams.stream_kinds import Stream, StreamMessage
 
 LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators import quaternion_arrays as quaternion
-from viso.estimators.axes import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
+from viso.estimators.axis_rotations import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
 from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, fit, mean_and_sigma
 from viso.estimators.pairs import best_rotation, centred, correlation_of, cross_matrices, turn_pair
 from viso.estimators.turning import Array, attitudes_of

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.estimators.axes import EARTH_WORDS, MIRRORED, PROPER, AxisMap
+from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER, AxisMap
 from viso.estimators.least_squares import blocks_of, fit, inliers
 from viso.estimators.orientation import UNDECIDED, Choice, choose_axes
 from viso.estimators.pairs import centred

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
+from viso.fates.labels import Fate, as_dict, fate_of, is_final
 from viso.fates.watch import SampleTest
-from viso.fates.words import Fate, as_dict, fate_of, is_final
 
 FATE_WAIT_US: Final = 500_000
 """How long a message waits for the fates of its samples in the filter; that takes some 60 to 250 ms."""

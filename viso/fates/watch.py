@@ -14,7 +14,7 @@ from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from ekf_stub.inputs.sources import SourceZ
-from viso.fates.words import Fate, fate_of
+from viso.fates.labels import Fate, fate_of
 from viso.vehicle.vehicle import Vehicle
 
 UNITS: Final = {"pose": "m", "height": "m", "yaw": "deg", "velocity": "m/s", "odometry": "m/s"}

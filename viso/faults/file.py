@@ -13,7 +13,7 @@ from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
 from viso.companion.faults import TimedFrame
 from viso.errors import InputError
 from viso.files.text_files import write_text
-from viso.streams.table import Stream, read_stream
+from viso.streams.stream_kinds import Stream, read_stream
 
 TLOG: Final = (".tlog", ".tlog.gz")
 CAPTURE: Final = (".jsonl", ".jsonl.gz")

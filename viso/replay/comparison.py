@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 from rich.table import Column, Table
 
 from ap_core.verdict import Outcome
+from viso.fates.labels import RULES_BY_CODE, basis, fate_of, final_counts, is_model, why
 from viso.fates.watch import AidingSpan
-from viso.fates.words import RULES_BY_CODE, basis, fate_of, final_counts, is_model, why
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, SaidText
 from viso.terminal.console import reason_of

@@ -39,7 +39,7 @@ from viso.firmware.releases import REFERENCE, Firmware
 from viso.parameters.table import make_groups
 from viso.replay.feed import READ_BEFORE_HANDLING_US, batches
 from viso.replay.run import SaidText
-from viso.streams.table import Stream
+from viso.streams.stream_kinds import Stream
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 MakeAhrs = Callable[[VirtualClock, ParamTable, EkfSources], Ahrs]

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from viso.fates.labels import FilterCounts
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
-from viso.fates.words import FilterCounts
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
-from viso.streams.table import Stream
+from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts
 from viso.vehicle.config import AhrsParts, VehicleAhrs
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

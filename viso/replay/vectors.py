@@ -26,7 +26,7 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ap_visualodom.release import REFERENCE, VisualOdomRelease
 from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, SettableAhrs
 from mav_handlers.jitter_correction import JitterCorrection
-from viso.files.bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
+from viso.files.float_bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
 
 Out = list[object]
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators.series import Array, Mask, Series
-from viso.report.material import Material, position_moves
+from viso.report.flight_data import Material, position_moves
 
 BRIDGED_S: Final = 0.3
 """Between EKF records farther apart than this nothing is interpolated."""

@@ -12,8 +12,8 @@ from ekf_stub.reports.filter_status import FilterFlag
 from viso.estimators.series import Array, Mask, Series, overlap_s, spans_of
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.report.agreement import Differences, differences, lag_ms
-from viso.report.material import Material, armed_spans, position_moves
-from viso.report.names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
+from viso.report.event_names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
+from viso.report.flight_data import Material, armed_spans, position_moves
 from viso.report.parameters import ParameterFacts, parameter_facts
 
 UNHEALTHY_S: Final = 0.3

@@ -15,7 +15,7 @@ from viso.report import drawing
 from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
 from viso.report.drawing import AXES, EKF, GATE, GREEN, MUTED, VIOLET, VISION, WITHHELD, dots, legend, level, line
 from viso.report.facts import STALE_S, UNHEALTHY_S, Facts, has_position
-from viso.report.material import Material, position_moves
+from viso.report.flight_data import Material, position_moves
 from viso.report.timeline import draw_timeline
 
 _NED: Final = ("north", "east", "down")

@@ -14,7 +14,7 @@ from viso.companion.trials.evaluation import rms
 from viso.estimators.series import total_s
 from viso.report.facts import Facts
 from viso.report.figures import FigureKind
-from viso.report.material import Material
+from viso.report.flight_data import Material
 from viso.report.parameters import ChangedParameter
 from viso.report.summary import Level, Summary
 

@@ -15,7 +15,7 @@ from ap_visualodom.ap_visualodom import make_params
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.table import make_groups
-from viso.report.material import LoggedParameter, Material
+from viso.report.flight_data import LoggedParameter, Material
 
 _ABOUT_VISION: Final = ("VISO_", "EK3_", "AHRS_", "COMPASS_USE", "COMPASS_ENABLE", "LOG_REPLAY", "ARMING_")
 

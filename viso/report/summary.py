@@ -13,7 +13,7 @@ import numpy as np
 
 from viso.estimators.series import overlap_s, total_s
 from viso.report.facts import STALE_S, Facts, KindFacts, navigates_by_vision
-from viso.report.material import Material
+from viso.report.flight_data import Material
 
 _REFUSED: Final = re.compile(r"(PreArm|Arm): VisOdom")
 _FEW: Final = 4  # times that are named one by one

@@ -14,7 +14,7 @@ from viso.estimators.series import spans_of
 from viso.report import drawing
 from viso.report.drawing import EKF, GREEN, MUTED, VIOLET, VISION, WITHHELD, plain
 from viso.report.facts import Facts, has_flag
-from viso.report.material import Happening, Material
+from viso.report.flight_data import Happening, Material
 
 MOST_TEXTS: Final = 36
 _LONGEST_TEXT: Final = 64

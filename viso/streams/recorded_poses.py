@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from mav_handlers.wire.codec import Codec
 from viso.companion.recorded.messages import FORMS, Report
 from viso.companion.recorded.readers import Source
+from viso.companion.recorded.recorded_trajectory import Pose
 from viso.companion.recorded.records import Records
-from viso.companion.recorded.trajectory import Pose
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 from viso.errors import InputError

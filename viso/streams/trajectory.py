@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from viso.companion.recorded.axes import FrameChange
 from viso.companion.recorded.engine import Playback, RecordedEngine
+from viso.companion.recorded.frame_change import FrameChange
 from viso.companion.recorded.player import Player
 from viso.companion.recorded.readers import Source
 from viso.options.checks import within

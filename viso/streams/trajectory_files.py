@@ -4,11 +4,11 @@
 
 from collections.abc import Iterator
 
-from viso.companion.recorded.axes import parse_axes
+from viso.companion.recorded.frame_change import parse_axes
 from viso.companion.recorded.messages import FORMS, Form
 from viso.companion.recorded.readers import Source, load_records, load_trajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import Records, TrajectoryError
-from viso.companion.recorded.trajectory import RecordedTrajectory
 from viso.companion.vio.se3 import Array
 from viso.errors import InputError
 

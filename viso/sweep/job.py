@@ -17,9 +17,9 @@ from viso.errors import InputError
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.replay.run import ReplaySetup, run_replay
-from viso.sensors.table import MakeSource, read_source
-from viso.streams.table import Stream, StreamMessage, TrajectoryOptions, read_stream
-from viso.sweep.axes import fault_field
+from viso.sensors.inertial_sources import MakeSource, read_source
+from viso.streams.stream_kinds import Stream, StreamMessage, TrajectoryOptions, read_stream
+from viso.sweep.dimensions import fault_field
 from viso.sweep.objectives import Judge, Row
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
 from viso.vehicle.config import AhrsParts, VehicleAhrs, by_ekf3

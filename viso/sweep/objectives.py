@@ -17,8 +17,8 @@ from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.body_odometry import GATE_SIGMAS
 from viso.companion.faults.vision import VISION_NAMES
 from viso.companion.trials.evaluation import EvaluationError, TimedPoses, absolute_error
+from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts
 from viso.fates.watch import UNITS, AidingSpan, FilterWatch, SampleTest
-from viso.fates.words import Fate, FilterCounts, fate_of, final_counts
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
 from viso.vehicle.vehicle import Vehicle

@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from viso.errors import InputError
-from viso.streams.table import TrajectoryOptions
-from viso.sweep.axes import Axis
+from viso.streams.stream_kinds import TrajectoryOptions
+from viso.sweep.dimensions import Axis
 
 FOLLOW: Final = "follow"
 NO_MOTION_OF_ITS_OWN: Final = ("bench", FOLLOW)

@@ -20,11 +20,11 @@ from viso.options.firmware import firmware_of
 from viso.options.presets import preset_files
 from viso.options.settings import known_parameters, load_settings, parse_assignments
 from viso.sensors.script.script_file import EXAMPLES
-from viso.streams.table import STREAM_KINDS, TrajectoryOptions, kind_of
-from viso.sweep.axes import Axis, fault_field, parse_axes, values_of
+from viso.streams.stream_kinds import STREAM_KINDS, TrajectoryOptions, kind_of
+from viso.sweep.dimensions import Axis, fault_field, parse_axes, values_of
 from viso.sweep.job import code_version, timeline_of
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
-from viso.sweep.wishes import NO_FAULTS, Wishes
+from viso.sweep.request import NO_FAULTS, Wishes
 
 _NAME: Final = "{name}"
 _FLIGHT_LOG: Final = "DataFlash log"

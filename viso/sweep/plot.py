@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from viso.sweep.best import best_rows
 from viso.sweep.objectives import OBJECTIVES
 from viso.sweep.plan import SweepPlan
-from viso.sweep.tell import changed_columns, found
+from viso.sweep.result_tables import changed_columns, found
 
 PLOT: Final = "plot.png"
 

@@ -9,8 +9,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ekf_stub.fusion.aiding import AidingMode
+from viso.fates.labels import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
 from viso.fates.watch import UNITS, AidingSpan, Innovations
-from viso.fates.words import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
 from viso.terminal.console import VerdictCounts, verdict_table
 
 _STYLES: Final = {

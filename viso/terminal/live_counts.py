@@ -9,7 +9,7 @@ from typing import Final, Self
 from rich.console import Console, Group
 from rich.live import Live
 
-from viso.fates.words import FilterCounts
+from viso.fates.labels import FilterCounts
 from viso.terminal.console import VerdictCounts
 from viso.terminal.filter_report import tables_of
 

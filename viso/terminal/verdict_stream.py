@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from viso.errors import InputError
-from viso.fates.words import Fate, as_dict, fate_of, is_final, is_model, sentence
+from viso.fates.labels import Fate, as_dict, fate_of, is_final, is_model, sentence
 from viso.terminal.line_writer import LineWriter
 
 

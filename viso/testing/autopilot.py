@@ -13,10 +13,10 @@ from viso.fates.watch import FilterWatch
 from viso.testing import claims
 from viso.testing.booted import booted_vehicle
 from viso.testing.golden import GoldenFiles
+from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.testing.observer import VISION_RECORDS, Observer
 from viso.testing.options import AutopilotOptions
 from viso.testing.params import LiveParams
-from viso.testing.seen import MessageVerdict, Record, StatusText
 from viso.testing.sender import Sender
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 

@@ -14,9 +14,9 @@ from mav_handlers.endpoint import UNKNOWN_NAME
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
+from viso.fates.labels import Fate
 from viso.fates.watch import UNITS
-from viso.fates.words import Fate
-from viso.testing.seen import MessageVerdict, StatusText
+from viso.testing.observations import MessageVerdict, StatusText
 
 MESSAGE_ROWS: Final = 8
 TEXT_ROWS: Final = 8

@@ -18,7 +18,7 @@ import numpy as np
 
 from viso.files.atomic_file import replace_file
 from viso.testing.claims import shortened
-from viso.testing.seen import Record
+from viso.testing.observations import Record
 
 UPDATE_OPTION: Final = "--update-golden"
 FOLDER: Final = "golden"

@@ -14,7 +14,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
 from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
 from viso.fates.watch import FilterWatch
-from viso.testing.seen import MessageVerdict, Record, StatusText
+from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.vehicle.vehicle import Vehicle
 
 VISION_RECORDS: Final = tuple(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)

@@ -14,8 +14,8 @@ from viso.firmware.releases import PROFILES, REFERENCE
 from viso.logs.sink import LogSink
 from viso.options.presets import PRESETS
 from viso.options.settings import load_settings
+from viso.sensors.inertial_sources import read_source
 from viso.sensors.options import ImuOptions
-from viso.sensors.table import read_source
 from viso.vehicle.config import VehicleConfig, by_ekf3
 
 DEFAULT_PARAMS: Final[Mapping[str, float]] = MappingProxyType(

@@ -6,7 +6,7 @@ import dataclasses
 import logging
 from pathlib import Path
 
-from viso.companion.recorded.axes import parse_rotation
+from viso.companion.recorded.frame_change import parse_rotation
 from viso.companion.recorded.readers import Source, load_trajectory
 from viso.companion.recorded.records import TrajectoryError
 from viso.companion.sources.base import Recording, SourceError, SourceOptions

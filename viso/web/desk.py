@@ -26,8 +26,8 @@ from mav_handlers.wire.codec import Codec, Header, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, PARAM_SET, Message
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
+from viso.web.events import Answer
 from viso.web.faults import FaultSwitches
-from viso.web.seen import Answer
 
 GCS_SYSTEM_ID: Final = 255
 GCS_COMPONENT_ID: Final = 190

@@ -16,9 +16,7 @@ from viso.vehicle.copter.modes import MODES
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
 from viso.web.desk import Desk
-from viso.web.faults import FaultSwitches
-from viso.web.params import defaults_of, read_params
-from viso.web.seen import (
+from viso.web.events import (
     Seen,
     SeenBoot,
     SeenMessage,
@@ -28,6 +26,8 @@ from viso.web.seen import (
     SeenText,
     VehicleState,
 )
+from viso.web.faults import FaultSwitches
+from viso.web.params import defaults_of, read_params
 
 THINGS_WAITING: Final = 20_000
 LOOK_PERIOD_S: Final = 0.1

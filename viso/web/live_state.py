@@ -11,14 +11,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from viso.fates.labels import Fate, fate_of, is_final, is_model
 from viso.fates.watch import UNITS, SampleTest
-from viso.fates.words import Fate, fate_of, is_final, is_model
 from viso.web.desk import ACTIONS
-from viso.web.faults import SWITCHES
-from viso.web.params import row_of, shown
-from viso.web.rates import Rates
-from viso.web.runs import RunKey, Runs
-from viso.web.seen import (
+from viso.web.events import (
     Answer,
     Seen,
     SeenBoot,
@@ -29,6 +25,10 @@ from viso.web.seen import (
     SeenText,
     VehicleState,
 )
+from viso.web.faults import SWITCHES
+from viso.web.params import row_of, shown
+from viso.web.rates import Rates
+from viso.web.runs import RunKey, Runs
 
 POINTS_KEPT: Final = 1200
 """Of paths and of curves; two minutes of ten a second."""

@@ -22,9 +22,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from viso.web.desk import MAX_REQUEST_CHARS
 from viso.web.encoding import encode
+from viso.web.events import Answer, Seen
 from viso.web.live_state import LiveState
 from viso.web.same_site import SameSite
-from viso.web.seen import Answer, Seen
 
 BATCH_PERIOD_S: Final = 0.1
 MAX_CLIENTS: Final = 8

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from viso.companion.faults.axes import WrongAxes
 from viso.companion.faults.contents import Covariance, FrameIds, NotANumber, Quality
 from viso.companion.faults.fault import Fault
 from viso.companion.faults.motion import (
@@ -44,6 +43,7 @@ from viso.companion.faults.transport import (
     SecondSender,
     SenderId,
 )
+from viso.companion.faults.wrong_axes import WrongAxes
 
 FAULTS: Final[Mapping[str, type[Fault]]] = MappingProxyType(
     {

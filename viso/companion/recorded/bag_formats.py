@@ -10,8 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+from viso.companion.recorded.recorded_trajectory import TIME_END_NS, RecordedTrajectory
 from viso.companion.recorded.records import Records, TrajectoryError, usable
-from viso.companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
 from viso.companion.vio.se3 import rotation_from_quat_wxyz
 
 MISSING_EXTRA: Final = "bags are read with rosbags; install it with: pip install 'viso[bags]'"

@@ -17,7 +17,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
-from viso.companion.recorded.trajectory import Pose
+from viso.companion.recorded.recorded_trajectory import Pose
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log
 
 MAV_FRAME_BODY_FRD: Final = 12

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Final
 
 from viso.companion.recorded.bag_formats import POSE_TYPES, bag_records
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import Records, TrajectoryError, usable
 from viso.companion.recorded.text_formats import (
     EUROC,
@@ -20,7 +21,6 @@ from viso.companion.recorded.text_formats import (
     read_text,
     table_records,
 )
-from viso.companion.recorded.trajectory import RecordedTrajectory
 
 _POSES: Final = ", ".join(kind.rpartition("/")[2] for kind in POSE_TYPES)
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.se3 import Array
 

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from viso.companion.recorded.recorded_trajectory import TIME_END_NS, RecordedTrajectory
 from viso.companion.recorded.records import CUT_SHORT, Records, TrajectoryError, usable
-from viso.companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
 NANOSECONDS_FROM: Final = 1_000_000_000_000

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.recorded.axes import axes_matrix
+from viso.companion.recorded.frame_change import axes_matrix
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.trials.trial import Event
 from viso.companion.vio.calibration import CalibrationError, load_calibration

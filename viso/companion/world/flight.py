@@ -22,8 +22,8 @@ from viso.companion.vio.types import (
 )
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
+from viso.companion.world.motion import Trajectory, nadir_survey
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
-from viso.companion.world.trajectory import Trajectory, nadir_survey
 
 if TYPE_CHECKING:
     from viso.companion.world.renderer import PlaneRenderer

@@ -11,7 +11,7 @@ import numpy as np
 
 from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.types import ImuBias, ImuSample
-from viso.companion.world.trajectory import Trajectory
+from viso.companion.world.motion import Trajectory
 
 DEFAULT_RATE_HZ: Final = 200
 _NS: Final = 1_000_000_000

@@ -10,7 +10,7 @@ import numpy as np
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.tracks import Floats, Ints, Poses
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.estimators import quaternion_arrays as quaternion

@@ -17,7 +17,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     VISION_SPEED_ESTIMATE,
 )
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.estimators.turning import quats_of_euler
 
 Floats = NDArray[np.float64]

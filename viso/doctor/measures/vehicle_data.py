@@ -15,7 +15,7 @@ from viso.doctor.measures.tracks import Floats, Ints
 from viso.doctor.measures.vehicle_position import PositionListener, PositionSeries, sources_of
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
-from viso.streams.table import Stream
+from viso.streams.stream_kinds import Stream
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 MAV_AUTOPILOT_INVALID: Final = 8

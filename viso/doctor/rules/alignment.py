@@ -14,7 +14,7 @@ from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
-from viso.doctor.telling.words import at, share
+from viso.doctor.outputs.phrases import at, share
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"

@@ -13,9 +13,9 @@ from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Floats, Poses, down_in_body, euler_of_quat, reordered
+from viso.doctor.outputs.phrases import of_whole
 from viso.doctor.rules.frames import is_misordered
-from viso.doctor.telling.words import of_whole
-from viso.estimators.axes import BODY_WORDS, AxisMap, orient_name, rotation_matrix
+from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
 
 _LEAST_CLIMB_M: Final = 0.5
 _MIRRORED: Final = -0.7

@@ -12,8 +12,8 @@ from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, usable_tracks
 from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms, stamp_rate
 from viso.doctor.measures.tracks import Track
-from viso.doctor.telling.words import at, of_whole
-from viso.streams.table import Aspect
+from viso.doctor.outputs.phrases import at, of_whole
+from viso.streams.stream_kinds import Aspect
 
 CORRECTION: Final = "AP_RTC/JitterCorrection.cpp, JitterCorrection::correct_offboard_timestamp_usec"
 _LEAST_DRIFT_PPM: Final = 2000.0

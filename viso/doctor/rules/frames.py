@@ -13,8 +13,8 @@ from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
 from viso.doctor.measures.tracks import Floats
-from viso.doctor.telling.words import seen_in, share
-from viso.streams.table import Aspect
+from viso.doctor.outputs.phrases import seen_in, share
+from viso.streams.stream_kinds import Aspect
 
 _FITS: Final = 0.9
 _BETTER: Final = 0.01

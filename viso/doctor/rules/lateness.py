@@ -11,9 +11,9 @@ from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_ms, minima_of, usable_tracks
 from viso.doctor.measures.compare import Comparison
+from viso.doctor.outputs.phrases import at, of_whole, share
 from viso.doctor.rules.clocks import CORRECTION
-from viso.doctor.telling.words import at, of_whole, share
-from viso.streams.table import Aspect
+from viso.streams.stream_kinds import Aspect
 
 _MAX_LAG_MS: Final = 500.0
 _FILTER_STEP_MS: Final = 12

@@ -14,9 +14,9 @@ from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Poses
-from viso.doctor.telling.words import at, of_track
+from viso.doctor.outputs.phrases import at, of_track
 from viso.estimators.series import stretches_of
-from viso.streams.table import Aspect
+from viso.streams.stream_kinds import Aspect
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"

@@ -13,12 +13,12 @@ from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.stamps import time_base_us
 from viso.doctor.measures.tracks import Floats
-from viso.doctor.telling.words import at, share
+from viso.doctor.outputs.phrases import at, share
+from viso.fates.labels import Fate, fate_of
 from viso.fates.watch import UNITS
-from viso.fates.words import Fate, fate_of
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"

@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.stamps import FEWEST
-from viso.doctor.telling.words import at, seen_in, share
+from viso.doctor.outputs.phrases import at, seen_in, share
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
 _SETS: Final = (1, 2, 3)

@@ -9,10 +9,10 @@ from ap_visualodom.verdicts import QUALITY_BELOW_MIN
 from mav_handlers.wire.messages import ODOMETRY
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.stamps import FEWEST
-from viso.doctor.telling.words import seen_in, share
-from viso.streams.table import Aspect
+from viso.doctor.outputs.phrases import seen_in, share
+from viso.streams.stream_kinds import Aspect
 
 _GATE: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 

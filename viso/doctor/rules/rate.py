@@ -11,10 +11,10 @@ import numpy as np
 from ekf_stub.inputs.ingest_rules import TOO_SOON
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Track
-from viso.doctor.telling.words import at, share
+from viso.doctor.outputs.phrases import at, share
 
 _HEALTHY_US: Final = 300_000
 _FRESH_US: Final = 500_000

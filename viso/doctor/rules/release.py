@@ -11,11 +11,11 @@ from mav_handlers.covariance import pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.tracks import covariance_of
-from viso.doctor.telling.words import seen_in, share
+from viso.doctor.outputs.phrases import seen_in, share
 from viso.firmware.releases import PROFILES, Firmware
-from viso.streams.table import Aspect
+from viso.streams.stream_kinds import Aspect
 
 _NEEDS: Final = frozenset({Aspect.COVARIANCE})
 

@@ -12,8 +12,8 @@ from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
-from viso.doctor.telling.words import at, seen_in
-from viso.streams.table import Aspect
+from viso.doctor.outputs.phrases import at, seen_in
+from viso.streams.stream_kinds import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
 _CONSUME: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::should_consume_sensor_data"

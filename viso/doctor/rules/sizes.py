@@ -12,7 +12,7 @@ from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_speed
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import Poses, median_of
-from viso.doctor.telling.words import at, of_track, of_whole
+from viso.doctor.outputs.phrases import at, of_track, of_whole
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"

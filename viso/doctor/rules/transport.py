@@ -19,8 +19,8 @@ from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
 from viso.doctor.measures.stamps import FEWEST, are_us
 from viso.doctor.measures.tracks import Bools, Ints, Track
-from viso.doctor.telling.words import at, listed, seen_in, share
-from viso.streams.table import Aspect
+from viso.doctor.outputs.phrases import at, listed, seen_in, share
+from viso.streams.stream_kinds import Aspect
 
 _LEAST_LOST: Final = 3
 _LOST_SHARE: Final = 0.02

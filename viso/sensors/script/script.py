@@ -22,7 +22,7 @@ from viso.sensors.options import ImuOptions
 from viso.sensors.readings import ideal_field, last_reading_us
 from viso.sensors.script.legs import TURN
 from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
-from viso.sensors.script.trajectory import State
+from viso.sensors.script.scripted_motion import State
 
 FIRST_INTERVAL_US: Final = 2500
 _RATE_SPAN_US: Final = 1000

@@ -63,8 +63,8 @@ from ekf_stub.filter.error_state import GRAVITY_MSS
 from viso.errors import InputError
 from viso.sensors.attitude import Three
 from viso.sensors.script.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
+from viso.sensors.script.scripted_motion import Trajectory
 from viso.sensors.script.toml_table import TomlTable
-from viso.sensors.script.trajectory import Trajectory
 
 ARMED: Final = "armed"
 MAX_M: Final = 1e4

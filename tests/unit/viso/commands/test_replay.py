@@ -16,7 +16,7 @@ from tests.unit.viso.command_line import Viso, failed_with
 from viso.logs.single import SingleLog
 from viso.options.settings import needing_reboot
 from viso.replay.run import ReplaySetup, run_replay
-from viso.streams.table import read_stream
+from viso.streams.stream_kinds import read_stream
 from viso.vehicle.config import bench
 
 DATA = ROOT / "tests" / "data"

@@ -13,7 +13,7 @@ import quaternion
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.clock import OffsetClock
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from viso.companion.trials.trajectory import Flight
+from viso.companion.trials.scripted_flight import Flight
 
 FLIGHT = Flight(start_s=2.0, heading_rad=0.7)
 EXACT = SimulatedCamera(

@@ -10,7 +10,7 @@ import quaternion
 
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from ekf_stub.filter.inertial import quat_of_rotation
-from viso.companion.trials.trajectory import Flight
+from viso.companion.trials.scripted_flight import Flight
 from viso.demo.flight import flight_source
 from viso.sensors.options import ImuOptions
 

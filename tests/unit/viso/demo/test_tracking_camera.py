@@ -17,7 +17,7 @@ from viso.demo.plot import save_plot
 from viso.demo.tracking_camera import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, Estimate
 from viso.ekf_runs.comparison import compare
 from viso.ekf_runs.run import EkfRun
-from viso.fates.words import Fate, fate_of
+from viso.fates.labels import Fate, fate_of
 from viso.logs.sink import MemoryLog
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from tests.unit.viso.doctor.streams import faulty, piece, shifted
 from viso.doctor import GatherOptions
-from viso.streams.table import Stream
+from viso.streams.stream_kinds import Stream
 
 ODOMETRY: Final = "odometry"
 SPEED: Final = "speed"

@@ -13,7 +13,7 @@ from tests.places import DATA
 from viso.companion.faults import inject, parse_timeline
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
-from viso.streams.table import Stream, StreamMessage, read_stream
+from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 
 LEAD_US: Final = 6_500_000
 """When pieces begin: the vehicle of the trial stands still for 6 s."""

@@ -18,9 +18,9 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
 from viso.doctor import RULES, Severity, diagnose
 from viso.doctor.measures.vehicle_data import AttitudeSeries
-from viso.doctor.telling.outputs import as_json, as_junit, as_sarif
-from viso.doctor.telling.summary import summarise
-from viso.doctor.telling.terminal import finding_lines, summary_lines
+from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
+from viso.doctor.outputs.summary import summarise
+from viso.doctor.outputs.terminal import finding_lines, summary_lines
 
 NUMBERS = st.one_of(
     st.floats(-10, 10, width=32), st.floats(width=32), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e30])

@@ -10,11 +10,11 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import SETUP
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
 from viso.doctor import GatherOptions, SeenMessage, diagnose, gather
+from viso.doctor.outputs.summary import summarise
 from viso.doctor.rules import RULES
-from viso.doctor.telling.summary import summarise
 from viso.errors import InputError
-from viso.fates.words import Fate
-from viso.streams.table import Stream, StreamMessage
+from viso.fates.labels import Fate
+from viso.streams.stream_kinds import Stream, StreamMessage
 
 END_US = LEAD_US + 2_000_000
 

@@ -19,7 +19,7 @@ from tests.unit.viso.doctor.recordings import WRITERS, as_ros, rows_of
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
 from viso.doctor import RULES, Severity
 from viso.errors import InputError
-from viso.streams.table import MAX_GAP_US, Aspect, Stream, TrajectoryOptions, read_whole_stream
+from viso.streams.stream_kinds import MAX_GAP_US, Aspect, Stream, TrajectoryOptions, read_whole_stream
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 

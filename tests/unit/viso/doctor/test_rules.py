@@ -29,7 +29,7 @@ from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, Para
 from viso.doctor.rules import FAMILIES
 from viso.estimators.turning import quats_of_euler
 from viso.firmware.releases import PROFILES
-from viso.streams.table import Aspect
+from viso.streams.stream_kinds import Aspect
 
 HERE = {
     *("XN1-07", "XN2-03", "XN2-07", "XN2-08", "XN4-02", "XN4-07", "XN5-04", "XN5-08", "XN5-10"),

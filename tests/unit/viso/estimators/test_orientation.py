@@ -10,7 +10,7 @@ import quaternion
 
 from tests.unit.viso.estimators.conftest import Flight
 from tests.unit.viso.estimators.motions import Motion, motion
-from viso.estimators.axes import PROPER, AxisMap, rotation_matrix
+from viso.estimators.axis_rotations import PROPER, AxisMap, rotation_matrix
 from viso.estimators.orientation import estimate_orientation, estimate_world_axes
 from viso.estimators.turning import Array, quats_of_euler
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.unit.viso.estimators.conftest import Flight
 from tests.unit.viso.estimators.motions import smooth
-from viso.estimators.axes import AxisMap
+from viso.estimators.axis_rotations import AxisMap
 from viso.estimators.positions import estimate_position_axes, estimate_scale, path_of_velocity
 from viso.estimators.turning import Array
 

@@ -12,8 +12,8 @@ from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
 from ekf_stub.fusion.aiding import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from tests.unit.viso.conftest import Bench, odometry
+from viso.fates.labels import Fate, fate_of, is_final
 from viso.fates.watch import FilterWatch, SampleTest
-from viso.fates.words import Fate, fate_of, is_final
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BY_EXT_NAV = {

@@ -16,7 +16,7 @@ from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import ATT_POS_MOCAP, ODOMETRY, VISION_POSITION_ESTIMATE, Message
 from viso.companion.sender import Companion
 from viso.companion.simulated_camera import SimulatedCamera
-from viso.companion.trials.trajectory import Flight
+from viso.companion.trials.scripted_flight import Flight
 from viso.errors import InputError
 from viso.options.presets import PRESETS, preset_files, preset_title
 from viso.options.settings import load_settings

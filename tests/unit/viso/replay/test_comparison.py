@@ -28,7 +28,7 @@ from viso.replay.comparison import (
 from viso.replay.run import ReplayOutcome, ReplaySetup, SaidText, run_replay
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
-from viso.streams.table import Stream, StreamMessage
+from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.config import bench, by_ekf3
 
 START_US = 6_000_000

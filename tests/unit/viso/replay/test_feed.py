@@ -21,7 +21,7 @@ from viso.fates.watch import FilterWatch
 from viso.replay.feed import Replay, ReplayedMessage, batches, makes_record
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
-from viso.streams.table import Stream, StreamMessage
+from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

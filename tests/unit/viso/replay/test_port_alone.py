@@ -19,7 +19,7 @@ from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, PARAM_SET, VISIO
 from tests.places import DATA
 from viso.bench.odometry import odometry_at
 from viso.replay.port_alone import following, replay_port
-from viso.streams.table import Stream, StreamMessage, read_stream
+from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 
 LOG = DATA / "logs" / "flight_mav_extyaw.BIN.xz"
 START_US = 30_000_000

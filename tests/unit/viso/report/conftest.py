@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.viso.report.log_maker import flight, material_of
 from viso.report.facts import Facts, facts_of
-from viso.report.material import Material
+from viso.report.flight_data import Material
 
 SPITEFUL = "</td><script>alert(1)</script> $x^{2 & \"'"
 

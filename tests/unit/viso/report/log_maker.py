@@ -13,7 +13,7 @@ from ap_core.log_structure import ARM, ERR, EV, MODE, MSG, PARM, QUIET_NAN, LogS
 from ap_visualodom.log_structure import VISO, VISP, VISV
 from ekf_stub.log.ekf_log_structure import XKF1, XKF3, XKF4
 from viso.logs.logger import STRUCTURES
-from viso.report.material import Material, read_material
+from viso.report.flight_data import Material, read_material
 
 NAVIGATES: Final = 0x33F  # of XKF4.SS: everything, of which 8 and 16 are positions
 LOST: Final = 0x0A7  # no position, constant position mode

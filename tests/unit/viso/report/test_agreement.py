@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.unit.viso.report.log_maker import LogMaker, material_of
 from viso.estimators.series import Series
 from viso.report.agreement import Poses, differences, interpolated, lag_ms, rotations, wrapped_deg
-from viso.report.material import Material
+from viso.report.flight_data import Material
 
 NO_MOVES = np.zeros(0)
 

@@ -27,7 +27,7 @@ from viso.report.exports import (
     tum_text,
     usable,
 )
-from viso.report.material import Material
+from viso.report.flight_data import Material
 
 
 @pytest.fixture(scope="module")

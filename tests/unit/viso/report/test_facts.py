@@ -9,7 +9,7 @@ import pytest
 
 from tests.unit.viso.report.log_maker import LOST, NAVIGATES, VELOCITY, LogMaker, material_of
 from viso.report.facts import Facts, facts_of
-from viso.report.material import Material
+from viso.report.flight_data import Material
 from viso.report.summary import Level, summarise
 
 

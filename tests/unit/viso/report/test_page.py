@@ -13,7 +13,7 @@ from tests.unit.viso.report.log_maker import LogMaker, material_of
 from viso.report import drawing
 from viso.report.facts import Facts, facts_of
 from viso.report.figures import FIGURES
-from viso.report.material import Happening, Material
+from viso.report.flight_data import Happening, Material
 from viso.report.page import make_page
 from viso.report.summary import summarise
 from viso.report.timeline import MOST_TEXTS, chosen

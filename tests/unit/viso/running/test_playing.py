@@ -16,7 +16,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
 from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.player import Player, Text
-from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.errors import InputError
 from viso.running import playing
 from viso.running.playing import LinkPlay, write_telemetry_log

@@ -29,7 +29,7 @@ from viso.errors import InputError
 from viso.logs.recorded import read_log, read_recorded_states
 from viso.logs.sink import MemoryLog
 from viso.replay.feed import Replay
-from viso.streams.table import Stream, StreamMessage, read_stream
+from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 from viso.vehicle.config import AhrsParts, VehicleAhrs
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

@@ -14,7 +14,7 @@ from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso.doctor.measures.vehicle_data import listen
 from viso.streams.sessions import one_session, sessions_of
-from viso.streams.table import Stream, StreamMessage
+from viso.streams.stream_kinds import Stream, StreamMessage
 
 BEAT = HEARTBEAT(2, 3, 81, 0, 3, 3)
 LEAD_US = 30_000_000

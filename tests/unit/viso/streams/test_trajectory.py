@@ -12,7 +12,7 @@ from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso
 from viso.errors import InputError
-from viso.streams.table import Stream, TrajectoryOptions, read_stream
+from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_stream
 
 FLIGHT = DATA / "trajectories" / "flight.tum"
 LEAD_US = 5_000_000

@@ -10,7 +10,7 @@ import pytest
 from tests.places import DATA
 from viso.sweep.plan import SweepPlan
 from viso.sweep.planning import make_plan
-from viso.sweep.wishes import Wishes
+from viso.sweep.request import Wishes
 
 CAPTURE = DATA / "captures" / "mav.jsonl.gz"
 UNTIL_S = 5.6

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from viso.errors import InputError
-from viso.sweep.axes import Axis
+from viso.sweep.dimensions import Axis
 from viso.sweep.plan import LATIN, RANDOM, Faults, InputFile, Recorded, Sampling, SweepPlan, check_plan, input_file
 
 A, B = Axis("A", (1.0, 2.0)), Axis("B", (3.0, 4.0, 5.0))

@@ -11,7 +11,7 @@ import pytest
 from tests.places import DATA
 from tests.unit.viso.sweep.conftest import CAPTURE, MakePlan
 from viso.errors import InputError
-from viso.streams.table import TrajectoryOptions
+from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.plan import Faults, Sampling
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from tests.unit.viso.sweep.made import made_plan, made_rows
 from viso.sweep import plot
-from viso.sweep.axes import Axis
+from viso.sweep.dimensions import Axis
 from viso.sweep.plan import Faults, Sampling, SweepPlan
 from viso.sweep.plot import save_plot
 

@@ -9,7 +9,7 @@ from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from tests.places import DATA
 from tests.unit.viso.sweep.conftest import CAPTURE, MakePlan
 from viso.errors import InputError
-from viso.streams.table import TrajectoryOptions
+from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep import reference
 from viso.sweep.job import run_point
 from viso.sweep.reference import read_reference

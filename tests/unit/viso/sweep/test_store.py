@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from viso.errors import InputError
-from viso.sweep.axes import Axis
+from viso.sweep.dimensions import Axis
 from viso.sweep.job import Result
 from viso.sweep.objectives import OBJECTIVES, Row
 from viso.sweep.plan import InputFile, Recorded, SweepPlan

@@ -11,7 +11,7 @@ from ap_core.verdict import Outcome
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT
 from tests.unit.viso.testing.sample_odometry import odometry
-from viso.fates.words import Fate
+from viso.fates.labels import Fate
 from viso.testing import Autopilot, AutopilotOptions
 
 

@@ -15,8 +15,8 @@ from mav_handlers.verdicts import PARAM_NOT_FINITE, PARAM_UNKNOWN
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE
 from tests.unit.viso.conftest import Bench
 from viso.web.desk import ACTIONS, REQUESTS_WAITING, Desk
+from viso.web.events import Answer
 from viso.web.faults import FaultSwitches
-from viso.web.seen import Answer
 
 
 def ask(bench: Bench, desk: Desk | None = None, **request: Any) -> Answer:

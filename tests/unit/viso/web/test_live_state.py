@@ -14,10 +14,10 @@ from mav_handlers.wire.messages import HEARTBEAT
 from tests.unit.viso.conftest import Bench, odometry
 from viso.web.desk import Desk
 from viso.web.encoding import encode
+from viso.web.events import SeenBoot
 from viso.web.faults import FaultSwitches
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
-from viso.web.seen import SeenBoot
 
 INDOORS = {
     "VISO_TYPE": 1.0,

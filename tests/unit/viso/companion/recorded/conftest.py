@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import TrajectoryError
-from viso.companion.recorded.trajectory import RecordedTrajectory
 
 MakeTrajectory = Callable[..., RecordedTrajectory]
 

@@ -28,7 +28,7 @@ from viso.companion.recorded.messages import (
     vision_position_estimate,
     vision_with_speed,
 )
-from viso.companion.recorded.trajectory import Pose
+from viso.companion.recorded.recorded_trajectory import Pose
 from viso.companion.vio.se3 import quat_wxyz_from_rotation, so3_exp
 
 # Heading east: a quarter turn clockwise from north.

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from viso.companion.recorded import records
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import LARGEST, TrajectoryError, from_records
-from viso.companion.recorded.trajectory import RecordedTrajectory
 
 COUNT = 4
 NAN = float("nan")

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.recorded.conftest import outcome_of
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import CUT_SHORT, TrajectoryError
 from viso.companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, Layout, detect, read_kitti, read_table
-from viso.companion.recorded.trajectory import RecordedTrajectory
 
 S = math.sqrt(0.5)
 T0 = "1403636583"

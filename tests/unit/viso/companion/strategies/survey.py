@@ -21,8 +21,8 @@ from viso.companion.vio.telemetry import NullSink
 from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioHealth, VioOutput, WarmStartPose
 from viso.companion.world.flight import Event, SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
+from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
-from viso.companion.world.trajectory import nadir_survey
 
 PERIOD_NS = 200_000_000
 PLANAR: dict[str, Any] = {"scene": Scene.PLANAR, "agl_source": AglSource.RANGEFINDER, "max_features": 100}

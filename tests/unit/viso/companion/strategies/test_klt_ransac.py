@@ -15,7 +15,7 @@ from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, VioOutput, VioState
 from viso.companion.world.flight import Event
-from viso.companion.world.trajectory import from_ground, nadir_survey
+from viso.companion.world.motion import from_ground, nadir_survey
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 

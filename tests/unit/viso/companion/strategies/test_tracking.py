@@ -17,7 +17,7 @@ from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, NavCameraFrame, VioState, WarmStartPose
 from viso.companion.world.flight import Event, HeightMeasurement
-from viso.companion.world.trajectory import from_ground, nadir_survey
+from viso.companion.world.motion import from_ground, nadir_survey
 
 QUIET = ImuNoise(gyro=2e-4, accel=2e-3)
 

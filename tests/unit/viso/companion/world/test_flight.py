@@ -12,7 +12,7 @@ from viso.companion.vio.se3 import so3_log
 from viso.companion.vio.types import ImuBias, ImuSample, NavCameraFrame
 from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
-from viso.companion.world.trajectory import from_ground, nadir_survey
+from viso.companion.world.motion import from_ground, nadir_survey
 
 GROUND = generate_texture(1, size_px=512)
 CALIBRATION = nadir_calibration(80, 60, 60.0)

@@ -10,7 +10,7 @@ import pytest
 from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.types import ImuBias
 from viso.companion.world.imu import SimulatedImu
-from viso.companion.world.trajectory import nadir_survey
+from viso.companion.world.motion import nadir_survey
 
 SURVEY = nadir_survey(seed=1)
 QUIET = ImuNoise(1e-12, 1e-12, 1e-12, 1e-12)

@@ -29,7 +29,7 @@ from viso.doctor.measures.vehicle_position import (
     sources_of,
 )
 from viso.logs.recorded import read_recorded_states
-from viso.streams.table import Stream, StreamMessage
+from viso.streams.stream_kinds import Stream, StreamMessage
 
 COUNT = 400
 PERIOD_US = 40_000

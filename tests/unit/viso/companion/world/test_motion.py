@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.se3 import so3_exp, so3_log, yaw_of
-from viso.companion.world.trajectory import Trajectory, from_ground, hover, nadir_survey
+from viso.companion.world.motion import Trajectory, from_ground, hover, nadir_survey
 
 SURVEY = nadir_survey(seed=1)
 FLIGHTS = {

@@ -8,7 +8,7 @@ from typing import Final
 
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Finding, Rule, Severity, numbers_text
-from viso.doctor.telling.summary import Summary
+from viso.doctor.outputs.summary import Summary
 
 SARIF_VERSION: Final = "2.1.0"
 _NUMBERS_IN_SARIF: Final = 100

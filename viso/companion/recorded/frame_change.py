@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.vio.se3 import ORTHONORMAL, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 
 if TYPE_CHECKING:

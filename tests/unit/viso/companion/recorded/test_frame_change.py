@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
 from tests.places import SHARED
-from viso.companion.recorded.axes import PRESETS, FrameChange, axes_matrix, parse_axes, parse_rotation
+from viso.companion.recorded.frame_change import PRESETS, FrameChange, axes_matrix, parse_axes, parse_rotation
 from viso.companion.recorded.messages import Report, vision_position_estimate
 from viso.companion.recorded.readers import Source, load_trajectory
-from viso.companion.recorded.trajectory import RecordedTrajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz, so3_exp, so3_log
 
 CLIP = SHARED / "euroc_mh01_clip" / "groundtruth.tum"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.recorded.conftest import MakeTrajectory
-from viso.companion.recorded.trajectory import TIME_END_NS, RecordedTrajectory
+from viso.companion.recorded.recorded_trajectory import TIME_END_NS, RecordedTrajectory
 
 LEVEL = [1.0, 0.0, 0.0, 0.0]
 YAWED_90 = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]

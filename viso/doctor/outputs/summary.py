@@ -14,8 +14,8 @@ from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from viso.doctor.evidence import Evidence
 from viso.doctor.measures.stamps import are_us, lag_ms
-from viso.fates.words import Fate, fate_of
-from viso.streams.table import Aspect
+from viso.fates.labels import Fate, fate_of
+from viso.streams.stream_kinds import Aspect
 
 HEALTHY_US: Final = 300_000
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from tests.unit.viso.sweep.made import made_plan, made_rows
-from viso.sweep.axes import Axis
+from viso.sweep.dimensions import Axis
 from viso.sweep.plan import Sampling
-from viso.sweep.tell import best_as_dict, best_lines, changed_columns, found, result_table, swept_axis
+from viso.sweep.result_tables import best_as_dict, best_lines, changed_columns, found, result_table, swept_axis
 
 DELAY = Axis("VISO_DELAY_MS", (0.0, 10.0, 20.0, 30.0, 40.0))
 GATE = Axis("EK3_POS_I_GATE", (300.0, 500.0))

@@ -9,7 +9,7 @@ import pytest
 
 from tests.unit.viso.report.log_maker import LogMaker, material_of
 from viso.estimators.series import overlap_s, spans_of
-from viso.report.material import Material, armed_spans, position_moves
+from viso.report.flight_data import Material, armed_spans, position_moves
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from viso.companion.faults.poses import (
     with_attitude,
     with_position,
 )
-from viso.companion.recorded.axes import axes_matrix
+from viso.companion.recorded.frame_change import axes_matrix
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
 

@@ -9,7 +9,7 @@ from viso.doctor.evidence import EXTNAV, Assumed
 from viso.doctor.measures.tracks import POSE_TYPES, VELOCITY_TYPES
 from viso.doctor.measures.vehicle_data import VehicleData
 from viso.firmware.releases import Firmware
-from viso.streams.table import Stream
+from viso.streams.stream_kinds import Stream
 
 _BARO = 1
 _COMPASS = 1

@@ -11,7 +11,7 @@ from tests.places import DATA
 from tests.unit.viso.sweep.conftest import CAPTURE
 from viso.errors import InputError
 from viso.sweep.planning import make_plan
-from viso.sweep.wishes import Wishes, read_wishes
+from viso.sweep.request import Wishes, read_wishes
 
 WHOLE = """
 streams = ["mav.jsonl.gz", "other/t265.jsonl.gz"]

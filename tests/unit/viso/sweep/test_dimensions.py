@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from viso.errors import InputError
 from viso.options.settings import known_parameters
-from viso.sweep.axes import MOST_VALUES, Axis, fault_field, parse_axes
+from viso.sweep.dimensions import MOST_VALUES, Axis, fault_field, parse_axes
 
 TABLE = known_parameters(1)
 

@@ -20,7 +20,7 @@ from tests.unit.viso.companion.faults.rig import (
     position,
     speed,
 )
-from viso.companion.recorded.axes import axes_matrix
+from viso.companion.recorded.frame_change import axes_matrix
 from viso.companion.vio.se3 import rotation_from_quat_wxyz
 
 ENU_FLU = "kind: axes, world_axes: ENU, body_axes: FLU"

@@ -12,7 +12,7 @@ import pytest
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
 from viso.errors import InputError
-from viso.streams.table import CAPTURE_BAUD, STREAM_KINDS, StreamMessage, TrajectoryOptions, kind_of, read_stream
+from viso.streams.stream_kinds import CAPTURE_BAUD, STREAM_KINDS, StreamMessage, TrajectoryOptions, kind_of, read_stream
 
 HEADER = {"name": "short", "params": {"VISO_TYPE": 1, "VISO_SCALE": 1.5}}
 FRAME = Codec(1, 197).encode(HEARTBEAT(18, 8, 0, 0, 4, 3))

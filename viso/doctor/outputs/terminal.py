@@ -11,9 +11,9 @@ from rich.text import Text
 
 from ap_core.verdict import Outcome
 from viso.doctor.findings import Finding, Severity, numbers_text
-from viso.doctor.telling.summary import Summary
-from viso.doctor.telling.words import at
-from viso.fates.words import Fate
+from viso.doctor.outputs.phrases import at
+from viso.doctor.outputs.summary import Summary
+from viso.fates.labels import Fate
 
 _STYLES: Final = {Severity.ERROR: "bold red", Severity.WARNING: "bold yellow", Severity.NOTE: "bold blue"}
 _INDENT: Final = "    "

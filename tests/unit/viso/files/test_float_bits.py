@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from viso.files.bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
+from viso.files.float_bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
 
 ONE, TWO, THREE, FOUR = "3f800000", "40000000", "40400000", "40800000"
 

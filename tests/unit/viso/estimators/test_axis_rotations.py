@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ap_core.rotations import Rotation
-from viso.estimators.axes import BODY_WORDS, EARTH_WORDS, MIRRORED, PROPER, AxisMap, rotation_matrix
+from viso.estimators.axis_rotations import BODY_WORDS, EARTH_WORDS, MIRRORED, PROPER, AxisMap, rotation_matrix
 
 
 def test_maps_are_24_rotations_and_24_mirrored_ones() -> None:

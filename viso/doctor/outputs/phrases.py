@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.doctor.findings import Sighting
-from viso.doctor.measures.seen import SeenMessage
+from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.tracks import Track
 
 

@@ -10,12 +10,12 @@ from ekf_stub.inputs.sensors import SensorSource
 from tests.places import DATA
 from viso.errors import InputError
 from viso.sensors.hil.source import HilSource
+from viso.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, make_source, read_source
 from viso.sensors.options import ImuOptions
 from viso.sensors.recorded import RecordedSource
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource
-from viso.sensors.table import IMU_HELP, IMU_SOURCES, make_source, read_source
 
 FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
 ARGUMENTS = {"script": ":square", "log": f":{FIRMWARE_LOG}"}
