@@ -123,7 +123,7 @@ class LogStructure:
         if direct is not None:
             try:
                 # All at once, if they are what nearly all records hold: numbers, of which none is large or a NaN.
-                if math.hypot(*values) < _MAX_PLAIN:  # type: ignore[arg-type]  # text is a TypeError
+                if math.hypot(*values) < _MAX_PLAIN:  # type: ignore[arg-type]  # noqa: TID251  # text is a TypeError
                     return direct(*(self._with_scaled(values) if self._scales else values))
             except (TypeError, IndexError, OverflowError, struct.error):
                 pass

@@ -95,11 +95,9 @@ def _coverage(run: Run) -> list[Command]:
 
 STEPS = (
     Step("format", "ruff format --check", _fixed(_program("ruff", "format", "--check", "."))),
-    Step("lint", "ruff check", _fixed(_program("ruff", "check", "."))),
+    Step("lint", "ruff check: style, SPDX lines, banned names", _fixed(_program("ruff", "check", "."))),
     Step("types", "mypy, strict", _fixed(_module("mypy"))),
-    Step("layers", "who may import whom", _fixed(_program("lint-imports", "--no-logo"))),
-    Step("headers", "the SPDX lines of every source file", _fixed(_module("tools.check_headers"))),
-    Step("bans", "clocks, sockets, files, numpy trigonometry", _fixed(_module("tools.check_bans"))),
+    Step("layers", "who may import whom, and which modules", _fixed(_program("lint-imports", "--no-logo"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
     Step("docs", "the generated tables are current", _docs),
     Step("clients", "the environment of the interop tests", _clients),

@@ -4,12 +4,14 @@
 
 import re
 import tomllib
+from fnmatch import fnmatch
 from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
 
 from tests.places import ROOT
+from tools.project_files import project_files
 
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = sorted(marker.parent.name for marker in ROOT.glob("*/py.typed"))
@@ -29,6 +31,13 @@ def _pins(name: str) -> dict[str, str]:
 
 def test_wheels_hold_the_packages_and_nothing_else() -> None:
     assert sorted(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]) == PACKAGES
+
+
+def test_every_file_tells_its_licence_or_reuse_toml_does() -> None:
+    listed = tomllib.loads((ROOT / "REUSE.toml").read_text(encoding="utf-8"))["annotations"][0]["path"]
+    elsewhere = [*listed, "LICENSE", "LICENSES/*"]
+    bare = [name for name in project_files() if not any(fnmatch(name.as_posix(), path) for path in elsewhere)]
+    assert [name for name in bare if b"SPDX-License-Identifier" not in (ROOT / name).read_bytes()[:200]] == []
 
 
 def test_layers_coverage_and_types_know_every_package() -> None:
