@@ -1,18 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the tables of the documentation from the tables of the code.
+"""Writes the tables of the documentation from the tables of the code, and the picture of the rooms from the contracts.
 
 A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`, sections between `<!-- text: NAME -->` and
 `<!-- end -->`; all else in a page is left alone.
 `make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale.
 """
 
+import ast
 import dataclasses
 import enum
 import inspect
+import itertools
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +30,7 @@ from mav_handlers.handlers.commands import MavCmd
 from mav_handlers.links import LINKS
 from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_to_report
 from mav_handlers.wire.codec import full_length, message_id
+from tools import rooms_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function
 from viso.companion.faults.kinds import FAULTS
@@ -303,6 +307,20 @@ def _web_faults() -> Iterator[tuple[str, ...]]:
         yield switch.label, switch.about
 
 
+def _plan() -> rooms_picture.Room:
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    return rooms_picture.rooms(project["tool"]["importlinter"])
+
+
+def _rooms(house: rooms_picture.Room | None = None, above: str = "") -> Iterator[tuple[str, ...]]:
+    for room in itertools.chain(*(house or _plan()).layers):
+        place = DOCS.parent / above / room.name
+        file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+        yield f"`{above}{file.name if file.parent != place else room.name + '/'}`", text.partition("\n")[0]
+        yield from _rooms(room, f"{above}{room.name}/")
+
+
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "messages": (("message", "id", "bytes", "", "content"), _messages),
     "ignored": (("message", "content"), _ignored),
@@ -324,6 +342,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "sources": (("--source", "what it is", "axes of its IMU"), _sources),
     "faults": (("kind", "what happens", "parameters", "SITL", "`at_s`"), _fault_kinds),
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),
+    "rooms": (("room", "what it holds"), _rooms),
     "objectives": (("column", "unit", "what it is"), _objectives),
     "doctor_codes": (("code", "at worst", "what is wrong"), _doctor_codes),
     "web_actions": (("button", "key", "what it does"), _web_actions),
@@ -357,15 +376,17 @@ def _block(kind: str, name: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Rewrite the pages, or with --check tell which are stale; return the exit code."""
+    """Rewrite the pages and the picture, or with --check tell which are stale; return the exit code."""
+    pages = {page: page.read_text(encoding="utf-8") for page in sorted(DOCS.rglob("*.md"))}
+    made = {page: refresh(text) for page, text in pages.items()} | {
+        DOCS / "images" / "rooms.svg": rooms_picture.draw(_plan())
+    }
     stale = []
-    for page in sorted(DOCS.rglob("*.md")):
-        before = page.read_text(encoding="utf-8")
-        after = refresh(before)
-        if after != before:
-            stale.append(page.relative_to(DOCS.parent))
+    for path, after in made.items():
+        if not path.exists() or path.read_text(encoding="utf-8") != after:
+            stale.append(path.relative_to(DOCS.parent))
             if "--check" not in arguments:
-                page.write_text(after, encoding="utf-8")
+                path.write_text(after, encoding="utf-8")
     for path in stale:
         print(f"{path}: {'stale, run tools/make_docs.py' if '--check' in arguments else 'rewritten'}")
     return int(bool(stale) and "--check" in arguments)
