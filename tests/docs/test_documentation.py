@@ -12,7 +12,7 @@ from tests.places import ROOT
 from tools import make_docs
 from viso.testing import Autopilot
 
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
 def _python_blocks(page: Path) -> list[str]:
@@ -49,6 +49,14 @@ def test_relative_links_lead_somewhere(page: Path) -> None:
     targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
     missing = [target for target in targets if not (page.parent / target).exists()]
     assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_a_page_names_are_there(page: Path) -> None:
+    names = re.findall(
+        r"`((?:ap_core|ap_visualodom|ekf_stub|mav_handlers|viso|tests|tools)/[\w./]*)`", page.read_text("utf-8")
+    )
+    assert [name for name in names if not (ROOT / name).exists()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

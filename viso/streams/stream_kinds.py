@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recorded streams of every kind: a new one is a file in ``stream_kinds`` and a row here."""
+"""Recorded streams of every kind: a new one is a file beside this one, and a row here."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
