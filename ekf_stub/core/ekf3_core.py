@@ -3,6 +3,14 @@
 """One core of EKF3: frames in, estimates out (AP_NavEKF3/AP_NavEKF3_core.cpp, UpdateFilter).
 
 Optical flow, range beacons, airspeed and wind are not fused; external navigation, barometer, compass and GPS are.
+
+The filter lives at the fusion horizon, as far in the past as the most delayed sensor needs. Inertial data go two ways:
+summed up to steps of about 10 ms they wait until the horizon reaches them, and at the full rate they carry an output
+from the horizon to the present, which each step draws towards the filter. A step predicts, takes out of the buffers
+what has come due, and fuses it in the firmware's order: yaw, then velocity, position and height, then body odometry.
+
+This class has that order, and what starts the filter and begins it anew. The state, each kind of measurement, the
+modes and the report are classes of their own, so that each can be tested alone and held against a recorded log.
 """
 
 import math

@@ -1,6 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The emulated vehicle: everything wired together, behind a MAVLink endpoint."""
+"""The emulated vehicle: everything wired together, behind a MAVLink endpoint.
+
+Two calls move it, both with the time: ``receive_bytes`` when a link has delivered, and ``loop`` 400 times a second. A
+pass of the loop runs the tasks in the firmware's order, each at its own period: estimator, modes and arming, sensors,
+slow tasks, telemetry, log. So records and messages come in the order that a real log has. Nothing here waits, sleeps
+or runs beside; who calls decides whether time is real.
+
+This is the one place that knows all parts. They do not know it: each is built with what it asks for, and where two
+need each other, with a function that looks the other up later. The second half of the class is the vehicle as the
+endpoint sees it (``mav_handlers.ports``), and for the most part passes on.
+"""
 
 from collections.abc import Sequence
 from typing import Final

@@ -1,6 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All rules, a file a family; a new rule is a function and a row in its family's table."""
+"""All rules, a file a family; a new rule is a function and a row in its family's table.
+
+A rule never reads a stream. It looks at ``Evidence``: the stream as it was tried on the vehicle, measured in every way
+that any rule needs. So a rule is a short function that yields sightings, and some words: how bad it is, what the
+autopilot does, where the firmware decides that, and what to change. The page on the codes is made of these words.
+
+A false alarm costs more than a miss, for somebody would change what was right. Therefore a rule names the messages that
+show it, is silent until there are enough of them, is not asked at all of a recording that lacks what it needs
+(``needs``), and says so where it rests on the model of the filter.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
