@@ -43,7 +43,7 @@ _M_2PI_WIDE: Final = float(M_2PI)
 
 # Places in numpy's table of ufunc functions (numpy/__ufunc_api.h): PyUFunc_FromFuncAndData and PyUFunc_f_f.
 _FROM_FUNC_AND_DATA: Final = 1
-UNARY_LOOP: Final = 6
+_UNARY_LOOP: Final = 6
 _FLOAT_TYPE: Final = 11  # NPY_FLOAT
 
 _Unary = Callable[[SupportsFloat], float]
@@ -90,7 +90,7 @@ def load_libm() -> ctypes.CDLL | None:
         return None
 
 
-def ufunc_table() -> Any:
+def _ufunc_table() -> Any:
     """Return numpy's table of ufunc functions, or None where this Python or numpy has none."""
     try:
         capsule: Any = importlib.import_module("numpy._core._multiarray_umath").__dict__["_UFUNC_API"]
@@ -154,7 +154,7 @@ def bind_rounded(libm: ctypes.CDLL | None, table: Any, name: str) -> _Rounded:
         return lambda x: _ONE * function(x)
     pointers, result, text = ctypes.POINTER(ctypes.c_void_p), ctypes.py_object, ctypes.c_char_p
     make = ctypes.PYFUNCTYPE(result, pointers, pointers, text, *[ctypes.c_int] * 4, text, text, ctypes.c_int)
-    loops = (ctypes.c_void_p * 1)(table[UNARY_LOOP])
+    loops = (ctypes.c_void_p * 1)(table[_UNARY_LOOP])
     functions = (ctypes.c_void_p * 1)(ctypes.cast(libm[name], ctypes.c_void_p).value)
     types, label = bytes((_FLOAT_TYPE, _FLOAT_TYPE)), name.encode()
     _ufunc_parts.append((loops, functions, types, label))
@@ -163,7 +163,7 @@ def bind_rounded(libm: ctypes.CDLL | None, table: Any, name: str) -> _Rounded:
 
 
 LIBM: Final = load_libm()
-_TABLE: Final = ufunc_table()
+_TABLE: Final = _ufunc_table()
 _sinf = bind_rounded(LIBM, _TABLE, "sinf")
 _cosf = bind_rounded(LIBM, _TABLE, "cosf")
 _asinf = bind_rounded(LIBM, _TABLE, "asinf")

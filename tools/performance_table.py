@@ -81,7 +81,6 @@ TARGETS: Final = (
         " times",
         True,
     ),
-    Target("batch port, one core", "batch", "MAV", PLAIN, lambda figure: figure.per_second, 1e6, " poses/s", True),
 )
 
 

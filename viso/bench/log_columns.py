@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many records of a log are read and written as columns, beside one by one."""
+"""How many records of a log are read as columns, beside one by one."""
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,9 +12,7 @@ import numpy as np
 
 from ap_core.dataflash import DataFlashWriter
 from ap_core.dataflash_columns import LogColumns
-from ap_core.dataflash_packing import Part as LogPart
-from ap_core.dataflash_packing import pack_columns, write_log
-from ap_core.log_structure import ATT, COMMON_STRUCTURES, PARM, LogStructure
+from ap_core.log_structure import ATT, COMMON_STRUCTURES, PARM
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM, VISP, VISV
 from viso.bench.measure import NowS, Part, Round
 from viso.logs.recorded import read_log
@@ -25,65 +22,31 @@ _TIMES: Final = 10
 _TYPES: Final = (VISP, VISV, ATT, PARM)
 
 
-def columns_of(structure: LogStructure, count: int, seed: int) -> list[Any]:
-    """Return made-up values of a type, a column a field, with a record each 10 ms."""
-    rng = np.random.default_rng(seed)
-    made: dict[str, Callable[[], Any]] = {
-        "Q": lambda: np.arange(count) * 10_000,
-        "I": lambda: np.arange(count) * 10,
-        "B": lambda: rng.integers(0, 200, count),
-        "b": lambda: rng.integers(0, 100, count),
-        "f": lambda: rng.normal(size=count).astype(np.float32),
-        "N": lambda: np.array([f"NAME_{number % 500}" for number in range(count)]),
+def log_of(records: int) -> bytes:
+    """Return a log with four types of records that take turns, one each 10 ms, of made-up values."""
+    rng = np.random.default_rng(0)
+    value_of: dict[str, Callable[[int], Any]] = {
+        "Q": lambda number: number * 10_000,
+        "I": lambda number: number * 10,
+        "B": lambda _: int(rng.integers(0, 200)),
+        "b": lambda _: int(rng.integers(0, 100)),
+        "f": lambda _: float(rng.normal()),
+        "N": lambda number: f"NAME_{number % 500}",
     }
-    return [made[char]() for char in structure.format]
+    writer = DataFlashWriter((*COMMON_STRUCTURES, *LOG_STRUCTURE_FROM_VISUALODOM))
+    return b"".join(
+        writer.record(structure, [value_of[char](number) for char in structure.format])
+        for number in range(records // len(_TYPES))
+        for structure in _TYPES
+    )
 
 
-class BenchLog:
-    """A log of four types of records that take turns.
-
-    Attributes:
-        data: its bytes.
-    """
-
-    def __init__(self, records: int = RECORDS) -> None:
-        each = records // len(_TYPES)
-        places = np.arange(each) * len(_TYPES)
-        self._columns = {one: columns_of(one, each, seed) for seed, one in enumerate(_TYPES)}
-        self._places = {one: places + number for number, one in enumerate(_TYPES)}
-        self.data = self.write_columns()
-
-    @property
-    def count(self) -> int:
-        """The records without those that describe them."""
-        return sum(map(len, self._places.values()))
-
-    @cached_property
-    def rows(self) -> list[tuple[LogStructure, tuple[Any, ...]]]:
-        """The records one by one: type and values."""
-        values = [list(zip(*(column.tolist() for column in self._columns[one]), strict=True)) for one in _TYPES]
-        return [pair for row in zip(*values, strict=True) for pair in zip(_TYPES, row, strict=True)]
-
-    def write_columns(self) -> bytes:
-        """Return the log, from columns."""
-        parts = [LogPart(one, self._places[one], pack_columns(one, self._columns[one])) for one in _TYPES]
-        return write_log(_writer(), parts)
-
-    def write_rows(self) -> bytes:
-        """Return the log, record by record."""
-        writer = _writer()
-        return b"".join(writer.record(structure, values) for structure, values in self.rows)
-
-    def read_columns(self) -> int:
-        """Read every value of every type; return how many records there are."""
-        log = LogColumns(self.data)
-        for name in log.counts:
-            log.columns(name)
-        return len(log)
-
-
-def _writer() -> DataFlashWriter:
-    return DataFlashWriter((*COMMON_STRUCTURES, *LOG_STRUCTURE_FROM_VISUALODOM))
+def read_all(data: bytes) -> int:
+    """Read every value of every type of a log; return how many records there are."""
+    log = LogColumns(data)
+    for name in log.counts:
+        log.columns(name)
+    return len(log)
 
 
 def _received_s(path: Path, now_s: NowS) -> float:
@@ -101,23 +64,18 @@ def _received_s(path: Path, now_s: NowS) -> float:
 @contextmanager
 def prepare(now_s: NowS) -> Iterator[Round]:
     """Make a log, and one ten times as long."""
-    log, longer = BenchLog(), BenchLog(_TIMES * RECORDS)
+    log, longer = log_of(RECORDS), log_of(_TIMES * RECORDS)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "00000001.BIN"
-        path.write_bytes(log.data)
+        path.write_bytes(log)
 
         def run_round() -> Mapping[str, Part]:
             received_s = _received_s(path, now_s)
             parts = {}
             for name, one in (("read", log), (f"read, {_TIMES} times as many", longer)):
                 begin_s = now_s()
-                count = one.read_columns()
+                count = read_all(one)
                 parts[name] = Part(now_s() - begin_s, count, received_s * count)
-            begin_s = now_s()
-            log.write_columns()
-            written_s = now_s()
-            log.write_rows()
-            parts["written"] = Part(written_s - begin_s, log.count, now_s() - written_s)
             return parts
 
         yield run_round

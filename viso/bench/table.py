@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Final
 
 from viso.bench import (
-    batch_port,
     codec,
     ekf_step,
     endpoint,
@@ -35,17 +34,11 @@ BENCHES: Final[Mapping[str, Bench]] = {
         "the same, of more and more messages", "messages", growth.prepare, beside="as many times the 100 messages"
     ),
     "port": Bench("poses through the ported library", "poses", port.prepare),
-    "batch": Bench(
-        "poses through the batch port, 5000 at once",
-        "poses",
-        batch_port.prepare,
-        beside="the scalar port, pose by pose",
-    ),
     "log": Bench(
         "records of a log as columns, every value",
         "records",
         log_columns.prepare,
-        beside="record by record: DFReader's recv_msg, and the vehicle's writer",
+        beside="record by record: DFReader's recv_msg",
     ),
     "ekf_step": Bench("the filter in a pass of the main loop", "passes", ekf_step.prepare),
     "vio": Bench("frames through the baseline strategy", "frames", vio.prepare),

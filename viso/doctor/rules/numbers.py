@@ -7,8 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mav_handlers.covariance import no_errors
-from mav_handlers.vision_columns import error_columns
+from mav_handlers.covariance import no_errors, pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Rule, Severity, Sighting
@@ -95,8 +94,10 @@ def _is_read(evidence: Evidence, poses: Poses) -> bool:
 
 def _errors(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats]:
     """Return posErr (m) and angErr (rad) as the endpoint makes them, before they are limited."""
-    pos, ang = error_columns(poses.covariance.astype(np.float32), evidence.firmware.endpoint)
-    return pos.astype(np.float64), ang.astype(np.float64)
+    formula = evidence.firmware.endpoint.error_formula
+    errors = [pose_errors(row, formula) for row in poses.covariance.tolist()]
+    pos, ang = np.array(errors, np.float64).reshape(-1, 2).T
+    return pos, ang
 
 
 def _is_given(evidence: Evidence, poses: Poses) -> Bools:

@@ -9,14 +9,11 @@ from pathlib import Path
 import pytest
 
 from ap_core.verdict import Outcome
-from ap_visualodom.batch_samples import CONSUMED_NUMBER
-from ap_visualodom.visualodom_type import VisualOdom_Type
 from ekf_stub.inputs.ingest_rules import FUSED
 from mav_handlers.handlers.vision import odometry_frames_accepted
 from viso.bench import ekf_step, growth, startup, versus_pymavlink
-from viso.bench.batch_port import BenchPort, no_velocities, poses_of_a_flight
 from viso.bench.full_vehicle import WARM_UP_MESSAGES, FullVehicle
-from viso.bench.log_columns import BenchLog
+from viso.bench.log_columns import log_of, read_all
 from viso.bench.logging_vehicle import LoggingVehicle
 from viso.bench.measure import measure
 from viso.bench.odometry import PERIOD_US, odometry_at
@@ -32,8 +29,7 @@ PARTS = {
     "message": set(versus_pymavlink.MESSAGES),
     "growth": {growth.name_of(times) for times in growth.TIMES},
     "port": {"MAV", "IntelT265"},
-    "batch": {"MAV", "IntelT265", "VOXL", "IntelT265, 10 times as many", "IntelT265, 100 times as many"},
-    "log": {"read", "read, 10 times as many", "written"},
+    "log": {"read", "read, 10 times as many"},
     "ekf_step": {ekf_step.NO_STEP, ekf_step.STEP, ekf_step.FUSING_STEP},
     "vio": {"640x480", "5472x3648, BGR"},
     "codec": {"ODOMETRY to bytes", "bytes to ODOMETRY"},
@@ -109,15 +105,5 @@ def test_strategy_of_the_bench_tracks(enlargement: int) -> None:
     assert (health.state, health.consecutive_lost) == (VioState.TRACKING, 0)
 
 
-def test_log_of_the_bench_is_the_same_by_columns_and_by_records() -> None:
-    log = BenchLog(400)
-    assert log.write_columns() == log.write_rows() == log.data
-    assert log.read_columns() > log.count == 400
-
-
-def test_batch_bench_does_what_the_scalar_port_does() -> None:
-    port, poses = BenchPort(VisualOdom_Type.VOXL), poses_of_a_flight(50)
-    made, _ = port.batch.handle(poses, no_velocities())
-    port.run(poses_of_a_flight(200), lambda: 0.0)
-    assert set(made.verdict.tolist()) == {CONSUMED_NUMBER}
-    assert port.batch.visual_odom.quality() > 0
+def test_log_of_the_bench_is_read() -> None:
+    assert read_all(log_of(400)) > 400

@@ -104,15 +104,17 @@ def test_place_that_cannot_be_written_is_one_line(viso: Viso, log: Path, tmp_pat
     assert outcome.err.count("\n") == 1
 
 
-def test_program_of_the_documentation_prints_what_it_says(
+def test_programs_of_the_documentation_print_what_it_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     root = ROOT
     monkeypatch.chdir(root)
     text = (root / "docs" / "report.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(program, {})
-    assert f"prints\n\n```\n{capsys.readouterr().out}```" in text
+    programs = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(programs) == 2
+    for program in programs:
+        exec(program, {})
+        assert f"prints\n\n```\n{capsys.readouterr().out}```" in text
 
 
 def test_commands_of_the_documentation_name_what_is_written(viso: Viso, log: Path, tmp_path: Path) -> None:
