@@ -1,22 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vehicles that have booted; those with the same options boot once a process, and each is a copy of its own."""
+"""A vehicle that has booted, with one link."""
 
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Final
 
 from mav_handlers.channel import Channel
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.testing.copies import Copies
 from viso.testing.options import AutopilotOptions
 from viso.vehicle.vehicle import Vehicle
 
 READY_US: Final = 6_500_000
 """When a test begins, us since boot: the estimator runs, and the vehicle has told all it has to tell of its start."""
-
-KINDS_KEPT: Final = 32
 
 
 @dataclass(slots=True)
@@ -26,29 +22,10 @@ class BootedVehicle:
     vehicle: Vehicle
     scheduler: Scheduler
     channel: Channel
-    logs: list[MemoryLog] = field(default_factory=list)
+    logs: list[MemoryLog]
 
 
 def booted_vehicle(options: AutopilotOptions) -> BootedVehicle:
-    """Return a vehicle at ``READY_US``.
-
-    Raises:
-        ValueError: an option cannot be used.
-    """
-    if options.reads_file:
-        # It may be another one by the next time.
-        return boot(options)
-    return _copies(options.preset, options.imu, options.firmware, tuple(options.params.items())).make()
-
-
-@lru_cache(KINDS_KEPT)
-def _copies(
-    preset: str | None, imu: str, firmware: str, params: tuple[tuple[str, float], ...]
-) -> Copies[BootedVehicle]:
-    return Copies(boot(AutopilotOptions(dict(params), preset, imu, firmware)))
-
-
-def boot(options: AutopilotOptions) -> BootedVehicle:
     """Boot a vehicle until ``READY_US``.
 
     Raises:

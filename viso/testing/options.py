@@ -60,11 +60,6 @@ class AutopilotOptions:
             if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
                 raise ValueError(f"params: {name} is {value!r}, not a finite number")
 
-    @property
-    def reads_file(self) -> bool:
-        """Tell whether its sensors say what a file holds."""
-        return ":" in self.imu
-
     def vehicle_config(self, open_log: Callable[[], LogSink]) -> VehicleConfig:
         """Return how to build the vehicle.
 

@@ -17,10 +17,10 @@ from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
+from tests.copies import Copies
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.testing.copies import Copies
 from viso.vehicle.config import bench
 from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
 

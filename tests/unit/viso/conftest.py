@@ -24,6 +24,7 @@ from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
+from tests.copies import Copies
 from tests.unit.viso.command_line import Outcome, Viso
 from viso import cli
 from viso.commands import serve as serve_command
@@ -33,7 +34,6 @@ from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
 from viso.terminal import console
-from viso.testing.copies import Copies
 from viso.vehicle.copter.copter import Copter, CopterParts
 from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
 

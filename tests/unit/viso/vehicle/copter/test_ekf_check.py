@@ -10,7 +10,7 @@ import pytest
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.ports import Location
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
-from viso.testing.copies import Copies
+from tests.copies import Copies
 from viso.vehicle.copter.ekf_check import is_over_threshold
 
 if TYPE_CHECKING:

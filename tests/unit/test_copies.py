@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mav_handlers.verdicts import HANDLED
-from viso.testing.copies import Copies
+from tests.copies import Copies
 
 
 @dataclass
