@@ -1,42 +1,43 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure how fast everything is, as tables in Markdown.
+"""Tell how fast everything is, as tables in Markdown, of files that the benches have written.
 
 They go to standard output, or with --page between the lines `<!-- measured: NAME -->` and `<!-- end -->` of a page, of
-which there are three: where, performance and targets. The benches take a minute or two. Memory is told of a file that
-`viso bench --memory 60 --json` has written, which takes longer.
+which there are three: where, performance and targets.
 """
 
 import argparse
-import os
+import json
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from tools.measured_page import render, replace
-from viso.bench.about import about
-from viso.bench.growth import TIMES, name_of
-from viso.bench.measure import Figure, measure
-from viso.bench.report import read_data
-from viso.bench.startup import FIRST_ACCEPTED
-from viso.bench.table import BENCHES
-from viso.errors import InputError
-from viso.terminal.console import progress
-from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
+import pyperf
 
-HEAD: Final = ("bench", "what", "in a second", "us each", "95 %", "ratio")
+from tools.bench.table import BENCHES
+from tools.measured_page import render, replace
+from viso.errors import InputError
+
+HEAD: Final = ("bench", "in a second", "us each", "95 %", "ratio")
 TARGET_HEAD: Final = ("what", "target", "measured", "")
-ON_BOTH_KERNELS: Final = ("loop", "ekf_step")
-NOT_HERE: Final = ("vio",)  # has a page of its own
 FLAT_SHARE: Final = 0.01
 _SETTLED: Final = 10  # minutes after which nothing may grow
 
-Measured = Mapping[tuple[str, str], Sequence[Figure]]
-"""Figures by bench and kernel."""
+
+class Figure(NamedTuple):
+    """How fast one thing is.
+
+    Attributes:
+        best_s: seconds for one, in the best round.
+        slow_s: the same in the round that 95 % of all are not slower than.
+        ratio: how many times as long one takes as what it is compared with, each in its best round; None where there is
+            nothing to compare with.
+    """
+
+    best_s: float
+    slow_s: float
+    ratio: float | None = None
 
 
 class Target(NamedTuple):
@@ -44,8 +45,6 @@ class Target(NamedTuple):
 
     what: str
     bench: str
-    part: str
-    kernel: str
     value: Callable[[Figure], float | None]
     limit: float
     unit: str
@@ -60,22 +59,23 @@ class Target(NamedTuple):
         return f"{'at least' if self.at_least else 'at most'} {self.limit:,g}{self.unit}"
 
 
-_CAMERA: Final = "yaw of the camera"
+def _ratio(figure: Figure) -> float | None:
+    return figure.ratio
+
+
+def _per_second(figure: Figure) -> float:
+    return 1 / figure.best_s
+
+
 TARGETS: Final = (
-    Target(
-        "ODOMETRY, bytes to records, by pymavlink's parse",
-        *("message", "ODOMETRY with covariance", PLAIN),
-        lambda figure: figure.ratio,
-        4.0,
-        " times",
-    ),
-    Target("vehicle with filter, compiled", "loop", _CAMERA, NUMBA, lambda figure: figure.per_second, 90.0, "x", True),
-    Target("vehicle with filter, plain", "loop", _CAMERA, PLAIN, lambda figure: figure.per_second, 90.0, "x", True),
-    Target("100 times the messages", "growth", name_of(TIMES[-1]), PLAIN, lambda figure: figure.ratio, 1.1, ""),
-    Target("start to first accepted", "startup", FIRST_ACCEPTED, PLAIN, lambda figure: figure.cost_us / 1e6, 0.7, " s"),
+    Target("ODOMETRY, bytes to records, by pymavlink's parse", "message", _ratio, 4.0, " times"),
+    Target("vehicle with filter, compiled", "loop-numba", _per_second, 90.0, "x", True),
+    Target("vehicle with filter, plain", "loop", _per_second, 90.0, "x", True),
+    Target("100 times the messages", "growth", _ratio, 1.1, ""),
+    Target("start to first accepted", "start", lambda figure: figure.best_s, 0.7, " s"),
     Target(
         "log as columns, times as fast as DFReader",
-        *("log", "read", PLAIN),
+        "log",
         lambda figure: None if figure.ratio is None else 1 / figure.ratio,
         20.0,
         " times",
@@ -84,52 +84,39 @@ TARGETS: Final = (
 )
 
 
+def figures_of(suite: pyperf.BenchmarkSuite) -> dict[str, Figure]:
+    """Return the figures of a suite, in the order of the benches."""
+    measured = {bench.get_name(): bench for bench in suite.get_benchmarks()}
+    best_s = {name: min(bench.get_values()) for name, bench in measured.items()}
+    return {
+        name: Figure(
+            best_s[name],
+            measured[name].percentile(95),
+            best_s[name] / best_s[row.beside] if row.beside in best_s else None,
+        )
+        for name, row in BENCHES.items()
+        if name in measured
+    }
+
+
 def _number(value: float) -> str:
     return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
 
 
-def measure_one(name: str, kernel: str, seconds: float) -> list[Figure]:
-    """Measure a bench on a kernel, which this process keeps."""
-    os.environ[KERNEL_VARIABLE] = kernel
-    clock = time.perf_counter if BENCHES[name].waits else time.process_time
-    return measure(BENCHES[name], seconds, clock)
-
-
-def measure_apart(name: str, kernel: str, seconds: float) -> list[Figure]:
-    """Measure a bench in a process of its own, as `viso bench NAME` is.
-
-    An interpreter fits itself to the types that it has met: a kernel that comes second in a process is slower.
-    """
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-        return process.submit(measure_one, name, kernel, seconds).result()
-
-
-def measure_all(seconds: float) -> Measured:
-    """Measure all benches, and those with a filter on both kernels."""
-    chosen = [(name, PLAIN) for name in BENCHES if name not in NOT_HERE] + [(name, NUMBA) for name in ON_BOTH_KERNELS]
-    measured = {}
-    with progress("measuring", len(chosen)) as bar:
-        for name, kernel in chosen:
-            measured[name, kernel] = measure_apart(name, kernel, seconds)
-            bar.advance(bar.task_ids[0])
-    return measured
-
-
-def figure_rows(measured: Measured) -> Iterator[tuple[str, ...]]:
-    """Yield a row a figure."""
-    for (bench, kernel), figures in measured.items():
-        name = bench if kernel == PLAIN else f"{bench}, {kernel}"
-        for figure in figures:
+def figure_rows(figures: Mapping[str, Figure]) -> Iterator[tuple[str, ...]]:
+    """Yield a row a figure, but for those that are there only to be compared with."""
+    compared = {BENCHES[name].beside for name in figures}
+    for name, figure in figures.items():
+        if name not in compared or BENCHES[name].beside:
             ratio = "" if figure.ratio is None else f"{figure.ratio:.3g}"
-            costs = _number(figure.cost_us), _number(figure.slow_cost_us)
-            yield name, figure.name, f"{_number(figure.per_second)} {figure.unit}", *costs, ratio
+            costs = _number(figure.best_s * 1e6), _number(figure.slow_s * 1e6)
+            yield name, f"{_number(1 / figure.best_s)} {BENCHES[name].unit}", *costs, ratio
 
 
-def target_rows(measured: Measured, memory: Sequence[Any]) -> Iterator[tuple[str, ...]]:
+def target_rows(figures: Mapping[str, Figure], memory: Sequence[Any]) -> Iterator[tuple[str, ...]]:
     """Yield a row a target."""
     for target in TARGETS:
-        figures = {figure.name: figure for figure in measured.get((target.bench, target.kernel), ())}
-        value = target.value(figures[target.part]) if target.part in figures else None
+        value = target.value(figures[target.bench]) if target.bench in figures else None
         if value is None:
             yield target.what, target.text(), "not measured", ""
         else:
@@ -144,47 +131,52 @@ def _memory_row(memory: Sequence[Any]) -> tuple[str, ...]:
     if not settled:
         return *row, "not measured", ""
     spread, last = max(settled) / min(settled) - 1, memory[-1]
-    resident = [f"{point['rss_mib']:.0f}" for point in (memory[_SETTLED - 1], last) if point["rss_mib"] is not None]
     text = (
-        f"{min(settled):,} to {max(settled):,} blocks, resident {' to '.join(resident) or '?'} MiB, "
-        f"log {last['log_mib']:.0f} MiB, {last['minute']} minutes"
+        f"{min(settled):,} to {max(settled):,} blocks, resident {memory[_SETTLED - 1]['rss_mib']:.0f} to "
+        f"{last['rss_mib']:.0f} MiB, log {last['log_mib']:.0f} MiB, {last['minute']} minutes"
     )
     return *row, text, "met" if spread <= FLAT_SHARE else "missed"
 
 
-def where_rows() -> Iterator[tuple[str, ...]]:
+def where_rows(suite: pyperf.BenchmarkSuite) -> Iterator[tuple[str, ...]]:
     """Yield what the figures were measured on."""
-    told: dict[str, Any] = about()
-    yield "machine", f"{told['machine']['processor']}, {told['machine']['cores']} cores"
-    yield "versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())
-    yield "commit", str(told["commit"])[:10]
+    told = suite.get_metadata()
+    yield "machine", f"{told.get('cpu_model_name', 'unknown')}, {told.get('cpu_count', '?')} cores"
+    yield "versions", f"python {str(told['python_version']).split()[0]}, {told.get('packages', 'unknown')}"
+    yield "commit", str(told.get("commit"))[:10]
+
+
+def _suite(path: Path) -> pyperf.BenchmarkSuite:
+    try:
+        return pyperf.BenchmarkSuite.load(str(path))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not what python -m tools.bench -o writes: {error}") from error
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure; return 2 when a file cannot be used."""
+    """Make the tables; return 2 when a file cannot be used."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("speed", type=Path, help="what python -m tools.bench -o has written")
+    parser.add_argument("--memory", type=Path, help="what python -m tools.bench.memory 60 has printed")
     parser.add_argument("--page", type=Path, help="put the tables there")
-    parser.add_argument("--memory", type=Path, help="what viso bench --memory 60 --json has written")
-    parser.add_argument("--seconds", type=float, default=5.0, help="for how long each bench is run")
     options = parser.parse_args(arguments)
     try:
-        memory = [] if options.memory is None else read_data(options.memory)["memory"]
-        page = "" if options.page is None else options.page.read_text(encoding="utf-8")
-        for name in ("where", "performance", "targets") if options.page is not None else ():
-            replace(page, name, "")  # before the long run
-        measured = measure_all(options.seconds)
+        memory = [] if options.memory is None else json.loads(options.memory.read_text(encoding="utf-8"))
+        suite = _suite(options.speed)
+        figures = figures_of(suite)
         tables = {
-            "where": render(("", ""), where_rows()),
-            "performance": render(HEAD, figure_rows(measured)),
-            "targets": render(TARGET_HEAD, target_rows(measured, memory)),
+            "where": render(("", ""), where_rows(suite)),
+            "performance": render(HEAD, figure_rows(figures)),
+            "targets": render(TARGET_HEAD, target_rows(figures, memory)),
         }
         if options.page is None:
             print("\n".join(tables.values()), end="")
             return 0
+        page = options.page.read_text(encoding="utf-8")
         for name, table in tables.items():
             page = replace(page, name, table)
         options.page.write_text(page, encoding="utf-8")
-    except (InputError, OSError) as error:
+    except (InputError, OSError, ValueError) as error:
         print(f"performance_table: {error}", file=sys.stderr)
         return 2
     return 0

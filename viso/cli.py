@@ -36,7 +36,6 @@ COMMANDS: Final[Mapping[str, str]] = {
     "ekf": "viso.commands.ekf",
     "vectors": "viso.commands.vectors",
     "sweep": "viso.commands.sweep",
-    "bench": "viso.commands.bench",
 }
 """The module of each command; the function in it has the name of the command."""
 

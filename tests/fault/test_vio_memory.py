@@ -12,8 +12,8 @@ WARM_UP_FRAMES = 30
 PROGRAM = """
 import json, sys
 from pathlib import Path
+from tools.bench.vio_flight import FlownStrategy
 from viso.companion.world.ground import generate_texture
-from viso.bench.vio_flight import FlownStrategy
 
 def resident_mb():
     pages = int(Path("/proc/self/statm").read_text().split()[1])
@@ -23,7 +23,7 @@ width, height, enlargement, warm_up, frames = map(int, sys.argv[1:])
 flown, resident = FlownStrategy(generate_texture(), width, height, enlargement), []
 for count in (warm_up, frames):
     for _ in range(count):
-        flown.run(lambda: 0.0)
+        flown.run()
     resident.append(resident_mb())
 print(json.dumps(resident))
 """

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from mav_handlers.wire.codec import Codec
-from viso.bench.odometry import odometry_at
+from tools.bench.odometry import odometry_at
 from viso.cli import COMMANDS
 
 HEAVY: Final = {

@@ -48,7 +48,6 @@ def test_trajectory_is_played(tmp_path: Path) -> None:
     [
         ("vio", "synthetic"),
         pytest.param(("demo", "--camera", "vio"), marks=pytest.mark.slow),
-        pytest.param(("bench", "vio"), marks=pytest.mark.slow),
     ],
 )
 def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]) -> None:

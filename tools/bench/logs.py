@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many records of a log are read as columns, beside one by one."""
+"""How long a log takes to be read as columns, every value, and by DFReader record by record."""
 
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
@@ -14,11 +15,9 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.dataflash_columns import LogColumns
 from ap_core.log_structure import ATT, COMMON_STRUCTURES, PARM
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM, VISP, VISV
-from viso.bench.measure import NowS, Part, Round
 from viso.logs.recorded import read_log
 
 RECORDS: Final = 6_000
-_TIMES: Final = 10
 _TYPES: Final = (VISP, VISV, ATT, PARM)
 
 
@@ -49,33 +48,28 @@ def read_all(data: bytes) -> int:
     return len(log)
 
 
-def _received_s(path: Path, now_s: NowS) -> float:
-    """Return how long DFReader takes for each record of a log, once it has opened and indexed it."""
-
-    def receive(log: Any) -> float:
-        begin_s, count = now_s(), 0
-        while log.recv_msg() is not None:
-            count += 1
-        return (now_s() - begin_s) / count
-
-    return read_log(path, receive)
+def receive_all(log: Any) -> float:
+    """Have DFReader, once it has opened and indexed a log, read it; return the seconds that this took."""
+    begin_s = time.process_time()
+    while log.recv_msg() is not None:
+        pass
+    return time.process_time() - begin_s
 
 
-@contextmanager
-def prepare(now_s: NowS) -> Iterator[Round]:
-    """Make a log, and one ten times as long."""
-    log, longer = log_of(RECORDS), log_of(_TIMES * RECORDS)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "00000001.BIN"
-        path.write_bytes(log)
+def prepare(_stack: ExitStack) -> Callable[[], float]:
+    """A round is a log."""
+    data = log_of(RECORDS)
 
-        def run_round() -> Mapping[str, Part]:
-            received_s = _received_s(path, now_s)
-            parts = {}
-            for name, one in (("read", log), (f"read, {_TIMES} times as many", longer)):
-                begin_s = now_s()
-                count = read_all(one)
-                parts[name] = Part(now_s() - begin_s, count, received_s * count)
-            return parts
+    def read() -> float:
+        begin_s = time.process_time()
+        read_all(data)
+        return time.process_time() - begin_s
 
-        yield run_round
+    return read
+
+
+def prepare_dfreader(stack: ExitStack) -> Callable[[], float]:
+    """A round is the same log, record by record."""
+    path = Path(stack.enter_context(TemporaryDirectory()), "00000001.BIN")
+    path.write_bytes(log_of(RECORDS))
+    return lambda: read_log(path, receive_all)

@@ -5,7 +5,7 @@
 import math
 from typing import Final
 
-from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_ESTIMATE
+from mav_handlers.wire.messages import ODOMETRY
 
 PERIOD_US: Final = 33_333
 _COVARIANCE: Final = (1e-3, *[0.0] * 5, 1e-3, *[0.0] * 4, 1e-3, *[0.0] * 3, 1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4)
@@ -22,9 +22,3 @@ def odometry_at(time_us: int) -> ODOMETRY:
     pose = (north, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
     motion = (vel_north, 0.0, 0.0, 0.0, 0.0, 0.0)
     return ODOMETRY(time_us, _LOCAL_FRD, _BODY_FRD, *pose, *motion, _COVARIANCE, _COVARIANCE, 0, 0, 90)
-
-
-def pose_at(time_us: int) -> VISION_POSITION_ESTIMATE:
-    """Return the same pose with Euler angles."""
-    sent = odometry_at(time_us)
-    return VISION_POSITION_ESTIMATE(time_us, sent.x, sent.y, sent.z, 0.0, 0.0, 0.0, _COVARIANCE, 0)
