@@ -18,7 +18,6 @@ from ap_core.log_structure import FMT, FMTU, MULT, UNIT
 
 # What DFReader puts before a unit; other factors are written out.
 _PREFIXES: Final = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "\u00b5", 1e-9: "n"}
-_INSTANCE: Final = "#"
 _DESCRIBING: Final = (FMT.name, FMTU.name, UNIT.name, MULT.name)
 _FILE: Final = "FILE"  # holds pieces of files, which are no texts
 
@@ -126,12 +125,6 @@ class LogColumns:
             is_scaled = layout.format[number : number + 1] in tuple("cCeEL")
             units[label] = unit if is_scaled or not unit or factor is None else _with_factor(factor, unit)
         return units
-
-    def instance_label(self, name: str) -> str | None:
-        """Return the field that tells of which of several sensors a record is, or None."""
-        layout = self._by_name[name]
-        number = self._unit_ids.get(layout.msg_type, ("", ""))[0].find(_INSTANCE)
-        return layout.labels[number] if 0 <= number < len(layout.labels) else None
 
     @cached_property
     def _unit_ids(self) -> dict[int, tuple[str, str]]:

@@ -31,7 +31,6 @@ RAD_TO_DEG: Final = f32(f32(180) / M_PI)
 NAN: Final = f32(math.nan)
 
 _ZERO: Final = f32(0)
-_HALF: Final = f32(0.5)
 _ONE: Final = f32(1)
 _MINUS_ONE: Final = f32(-1)
 _MINUS_M_PI_2: Final = f32(-M_PI_2)

@@ -212,10 +212,6 @@ class ParamTable:
             return True
         return slot.type is not ParamType.INT32 and is_within_hundredth_percent(value, default)
 
-    def is_stored(self, name: str) -> bool:
-        """Tell whether a parameter, by canonical full name, has a stored value (configured_in_storage)."""
-        return self._named(name).name in self._stored
-
     def stored_values(self) -> dict[str, float]:
         """Return what a restart has to remember, by canonical full name."""
         return {name: value if isinstance(value, int) else float(value) for name, value in self._stored.items()}

@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parameter files (.parm) as ArduPilot reads them and MAVProxy writes them; text in, text out.
+"""Parameter files (.parm) as ArduPilot reads them and MAVProxy writes them.
 
 Source of the format: AP_Param/AP_Param.cpp, parse_param_line.
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +15,6 @@ from ap_core.param_info import MAX_NAME_SIZE, to_f32
 
 _SEPARATORS: Final = ", =\t\r"
 _WORDS: Final = re.compile(f"[^{_SEPARATORS}]+")
-_NAME: Final = re.compile(rf"[^{_SEPARATORS}\n#\ufeff]{{1,{MAX_NAME_SIZE}}}")
 _DECIMAL: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,32}")
 _NOT_FINITE: Final = re.compile(r"[+-]?(inf|infinity|nan)", re.ASCII | re.IGNORECASE)
@@ -87,29 +85,3 @@ def _parse_number(word: str) -> np.float32 | None:
     if _DECIMAL.fullmatch(word) or _NOT_FINITE.fullmatch(word):
         return to_f32(float(word))
     return None
-
-
-def format_parm(params: Mapping[str, float | np.float32]) -> str:
-    """Write one aligned ``NAME value`` line a parameter, sorted by name, as MAVProxy does.
-
-    A value has MAVProxy's six decimals when these give the same float32 back, else the fewest digits that do.
-
-    Raises:
-        ValueError: a value that is not finite, or a name that ``parse_parm`` could not read back.
-    """
-    return "".join(f"{_checked_name(name):<{MAX_NAME_SIZE}} {_number(params[name])}\n" for name in sorted(params))
-
-
-def _checked_name(name: str) -> str:
-    if not _NAME.fullmatch(name):
-        raise ValueError(f"{name!r} cannot be the name of a parameter in a file")
-    return name
-
-
-def _number(value: float | np.float32) -> str:
-    number = to_f32(value)
-    if not np.isfinite(number):
-        raise ValueError(f"{value} cannot be written to a parameter file")
-    # The last one is always exact: a short text may change when it passes through double precision.
-    texts = (f"{number:.6f}", str(number), repr(float(number)))
-    return next(text for text in texts if to_f32(float(text)) == number)

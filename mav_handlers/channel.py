@@ -120,7 +120,6 @@ class Channel:
     packets_dropped: int = 0
     frames_not_sent: int = 0
     times_full: int = 0
-    frames_forwarded: int = 0
     bytes_sent: int = 0
     _output: bytearray = field(default_factory=bytearray)
 
@@ -201,7 +200,6 @@ class Channel:
             self.frames_not_sent += 1
             return False
         self._output += frame
-        self.frames_forwarded += 1
         return True
 
     def take_output(self) -> bytes:

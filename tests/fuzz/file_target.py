@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ap_core.param import ParamTable
-from ap_core.parm_file import format_parm, parse_parm
 from ap_visualodom.ap_visualodom import make_params
 from viso.errors import InputError
 from viso.logs.files import MAX_FILES, LogStore
@@ -33,11 +32,9 @@ def _file(folder: Path, name: str, content: bytes) -> Path:
 
 
 def read_parm(content: bytes, folder: Path) -> None:
-    """Read a parameter file; what it says survives being written and read again."""
+    """Read a parameter file."""
     values = load_parm_file(_file(folder, "any.parm", content), _table(), allow_unknown=True)
     assert all(math.isfinite(value) for value in values.values())
-    again = {line.name: float(line.value) for line in parse_parm(format_parm(values), "again")}
-    assert again == values
     _table().apply_defaults(values, "fuzz")
 
 

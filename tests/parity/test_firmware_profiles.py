@@ -19,7 +19,7 @@ from viso.ekf_runs.comparison import compare
 from viso.ekf_runs.run import replay_ekf
 from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
 from viso.replay.feed import Replay
-from viso.replay.vectors import count_differences, recompute_text
+from viso.replay.vectors import count_differences, recompute
 from viso.streams.stream_kinds import read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -40,8 +40,7 @@ def scenarios(path: Path = LATER / "vectors" / "visual_odom.jsonl.gz") -> tuple[
 
 def differences(lines: tuple[str, ...], firmware: Firmware) -> tuple[int, int]:
     """Return the numbers of steps, and of steps that come out otherwise."""
-    recomputed = ((line, recompute_text(line, firmware.visual_odom)) for line in lines)
-    counts = [count_differences(json.loads(line), json.loads(ours)) for line, ours in recomputed]
+    counts = [count_differences(line, recompute(line, firmware.visual_odom)) for line in map(json.loads, lines)]
     return sum(steps for steps, _ in counts), sum(different for _, different in counts)
 
 

@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 
 from tests.places import DATA
-from viso.replay.vectors import VectorError, count_differences, recompute_text
+from viso.replay.vectors import VectorError, count_differences, parse_line, recompute
 
 VECTORS = DATA / "vectors"
 
@@ -22,6 +22,10 @@ CHUNKS = 6
 def lines_of(name: str) -> tuple[str, ...]:
     with gzip.open(VECTORS / f"{name}.jsonl.gz", "rt", encoding="utf-8") as file:
         return tuple(file)
+
+
+def recompute_text(text: str) -> str:
+    return json.dumps(recompute(parse_line(text)))
 
 
 def compare(lines: tuple[str, ...]) -> tuple[int, int]:

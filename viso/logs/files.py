@@ -18,7 +18,7 @@ MAX_FILES: Final = 500
 CHUNK_BYTES: Final = 4096
 FLUSH_INTERVAL_US: Final = 2_000_000
 
-_LASTLOG: Final = re.compile(rb"\s*(\d{1,9})(D?)")
+_LASTLOG: Final = re.compile(rb"\s*(\d{1,9})")
 _LOG_NAME: Final = re.compile(r"(\d{8})\.BIN")
 
 
@@ -166,13 +166,10 @@ class LogStore:
         numbers = (number for number in self._numbers() if self._holds_data(self.path_of(number)))
         return sorted(numbers, key=lambda number: (number <= last, number))
 
-    def open_next(self, *, discard: bool = False) -> LogFile:
+    def open_next(self) -> LogFile:
         """Open the log after the last one, or the last one again if it is empty or missing.
 
         Numbers of logs that hold data, or that another process is writing, are passed over.
-
-        Args:
-            discard: mark the log for :meth:`remove_discarded` (LOG_DISARMED 3).
 
         Raises:
             LogStoreError: if the directory or a file cannot be made, or every number is taken.
@@ -185,29 +182,9 @@ class LogStore:
         for number in self._candidates():
             log = self._try_open(number)
             if log is not None:
-                self._write_lastlog(log, discard)
+                self._write_lastlog(log)
                 return log
         raise LogStoreError(f"{self._directory}: all {self._max_files} log numbers are taken")
-
-    def keep(self, log: LogFile) -> None:
-        """Remove the discard mark of the last log, as the firmware does once the vehicle is armed.
-
-        Raises:
-            LogStoreError: if ``LASTLOG.TXT`` cannot be written.
-        """
-        match = self._read_lastlog()
-        if match and match[2] and int(match[1]) == log.number:
-            self._replace_lastlog(log.number, discard=False)
-
-    def remove_discarded(self) -> None:
-        """Delete the last log if it is marked and nobody writes it (AP_Logger_File::Init); ignore errors."""
-        match = self._read_lastlog()
-        if not match or not match[2]:
-            return
-        path = self.path_of(int(match[1]))
-        with contextlib.suppress(OSError), path.open("r+b") as log:
-            if _claim(log.fileno()):
-                path.unlink()
 
     def _candidates(self) -> list[int]:
         last = self.last_number()
@@ -250,20 +227,14 @@ class LogStore:
         except OSError:
             return None
 
-    def _write_lastlog(self, log: LogFile, discard: bool) -> None:
-        try:
-            self._replace_lastlog(log.number, discard)
-        except LogStoreError:
-            log.close()
-            raise
-
-    def _replace_lastlog(self, number: int, discard: bool) -> None:
+    def _write_lastlog(self, log: LogFile) -> None:
         path = self._directory / LASTLOG_NAME
         draft = path.with_suffix(f".{os.getpid()}")
         try:
-            draft.write_bytes(b"%d%s\r\n" % (number, b"D" if discard else b""))
+            draft.write_bytes(b"%d\r\n" % log.number)
             draft.replace(path)
         except OSError as error:
+            log.close()
             with contextlib.suppress(OSError):
                 draft.unlink(missing_ok=True)
             raise LogStoreError(_one_line(path, error)) from error

@@ -125,7 +125,3 @@ def ekf3_var_info(flow_limit: str = FLOW_LIMIT) -> tuple[ParamInfo, ...]:
 def make_ekf3_group(flow_limit: str = FLOW_LIMIT) -> ParamGroup:
     """Return the EK3_ group with Copter's defaults; ``flow_limit`` is what the release calls that row."""
     return ParamGroup("EK3_", ekf3_var_info(flow_limit), top_level_prefix="EK3_")
-
-
-EKF3_VAR_INFO: Final = ekf3_var_info()
-"""The rows of the reference."""

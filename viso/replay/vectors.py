@@ -337,15 +337,6 @@ def parse_line(text: str) -> object:
         raise VectorError(f"not JSON: {error}") from error
 
 
-def recompute_text(text: str, release: VisualOdomRelease = REFERENCE) -> str:
-    """Return a line of a recording as text, recomputed.
-
-    Raises:
-        VectorError: if it is not JSON or has no known form.
-    """
-    return json.dumps(recompute(parse_line(text), release))
-
-
 def count_differences(recorded: object, ours: object) -> tuple[int, int]:
     """Return how many outputs a recorded line holds, and how many of them differ from ours."""
     if isinstance(recorded, list) and isinstance(ours, list):

@@ -35,7 +35,6 @@ class PoweredVehicle:
     Attributes:
         vehicle: the one that runs now.
         channels: its links, in the order of the ports.
-        restarts: how many there have been.
     """
 
     def __init__(
@@ -44,7 +43,6 @@ class PoweredVehicle:
         self._config = config
         self._ports = tuple(ports)
         self._on_boot = on_boot
-        self.restarts = 0
         self._counts: Counter[CountKey] = Counter()
         self._filter_counts: Counter[tuple[str, str]] = Counter()
         self._start()
@@ -72,7 +70,6 @@ class PoweredVehicle:
         config = self._config
         overrides = {name: to for name, to in config.overrides.items() if self._value(name) == self._overridden[name]}
         self._config = replace(config, overrides=overrides, boot_utc_us=self._next_boot_utc_us())
-        self.restarts += 1
         self._start()
         return True
 

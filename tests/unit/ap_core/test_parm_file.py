@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ap_core.parm_file import ParmFileError, format_parm, parse_parm
+from ap_core.parm_file import ParmFileError, parse_parm
 
 NAMES = st.text("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_", min_size=1, max_size=16)
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -93,38 +93,3 @@ class TestParse:
     def test_any_text_gives_lines_or_an_error_of_its_own(self, text: str) -> None:
         with contextlib.suppress(ParmFileError):
             assert all(np.isfinite(line.value) for line in parse_parm(text, "a.parm"))
-
-
-class TestFormat:
-    def test_looks_like_mavproxy(self) -> None:
-        params: dict[str, float | np.float32] = {
-            "VISO_TYPE": 1,
-            "VISO_DELAY_MS": np.float32(10),
-            "A234567890123456": -0.5,
-        }
-        assert format_parm(params) == (
-            "A234567890123456 -0.500000\nVISO_DELAY_MS    10.000000\nVISO_TYPE        1.000000\n"
-        )
-
-    def test_value_that_six_decimals_would_lose_has_the_shortest_digits(self) -> None:
-        assert format_parm({"EK3_GBIAS_P_NSE": 1e-7, "X": 0.1}) == "EK3_GBIAS_P_NSE  1e-07\nX                0.100000\n"
-
-    def test_nothing_gives_nothing(self) -> None:
-        assert format_parm({}) == ""
-
-    @pytest.mark.parametrize("name", ["", "A B", "A=", "#A", "A\n", "A2345678901234567", "\ufeffA"])
-    def test_name_that_could_not_be_read_back_is_an_error(self, name: str) -> None:
-        with pytest.raises(ValueError, match="name"):
-            format_parm({name: 1.0})
-
-    @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e39])
-    def test_value_that_is_not_finite_is_an_error(self, value: float) -> None:
-        with pytest.raises(ValueError, match="cannot be written"):
-            format_parm({"A": value})
-
-    @given(params=st.dictionaries(NAMES, FLOATS))
-    @example(params={"A": -0.0, "B": 3.4028235e38, "C": 1e-45, "D": 16777216.0})
-    def test_what_is_written_reads_back_bit_for_bit(self, params: dict[str, float]) -> None:
-        expected = [(name, np.float32(params[name]).tobytes()) for name in sorted(params)]
-        lines = parse_parm(format_parm(params), "a.parm")
-        assert [(line.name, line.value.tobytes()) for line in lines] == expected

@@ -436,7 +436,7 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("viso.logs.files.os.write", refuse)
-    monkeypatch.setattr("viso.logs.files.LogStore._replace_lastlog", lambda *_args: None)
+    monkeypatch.setattr("viso.logs.files.LogStore._write_lastlog", lambda *_args: None)
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
     assert "log: log cannot be written\n" in outcome.err

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from viso.companion.recorded.recorded_trajectory import TIME_END_NS, RecordedTrajectory
-from viso.companion.recorded.records import Records, TrajectoryError, usable
+from viso.companion.recorded.recorded_trajectory import TIME_END_NS
+from viso.companion.recorded.records import Records, TrajectoryError
 from viso.companion.vio.se3 import rotation_from_quat_wxyz
 
 MISSING_EXTRA: Final = "bags are read with rosbags; install it with: pip install 'viso[bags]'"
@@ -58,11 +58,6 @@ POSE_TYPES: Final[Mapping[str, Callable[[Any], _Record]]] = MappingProxyType(
         "geometry_msgs/msg/TransformStamped": _transform,
     }
 )
-
-
-def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
-    """Read what can be used of a bag, see ``bag_records``; raises TrajectoryError."""
-    return usable(bag_records(path, topic))
 
 
 def bag_records(path: Path, topic: str | None) -> Records:

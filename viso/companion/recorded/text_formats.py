@@ -121,11 +121,6 @@ def table_records(path: Path, layout: Layout) -> Records:
     return Records(str(path), times_ns, table[:, 1:4], quats, velocities, covariances, left_out=left_out)
 
 
-def read_kitti(path: Path, times: Path | None) -> RecordedTrajectory:
-    """Read what can be used of KITTI's poses, see ``kitti_records``; raises TrajectoryError."""
-    return usable(kitti_records(path, times))
-
-
 def kitti_records(path: Path, times: Path | None) -> Records:
     """Read rows of 12 numbers, the upper three of a homogeneous matrix, and a file with the time of each in s.
 

@@ -91,15 +91,6 @@ class EurocRecording:
             frame_id = frame_uuid(image.t_ns // _NS_PER_MS, sequence, 0)
             yield NavCameraFrame(frame_id, sequence, image.t_ns, self._decoded(image), self.calibration.camera_id)
 
-    def check_images(self) -> None:
-        """Decode all pictures once.
-
-        Raises:
-            EurocError: for the first that cannot be decoded or has another size than the calibration's.
-        """
-        for image in self.images:
-            self._decoded(image)
-
     def truth(self, t_ns: int) -> SE3 | None:
         """Return world_T_body at a time, interpolated, or None if it is outside the true trajectory."""
         if not self._knows(t_ns):

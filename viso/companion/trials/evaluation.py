@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.se3 import SE3, Array, read_only, rotation_from_quat_wxyz, so3_log
+from viso.companion.vio.se3 import SE3, Array, read_only, rotation_from_quat_wxyz
 
 
 class EvaluationError(ValueError):
@@ -102,20 +102,6 @@ class AbsoluteError:
     scale: float
 
 
-@dataclass(frozen=True, slots=True)
-class RelativeError:
-    """The relative pose error (RPE) over a fixed number of poses.
-
-    Attributes:
-        count: pairs compared.
-        rmse_m, rmse_rad: of the translations and the angles by which the motions differ.
-    """
-
-    count: int
-    rmse_m: float
-    rmse_rad: float
-
-
 def umeyama(source: Array, target: Array) -> tuple[SE3, float]:
     """Return the rigid motion that brings points onto others best, and the scale of the best similarity.
 
@@ -159,27 +145,6 @@ def absolute_error(estimate: TimedPoses, truth: TimedPoses) -> AbsoluteError:
     )
 
 
-def relative_error(estimate: TimedPoses, truth: TimedPoses, delta: int = 1) -> RelativeError:
-    """Compare the motions over a number of poses of an estimate with the truth's.
-
-    Args:
-        estimate: what to judge.
-        truth: what to judge it by, interpolated to the estimate's times.
-        delta: poses from the start to the end of each motion.
-
-    Raises:
-        EvaluationError: if no such motion is within the time of the truth.
-    """
-    estimate, truth = in_common(estimate, truth)
-    pairs = range(len(estimate) - delta)
-    if not pairs:
-        raise EvaluationError(f"{len(estimate)} poses in common, none {delta} after another")
-    differences = [_motion(truth, i, i + delta).inverse() @ _motion(estimate, i, i + delta) for i in pairs]
-    lengths = np.array([np.linalg.norm(difference.t) for difference in differences])
-    angles = np.array([np.linalg.norm(so3_log(difference.R)) for difference in differences])
-    return RelativeError(len(pairs), rms(lengths), rms(angles))
-
-
 def in_common(estimate: TimedPoses, truth: TimedPoses) -> tuple[TimedPoses, TimedPoses]:
     """Return the estimate within the time of the truth, and the truth at the estimate's times."""
     if not len(truth):
@@ -202,7 +167,3 @@ def nees_per_dof(errors: Array, covariances: Array) -> float:
 def rms(values: Array) -> float:
     """Return the root mean square of numbers, in their unit."""
     return math.sqrt(float(np.mean(values**2)))
-
-
-def _motion(poses: TimedPoses, start: int, end: int) -> SE3:
-    return poses.pose(start).inverse() @ poses.pose(end)

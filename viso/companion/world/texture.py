@@ -4,7 +4,6 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,10 +18,6 @@ DEFAULT_NOISE_SIGMA: Final = 2.0  # of a pixel, in grey levels
 DETAIL_SCALES: Final = (1 / 8, 1 / 64)  # of the side of a detail's pixel to one of the texture's
 _DETAIL_SIZE: Final = 1024
 _DETAIL_SIGMA: Final = 20.0
-
-
-class TextureError(ValueError):
-    """A file cannot be a texture; one line that names it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,33 +58,6 @@ def pixel_from_ground(shape: tuple[int, ...], extent_m: tuple[float, float]) -> 
     return np.array(
         [[columns / east, 0, 0.5 * (columns - 1)], [0, -rows / north, 0.5 * (rows - 1)], [0, 0, 1]], dtype=np.float64
     )
-
-
-def load_texture(path: Path, metres_per_pixel: float, *, colour: bool = False, seed: int = 0) -> GroundTexture:
-    """Read a photograph taken from straight above.
-
-    Args:
-        path: of a picture that OpenCV can read.
-        metres_per_pixel: side of one of its pixels on the ground.
-        colour: whether to keep the colours.
-        seed: of the detail that the photograph is too coarse for.
-
-    Raises:
-        TextureError: if it cannot be read, or is no picture.
-        ModuleNotFoundError: without OpenCV; one line that says what to install.
-    """
-    try:
-        import cv2
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError("a photograph needs OpenCV: pip install 'viso[vio]'", name="cv2") from error
-    try:
-        data = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise TextureError(f"{path}: {error.strerror}") from error
-    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE) if data.size else None
-    if pixels is None:
-        raise TextureError(f"{path}: no picture that can be read")
-    return GroundTexture(np.asarray(pixels, np.uint8), metres_per_pixel, grit(seed))
 
 
 def grit(seed: int) -> Pixels:

@@ -12,7 +12,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.sources import EkfSources
-from viso.parameters.ekf3 import EKF3_VAR_INFO, make_ekf3_group
+from viso.parameters.ekf3 import ekf3_var_info, make_ekf3_group
 
 DELAYS = {"EK3_HGT_DELAY": 60, "EK3_FLOW_DELAY": 10, "EK3_BCN_DELAY": 50, "VISO_DELAY_MS": 10}
 
@@ -37,7 +37,7 @@ def test_vehicle_is_parked_and_has_everything_but_gps_reception_by_default() -> 
 def test_numbers_are_the_defaults_of_the_vehicles_parameters() -> None:
     default, params = Surroundings(), ParamTable([make_ekf3_group()])
     known = {}
-    for row in EKF3_VAR_INFO:
+    for row in ekf3_var_info():
         with contextlib.suppress(KeyError):
             known[row.name] = default.ekf3_number(row.name)
     assert known.keys() >= {"POS_I_GATE", "GLITCH_RAD", "ALT_M_NSE", "GYRO_P_NSE", "TAU_OUTPUT"}

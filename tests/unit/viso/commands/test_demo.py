@@ -140,7 +140,7 @@ def test_log_that_cannot_be_written_is_one_line(viso: Viso, monkeypatch: pytest.
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("viso.logs.files.os.write", refuse)
-    monkeypatch.setattr("viso.logs.files.LogStore._replace_lastlog", lambda *_args: None)
+    monkeypatch.setattr("viso.logs.files.LogStore._write_lastlog", lambda *_args: None)
     assert failed_with(viso("demo", *SIMULATED), "logs/00000001.BIN: No space left on device")
 
 

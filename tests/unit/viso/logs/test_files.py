@@ -176,51 +176,6 @@ def test_max_files_below_2_is_refused(tmp_path: Path) -> None:
         LogStore(tmp_path, max_files=1)
 
 
-def test_discard_mark_is_written_behind_the_number(store: LogStore) -> None:
-    with store.open_next(discard=True):
-        assert lastlog(store) == b"1D\r\n"
-
-
-def test_kept_log_loses_its_discard_mark(store: LogStore) -> None:
-    with store.open_next(discard=True) as log:
-        store.keep(log)
-    assert lastlog(store) == b"1\r\n"
-
-
-def test_keeping_a_log_that_is_not_the_last_changes_nothing(store: LogStore) -> None:
-    with store.open_next(discard=True) as first:
-        first.write(RECORD)
-    with store.open_next(discard=True):
-        store.keep(first)
-    assert lastlog(store) == b"2D\r\n"
-
-
-def test_marked_log_is_removed_and_its_number_used_again(store: LogStore) -> None:
-    with store.open_next(discard=True) as log:
-        log.write(RECORD)
-    store.remove_discarded()
-    assert not log.path.exists()
-    assert write_log(store) == 1
-
-
-def test_unmarked_log_is_not_removed(store: LogStore) -> None:
-    number = write_log(store)
-    store.remove_discarded()
-    assert store.path_of(number).exists()
-
-
-def test_marked_log_that_is_being_written_is_not_removed(store: LogStore) -> None:
-    with store.open_next(discard=True) as log:
-        LogStore(log.path.parent).remove_discarded()
-        assert log.path.exists()
-
-
-def test_removing_a_marked_log_that_is_missing_does_nothing(store: LogStore) -> None:
-    set_lastlog(store, b"5D\r\n")
-    store.remove_discarded()
-    assert not store.path_of(5).exists()
-
-
 def test_directory_that_cannot_be_made_is_an_error_naming_it(tmp_path: Path) -> None:
     (tmp_path / "logs").write_text("a file")
     with pytest.raises(LogStoreError) as error:

@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from tests.unit.viso.report.log_maker import LogMaker, material_of
-from viso.companion.recorded.bag_formats import read_bag
+from viso.companion.recorded.bag_formats import bag_records
 from viso.report.agreement import Poses
 from viso.report.exports import (
     EKF_TOPIC,
@@ -80,7 +80,7 @@ def test_bag_describes_its_messages_and_is_in_order(bag: Path) -> None:
 
 
 def test_bag_is_what_this_project_plays(bag: Path) -> None:
-    assert len(read_bag(bag, VISION_TOPIC).times_ns) == 209
+    assert len(bag_records(bag, VISION_TOPIC).times_ns) == 209
 
 
 def test_axes_are_those_of_ros() -> None:

@@ -22,8 +22,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tests.unit.viso.companion.recorded.conftest import outcome_of
-from viso.companion.recorded.bag_formats import POSE_TYPES, read_bag
-from viso.companion.recorded.records import NO_ROTATION, TrajectoryError
+from viso.companion.recorded.bag_formats import POSE_TYPES, bag_records
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
+from viso.companion.recorded.records import NO_ROTATION, TrajectoryError, usable
 
 STORE = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
 STAMPS_S = (5, 6)
@@ -103,6 +104,10 @@ def make_bag(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Pa
         return path if what.startswith("folder") else next(path.glob(f"*.{what}"))
 
     return make
+
+
+def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
+    return usable(bag_records(path, topic))
 
 
 def complaint(path: Path, topic: str | None = None) -> str:

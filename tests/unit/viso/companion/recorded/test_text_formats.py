@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from tests.unit.viso.companion.recorded.conftest import outcome_of
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
-from viso.companion.recorded.records import CUT_SHORT, TrajectoryError
-from viso.companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, Layout, detect, read_kitti, read_table
+from viso.companion.recorded.records import CUT_SHORT, TrajectoryError, usable
+from viso.companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, Layout, detect, kitti_records, read_table
 
 S = math.sqrt(0.5)
 T0 = "1403636583"
@@ -121,7 +121,7 @@ def test_kitti_is_read_with_its_times(path: Path, tmp_path: Path) -> None:
     times = tmp_path / "times.txt"
     path.write_text(KITTI_TEXT)
     times.write_text(KITTI_TIMES)
-    trajectory = read_kitti(path, times)
+    trajectory = usable(kitti_records(path, times))
     assert trajectory.times_ns.tolist() == [1, 250_000_000]
     assert trajectory.positions.tolist() == [[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]]
     np.testing.assert_allclose(trajectory.quats_wxyz, [[1.0, 0.0, 0.0, 0.0], [S, 0.0, 0.0, S]])
@@ -130,7 +130,7 @@ def test_kitti_is_read_with_its_times(path: Path, tmp_path: Path) -> None:
 
 def test_kitti_without_times_says_what_is_missing(path: Path) -> None:
     with pytest.raises(TrajectoryError, match="KITTI's poses have no times"):
-        read_kitti(path, None)
+        kitti_records(path, None)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_fault_of_kitti_is_one_line(path: Path, tmp_path: Path, poses: str, time
     path.write_text(poses)
     times_path.write_text(times)
     with pytest.raises(TrajectoryError) as raised:
-        read_kitti(path, times_path)
+        usable(kitti_records(path, times_path))
     assert str(raised.value) == line.format(poses=path, times=times_path)
 
 
@@ -217,7 +217,7 @@ DAMAGED = st.one_of(
 def test_damage_raises_nothing_but_the_one_error(path: Path, text: str, layout: Layout | None) -> None:
     path.write_text(text, encoding="utf-8", errors="replace")
     detect(text)
-    result = outcome_of(lambda: read_kitti(path, path) if layout is None else read_table(path, layout))
+    result = outcome_of(lambda: usable(kitti_records(path, path)) if layout is None else read_table(path, layout))
     if isinstance(result, str):
         assert result.startswith(str(path))
         assert len(result.splitlines()) == 1

@@ -18,7 +18,6 @@ from viso.companion.trials.evaluation import (
     absolute_error,
     in_common,
     nees_per_dof,
-    relative_error,
     umeyama,
 )
 from viso.companion.vio.se3 import SE3, Array, so3_exp, so3_log
@@ -82,22 +81,6 @@ def test_alignment_and_scale_are_evos(seed: int) -> None:
     rotation, _, scale = in_evo(estimate).align(in_evo(truth), correct_scale=True)
     assert np.abs(ours.alignment.R - rotation).max() < 1e-9
     assert ours.scale == pytest.approx(scale, rel=1e-9)
-
-
-@settings(deadline=None, max_examples=10)
-@given(seeds, st.sampled_from([1, 3, 10]))
-def test_relative_error_is_evos(seed: int, delta: int) -> None:
-    truth = flown(seed)
-    estimate = estimated(truth, seed)
-    ours = relative_error(estimate, truth, delta)
-    for relation, value in (
-        (metrics.PoseRelation.translation_part, ours.rmse_m),
-        (metrics.PoseRelation.rotation_angle_rad, ours.rmse_rad),
-    ):
-        rpe = metrics.RPE(relation, delta, metrics.Unit.frames, all_pairs=True)
-        rpe.process_data((in_evo(truth), in_evo(estimate)))
-        assert value == pytest.approx(rpe.get_statistic(metrics.StatisticsType.rmse), rel=1e-7)
-        assert ours.count == len(rpe.error)
 
 
 def test_path_length_is_evos() -> None:
@@ -209,11 +192,6 @@ def test_estimate_that_does_not_move_is_told() -> None:
     still = TimedPoses(truth.t_ns, np.ones((60, 3)), truth.quats_wxyz)
     with pytest.raises(EvaluationError, match="does not move"):
         absolute_error(still, truth)
-
-
-def test_motions_longer_than_the_estimate_are_told() -> None:
-    with pytest.raises(EvaluationError, match="60 poses in common, none 60 after another"):
-        relative_error(flown(), flown(), 60)
 
 
 @pytest.mark.parametrize(

@@ -2,37 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A picture of the ground has a scale, an origin, and detail below its pixels."""
 
-import sys
-from pathlib import Path
-
-import cv2
 import numpy as np
 import pytest
 
-from tests.places import SHARED
 from viso.companion.world.texture import (
     GroundTexture,
-    TextureError,
     fractal_noise,
     grit,
-    load_texture,
     pixel_from_ground,
 )
-
-PHOTOGRAPH = SHARED / "brighton_nadir" / "DJI_0034.JPG"
 
 
 def noise(seed: int = 0, size: int = 200) -> np.ndarray:
     return fractal_noise(np.random.default_rng(seed), size, coarsest_px=32)
-
-
-@pytest.fixture
-def picture(tmp_path: Path) -> Path:
-    path = tmp_path / "ground.png"
-    pixels = np.zeros((20, 30, 3), np.uint8)
-    pixels[:, :15] = (200, 100, 50)
-    cv2.imwrite(str(path), pixels)
-    return path
 
 
 def test_noise_is_the_same_for_the_same_seed() -> None:
@@ -81,39 +63,3 @@ def test_extent_is_that_of_the_pixels() -> None:
 def test_scale_is_a_length(scale: float) -> None:
     with pytest.raises(ValueError, match="metres_per_pixel"):
         GroundTexture(np.zeros((20, 30), np.uint8), scale, grit(0))
-
-
-def test_photograph_is_loaded_grey(picture: Path) -> None:
-    texture = load_texture(picture, 0.5)
-    assert texture.pixels.shape == (20, 30)
-    assert texture.metres_per_pixel == 0.5
-
-
-def test_photograph_is_loaded_in_colour(picture: Path) -> None:
-    assert load_texture(picture, 0.5, colour=True).pixels[3, 3].tolist() == [200, 100, 50]
-
-
-@pytest.mark.parametrize("content", [b"", b"no picture"])
-def test_file_that_is_no_picture_is_named(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "notes.txt"
-    path.write_bytes(content)
-    with pytest.raises(TextureError, match=r"notes\.txt: no picture that can be read"):
-        load_texture(path, 0.5)
-
-
-def test_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TextureError, match=r"gone\.png: No such file or directory"):
-        load_texture(tmp_path / "gone.png", 0.5)
-
-
-def test_without_opencv_the_error_says_what_to_install(picture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'viso\[vio\]'"):
-        load_texture(picture, 0.5)
-
-
-@pytest.mark.skipif(not PHOTOGRAPH.exists(), reason="the nadir photographs are not beside the project")
-def test_real_photograph_is_a_texture() -> None:
-    texture = load_texture(PHOTOGRAPH, 68.4 / 4000)
-    assert texture.extent_m == pytest.approx((68.4, 38.475))
-    assert texture.pixels.std() > 20
