@@ -13,13 +13,13 @@ from viso.doctor.measures.motion import Motion
 from viso.doctor.measures.paths import PathComparison
 from viso.doctor.measures.tracks import Poses, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
+from viso.doctor.measures.vehicle_position import EXTNAV
 from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.releases import Firmware
 from viso.streams.stream_kinds import Aspect
 
-__all__ = ["Assumed", "Evidence", "SeenMessage"]
+__all__ = ["EXTNAV", "Assumed", "Evidence", "SeenMessage"]
 
-EXTNAV: Final = 6
 SOURCE_NAMES: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
 
 
@@ -46,7 +46,6 @@ class Evidence:
         attitude, height: the vehicle's by its own account, if there is one.
         comparisons: what that says about the stream's attitude.
         params: every parameter at boot, defaults included.
-        known_params: names of those that the stream, a file or the command line told.
         assumed: parameters that were assumed.
         changes: parameters that changed within the stream.
         texts: what the emulated autopilot said: time in us since boot, severity, text.
@@ -71,7 +70,6 @@ class Evidence:
     height: HeightSeries | None
     comparisons: tuple[Comparison, ...]
     params: Mapping[str, float]
-    known_params: frozenset[str]
     assumed: tuple[Assumed, ...]
     changes: tuple[ParamChange, ...]
     texts: tuple[tuple[int, int, str], ...]
@@ -111,11 +109,6 @@ class Evidence:
     def has_compass(self) -> bool:
         """Whether there is a compass, and in use."""
         return self.param("COMPASS_ENABLE") != 0 and self.param("COMPASS_USE") != 0
-
-    @property
-    def sends_pose(self) -> bool:
-        """Whether any message carries a pose."""
-        return bool(self.poses)
 
 
 def vision_of(messages: tuple[SeenMessage, ...]) -> tuple[SeenMessage, ...]:

@@ -3,7 +3,7 @@
 """What the doctor can find, and what it has found."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from viso.doctor.evidence import Evidence
 
 NUMBERS_SHOWN: Final = 5
+
+Check = Callable[["Evidence"], Iterable["Sighting"]]
 
 
 class Severity(StrEnum):
@@ -63,8 +65,8 @@ class Rule:
     """Something that can be wrong.
 
     Attributes:
-        code: stable, such as XN3-02; family, then number.
         severity: at its worst.
+        code: stable, such as XN3-02; family, then number.
         title: what is wrong, in a few words.
         firmware: what the autopilot does about it, in a sentence or two.
         source: where in the firmware that is decided: file and function.
@@ -74,13 +76,13 @@ class Rule:
         needs: what a recording must hold; of one that lacks it the rule says nothing.
     """
 
-    code: str
     severity: Severity
+    code: str
     title: str
     firmware: str
     source: str
     fix: str
-    check: Callable[["Evidence"], Iterable[Sighting]]
+    check: Check
     is_model: bool = False
     needs: frozenset[Aspect] = frozenset()
 
@@ -88,6 +90,18 @@ class Rule:
     def family(self) -> str:
         """The code without its number."""
         return self.code.partition("-")[0]
+
+
+def _of(severity: Severity) -> Callable[..., Callable[[Check], Rule]]:
+    def rule(*texts: str, is_model: bool = False, needs: frozenset[Aspect] = frozenset()) -> Callable[[Check], Rule]:
+        """Make a function the check of a rule: code, title, firmware, source and fix stand above it."""
+        code, title, firmware, source, fix = texts
+        return lambda check: Rule(severity, code, title, firmware, source, fix, check, is_model, needs)
+
+    return rule
+
+
+error, warning, note = map(_of, Severity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,19 +122,9 @@ class Finding:
 
     def as_dict(self) -> dict[str, object]:
         """Return the finding for machine-readable output."""
-        return {
-            "code": self.code,
-            "severity": self.severity.value,
-            "title": self.title,
-            "evidence": self.evidence,
-            "firmware": self.firmware,
-            "source": self.source,
-            "fix": self.fix,
-            "model": self.is_model,
-            "messages": list(self.message_numbers),
-            "start_us": self.start_us,
-            "end_us": self.end_us,
-        }
+        names = {"is_model": "model", "message_numbers": "messages"}
+        told = {names.get(name, name): value for name, value in asdict(self).items()}
+        return {**told, "severity": self.severity.value, "messages": list(self.message_numbers)}
 
 
 def make_finding(rule: Rule, sighting: Sighting) -> Finding:

@@ -3,14 +3,13 @@
 """Tries a stream on the autopilot in virtual time, and keeps all that the rules want to know."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
-from mav_handlers.wire.codec import Codec, Received
 from viso.doctor.evidence import Assumed, Evidence, vision_of
 from viso.doctor.measures.compare import Comparison, compare
 from viso.doctor.measures.judged_message import SeenMessage
@@ -26,16 +25,13 @@ from viso.firmware.releases import REFERENCE, Firmware
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
+from viso.streams.stream import received_in
 from viso.streams.stream_kinds import Aspect, Stream
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 _TURNING_RAD: Final = 0.05  # a second
 _NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
-
-
-def _ignore(_count: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +58,10 @@ class GatherOptions:
 class _Trial:
     """A vehicle that follows a stream, and what it said and did."""
 
-    def __init__(
-        self, stream: Stream, params: Mapping[str, float], baud: int | None, heading_rad: float, firmware: Firmware
-    ) -> None:
+    def __init__(self, stream: Stream, params: Mapping[str, float], heading_rad: float, options: GatherOptions) -> None:
         make_ahrs = by_ekf3(FollowSource, ImuOptions(heading_rad=heading_rad))
         try:
-            self.vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, firmware=firmware))
+            self.vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, firmware=options.firmware))
         except ValueError as error:
             raise InputError(f"{stream.name}: {error}") from error
         self.params = {slot.name: float(slot.value) for group in self.vehicle.params.groups for slot in group.slots}
@@ -75,7 +69,7 @@ class _Trial:
         self.texts: list[tuple[int, int, str]] = []
         self._events: list[MessageEvent] = []
         self.vehicle.texts.on_text.append(self._take_text)
-        self._replay = Replay(self.vehicle, stream, baud, self.watch)
+        self._replay = Replay(self.vehicle, stream, options.baud, self.watch)
         self._tell_replay = self.vehicle.endpoint.on_event
         self.vehicle.endpoint.on_event = self._take_event
 
@@ -114,22 +108,8 @@ def _seen(number: int, event: MessageEvent, message: ReplayedMessage) -> SeenMes
     )
 
 
-def _names_in(stream: Stream) -> set[str]:
-    codec, names = Codec(0, 0), set()
-    for message in stream.messages:
-        codec.feed(message.frame)
-        while (received := codec.next_received()) is not None:
-            if isinstance(received, Received):
-                names.add(received.header.name)
-    return names & _NAMES
-
-
-def _first_heading(attitude: AttitudeSeries | None, otherwise_rad: float) -> float:
-    return otherwise_rad if attitude is None else float(attitude.euler_rad[0, 2])
-
-
 def gather(
-    stream: Stream, options: GatherOptions | None = None, on_progress: Callable[[int], None] = _ignore
+    stream: Stream, options: GatherOptions | None = None, on_progress: Callable[[int], None] = lambda _count: None
 ) -> Evidence:
     """Try a stream on a vehicle that moves as it says, and return what came of it.
 
@@ -144,12 +124,12 @@ def gather(
     options = options or GatherOptions()
     told = listen(stream)
     attitude = told.attitude if options.attitude is None else options.attitude
-    params, assumed = settle(stream, told, options.params, _names_in(stream), options.firmware)
-    heading_rad = _first_heading(attitude, options.heading_rad)
-    trial = _Trial(stream, params, options.baud, heading_rad, options.firmware)
+    names = {received.header.name for _, received in received_in(stream)}
+    params, assumed = settle(stream, told, options.params, names & _NAMES, options.firmware)
+    heading_rad = options.heading_rad if attitude is None else float(attitude.euler_rad[0, 2])
+    trial = _Trial(stream, params, heading_rad, options)
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
-        messages = trial.run(on_progress)
-        return _evidence(stream, options, told, attitude, frozenset(params), assumed, trial, messages)
+        return _evidence(stream, replace(told, attitude=attitude), options, assumed, trial, trial.run(on_progress))
 
 
 def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
@@ -160,18 +140,15 @@ def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
 
 def _evidence(
     stream: Stream,
-    options: GatherOptions,
     told: VehicleData,
-    attitude: AttitudeSeries | None,
-    params: frozenset[str],
+    options: GatherOptions,
     assumed: tuple[Assumed, ...],
     trial: _Trial,
     messages: tuple[SeenMessage, ...],
 ) -> Evidence:
-    vision = vision_of(messages)
+    attitude, vision, notes = told.attitude, vision_of(messages), stream.notes
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
     comparisons = compare(poses, vision, attitude, trial.params)
-    notes = stream.notes
     if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):
         attitude, comparisons = None, ()
         notes = (*notes, f"{stream.name}: the vehicle turns otherwise, or at other times (--lead): left out of account")
@@ -188,7 +165,6 @@ def _evidence(
         height=options.height or told.height,
         comparisons=comparisons,
         params=trial.params,
-        known_params=params - {one.name for one in assumed},
         assumed=assumed,
         changes=told.changes,
         texts=tuple(trial.texts),

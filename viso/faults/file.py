@@ -3,7 +3,7 @@
 """Recorded streams in and out of the injector."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,6 +13,7 @@ from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
 from viso.companion.faults import TimedFrame
 from viso.errors import InputError
 from viso.files.text_files import write_text
+from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import Stream, read_stream
 
 TLOG: Final = (".tlog", ".tlog.gz")
@@ -43,7 +44,7 @@ def read_recording(path: Path) -> Recording:
     """
     if not path.name.lower().endswith(TLOG):
         stream = read_stream(path, 0)
-        return Recording(tuple(_timed(stream)), stream, stream.notes)
+        return Recording(tuple(timed_frames(stream)), stream, stream.notes)
     try:
         reader = read_tlog(path)
         frames = tuple((entry.time_us, entry.data) for entry in reader)
@@ -55,14 +56,6 @@ def read_recording(path: Path) -> Recording:
     if reader.truncated:
         notes.append(f"{path}: the last entry is cut short, {reader.truncated_bytes} bytes")
     return Recording(frames, notes=tuple(notes))
-
-
-def _timed(stream: Stream) -> Iterator[TimedFrame]:
-    # A time that is not known is taken to be that of the message before.
-    time_us = next((message.arrival_us for message in stream.messages if message.arrival_us is not None), 0)
-    for message in stream.messages:
-        time_us = time_us if message.arrival_us is None else message.arrival_us
-        yield time_us, message.frame
 
 
 def check_output(path: Path, source: Path) -> None:

@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
-from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, Message
-from viso.streams.stream import Stream, StreamMessage
+from viso.streams.stream import Stream, StreamMessage, received_in
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 MAV_AUTOPILOT_INVALID: Final = 8
@@ -25,12 +24,8 @@ _VISION: Final = tuple(VISION_MESSAGES)
 
 def _messages(stream: Stream) -> Iterator[tuple[int, int, int, Message | None]]:
     """Yield number, system, component and content of what is in each message of a stream."""
-    codec = Codec(0, 0)
-    for number, message in enumerate(stream.messages):
-        codec.feed(message.frame)
-        while (received := codec.next_received()) is not None:
-            if isinstance(received, Received):
-                yield number, received.header.system_id, received.header.component_id, received.message
+    for number, received in received_in(stream):
+        yield number, received.header.system_id, received.header.component_id, received.message
 
 
 def _is_autopilot(component_id: int, message: Message | None) -> bool:

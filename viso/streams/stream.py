@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a recorded stream is, whatever it was recorded as."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
+
+from mav_handlers.wire.codec import Codec, Received
 
 # A vehicle runs through the silence between two messages; a damaged stamp would have it run for years.
 MAX_GAP_US: Final = 86_400_000_000
@@ -46,3 +48,21 @@ class Stream:
     shared_arrival: bool = False
     notes: tuple[str, ...] = ()
     lacks: frozenset[Aspect] = frozenset()
+
+
+def received_in(stream: Stream) -> Iterator[tuple[int, Received]]:
+    """Yield what is in each message of a stream, with the message's number from 0; bytes that are no frame are not."""
+    codec = Codec(0, 0)
+    for number, message in enumerate(stream.messages):
+        codec.feed(message.frame)
+        while (received := codec.next_received()) is not None:
+            if isinstance(received, Received):
+                yield number, received
+
+
+def timed_frames(stream: Stream) -> Iterator[tuple[int, bytes]]:
+    """Yield times in us since boot and frames; a time that is not known is taken to be that of the message before."""
+    time_us = next((message.arrival_us for message in stream.messages if message.arrival_us is not None), 0)
+    for message in stream.messages:
+        time_us = time_us if message.arrival_us is None else message.arrival_us
+        yield time_us, message.frame

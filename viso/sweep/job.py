@@ -18,6 +18,7 @@ from viso.firmware.releases import PROFILES
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.replay.run import ReplaySetup, run_replay
 from viso.sensors.inertial_sources import MakeSource, read_source
+from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import Stream, StreamMessage, TrajectoryOptions, read_stream
 from viso.sweep.dimensions import fault_field
 from viso.sweep.objectives import Judge, Row
@@ -139,12 +140,7 @@ def _faulty(stream: Stream, faults: Faults, values: Mapping[str, float], seed: i
     if not faults.text:
         return stream
     timeline = timeline_of(faults, values)
-    frames, time_us = [], next((one.arrival_us for one in stream.messages if one.arrival_us is not None), 0)
-    for message in stream.messages:
-        # A time that is not known is taken to be that of the message before.
-        time_us = time_us if message.arrival_us is None else message.arrival_us
-        frames.append((time_us, message.frame))
-    spoiled = tuple(StreamMessage(due_us, frame) for due_us, frame in inject(frames, timeline, seed))
+    spoiled = tuple(StreamMessage(due_us, frame) for due_us, frame in inject(timed_frames(stream), timeline, seed))
     return replace(stream, messages=spoiled)
 
 

@@ -2,14 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How findings speak of times, counts and shares."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from viso.doctor.findings import Sighting
+from viso.doctor.findings import Severity, Sighting
 from viso.doctor.measures.judged_message import SeenMessage
+from viso.doctor.measures.motion import Motion
 from viso.doctor.measures.tracks import Track
+
+_ALL = slice(None)
 
 
 def at(time_us: float) -> str:
@@ -22,10 +26,23 @@ def share(part: int, whole: int) -> str:
     return f"{part} of {whole} ({100 * part / whole:.0f} %)" if whole else f"{part} of 0"
 
 
-def seen_in(text: str, messages: Iterable[SeenMessage]) -> Sighting:
+def often(count: int) -> str:
+    """Return how often something happens."""
+    return "once" if count == 1 else f"{count} times"
+
+
+def seen_in(
+    text: str, shown: Sequence[SeenMessage], fix: str | None = None, severity: Severity | None = None
+) -> Sighting:
     """Return what some messages show; there must be one at least."""
-    shown = list(messages)
-    return Sighting(text, [one.number for one in shown], shown[0].arrival_us, shown[-1].arrival_us)
+    return Sighting(text, [one.number for one in shown], shown[0].arrival_us, shown[-1].arrival_us, fix, severity)
+
+
+def by_type(messages: Iterable[SeenMessage]) -> Iterator[tuple[str, list[SeenMessage]]]:
+    """Yield the names of messages in alphabetical order, and those of each."""
+    found = list(messages)
+    for name in sorted({one.name for one in found}):
+        yield name, [one for one in found if one.name == name]
 
 
 def listed(texts: Sequence[str], most: int = 4) -> str:
@@ -33,14 +50,20 @@ def listed(texts: Sequence[str], most: int = 4) -> str:
     return ", ".join(texts[:most]) + (", …" if len(texts) > most else "")
 
 
-def of_track(text: str, track: Track, mask: npt.ArrayLike) -> Sighting:
-    """Return what some messages of a track show, by a mask of N; there must be one at least."""
+def of_track(text: str, track: Track, mask: npt.ArrayLike) -> Iterator[Sighting]:
+    """Yield what some messages of a track show, by a mask of N; nothing if it is none."""
     chosen = np.flatnonzero(mask)
-    text = f"{track.sender}: {share(len(chosen), len(track))} messages {text}"
+    if len(chosen):
+        yield of_some(f"{track.sender}: {share(len(chosen), len(track))} messages {text}", track, chosen)
+
+
+def of_some(
+    text: str,
+    track: Track | Motion,
+    chosen: Any = _ALL,
+    fix: str | None = None,
+    severity: Severity | None = None,
+) -> Sighting:
+    """Return what some messages of a track show, by mask, slice or indices; there must be one at least."""
     arrivals = track.arrival_us[chosen]
-    return Sighting(text, track.numbers[chosen].tolist(), int(arrivals[0]), int(arrivals[-1]))
-
-
-def of_whole(text: str, track: Track, fix: str | None = None) -> Sighting:
-    """Return what all messages of a track show together."""
-    return Sighting(text, track.numbers.tolist(), int(track.arrival_us[0]), int(track.arrival_us[-1]), fix)
+    return Sighting(text, track.numbers[chosen].tolist(), int(arrivals[0]), int(arrivals[-1]), fix, severity)

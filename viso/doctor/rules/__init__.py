@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All rules, a file a family; a new rule is a function and a row in its family's table.
+"""All rules, a file a family; a new rule is a function in its family's file, its texts above it.
 
 A rule never reads a stream. It looks at ``Evidence``: the stream as it was tried on the vehicle, measured in every way
 that any rule needs. So a rule is a short function that yields sightings, and some words: how bad it is, what the
@@ -47,12 +47,11 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
-_TABLES: Final = (
+_FILES: Final = (
     *(transport, frames, axes, clocks, lateness, rate, numbers, sizes),
     *(release, resets, quality, parameters, alignment, outcome),
 )
+_FOUND: Final = (value for file in _FILES for value in vars(file).values() if isinstance(value, Rule))
 
-RULES: Final[tuple[Rule, ...]] = tuple(
-    sorted((rule for table in _TABLES for rule in table.RULES), key=lambda rule: rule.code)
-)
+RULES: Final = tuple(sorted(_FOUND, key=lambda rule: rule.code))
 """All rules in order of their codes."""

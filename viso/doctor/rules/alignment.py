@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import EXTNAV, Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
-from viso.doctor.outputs.phrases import at, share
+from viso.doctor.outputs.phrases import at, of_some, share
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"
@@ -23,6 +23,13 @@ _LASTING_US: Final = 1_000_000
 _NEVER_US: Final = 1 << 62
 
 
+@note(
+    "XN8-01",
+    "The camera's frame is turned to north",
+    "Once the AHRS has settled, types 2 and 3 turn the camera's frame so that its yaw agrees, and say so.",
+    _ALIGN,
+    "Nothing, if the shift is what you expect: by how much the camera's frame is turned.",
+)
 def _shifted(evidence: Evidence) -> Iterator[Sighting]:
     for time_us, _, text in evidence.texts:
         if text.startswith(_SHIFTED):
@@ -30,29 +37,37 @@ def _shifted(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting(f'at {at(time_us)} it would say "{text}"{known}', start_us=time_us, end_us=time_us)
 
 
+@note(
+    "XN8-02",
+    "Alignment is refused",
+    "With yaw from external navigation the camera's yaw is the vehicle's heading, and nothing is aligned: north is "
+    "where the camera's x axis points.",
+    _ALIGN,
+    "Start with the vehicle facing north, or accept that headings are relative; else EK3_SRC1_YAW 1 with a compass.",
+)
 def _refused(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") == EXTNAV and evidence.sends_pose:
+    if evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") == EXTNAV and evidence.poses:
         yield Sighting(f"VISO_TYPE is {evidence.viso_type}, and EK3_SRC1_YAW is 6 (ExtNav)")
 
 
+@error(
+    "XN8-03",
+    "Alignment never happens",
+    "Types 2 and 3 wait for a yaw that comes from a compass, for ever; the camera's frame stays as it is, against "
+    "whatever yaw the filter has.",
+    _ALIGN,
+    "Enable a compass, or set EK3_SRC1_YAW to 6.",
+)
 def _waits_for_ever(evidence: Evidence) -> Iterator[Sighting]:
     if (
         evidence.viso_type in ALIGNING_TYPES
         and evidence.source("YAW") != EXTNAV
         and not evidence.has_compass
-        and evidence.sends_pose
+        and evidence.poses
     ):
         yield Sighting(
             f"VISO_TYPE is {evidence.viso_type}, EK3_SRC1_YAW is {evidence.source('YAW')}, and there is no compass"
         )
-
-
-def _at_same_time(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats] | None:
-    if evidence.attitude is None or len(poses.track) < FEWEST:
-        return None
-    told, vehicle = euler_of_quat(poses.quat_wxyz), evidence.attitude.at(poses.track.arrival_us)
-    fine = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
-    return (told[fine], vehicle[fine]) if np.count_nonzero(fine) >= FEWEST else None
 
 
 def _mean_angle(angles: Floats) -> tuple[float, float]:
@@ -61,23 +76,21 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
     return math.atan2(vector.imag, vector.real), math.sqrt(max(0.0, -2 * math.log(max(abs(vector), 1e-9))))
 
 
+@error(
+    "XN8-04",
+    "The stream's frame is turned",
+    "Type 1 aligns nothing: with yaw from a compass positions and velocities point another way than the vehicle "
+    "does, and it circles instead of holding its place.",
+    "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
+    "Turn the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
+)
 def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.viso_type != 1:
-        return
-    for poses in evidence.poses:
-        pair = _at_same_time(evidence, poses)
-        if pair is None:
-            continue
-        mean, spread = _mean_angle(pair[0][:, 2] - pair[1][:, 2])
+    severity = Severity.NOTE if evidence.source("YAW") == EXTNAV else None
+    for poses, _, told, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
+        mean, spread = _mean_angle(told[:, 2] - vehicle[:, 2])
         if abs(mean) > _LIMIT_RAD and spread < _LIMIT_RAD:
-            uses_compass = evidence.source("YAW") != EXTNAV
-            yield Sighting(
-                f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own",
-                poses.track.numbers.tolist(),
-                int(poses.track.arrival_us[0]),
-                int(poses.track.arrival_us[-1]),
-                severity=None if uses_compass else Severity.NOTE,
-            )
+            text = f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own"
+            yield of_some(text, poses.track, severity=severity)
 
 
 def _lasting(time_us: Ints, mask: Bools) -> Bools:
@@ -92,35 +105,38 @@ def _lasting(time_us: Ints, mask: Bools) -> Bools:
 
 def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severity | None = None) -> Sighting:
     """Return what messages show that are some of those chosen of a track."""
-    shown = chosen[mask]
-    arrivals = poses.track.arrival_us[shown]
-    return Sighting(
-        f"{poses.track.sender}: {text}, in {share(len(shown), len(poses.track))} messages, the first at "
-        f"{at(int(arrivals[0]))}",
-        poses.track.numbers[shown].tolist(),
-        int(arrivals[0]),
-        int(arrivals[-1]),
-        severity=severity,
-    )
+    track, shown = poses.track, chosen[mask]
+    where = f"in {share(len(shown), len(track))} messages, the first at {at(track.arrival_us[shown[0]])}"
+    return of_some(f"{track.sender}: {text}, {where}", track, shown, severity=severity)
 
 
-def _beside_vehicle(evidence: Evidence, poses: Poses) -> tuple[Ints, Floats, Floats] | None:
-    """Return which poses can be compared, and their attitude, VISO_ORIENT taken off, beside the vehicle's own."""
-    if evidence.attitude is None or len(poses.track) < FEWEST:
-        return None
-    quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
-    told, vehicle = euler_of_quat(quats), evidence.attitude.at(poses.track.arrival_us)
-    chosen = np.flatnonzero(np.isfinite(np.column_stack((told, vehicle))).all(axis=1))
-    return (chosen, told[chosen], vehicle[chosen]) if len(chosen) >= FEWEST else None
+def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, Floats]]:
+    """Yield poses, which of them can be compared, and their attitude, VISO_ORIENT taken off, beside the vehicle's own.
+
+    Types 2 and 3 alone obey VISO_ORIENT.
+    """
+    attitude = evidence.attitude
+    if attitude is None:
+        return
+    for poses in evidence.poses:
+        quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
+        told, vehicle = euler_of_quat(quats), attitude.at(poses.track.arrival_us)
+        chosen = np.flatnonzero(np.isfinite(np.column_stack((told, vehicle))).all(axis=1))
+        if len(chosen) >= FEWEST:
+            yield poses, chosen, told[chosen], vehicle[chosen]
 
 
+@error(
+    "XN8-05",
+    "Roll and pitch differ from the vehicle's",
+    "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but "
+    "the velocity of ODOMETRY is turned by a wrong attitude.",
+    "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+    "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the camera's.",
+)
 def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
-    for poses in evidence.poses:
-        pair = _beside_vehicle(evidence, poses)
-        if pair is None:
-            continue
-        chosen, told, vehicle = pair
+    for poses, chosen, told, vehicle in _beside_vehicle(evidence):
         angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
         mask = _lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD)
         if mask.any():
@@ -129,14 +145,19 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
             yield _apart(poses, chosen, mask, text, severity)
 
 
+@warning(
+    "XN8-08",
+    "The yaw leaves the vehicle's after alignment",
+    "Types 2 and 3 align the yaw once. Afterwards they compare: more than 10 deg, and arming fails with VisOdom: "
+    "yaw diff. In flight positions and velocities turn away from north with the camera's yaw.",
+    "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+    "Look for a camera that drifts or a compass that is disturbed; align again with the auxiliary function VISODOM "
+    "ALIGN (80) before take-off.",
+)
 def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
     """Find yaw that leaves the vehicle's own after it was aligned to that."""
     aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_SHIFTED)]
-    for poses in evidence.poses if aligned_us else ():
-        pair = _beside_vehicle(evidence, poses)
-        if pair is None:
-            continue
-        chosen, told, vehicle = pair
+    for poses, chosen, told, vehicle in _beside_vehicle(evidence) if aligned_us else ():
         times, off = poses.track.arrival_us[chosen], told[:, 2] - vehicle[:, 2]
         mask, worst = np.zeros(len(times), dtype=np.bool_), 0.0
         for start, end in itertools.pairwise([*aligned_us, _NEVER_US]):
@@ -151,102 +172,32 @@ def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
             yield _apart(poses, chosen, mask, text)
 
 
+@note(
+    "XN8-06",
+    "Too short for alignment",
+    "Types 2 and 3 align the yaw 20 s after the AHRS has started, and not before.",
+    _ALIGN,
+    "Wait for the text VisOdom: yaw shifted before arming.",
+)
 def _not_aligned(evidence: Evidence) -> Iterator[Sighting]:
     aligns = evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") != EXTNAV and evidence.has_compass
     if aligns and evidence.poses and not any(text.startswith(_SHIFTED) for _, _, text in evidence.texts):
         yield Sighting(f"the stream ends at {at(evidence.end_us)}, before the AHRS has settled, 20 s after it started")
 
 
+@warning(
+    "XN8-07",
+    "A switch of sources will jump",
+    "While another source is active, other releases move the camera's position along with the vehicle's, so that a "
+    "switch is smooth. This one has lost that: position is aligned in no backend.",
+    "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::align_position_to_ahrs",
+    "Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
+)
 def _switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
     may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in (2, 3))
     aligns = any(evidence.firmware.visual_odom.axes_to_align(True, True))
-    if evidence.viso_type in ALIGNING_TYPES and evidence.sends_pose and may_switch and not aligns:
+    if evidence.viso_type in ALIGNING_TYPES and evidence.poses and may_switch and not aligns:
         yield Sighting(
             f"VISO_TYPE is {evidence.viso_type}, a later source set takes positions from external navigation, and the "
             f"firmware is {evidence.firmware.name}"
         )
-
-
-RULES: Final = (
-    Rule(
-        "XN8-01",
-        Severity.NOTE,
-        "The camera's frame is turned to north",
-        "Once the AHRS has settled, types 2 and 3 turn the camera's frame so that its yaw agrees, and say so.",
-        _ALIGN,
-        "Nothing, if the shift is what you expect: by how much the camera's frame is turned.",
-        _shifted,
-    ),
-    Rule(
-        "XN8-02",
-        Severity.NOTE,
-        "Alignment is refused",
-        "With yaw from external navigation the camera's yaw is the vehicle's heading, and nothing is aligned: north is "
-        "where the camera's x axis points.",
-        _ALIGN,
-        "Start with the vehicle facing north, or accept that headings are relative; else EK3_SRC1_YAW 1 with a "
-        "compass.",
-        _refused,
-    ),
-    Rule(
-        "XN8-03",
-        Severity.ERROR,
-        "Alignment never happens",
-        "Types 2 and 3 wait for a yaw that comes from a compass, for ever; the camera's frame stays as it is, against "
-        "whatever yaw the filter has.",
-        _ALIGN,
-        "Enable a compass, or set EK3_SRC1_YAW to 6.",
-        _waits_for_ever,
-    ),
-    Rule(
-        "XN8-04",
-        Severity.ERROR,
-        "The stream's frame is turned",
-        "Type 1 aligns nothing: with yaw from a compass positions and velocities point another way than the vehicle "
-        "does, and it circles instead of holding its place.",
-        "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
-        "Turn the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
-        _turned_frame,
-    ),
-    Rule(
-        "XN8-05",
-        Severity.ERROR,
-        "Roll and pitch differ from the vehicle's",
-        "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but "
-        "the velocity of ODOMETRY is turned by a wrong attitude.",
-        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
-        "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the "
-        "camera's.",
-        _tilted,
-    ),
-    Rule(
-        "XN8-06",
-        Severity.NOTE,
-        "Too short for alignment",
-        "Types 2 and 3 align the yaw 20 s after the AHRS has started, and not before.",
-        _ALIGN,
-        "Wait for the text VisOdom: yaw shifted before arming.",
-        _not_aligned,
-    ),
-    Rule(
-        "XN8-07",
-        Severity.WARNING,
-        "A switch of sources will jump",
-        "While another source is active, other releases move the camera's position along with the vehicle's, so that a "
-        "switch is smooth. This one has lost that: position is aligned in no backend.",
-        "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::align_position_to_ahrs",
-        "Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
-        _switch_jumps,
-    ),
-    Rule(
-        "XN8-08",
-        Severity.WARNING,
-        "The yaw leaves the vehicle's after alignment",
-        "Types 2 and 3 align the yaw once. Afterwards they compare: more than 10 deg, and arming fails with VisOdom: "
-        "yaw diff. In flight positions and velocities turn away from north with the camera's yaw.",
-        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
-        "Look for a camera that drifts or a compass that is disturbed; align again with the auxiliary function VISODOM "
-        "ALIGN (80) before take-off.",
-        _yaw_drifts,
-    ),
-)

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, error
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.measures.stamps import FEWEST
-from viso.doctor.measures.tracks import Floats, Poses, down_in_body, euler_of_quat, reordered
-from viso.doctor.outputs.phrases import of_whole
+from viso.doctor.measures.tracks import Floats, down_in_body, euler_of_quat, reordered
+from viso.doctor.outputs.phrases import of_some
 from viso.doctor.rules.frames import is_misordered
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
 
@@ -23,27 +23,37 @@ _LEVEL_RAD: Final = math.radians(8)
 _TILTED_RAD: Final = math.radians(20)
 
 
-def _whole(poses: Poses, text: str, fix: str | None = None) -> Sighting:
-    return of_whole(text, poses.track, fix)
-
-
 def _is_ros(compared: Comparison) -> bool:
     """Tell whether an attitude is of an FLU body in a world whose z is up."""
     orientation, world = compared.orientation, compared.world
     return orientation.enough_motion and orientation.name == "FLU" and world.sufficient and world.is_up
 
 
+@error(
+    "XN2-02",
+    "Attitude in ROS axes",
+    "Attitude is taken as that of a body FRD in a world whose z is down; with ROS axes (FLU in ENU) pitch and yaw "
+    "are the other way round.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
+    "MAVROS does it for you.",
+)
 def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         if _is_ros(compared):
-            sender = compared.poses.track.sender
-            yield _whole(
-                compared.poses,
-                f"{sender}: against the vehicle's own attitude the body is FLU, and the world {compared.world.name} "
-                f"(correlation {compared.orientation.choice.correlation:.2f})",
-            )
+            track = compared.poses.track
+            text = f"against the vehicle's own attitude the body is FLU, and the world {compared.world.name}"
+            correlation = compared.orientation.choice.correlation
+            yield of_some(f"{track.sender}: {text} (correlation {correlation:.2f})", track)
 
 
+@error(
+    "XN2-06",
+    "Attitude of the camera, not of the vehicle",
+    "Type 1 takes the attitude for the vehicle's; types 2 and 3 turn it by VISO_ORIENT.",
+    "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
+    "Set VISO_ORIENT, or turn the attitude in the sender.",
+)
 def _mounting(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         orientation = compared.orientation
@@ -51,12 +61,12 @@ def _mounting(evidence: Evidence) -> Iterator[Sighting]:
             continue
         is_obeyed, orient = evidence.viso_type in ALIGNING_TYPES, int(evidence.param("VISO_ORIENT"))
         set_so = f" once VISO_ORIENT {orient} is taken off" if is_obeyed and orient else ""
-        yield _whole(
-            compared.poses,
+        yield of_some(
             f"{compared.poses.track.sender}: against the vehicle's own attitude the axes point {orientation.name} "
             f"rather than FRD{set_so}: {orientation.text} (correlation {orientation.choice.correlation:.2f}, next best "
             f"{orientation.choice.second_correlation:.2f})",
-            _mounting_fix(orientation.axes, orient if is_obeyed else None),
+            compared.poses.track,
+            fix=_mounting_fix(orientation.axes, orient if is_obeyed else None),
         )
 
 
@@ -71,17 +81,31 @@ def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
     return f"Set VISO_ORIENT to {number}, or {by_code}."
 
 
+@error(
+    "XN2-07",
+    "The stream's world is not z down",
+    "Attitudes and positions are taken for such of a world with z down.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "Turn positions and attitude into a world with x forward or north, y right or east, z down.",
+)
 def _world_up(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         world = compared.world
         tilted = world.sufficient and world.axes.signed_axes[2] != 3
         if compared.orientation.enough_motion and tilted and not _is_ros(compared):
-            yield _whole(
-                compared.poses,
-                f"{compared.poses.track.sender}: against the vehicle's own attitude the stream's world is {world.name}",
+            track = compared.poses.track
+            yield of_some(
+                f"{track.sender}: against the vehicle's own attitude the stream's world is {world.name}", track
             )
 
 
+@error(
+    "XN2-08",
+    "Height upside down",
+    "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+    "Send -z, and with it the other axes and the attitude of a world with z down.",
+)
 def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.height is None:
         return
@@ -94,42 +118,55 @@ def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
         correlation = float(np.corrcoef(there[fine], down[fine])[0, 1])
         if correlation < _MIRRORED:
             climbed = float(np.ptp(there[fine]))
-            yield _whole(
-                poses,
-                f"{poses.track.sender}: z grows as the vehicle climbs, over {climbed:.1f} m (correlation "
-                f"{correlation:.2f})",
-            )
+            text = f"z grows as the vehicle climbs, over {climbed:.1f} m (correlation {correlation:.2f})"
+            yield of_some(f"{poses.track.sender}: {text}", poses.track)
 
 
+@error(
+    "XN2-09",
+    "Positions in other axes than the vehicle's path",
+    "Positions are taken as north, east, down, or as turned to that by the yaw of the attitude. With others the "
+    "vehicle flies the wrong way to correct itself.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "Change the axes of positions, and those of velocities with them, to the world of the attitude with z down.",
+)
 def _path_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.paths:
         axes = compared.axes
         if axes is None or not axes.sufficient or axes.axes.is_identity:
             continue
-        yield _whole(
-            compared.poses,
+        yield of_some(
             f"{compared.poses.track.sender}: against the vehicle's own path ({compared.origin}), positions are "
             f"{axes.name} rather than NED, once the heading of the attitude is taken off: {axes.text} "
             f"(correlation {axes.choice.correlation:.2f}, next best {axes.choice.second_correlation:.2f})",
+            compared.poses.track,
         )
 
 
+@error(
+    "XN2-10",
+    "Quaternion in another order",
+    "q is w, x, y, z. Read so, a level vehicle whose numbers are x, y, z, w is tilted by as much as it is turned, "
+    "and the velocity of ODOMETRY is turned by that.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "Put w first: ROS, TUM's files, Eigen's coeffs() and scipy have it last.",
+)
 def _misordered(evidence: Evidence) -> Iterator[Sighting]:
     """Find quaternions that make sense only as x, y, z, w: by velocities, or by the vehicle's own roll and pitch."""
     by_velocity = [motion.pose_sender for motion in evidence.motions if is_misordered(motion)]
     for poses in evidence.poses:
-        if poses.track.sender in by_velocity:
-            yield _whole(
-                poses, f"{poses.track.sender}: the velocity fits the path only if the quaternion is read as x, y, z, w"
-            )
+        track = poses.track
+        if track.sender in by_velocity:
+            text = "the velocity fits the path only if the quaternion is read as x, y, z, w"
+            yield of_some(f"{track.sender}: {text}", track)
         elif poses.euler_rad is None and evidence.attitude is not None:
-            vehicle = evidence.attitude.at(poses.track.arrival_us)
+            vehicle = evidence.attitude.at(track.arrival_us)
             apart = [_median_tilt(quats, vehicle) for quats in (poses.quat_wxyz, reordered(poses.quat_wxyz))]
             if apart[0] > _TILTED_RAD and apart[1] < _LEVEL_RAD:
-                yield _whole(
-                    poses,
-                    f"{poses.track.sender}: roll and pitch are {math.degrees(apart[0]):.0f} deg from the vehicle's "
-                    f"own, and {math.degrees(apart[1]):.0f} deg if the quaternion is read as x, y, z, w",
+                yield of_some(
+                    f"{track.sender}: roll and pitch are {math.degrees(apart[0]):.0f} deg from the vehicle's own, and "
+                    f"{math.degrees(apart[1]):.0f} deg if the quaternion is read as x, y, z, w",
+                    track,
                 )
 
 
@@ -141,65 +178,3 @@ def _median_tilt(quat_wxyz: Floats, vehicle_rad: Floats) -> float:
         return math.nan
     cosine = np.sum(down_in_body(told[fine]) * down_in_body(vehicle_rad[fine]), axis=1)
     return float(np.median(np.arccos(np.clip(cosine, -1, 1))))
-
-
-RULES: Final = (
-    Rule(
-        "XN2-02",
-        Severity.ERROR,
-        "Attitude in ROS axes",
-        "Attitude is taken as that of a body FRD in a world whose z is down; with ROS axes (FLU in ENU) pitch and yaw "
-        "are the other way round.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
-        "MAVROS does it for you.",
-        _ros_axes,
-    ),
-    Rule(
-        "XN2-06",
-        Severity.ERROR,
-        "Attitude of the camera, not of the vehicle",
-        "Type 1 takes the attitude for the vehicle's; types 2 and 3 turn it by VISO_ORIENT.",
-        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
-        "Set VISO_ORIENT, or turn the attitude in the sender.",
-        _mounting,
-    ),
-    Rule(
-        "XN2-07",
-        Severity.ERROR,
-        "The stream's world is not z down",
-        "Attitudes and positions are taken for such of a world with z down.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Turn positions and attitude into a world with x forward or north, y right or east, z down.",
-        _world_up,
-    ),
-    Rule(
-        "XN2-08",
-        Severity.ERROR,
-        "Height upside down",
-        "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
-        "Send -z, and with it the other axes and the attitude of a world with z down.",
-        _height_mirrored,
-    ),
-    Rule(
-        "XN2-09",
-        Severity.ERROR,
-        "Positions in other axes than the vehicle's path",
-        "Positions are taken as north, east, down, or as turned to that by the yaw of the attitude. With others the "
-        "vehicle flies the wrong way to correct itself.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Change the axes of positions, and those of velocities with them, to the world of the attitude with z down.",
-        _path_axes,
-    ),
-    Rule(
-        "XN2-10",
-        Severity.ERROR,
-        "Quaternion in another order",
-        "q is w, x, y, z. Read so, a level vehicle whose numbers are x, y, z, w is tilted by as much as it is turned, "
-        "and the velocity of ODOMETRY is turned by that.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Put w first: ROS, TUM's files, Eigen's coeffs() and scipy have it last.",
-        _misordered,
-    ),
-)

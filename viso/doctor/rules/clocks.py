@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, error, note, warning
 from viso.doctor.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, usable_tracks
 from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms, stamp_rate
 from viso.doctor.measures.tracks import Track
-from viso.doctor.outputs.phrases import at, of_whole
+from viso.doctor.outputs.phrases import at, of_some, often
 from viso.streams.stream_kinds import Aspect
 
 CORRECTION: Final = "AP_RTC/JitterCorrection.cpp, JitterCorrection::correct_offboard_timestamp_usec"
@@ -25,27 +25,39 @@ _UNITS: Final = (
 )
 
 
+@error(
+    "XN3-01",
+    "Stamps do not advance",
+    "The corrector ties the stamp to the time of arrival and lets it lag by 500 ms at most: after half a second "
+    "every sample counts as 500 ms old.",
+    CORRECTION,
+    "Put the time of the measurement in us into usec or time_usec, of a clock that runs steadily; its epoch does "
+    "not matter.",
+)
 def _constant(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         if is_constant(track):
-            yield of_whole(
-                f"{track.sender}: the stamp is always {int(track.first_stamp + np.median(track.stamp_us))}", track
-            )
+            value = int(track.first_stamp + np.median(track.stamp_us))
+            yield of_some(f"{track.sender}: the stamp is always {value}", track)
             continue
         if not are_us(track):
             continue
         runs = np.split(np.arange(len(track)), np.flatnonzero(np.diff(track.stamp_us) != 0) + 1)
         longest = max(runs, key=len, default=np.arange(0))
         if len(longest) >= FEWEST:
-            value, start = int(track.first_stamp + track.stamp_us[longest[0]]), int(track.arrival_us[longest[0]])
-            yield Sighting(
-                f"{track.sender}: the stamp stays at {value} for {len(longest)} messages, from {at(start)} on",
-                track.numbers[longest].tolist(),
-                start,
-                int(track.arrival_us[longest[-1]]),
-            )
+            value, start = int(track.first_stamp + track.stamp_us[longest[0]]), at(track.arrival_us[longest[0]])
+            text = f"the stamp stays at {value} for {len(longest)} messages, from {start} on"
+            yield of_some(f"{track.sender}: {text}", track, longest)
 
 
+@error(
+    "XN3-02",
+    "Stamps are not in microseconds",
+    "Only differences of stamps count, and they are taken for us: stamps that advance too slowly end up 500 ms "
+    "old, stamps that advance too fast lose all meaning and count as the time of arrival.",
+    CORRECTION,
+    "The field is in us.",
+)
 def _wrong_unit(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         if is_constant(track) or are_us(track):
@@ -59,21 +71,29 @@ def _wrong_unit(evidence: Evidence) -> Iterator[Sighting]:
                     yield _wrong_unit_of_file(track, advance, factor)
                     continue
                 text = f"{track.sender}: in {track.span_s:.1f} s the stamps advance by {advance}: they count {name}"
-                yield of_whole(text, track, f"The field is in us; your stamps are {unit}: {cure}.")
+                yield of_some(text, track, fix=f"The field is in us; your stamps are {unit}: {cure}.")
 
 
 def _wrong_unit_of_file(track: Track, advance_us: int, factor: float) -> Sighting:
     """Return what to say of a file that does not tell when its poses came: its times alone look unlikely."""
     period_s = advance_us * 1e-6 / (len(track) - 1)
     cure = f"Divide them by {factor:g}" if factor > 1 else f"Multiply them by {1 / factor:g}"
-    return of_whole(
+    return of_some(
         f"{track.sender}: by the file's times there is a pose every {period_s:.3g} s; no camera is that "
         f"{'slow' if factor > 1 else 'quick'}: they count another unit than the format has",
         track,
-        f"{cure}: TUM's are in s, EuRoC's in ns.",
+        fix=f"{cure}: TUM's are in s, EuRoC's in ns.",
     )
 
 
+@warning(
+    "XN3-03",
+    "Stamps step back",
+    "Samples behind the step count as older than they are, by the step but 500 ms at most, until a window of 100 "
+    "samples has passed that lies wholly behind it.",
+    CORRECTION,
+    "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
+)
 def _steps_back(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
         step = np.diff(track.stamp_us)
@@ -81,16 +101,23 @@ def _steps_back(evidence: Evidence) -> Iterator[Sighting]:
         back = np.flatnonzero((step < -STEP_BACK_US) & in_order)
         if len(back):
             largest = int(-step[back].min())
-            times = "once" if len(back) == 1 else f"{len(back)} times"
-            yield Sighting(
-                f"{track.sender}: stamps step back {times}, by up to {largest / 1000:.0f} ms, the first time at "
-                f"{at(int(track.arrival_us[back[0] + 1]))}",
-                track.numbers[back + 1].tolist(),
-                int(track.arrival_us[back[0] + 1]),
-                int(track.arrival_us[back[-1] + 1]),
+            yield of_some(
+                f"{track.sender}: stamps step back {often(len(back))}, by up to {largest / 1000:.0f} ms, the first "
+                f"time at {at(track.arrival_us[back[0] + 1])}",
+                track,
+                back + 1,
             )
 
 
+@note(
+    "XN3-04",
+    "Stamps leap ahead",
+    "The corrector follows at once: the first message behind the leap counts as just measured, and all later ones "
+    "relative to it.",
+    CORRECTION,
+    "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _steps_forward(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
         lag = lag_ms(track)
@@ -98,22 +125,36 @@ def _steps_forward(evidence: Evidence) -> Iterator[Sighting]:
         ahead = np.flatnonzero(least[:-1] - lag[1:] > LEAST_JUMP_MS)
         if len(ahead):
             by = float((least[:-1] - lag[1:])[ahead].max())
-            yield Sighting(
-                f"{track.sender}: stamps leap ahead by {by:.0f} ms at {at(int(track.arrival_us[ahead[0] + 1]))}",
-                track.numbers[ahead + 1].tolist(),
-                int(track.arrival_us[ahead[0] + 1]),
-                int(track.arrival_us[ahead[-1] + 1]),
-            )
+            first = at(track.arrival_us[ahead[0] + 1])
+            yield of_some(f"{track.sender}: stamps leap ahead by {by:.0f} ms at {first}", track, ahead + 1)
 
 
+@warning(
+    "XN3-05",
+    "The clocks drift apart",
+    "A fast clock is followed at once, a slow one only every 100 samples; until then samples count as older than "
+    "they are.",
+    CORRECTION,
+    "A quartz is good to 0.01 %: look how the stamps are made, for instance from a frame count and a nominal rate.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _drift(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
         ppm = drift_ppm(minima_of(track))
         if ppm is not None and abs(ppm) >= _LEAST_DRIFT_PPM:
             way = "slow" if ppm > 0 else "fast"
-            yield of_whole(f"{track.sender}: the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}", track)
+            yield of_some(f"{track.sender}: the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}", track)
 
 
+@error(
+    "XN3-09",
+    "Two clocks on one link",
+    "A link has one time corrector: it follows the clock that is ahead, and the samples of the other count as "
+    "500 ms old.",
+    "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
+    "Stamp all messages of a link with one clock.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
     tracks = [track for track in evidence.tracks if len(track) >= FEWEST]
     offsets = [int(np.median(track.arrival_us - track.stamp_us)) - track.first_stamp for track in tracks]
@@ -122,72 +163,4 @@ def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
         apart_us = abs(offsets[index] - offsets[0])
         together = one.arrival_us[0] < other.arrival_us[-1] and other.arrival_us[0] < one.arrival_us[-1]
         if together and apart_us > _APART_US:
-            yield of_whole(f"the clocks of {one.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other)
-
-
-RULES: Final = (
-    Rule(
-        "XN3-01",
-        Severity.ERROR,
-        "Stamps do not advance",
-        "The corrector ties the stamp to the time of arrival and lets it lag by 500 ms at most: after half a second "
-        "every sample counts as 500 ms old.",
-        CORRECTION,
-        "Put the time of the measurement in us into usec or time_usec, of a clock that runs steadily; its epoch does "
-        "not matter.",
-        _constant,
-    ),
-    Rule(
-        "XN3-02",
-        Severity.ERROR,
-        "Stamps are not in microseconds",
-        "Only differences of stamps count, and they are taken for us: stamps that advance too slowly end up 500 ms "
-        "old, stamps that advance too fast lose all meaning and count as the time of arrival.",
-        CORRECTION,
-        "The field is in us.",
-        _wrong_unit,
-    ),
-    Rule(
-        "XN3-03",
-        Severity.WARNING,
-        "Stamps step back",
-        "Samples behind the step count as older than they are, by the step but 500 ms at most, until a window of 100 "
-        "samples has passed that lies wholly behind it.",
-        CORRECTION,
-        "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
-        _steps_back,
-    ),
-    Rule(
-        "XN3-04",
-        Severity.NOTE,
-        "Stamps leap ahead",
-        "The corrector follows at once: the first message behind the leap counts as just measured, and all later ones "
-        "relative to it.",
-        CORRECTION,
-        "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
-        _steps_forward,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-    Rule(
-        "XN3-05",
-        Severity.WARNING,
-        "The clocks drift apart",
-        "A fast clock is followed at once, a slow one only every 100 samples; until then samples count as older than "
-        "they are.",
-        CORRECTION,
-        "A quartz is good to 0.01 %: look how the stamps are made, for instance from a frame count and a nominal rate.",
-        _drift,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-    Rule(
-        "XN3-09",
-        Severity.ERROR,
-        "Two clocks on one link",
-        "A link has one time corrector: it follows the clock that is ahead, and the samples of the other count as "
-        "500 ms old.",
-        "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
-        "Stamp all messages of a link with one clock.",
-        _two_clocks,
-        needs=frozenset({Aspect.LINK}),
-    ),
-)
+            yield of_some(f"the clocks of {one.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other)

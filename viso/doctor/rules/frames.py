@@ -5,15 +5,16 @@
 import math
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, error, warning
 from viso.doctor.measures.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
 from viso.doctor.measures.tracks import Floats
-from viso.doctor.outputs.phrases import seen_in, share
+from viso.doctor.outputs.phrases import of_some, seen_in, share
 from viso.streams.stream_kinds import Aspect
 
 _FITS: Final = 0.9
@@ -73,6 +74,15 @@ def _name(frame: int) -> str:
     return f"{frame} ({_FRAMES.get(frame, 'unknown')})"
 
 
+@error(
+    "XN2-01",
+    "ODOMETRY in frames that are not taken",
+    "Only frame_id 20 (LOCAL_FRD) with child_frame_id 12 (BODY_FRD) is taken. Anything else is dropped: no log, no "
+    "sign of life, no text.",
+    ODOMETRY_FRAMES.rule.source,
+    "Set frame_id 20 and child_frame_id 12, with data to match.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _wrong_frames(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is ODOMETRY_FRAMES]
     pairs = Counter(
@@ -87,10 +97,7 @@ def _wrong_frames(evidence: Evidence) -> Iterator[Sighting]:
             and (one.message.frame_id, one.message.child_frame_id) == (frame_id, child_id)
         ]
         text = f"{share(count, total)} ODOMETRY with frame_id {_name(frame_id)} and child_frame_id {_name(child_id)}"
-        sighting = seen_in(text, of_pair)
-        yield Sighting(
-            sighting.text, sighting.numbers, sighting.start_us, sighting.end_us, _fix_of_frames(frame_id, child_id)
-        )
+        yield seen_in(text, of_pair, _fix_of_frames(frame_id, child_id))
 
 
 def _scaled(motion: Motion, velocities: Floats) -> Floats:
@@ -100,10 +107,6 @@ def _scaled(motion: Motion, velocities: Floats) -> Floats:
 
 def _is_comparable(motion: Motion) -> bool:
     return motion.is_enough and typical_speed(motion.told) > 0.02 * min(LEAST_SPEED, typical_speed(motion.path))
-
-
-def _sighting_of(motion: Motion, text: str, fix: str | None = None) -> Sighting:
-    return Sighting(text, motion.numbers.tolist(), int(motion.arrival_us[0]), int(motion.arrival_us[-1]), fix)
 
 
 class _Mixed(NamedTuple):
@@ -178,68 +181,41 @@ def _mix_up(motion: Motion) -> _Mixed | None:
     return best
 
 
-def _mixed_as(evidence: Evidence, code: str) -> Iterator[Sighting]:
+def _mixed_as(code: str, evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.motions:
         mixed = _mix_up(motion)
         if mixed is not None and mixed.code == code:
             text = f"{motion.velocity_sender} against {motion.pose_sender.name}: {mixed.text}"
             fit = f"(correlation {mixed.correlation:.2f}, as the autopilot reads them {_as_used(motion):.2f})"
-            yield _sighting_of(motion, f"{text} {fit}", mixed.fix)
+            yield of_some(f"{text} {fit}", motion, fix=mixed.fix)
 
 
-def _velocity_frame(evidence: Evidence) -> Iterator[Sighting]:
-    yield from _mixed_as(evidence, "XN2-03")
+_velocity_frame = error(
+    "XN2-03",
+    "Velocity in the wrong frame",
+    "The velocity of ODOMETRY is in the body frame and is turned by q; that of VISION_SPEED_ESTIMATE is in the "
+    "frame of the positions and is taken as it is.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_vision_speed_estimate",
+    "Send the velocity in the frame that the message asks for.",
+)(partial(_mixed_as, "XN2-03"))
 
 
-def _velocity_axes(evidence: Evidence) -> Iterator[Sighting]:
-    yield from _mixed_as(evidence, "XN2-04")
+_velocity_axes = error(
+    "XN2-04",
+    "Axes of path and velocities mixed up",
+    "Both are taken as x forward or north, y right or east, z down. The filter gets two measurements that "
+    "contradict each other.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "Apply the same change of axes to positions, velocities and attitude.",
+)(partial(_mixed_as, "XN2-04"))
 
 
-def _velocity_heading(evidence: Evidence) -> Iterator[Sighting]:
-    yield from _mixed_as(evidence, "XN2-05")
-
-
-RULES: Final = (
-    Rule(
-        "XN2-01",
-        Severity.ERROR,
-        "ODOMETRY in frames that are not taken",
-        "Only frame_id 20 (LOCAL_FRD) with child_frame_id 12 (BODY_FRD) is taken. Anything else is dropped: no log, no "
-        "sign of life, no text.",
-        ODOMETRY_FRAMES.rule.source,
-        "Set frame_id 20 and child_frame_id 12, with data to match.",
-        _wrong_frames,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN2-03",
-        Severity.ERROR,
-        "Velocity in the wrong frame",
-        "The velocity of ODOMETRY is in the body frame and is turned by q; that of VISION_SPEED_ESTIMATE is in the "
-        "frame of the positions and is taken as it is.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_vision_speed_estimate",
-        "Send the velocity in the frame that the message asks for.",
-        _velocity_frame,
-    ),
-    Rule(
-        "XN2-04",
-        Severity.ERROR,
-        "Axes of path and velocities mixed up",
-        "Both are taken as x forward or north, y right or east, z down. The filter gets two measurements that "
-        "contradict each other.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Apply the same change of axes to positions, velocities and attitude.",
-        _velocity_axes,
-    ),
-    Rule(
-        "XN2-05",
-        Severity.WARNING,
-        "Attitude turned against the path",
-        "The attitude's yaw turns the velocity of ODOMETRY, and is the vehicle's heading with EK3_SRC1_YAW 6: flown "
-        "paths bend, and at more than some 30 degrees the vehicle circles.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Attitude and position must be of one frame: look for a yaw that is set or aligned for one of them only, or "
-        "for a camera that points another way than the attitude says.",
-        _velocity_heading,
-    ),
-)
+_velocity_heading = warning(
+    "XN2-05",
+    "Attitude turned against the path",
+    "The attitude's yaw turns the velocity of ODOMETRY, and is the vehicle's heading with EK3_SRC1_YAW 6: flown "
+    "paths bend, and at more than some 30 degrees the vehicle circles.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "Attitude and position must be of one frame: look for a yaw that is set or aligned for one of them only, or "
+    "for a camera that points another way than the attitude says.",
+)(partial(_mixed_as, "XN2-05"))

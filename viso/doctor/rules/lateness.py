@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, warning
 from viso.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_ms, minima_of, usable_tracks
 from viso.doctor.measures.compare import Comparison
-from viso.doctor.outputs.phrases import at, of_whole, share
+from viso.doctor.outputs.phrases import at, of_some, share
 from viso.doctor.rules.clocks import CORRECTION
 from viso.streams.stream_kinds import Aspect
 
@@ -25,6 +25,15 @@ _BURST_SPREAD_US: Final = 50_000
 _BURST_SIZE: Final = 3
 
 
+@warning(
+    "XN3-10",
+    "Messages come later than they did",
+    "What was in time for the corrector's window of 100 samples now counts as older, by as much as the step, for "
+    "up to 200 samples; then the new lag is taken for none.",
+    CORRECTION,
+    "Stamp with a monotonic clock; look for a queue that fills up between camera and autopilot.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _grows_later(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
         minima = minima_of(track)
@@ -57,6 +66,16 @@ def _horizon_ms(evidence: Evidence) -> float:
     return max(steps * 12.5 - delay - 6.0, 0.0)
 
 
+@warning(
+    "XN3-06",
+    "Messages come late",
+    "The filter keeps little more than its horizon of inertial data: a sample from before that is not dropped but "
+    "counts as just that old, and pulls the estimate back in time.",
+    "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    "Send each message as soon as it is made, from a thread of its own; raise the baud rate. If all are late by "
+    "the same time, raise VISO_DELAY_MS, which lengthens the horizon at the next boot.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _late(evidence: Evidence) -> Iterator[Sighting]:
     allowed = _horizon_ms(evidence) + _MARGIN_MS
     for track in usable_tracks(evidence):
@@ -64,28 +83,40 @@ def _late(evidence: Evidence) -> Iterator[Sighting]:
         late = np.flatnonzero(lateness > allowed)
         if len(late) > max(2, 0.02 * len(track)):
             middle, most = np.quantile(lateness, [0.5, 0.99])
-            yield Sighting(
+            yield of_some(
                 f"{track.sender}: {share(len(late), len(track))} messages come more than {allowed:.0f} ms later than "
                 f"the quickest (median {middle:.0f} ms, one in a hundred {most:.0f} ms or more)",
-                track.numbers[late].tolist(),
-                int(track.arrival_us[late[0]]),
-                int(track.arrival_us[late[-1]]),
+                track,
+                late,
             )
 
 
+@warning(
+    "XN3-07",
+    "Messages come more than half a second late",
+    "The corrector lets a sample lag by 500 ms at most: these count as younger than they are, and shift the time "
+    "of the next ones.",
+    CORRECTION,
+    "Drop measurements that have waited too long; do not send what has piled up.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _beyond_limit(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
         late = np.flatnonzero(lateness_ms(track) > _MAX_LAG_MS)
         if len(late):
-            yield Sighting(
-                f"{track.sender}: {share(len(late), len(track))} messages come more than 500 ms late, the first at "
-                f"{at(int(track.arrival_us[late[0]]))}",
-                track.numbers[late].tolist(),
-                int(track.arrival_us[late[0]]),
-                int(track.arrival_us[late[-1]]),
-            )
+            text = f"messages come more than 500 ms late, the first at {at(track.arrival_us[late[0]])}"
+            yield of_some(f"{track.sender}: {share(len(late), len(track))} {text}", track, late)
 
 
+@warning(
+    "XN3-08",
+    "Messages come in bursts",
+    "Each keeps the time of its stamp, but of those that come due in one step of the filter only the last is used, "
+    "and its buffer holds some five.",
+    "EKF_Buffer.cpp, ekf_ring_buffer::recall",
+    "Flush the port after each message; look for buffering in a bridge, a USB adapter or a Wi-Fi link.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _bursts(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
         breaks = np.flatnonzero(np.diff(track.arrival_us) > _BURST_US) + 1
@@ -98,15 +129,22 @@ def _bursts(evidence: Evidence) -> Iterator[Sighting]:
         members = np.concatenate(bursts)
         if len(members) > 0.05 * len(track):
             largest = max(map(len, bursts))
-            yield Sighting(
+            yield of_some(
                 f"{track.sender}: {len(bursts)} bursts of {_BURST_SIZE} to {largest} messages that were stamped more "
                 f"than {_BURST_SPREAD_US // 1000} ms apart, {share(len(members), len(track))} of all",
-                track.numbers[members].tolist(),
-                int(track.arrival_us[members[0]]),
-                int(track.arrival_us[members[-1]]),
+                track,
+                members,
             )
 
 
+@warning(
+    "XN3-11",
+    "VISO_DELAY_MS does not fit",
+    "The filter takes samples for younger or older than they are: in motion it pulls the estimate back or ahead.",
+    "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    "Set VISO_DELAY_MS to the measured delay.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
 def _delay(evidence: Evidence) -> Iterator[Sighting]:
     setting = min(max(evidence.param("VISO_DELAY_MS"), 0.0), 250.0)
     for compared in evidence.comparisons:
@@ -118,12 +156,12 @@ def _delay(evidence: Evidence) -> Iterator[Sighting]:
         if delay.delay_ms - tolerance <= setting <= max(delay.delay_ms, arrival.delay_ms) + tolerance:
             continue
         track = compared.poses.track
-        yield of_whole(
+        yield of_some(
             f"{track.sender}: against the vehicle's own attitude, poses are {delay.delay_ms:.0f} +- "
             f"{delay.sigma_ms:.1f} ms older than their corrected stamps, {arrival.delay_ms:.0f} ms when they arrive "
             f"(correlation {delay.correlation:.2f}); VISO_DELAY_MS is {setting:.0f}",
             track,
-            _advice(compared),
+            fix=_advice(compared),
         )
 
 
@@ -137,62 +175,3 @@ def _advice(compared: Comparison) -> str:
         )
     # Corrected stamps are those of the quickest messages; what others lag is less than a step of the filter or jitter.
     return f"Set VISO_DELAY_MS to {min(since_arrival, since_stamp + _FILTER_STEP_MS)}, and reboot."
-
-
-RULES: Final = (
-    Rule(
-        "XN3-06",
-        Severity.WARNING,
-        "Messages come late",
-        "The filter keeps little more than its horizon of inertial data: a sample from before that is not dropped but "
-        "counts as just that old, and pulls the estimate back in time.",
-        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
-        "Send each message as soon as it is made, from a thread of its own; raise the baud rate. If all are late by "
-        "the same time, raise VISO_DELAY_MS, which lengthens the horizon at the next boot.",
-        _late,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-    Rule(
-        "XN3-07",
-        Severity.WARNING,
-        "Messages come more than half a second late",
-        "The corrector lets a sample lag by 500 ms at most: these count as younger than they are, and shift the time "
-        "of the next ones.",
-        CORRECTION,
-        "Drop measurements that have waited too long; do not send what has piled up.",
-        _beyond_limit,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-    Rule(
-        "XN3-08",
-        Severity.WARNING,
-        "Messages come in bursts",
-        "Each keeps the time of its stamp, but of those that come due in one step of the filter only the last is used, "
-        "and its buffer holds some five.",
-        "EKF_Buffer.cpp, ekf_ring_buffer::recall",
-        "Flush the port after each message; look for buffering in a bridge, a USB adapter or a Wi-Fi link.",
-        _bursts,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-    Rule(
-        "XN3-10",
-        Severity.WARNING,
-        "Messages come later than they did",
-        "What was in time for the corrector's window of 100 samples now counts as older, by as much as the step, for "
-        "up to 200 samples; then the new lag is taken for none.",
-        CORRECTION,
-        "Stamp with a monotonic clock; look for a queue that fills up between camera and autopilot.",
-        _grows_later,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-    Rule(
-        "XN3-11",
-        Severity.WARNING,
-        "VISO_DELAY_MS does not fit",
-        "The filter takes samples for younger or older than they are: in motion it pulls the estimate back or ahead.",
-        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
-        "Set VISO_DELAY_MS to the measured delay.",
-        _delay,
-        needs=frozenset({Aspect.ARRIVAL}),
-    ),
-)

@@ -10,10 +10,10 @@ import numpy as np
 from mav_handlers.covariance import no_errors, pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, error, note, warning
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Poses
-from viso.doctor.outputs.phrases import at, of_track
+from viso.doctor.outputs.phrases import at, of_some, of_track
 from viso.estimators.series import stretches_of
 from viso.streams.stream_kinds import Aspect
 
@@ -33,40 +33,67 @@ _LEAP_M: Final = 0.2
 _BRAKES_AT_MOST: Final = 20.0  # m/s^2
 
 
+@error(
+    "XN5-01",
+    "NaN in the position",
+    "The EKF ignores the whole sample, its yaw included; health and the log count it all the same.",
+    _INGEST,
+    "Do not send poses that are not known; or send ODOMETRY with quality -1 and the last good pose.",
+)
 def _nan_position(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        mask = np.isnan(poses.pos_m).any(axis=1)
-        if mask.any():
-            yield of_track("have NaN in the position", poses.track, mask)
+        yield from of_track("have NaN in the position", poses.track, np.isnan(poses.pos_m).any(axis=1))
 
 
+@error(
+    "XN5-02",
+    "NaN in the attitude",
+    "The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, for it is turned by q.",
+    _INGEST,
+    "Send the attitude that belongs to the position.",
+)
 def _nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        mask = np.isnan(poses.quat_wxyz).any(axis=1)
-        if mask.any():
-            yield of_track("have NaN in the attitude", poses.track, mask)
+        yield from of_track("have NaN in the attitude", poses.track, np.isnan(poses.quat_wxyz).any(axis=1))
 
 
+@error(
+    "XN5-03",
+    "NaN in the velocity",
+    "The EKF ignores the velocity.",
+    "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavVelData",
+    "If no velocity is known, send VISION_POSITION_ESTIMATE, and set EK3_SRC1_VELXY and VELZ to 0.",
+)
 def _nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
     for velocities in evidence.velocities:
-        mask = np.isnan(velocities.told).any(axis=1)
-        if mask.any():
-            yield of_track("have NaN in the velocity", velocities.track, mask)
+        yield from of_track("have NaN in the velocity", velocities.track, np.isnan(velocities.told).any(axis=1))
 
 
+@error(
+    "XN5-04",
+    "Infinite numbers",
+    "Nothing at the EKF's door tests for infinity; what a filter makes of it cannot be foretold.",
+    _INGEST,
+    "Do not send what was divided by zero.",
+)
 def _infinite(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         mask = np.isinf(np.column_stack((poses.pos_m, poses.quat_wxyz))).any(axis=1)
         if poses.euler_rad is not None:
             mask |= np.isinf(poses.euler_rad).any(axis=1)
-        if mask.any():
-            yield of_track("have infinity in the pose", poses.track, mask)
+        yield from of_track("have infinity in the pose", poses.track, mask)
     for velocities in evidence.velocities:
-        mask = np.isinf(velocities.told).any(axis=1)
-        if mask.any():
-            yield of_track("have infinity in the velocity", velocities.track, mask)
+        yield from of_track("have infinity in the velocity", velocities.track, np.isinf(velocities.told).any(axis=1))
 
 
+@error(
+    "XN5-05",
+    "Quaternion not of length one",
+    "It is not normalised: angles come out wrong, and the velocity of an ODOMETRY changes in size and direction. "
+    "With all zeros the velocity is not turned at all.",
+    "AP_Math/quaternion.cpp, Quaternion::operator*",
+    "Normalise q; its order is w, x, y, z, while ROS has x, y, z, w.",
+)
 def _norm(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         if poses.euler_rad is None:
@@ -74,9 +101,16 @@ def _norm(evidence: Evidence) -> Iterator[Sighting]:
             mask = np.isfinite(norm) & (np.abs(norm - 1) > _NORM_TOLERANCE)
             if mask.any():
                 low, high = norm[mask].min(), norm[mask].max()
-                yield of_track(f"have a quaternion of length {low:.3g} to {high:.3g}", poses.track, mask)
+                yield from of_track(f"have a quaternion of length {low:.3g} to {high:.3g}", poses.track, mask)
 
 
+@error(
+    "XN5-06",
+    "Angles look like degrees",
+    "Roll, pitch and yaw are taken for rad: the attitude is meaningless.",
+    _DECODE,
+    "Convert to rad.",
+)
 def _degrees(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         if poses.euler_rad is not None:
@@ -84,7 +118,7 @@ def _degrees(evidence: Evidence) -> Iterator[Sighting]:
             mask = ((largest > _MOST_RADIANS) & (largest < 1e6)).any(axis=1)
             if mask.any():
                 most = float(largest[mask].max())
-                yield of_track(f"have angles beyond a full turn, up to {most:.1f} rad", poses.track, mask)
+                yield from of_track(f"have angles beyond a full turn, up to {most:.1f} rad", poses.track, mask)
 
 
 def _is_read(evidence: Evidence, poses: Poses) -> bool:
@@ -107,29 +141,44 @@ def _is_given(evidence: Evidence, poses: Poses) -> Bools:
     return np.asarray(given & (np.nan_to_num(poses.covariance) != 0).any(axis=1), dtype=np.bool_)
 
 
+@note(
+    "XN5-08",
+    "No covariance",
+    "Without one the errors count as 0 and are raised to the floors, always.",
+    _CLAMP,
+    "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for.",
+)
 def _no_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
-        mask = ~_is_given(evidence, poses)
-        if mask.any():
-            why = "a covariance of zeros or NaN" if _is_read(evidence, poses) else "a covariance that is ignored"
-            floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
-            yield of_track(f"have {why}: the EKF gets {floors[0]:.2g} m and {floors[1]:.2g} rad", poses.track, mask)
+        why = "a covariance of zeros or NaN" if _is_read(evidence, poses) else "a covariance that is ignored"
+        floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
+        text = f"have {why}: the EKF gets {floors[0]:.2g} m and {floors[1]:.2g} rad"
+        yield from of_track(text, poses.track, ~_is_given(evidence, poses))
 
 
+@note(
+    "XN5-09",
+    "Noise floors hide the covariance",
+    "Of the variances the firmware makes one error, and raises it to the floor. Up to October 2025 it takes the "
+    "cube root of the sum of their squares, which is not a standard deviation and smaller for small errors.",
+    _CLAMP,
+    "If the source's figures are to count, lower the floor; mind the cube root.",
+    needs=frozenset({Aspect.COVARIANCE}),
+)
 def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
-        for name, diagonal, error, unit in (
+        for name, diagonal, told, unit in (
             ("VISO_POS_M_NSE", _DIAGONAL_POSITION, pos_err, "m"),
             ("VISO_YAW_M_NSE", _DIAGONAL_ANGLE, ang_err, "rad"),
         ):
             floor = evidence.param(name)
-            mask = given & (error < floor)
+            mask = given & (told < floor)
             if mask.any():
                 variances = np.clip(poses.covariance[mask][:, diagonal], 0, None)
                 sigma = float(np.median(np.sqrt(variances.max(axis=1))))
-                taken = float(np.median(error[mask]))
-                yield of_track(
+                taken = float(np.median(told[mask]))
+                yield from of_track(
                     f"say {sigma:.2g} {unit} (largest sigma), of which the firmware makes {taken:.2g} and raises it to "
                     f"{name} {floor:.2g}",
                     poses.track,
@@ -137,29 +186,54 @@ def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
                 )
 
 
+@error(
+    "XN5-10",
+    "NaN inside the covariance",
+    "Only a first element of NaN means that there is none. Elsewhere it makes an error of half the limit (50.1 m, "
+    "0.85 rad) and the internal error 0x400: arming is refused until reboot.",
+    "AP_Math.cpp, constrain_value_line",
+    "Set the first element to NaN, or all to 0.",
+    needs=frozenset({Aspect.COVARIANCE}),
+)
 def _nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         if not _is_read(evidence, poses):
             continue
         used = poses.covariance[:, (*_DIAGONAL_POSITION, *_DIAGONAL_ANGLE)]
         mask = ~np.isnan(used[:, 0]) & np.isnan(used[:, 1:]).any(axis=1)
-        if mask.any():
-            yield of_track("have NaN behind a first element that is a number", poses.track, mask)
+        yield from of_track("have NaN behind a first element that is a number", poses.track, mask)
 
 
+@warning(
+    "XN5-11",
+    "Covariance so large that samples hardly count",
+    "Errors are limited to 100 m and 1.5 rad, and weigh next to nothing from 10 m on.",
+    _CLAMP,
+    "Look whether variances are in m^2 and rad^2.",
+    needs=frozenset({Aspect.COVARIANCE}),
+)
 def _huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
-        for error, most, limit, unit in (
+        for told, most, limit, unit in (
             (pos_err, _HUGE_POSITION_M, _MOST_POSITION_M, "m"),
             (ang_err, _MOST_ANGLE_RAD, _MOST_ANGLE_RAD, "rad"),
         ):
-            mask = given & (error > most)
+            mask = given & (told > most)
             if mask.any():
-                in_effect = min(float(np.median(error[mask])), limit)
-                yield of_track(f"have a covariance that means {in_effect:.3g} {unit} to the EKF", poses.track, mask)
+                in_effect = min(float(np.median(told[mask])), limit)
+                yield from of_track(
+                    f"have a covariance that means {in_effect:.3g} {unit} to the EKF", poses.track, mask
+                )
 
 
+@warning(
+    "XN5-13",
+    "Pose freezes in motion",
+    "The samples are taken as they are: the filter is told that the vehicle has stopped.",
+    _INGEST,
+    "Do not repeat the last pose when tracking is lost: send quality -1, or nothing.",
+)
 def _frozen(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         track = poses.track
@@ -171,13 +245,9 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
             # A sender may repeat the last pose while it says that tracking failed.
             is_told = bool((poses.quality[first + 1 : last + 1] == _FAILED).all())
             if length >= _FROZEN_US and not is_told and _is_in_motion(poses, first, last):
-                yield Sighting(
-                    f"{track.sender}: in full motion the pose stops for {length * 1e-6:.1f} s at "
-                    f"{at(int(track.arrival_us[first]))}, the same to the last bit",
-                    track.numbers[first : last + 1].tolist(),
-                    int(track.arrival_us[first]),
-                    int(track.arrival_us[last]),
-                )
+                where = f"for {length * 1e-6:.1f} s at {at(track.arrival_us[first])}"
+                text = f"{track.sender}: in full motion the pose stops {where}, the same to the last bit"
+                yield of_some(text, track, slice(first, last + 1))
 
 
 def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
@@ -190,112 +260,3 @@ def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
     came = start > 0 and bool((pos_m[start] != pos_m[start - 1]).any())
     goes_on = end + 1 < len(pos_m) and bool((pos_m[end + 1] != pos_m[end]).any())
     return (came and speed / time_s > _BRAKES_AT_MOST) or (goes_on and leap > _LEAP_M)
-
-
-RULES: Final = (
-    Rule(
-        "XN5-01",
-        Severity.ERROR,
-        "NaN in the position",
-        "The EKF ignores the whole sample, its yaw included; health and the log count it all the same.",
-        _INGEST,
-        "Do not send poses that are not known; or send ODOMETRY with quality -1 and the last good pose.",
-        _nan_position,
-    ),
-    Rule(
-        "XN5-02",
-        Severity.ERROR,
-        "NaN in the attitude",
-        "The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, for it is turned by q.",
-        _INGEST,
-        "Send the attitude that belongs to the position.",
-        _nan_attitude,
-    ),
-    Rule(
-        "XN5-03",
-        Severity.ERROR,
-        "NaN in the velocity",
-        "The EKF ignores the velocity.",
-        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavVelData",
-        "If no velocity is known, send VISION_POSITION_ESTIMATE, and set EK3_SRC1_VELXY and VELZ to 0.",
-        _nan_velocity,
-    ),
-    Rule(
-        "XN5-04",
-        Severity.ERROR,
-        "Infinite numbers",
-        "Nothing at the EKF's door tests for infinity; what a filter makes of it cannot be foretold.",
-        _INGEST,
-        "Do not send what was divided by zero.",
-        _infinite,
-    ),
-    Rule(
-        "XN5-05",
-        Severity.ERROR,
-        "Quaternion not of length one",
-        "It is not normalised: angles come out wrong, and the velocity of an ODOMETRY changes in size and direction. "
-        "With all zeros the velocity is not turned at all.",
-        "AP_Math/quaternion.cpp, Quaternion::operator*",
-        "Normalise q; its order is w, x, y, z, while ROS has x, y, z, w.",
-        _norm,
-    ),
-    Rule(
-        "XN5-06",
-        Severity.ERROR,
-        "Angles look like degrees",
-        "Roll, pitch and yaw are taken for rad: the attitude is meaningless.",
-        _DECODE,
-        "Convert to rad.",
-        _degrees,
-    ),
-    Rule(
-        "XN5-08",
-        Severity.NOTE,
-        "No covariance",
-        "Without one the errors count as 0 and are raised to the floors, always.",
-        _CLAMP,
-        "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for.",
-        _no_covariance,
-    ),
-    Rule(
-        "XN5-09",
-        Severity.NOTE,
-        "Noise floors hide the covariance",
-        "Of the variances the firmware makes one error, and raises it to the floor. Up to October 2025 it takes the "
-        "cube root of the sum of their squares, which is not a standard deviation and smaller for small errors.",
-        _CLAMP,
-        "If the source's figures are to count, lower the floor; mind the cube root.",
-        _hidden_by_floor,
-        needs=frozenset({Aspect.COVARIANCE}),
-    ),
-    Rule(
-        "XN5-10",
-        Severity.ERROR,
-        "NaN inside the covariance",
-        "Only a first element of NaN means that there is none. Elsewhere it makes an error of half the limit (50.1 m, "
-        "0.85 rad) and the internal error 0x400: arming is refused until reboot.",
-        "AP_Math.cpp, constrain_value_line",
-        "Set the first element to NaN, or all to 0.",
-        _nan_covariance,
-        needs=frozenset({Aspect.COVARIANCE}),
-    ),
-    Rule(
-        "XN5-11",
-        Severity.WARNING,
-        "Covariance so large that samples hardly count",
-        "Errors are limited to 100 m and 1.5 rad, and weigh next to nothing from 10 m on.",
-        _CLAMP,
-        "Look whether variances are in m^2 and rad^2.",
-        _huge_covariance,
-        needs=frozenset({Aspect.COVARIANCE}),
-    ),
-    Rule(
-        "XN5-13",
-        Severity.WARNING,
-        "Pose freezes in motion",
-        "The samples are taken as they are: the filter is told that the vehicle has stopped.",
-        _INGEST,
-        "Do not repeat the last pose when tracking is lost: send quality -1, or nothing.",
-        _frozen,
-    ),
-)

@@ -12,11 +12,11 @@ from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from viso.doctor.evidence import EXTNAV, Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.stamps import time_base_us
 from viso.doctor.measures.tracks import Floats
-from viso.doctor.outputs.phrases import at, share
+from viso.doctor.outputs.phrases import at, often, seen_in, share
 from viso.fates.labels import Fate, fate_of
 from viso.fates.watch import UNITS
 
@@ -46,6 +46,14 @@ def _accepted(evidence: Evidence) -> list[SeenMessage]:
     return [one for one in evidence.vision if one.verdict.outcome is Outcome.ACCEPTED]
 
 
+@note(
+    "XN9-01",
+    "Navigation by external navigation begins",
+    "The EKF says that it is using external nav data, and flags its position as good.",
+    _CONTROL,
+    "Nothing.",
+    is_model=True,
+)
 def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
     start_us = _aiding_from(evidence)
     if start_us is not None:
@@ -53,6 +61,14 @@ def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"it would navigate by {mode.value} aiding from {at(start_us)} on", start_us=start_us)
 
 
+@error(
+    "XN9-02",
+    "The filter would never use it",
+    "It stays in constant position mode: no position, no modes that need one, no arming in them.",
+    _CONTROL,
+    "See the other findings; the filter needs poses with EK3_SRC1_POSXY 6, and a source of yaw.",
+    is_model=True,
+)
 def _never_aids(evidence: Evidence) -> Iterator[Sighting]:
     accepted = _accepted(evidence)
     wants = EXTNAV in (evidence.source("POSXY"), evidence.source("VELXY"))
@@ -67,6 +83,14 @@ def _never_aids(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
+@error(
+    "XN9-03",
+    "The filter would stop using it",
+    "It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts.",
+    _CONTROL,
+    "See the findings about gaps, jumps and sources.",
+    is_model=True,
+)
 def _stops(evidence: Evidence) -> Iterator[Sighting]:
     stops = [
         after.start_us
@@ -74,8 +98,8 @@ def _stops(evidence: Evidence) -> Iterator[Sighting]:
         if before.mode is not AidingMode.NONE and after.mode is AidingMode.NONE
     ]
     if stops:
-        often = "once" if len(stops) == 1 else f"{len(stops)} times"
-        yield Sighting(f"it would stop aiding {often}, first at {at(stops[0])}", start_us=stops[0], end_us=stops[-1])
+        text = f"it would stop aiding {often(len(stops))}, first at {at(stops[0])}"
+        yield Sighting(text, start_us=stops[0], end_us=stops[-1])
 
 
 def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenMessage]]]:
@@ -93,6 +117,15 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenM
         yield kind, tested[kind], messages
 
 
+@warning(
+    "XN9-04",
+    "The filter would reject samples",
+    "A sample further off than its gate allows is not used; 7 s of that without velocities, and position is reset.",
+    _FUSE,
+    "See the findings about jumps, frames, scale and time; gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and "
+    "YAW_I_GATE.",
+    is_model=True,
+)
 def _rejected(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tested, messages in _rejected_by_kind(evidence):
         blind = _after_silence(evidence, messages)
@@ -106,12 +139,10 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
         elif _accelerates(evidence, counted):
             why = ", where the path accelerates harder than the model's vehicle can follow"
         worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
-        yield Sighting(
+        yield seen_in(
             f"{share(len(counted), tested)} {kind} samples would be rejected, from "
             f"{at(counted[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off",
-            [one.number for one in counted],
-            counted[0].arrival_us,
-            counted[-1].arrival_us,
+            counted,
             severity=Severity.NOTE if why else None,
         )
 
@@ -165,6 +196,14 @@ def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
     return np.asarray(np.linalg.norm(2 * (ahead - behind) / (before + after), axis=1), dtype=np.float64)
 
 
+@note(
+    "XN9-05",
+    "The filter would lose samples",
+    "Of samples that come due in one step only the last is used, and a full buffer loses its oldest.",
+    "EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
+    "Send evenly, not in bursts, and less than 50 a second.",
+    is_model=True,
+)
 def _lost(evidence: Evidence) -> Iterator[Sighting]:
     offered: Counter[str] = Counter()
     lost: dict[str, list[SeenMessage]] = {}
@@ -175,14 +214,17 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
                 lost.setdefault(sample.kind, []).append(one)
     for kind, messages in sorted(lost.items()):
         if len(messages) >= _FEWEST_REJECTED and len(messages) > _LOST_SHARE * offered[kind]:
-            yield Sighting(
-                f"{share(len(messages), offered[kind])} {kind} samples would be lost unused in the filter's buffer",
-                [one.number for one in messages],
-                messages[0].arrival_us,
-                messages[-1].arrival_us,
-            )
+            lost_share = share(len(messages), offered[kind])
+            yield seen_in(f"{lost_share} {kind} samples would be lost unused in the filter's buffer", messages)
 
 
+@note(
+    "XN9-06",
+    "Your autopilot said so itself",
+    "A text of the autopilot in the stream, not of the model.",
+    "GCS_MAVLink/GCS.cpp, GCS::send_textv",
+    "See the findings that belong to it.",
+)
 def _said(evidence: Evidence) -> Iterator[Sighting]:
     told = [
         (time_us, text)
@@ -191,69 +233,5 @@ def _said(evidence: Evidence) -> Iterator[Sighting]:
     ]
     for text, count in Counter(text for _, text in told).most_common(_MOST_TEXTS):
         time_us = next(when for when, what in told if what == text)
-        often = "" if count == 1 else f", {count} times"
-        yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{often}', start_us=time_us)
-
-
-RULES: Final = (
-    Rule(
-        "XN9-01",
-        Severity.NOTE,
-        "Navigation by external navigation begins",
-        "The EKF says that it is using external nav data, and flags its position as good.",
-        _CONTROL,
-        "Nothing.",
-        _would_aid,
-        is_model=True,
-    ),
-    Rule(
-        "XN9-02",
-        Severity.ERROR,
-        "The filter would never use it",
-        "It stays in constant position mode: no position, no modes that need one, no arming in them.",
-        _CONTROL,
-        "See the other findings; the filter needs poses with EK3_SRC1_POSXY 6, and a source of yaw.",
-        _never_aids,
-        is_model=True,
-    ),
-    Rule(
-        "XN9-03",
-        Severity.ERROR,
-        "The filter would stop using it",
-        "It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts.",
-        _CONTROL,
-        "See the findings about gaps, jumps and sources.",
-        _stops,
-        is_model=True,
-    ),
-    Rule(
-        "XN9-04",
-        Severity.WARNING,
-        "The filter would reject samples",
-        "A sample further off than its gate allows is not used; 7 s of that without velocities, and position is reset.",
-        _FUSE,
-        "See the findings about jumps, frames, scale and time; gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and "
-        "YAW_I_GATE.",
-        _rejected,
-        is_model=True,
-    ),
-    Rule(
-        "XN9-05",
-        Severity.NOTE,
-        "The filter would lose samples",
-        "Of samples that come due in one step only the last is used, and a full buffer loses its oldest.",
-        "EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
-        "Send evenly, not in bursts, and less than 50 a second.",
-        _lost,
-        is_model=True,
-    ),
-    Rule(
-        "XN9-06",
-        Severity.NOTE,
-        "Your autopilot said so itself",
-        "A text of the autopilot in the stream, not of the model.",
-        "GCS_MAVLink/GCS.cpp, GCS::send_textv",
-        "See the findings that belong to it.",
-        _said,
-    ),
-)
+        more = "" if count == 1 else f", {count} times"
+        yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{more}', start_us=time_us)

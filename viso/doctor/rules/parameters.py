@@ -11,7 +11,7 @@ from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.outputs.phrases import at, seen_in, share
 
@@ -32,12 +32,26 @@ _MAV: Final = 1
 _CLIMB_M: Final = 0.3
 
 
+@error(
+    "XN7-01",
+    "Visual odometry is off",
+    "With VISO_TYPE 0 every message is dropped, without a word.",
+    DISABLED.rule.source,
+    "Set VISO_TYPE to 1 (MAVLink), 2 (T265) or 3 (VOXL), and reboot.",
+)
 def _off(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is DISABLED]
     if found:
         yield seen_in(f"VISO_TYPE is 0; {share(len(found), len(evidence.vision))} messages were dropped", found)
 
 
+@error(
+    "XN7-02",
+    "No backend",
+    "The backend is made at boot. Without one all data are dropped, and arming fails: VisOdom: out of memory.",
+    NO_BACKEND.rule.source,
+    "Set VISO_TYPE to 1, 2 or 3, and reboot.",
+)
 def _no_backend(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is NO_BACKEND]
     if found:
@@ -50,6 +64,14 @@ def _deltas(evidence: Evidence) -> bool:
     return any(isinstance(one.message, VISION_POSITION_DELTA) for one in evidence.vision)
 
 
+@error(
+    "XN7-03",
+    "A source without a message that feeds it",
+    "The filter waits for what never comes: it does not start to aid, or lacks velocity or height.",
+    "AP_NavEKF3_Control.cpp, NavEKF3_core::readyToUseExtNav",
+    "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the "
+    "source to what there is.",
+)
 def _unfed(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision:
         return
@@ -74,6 +96,13 @@ def _is(names: list[str]) -> str:
     return "is" if len(names) == 1 else "are"
 
 
+@error(
+    "XN7-04",
+    "No source names external navigation",
+    "The filter makes its buffers at boot, and only if some source is 6; without them every sample is discarded.",
+    NO_BUFFER.source,
+    "Set EK3_SRC1_POSXY 6 and, as far as the stream carries them, EK3_SRC1_VELXY, VELZ and YAW; then reboot.",
+)
 def _unused(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision or evidence.viso_type == 0:
         return
@@ -89,6 +118,13 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
+@warning(
+    "XN7-05",
+    "Sources of a set that is not active",
+    "After boot set 1 is in use; others only after a switch by RC function 90 or MAV_CMD_SET_EKF_SOURCE_SET.",
+    "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::setPosVelYawSourceSet",
+    "Switch sets, or move the sources to EK3_SRC1.",
+)
 def _not_active(evidence: Evidence) -> Iterator[Sighting]:
     in_first = any(evidence.source(name) == EXTNAV for name in SOURCE_NAMES)
     later = [n for n in _SETS[1:] if any(evidence.source(name, n) == EXTNAV for name in SOURCE_NAMES)]
@@ -96,12 +132,26 @@ def _not_active(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"only source set {later[0]} names external navigation; set 1 is in use after boot")
 
 
+@note(
+    "XN7-06",
+    "Velocities are not used",
+    "They are stored and never fused; that they exist still lengthens the time until a height is given up.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
+    "Set EK3_SRC1_VELXY and VELZ to 6 if the velocities are good.",
+)
 def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
     has_source = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
     if evidence.velocities and evidence.source("POSXY") == EXTNAV and not has_source:
         yield Sighting(f"{evidence.velocities[0].track.sender} carries velocities; EK3_SRC1_VELXY and VELZ are not 6")
 
 
+@error(
+    "XN7-07",
+    "Illegal source",
+    "Arming fails, also for a set that is not in use.",
+    _SOURCES,
+    "Set it to 6 (ExtNav), or to another legal value.",
+)
 def _illegal(evidence: Evidence) -> Iterator[Sighting]:
     for number in _SETS:
         for name in SOURCE_NAMES:
@@ -113,6 +163,13 @@ def _illegal(evidence: Evidence) -> Iterator[Sighting]:
                 )
 
 
+@error(
+    "XN7-08",
+    "No source of yaw",
+    "Without one the filter cannot hold a position: with EK3_SRC1_POSXY 6 it starts and stops with every sample.",
+    "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
+    "Set EK3_SRC1_YAW to 6 if the stream carries the heading; else enable a compass.",
+)
 def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
     yaw = evidence.source("YAW")
     if yaw == 0:
@@ -121,17 +178,38 @@ def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"EK3_SRC1_YAW is {yaw} (compass), and COMPASS_ENABLE or COMPASS_USE is 0")
 
 
+@warning(
+    "XN7-09",
+    "Vertical velocity alone",
+    "Vertical velocity is fused only together with horizontal velocity.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
+    "Set EK3_SRC1_VELXY to 6 as well, or VELZ to 0.",
+)
 def _vertical_only(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("VELZ") == EXTNAV and evidence.source("VELXY") == 0 and evidence.velocities:
         yield Sighting("EK3_SRC1_VELZ is 6 and EK3_SRC1_VELXY is 0")
 
 
+@error(
+    "XN7-10",
+    "Velocity without a position",
+    "Velocity alone never starts aiding; on a moving vehicle it upsets the filter, which resets every few seconds.",
+    "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
+    "Send poses too, and set EK3_SRC1_POSXY to 6; or send VISION_POSITION_DELTA.",
+)
 def _no_position(evidence: Evidence) -> Iterator[Sighting]:
     uses = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
     if evidence.velocities and uses and evidence.source("POSXY") == 0 and not _deltas(evidence):
         yield Sighting("EK3_SRC1_POSXY is 0, and velocity is all that is used")
 
 
+@error(
+    "XN7-11",
+    "Height from a stream without height",
+    "z is taken for the height, whatever flies.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+    "Set EK3_SRC1_POSZ to 1 (barometer), and EK3_SRC1_VELZ to 0.",
+)
 def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("POSZ") != EXTNAV:
         return
@@ -147,12 +225,26 @@ def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
+@error(
+    "XN7-12",
+    "EKF3 is not in use",
+    "Other estimators do not have source sets and use little or nothing of external navigation.",
+    "AP_AHRS.cpp, AP_AHRS::update_EKF3",
+    "Set AHRS_EKF_TYPE 3 and EK3_ENABLE 1, and reboot.",
+)
 def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
     kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
     if kind != 3 or enabled == 0:
         yield Sighting(f"AHRS_EKF_TYPE is {kind} and EK3_ENABLE is {enabled}")
 
 
+@warning(
+    "XN7-13",
+    "A parameter needs a reboot",
+    "It was read at boot: until the next one the old value acts, or part of it.",
+    "AP_VisualOdom.cpp, AP_VisualOdom::init; AP_NavEKF3_core.cpp, NavEKF3_core::setup_core",
+    "Reboot the autopilot.",
+)
 def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
     for change in evidence.changes:
         sources = change.name.startswith("EK3_SRC") and change.new == EXTNAV
@@ -165,11 +257,25 @@ def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
+@note(
+    "XN7-14",
+    "VISO_ORIENT without effect",
+    "Type 1 passes poses on as they are; the orientation turns attitudes of types 2 and 3, and deltas.",
+    "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
+    "Turn the data in the sender, or use VISO_TYPE 2 or 3.",
+)
 def _no_effect(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.viso_type == _MAV and evidence.param("VISO_ORIENT") != 0 and not _deltas(evidence):
         yield Sighting(f"VISO_ORIENT is {evidence.param('VISO_ORIENT'):.0f}, VISO_TYPE is 1")
 
 
+@warning(
+    "XN7-15",
+    "A value that makes no sense",
+    "Ranges are for ground stations; the firmware takes what it is given.",
+    "AP_VisualOdom.cpp, AP_VisualOdom::var_info",
+    "Set it within its range.",
+)
 def _out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     delay, quality = evidence.param("VISO_DELAY_MS"), evidence.param("VISO_QUAL_MIN")
     scale = evidence.param("VISO_SCALE")
@@ -184,156 +290,14 @@ def _out_of_range(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting(f"{name} is {evidence.param(name):g}, above the limit of {most:g}")
 
 
+@note(
+    "XN7-16",
+    "Parameters were assumed",
+    "What your autopilot does depends on its own parameters.",
+    "AP_VisualOdom.cpp, AP_VisualOdom::var_info; AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::var_info",
+    "Give them: --defaults FILE.parm, or --param NAME=VALUE.",
+)
 def _assumed(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.assumed:
         values = ", ".join(f"{one.name} {one.value:g} ({one.why})" for one in evidence.assumed)
         yield Sighting(f"nobody told these, so they were taken to be: {values}")
-
-
-RULES: Final = (
-    Rule(
-        "XN7-01",
-        Severity.ERROR,
-        "Visual odometry is off",
-        "With VISO_TYPE 0 every message is dropped, without a word.",
-        DISABLED.rule.source,
-        "Set VISO_TYPE to 1 (MAVLink), 2 (T265) or 3 (VOXL), and reboot.",
-        _off,
-    ),
-    Rule(
-        "XN7-02",
-        Severity.ERROR,
-        "No backend",
-        "The backend is made at boot. Without one all data are dropped, and arming fails: VisOdom: out of memory.",
-        NO_BACKEND.rule.source,
-        "Set VISO_TYPE to 1, 2 or 3, and reboot.",
-        _no_backend,
-    ),
-    Rule(
-        "XN7-03",
-        Severity.ERROR,
-        "A source without a message that feeds it",
-        "The filter waits for what never comes: it does not start to aid, or lacks velocity or height.",
-        "AP_NavEKF3_Control.cpp, NavEKF3_core::readyToUseExtNav",
-        "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the "
-        "source to what there is.",
-        _unfed,
-    ),
-    Rule(
-        "XN7-04",
-        Severity.ERROR,
-        "No source names external navigation",
-        "The filter makes its buffers at boot, and only if some source is 6; without them every sample is discarded.",
-        NO_BUFFER.source,
-        "Set EK3_SRC1_POSXY 6 and, as far as the stream carries them, EK3_SRC1_VELXY, VELZ and YAW; then reboot.",
-        _unused,
-    ),
-    Rule(
-        "XN7-05",
-        Severity.WARNING,
-        "Sources of a set that is not active",
-        "After boot set 1 is in use; others only after a switch by RC function 90 or MAV_CMD_SET_EKF_SOURCE_SET.",
-        "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::setPosVelYawSourceSet",
-        "Switch sets, or move the sources to EK3_SRC1.",
-        _not_active,
-    ),
-    Rule(
-        "XN7-06",
-        Severity.NOTE,
-        "Velocities are not used",
-        "They are stored and never fused; that they exist still lengthens the time until a height is given up.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
-        "Set EK3_SRC1_VELXY and VELZ to 6 if the velocities are good.",
-        _velocity_unused,
-    ),
-    Rule(
-        "XN7-07",
-        Severity.ERROR,
-        "Illegal source",
-        "Arming fails, also for a set that is not in use.",
-        _SOURCES,
-        "Set it to 6 (ExtNav), or to another legal value.",
-        _illegal,
-    ),
-    Rule(
-        "XN7-08",
-        Severity.ERROR,
-        "No source of yaw",
-        "Without one the filter cannot hold a position: with EK3_SRC1_POSXY 6 it starts and stops with every sample.",
-        "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
-        "Set EK3_SRC1_YAW to 6 if the stream carries the heading; else enable a compass.",
-        _no_yaw,
-    ),
-    Rule(
-        "XN7-09",
-        Severity.WARNING,
-        "Vertical velocity alone",
-        "Vertical velocity is fused only together with horizontal velocity.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
-        "Set EK3_SRC1_VELXY to 6 as well, or VELZ to 0.",
-        _vertical_only,
-    ),
-    Rule(
-        "XN7-10",
-        Severity.ERROR,
-        "Velocity without a position",
-        "Velocity alone never starts aiding; on a moving vehicle it upsets the filter, which resets every few seconds.",
-        "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
-        "Send poses too, and set EK3_SRC1_POSXY to 6; or send VISION_POSITION_DELTA.",
-        _no_position,
-    ),
-    Rule(
-        "XN7-11",
-        Severity.ERROR,
-        "Height from a stream without height",
-        "z is taken for the height, whatever flies.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
-        "Set EK3_SRC1_POSZ to 1 (barometer), and EK3_SRC1_VELZ to 0.",
-        _flat_height,
-    ),
-    Rule(
-        "XN7-12",
-        Severity.ERROR,
-        "EKF3 is not in use",
-        "Other estimators do not have source sets and use little or nothing of external navigation.",
-        "AP_AHRS.cpp, AP_AHRS::update_EKF3",
-        "Set AHRS_EKF_TYPE 3 and EK3_ENABLE 1, and reboot.",
-        _filter_off,
-    ),
-    Rule(
-        "XN7-13",
-        Severity.WARNING,
-        "A parameter needs a reboot",
-        "It was read at boot: until the next one the old value acts, or part of it.",
-        "AP_VisualOdom.cpp, AP_VisualOdom::init; AP_NavEKF3_core.cpp, NavEKF3_core::setup_core",
-        "Reboot the autopilot.",
-        _reboot_needed,
-    ),
-    Rule(
-        "XN7-14",
-        Severity.NOTE,
-        "VISO_ORIENT without effect",
-        "Type 1 passes poses on as they are; the orientation turns attitudes of types 2 and 3, and deltas.",
-        "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
-        "Turn the data in the sender, or use VISO_TYPE 2 or 3.",
-        _no_effect,
-    ),
-    Rule(
-        "XN7-15",
-        Severity.WARNING,
-        "A value that makes no sense",
-        "Ranges are for ground stations; the firmware takes what it is given.",
-        "AP_VisualOdom.cpp, AP_VisualOdom::var_info",
-        "Set it within its range.",
-        _out_of_range,
-    ),
-    Rule(
-        "XN7-16",
-        Severity.NOTE,
-        "Parameters were assumed",
-        "What your autopilot does depends on its own parameters.",
-        "AP_VisualOdom.cpp, AP_VisualOdom::var_info; AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::var_info",
-        "Give them: --defaults FILE.parm, or --param NAME=VALUE.",
-        _assumed,
-    ),
-)

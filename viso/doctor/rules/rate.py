@@ -10,11 +10,11 @@ import numpy as np
 
 from ekf_stub.inputs.ingest_rules import TOO_SOON
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, error, note, warning
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Track
-from viso.doctor.outputs.phrases import at, share
+from viso.doctor.outputs.phrases import at, seen_in, share
 
 _HEALTHY_US: Final = 300_000
 _FRESH_US: Final = 500_000
@@ -43,12 +43,20 @@ def _is_slow(evidence: Evidence) -> bool:
     return float(np.median(np.diff([one.arrival_us for one in taken]))) >= 250_000
 
 
+@error(
+    "XN4-01",
+    "Too few messages",
+    "The sensor is healthy for 300 ms after a message; at less than 4 a second it is unhealthy every time one is a "
+    "little late, arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
+    _HEALTH,
+    "Send 10 to 50 messages a second.",
+)
 def _too_slow(evidence: Evidence) -> Iterator[Sighting]:
     if _is_slow(evidence):
         taken = _taken(evidence)
         interval = float(np.median(np.diff([one.arrival_us for one in taken])))
         text = f"{1e6 / interval:.1f} messages a second, {interval / 1000:.0f} ms apart"
-        yield Sighting(text, [one.number for one in taken], taken[0].arrival_us, taken[-1].arrival_us)
+        yield seen_in(text, taken)
 
 
 def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[Sighting]:
@@ -66,16 +74,40 @@ def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[S
     )
 
 
+@warning(
+    "XN4-03",
+    "Gaps of more than 300 ms",
+    "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS goes out, and arming fails.",
+    _HEALTH,
+    "Look what stops the sender: a slow frame, a full link, a garbage collector. Keep sending, with quality -1, "
+    "while tracking is lost.",
+)
 def _short_gaps(evidence: Evidence) -> Iterator[Sighting]:
     if not _is_slow(evidence):
         yield from _gaps_between(evidence, _HEALTHY_US, _FRESH_US)
 
 
+@warning(
+    "XN4-04",
+    "Gaps of more than half a second",
+    "The sensor is unhealthy; with EK3_SRC1_POSZ 6 height falls back to the barometer after 500 ms, and is set to "
+    "the first sample afterwards without a test.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+    "As for shorter gaps; with EK3_SRC1_POSZ 1 height does not depend on the camera.",
+)
 def _long_gaps(evidence: Evidence) -> Iterator[Sighting]:
     if not _is_slow(evidence):
         yield from _gaps_between(evidence, _FRESH_US, _POSITION_LOST_US)
 
 
+@error(
+    "XN4-05",
+    "Gaps of more than seven seconds",
+    "After 7 s without a position the filter gives up position (the vehicle's failsafe acts), after 15 s without "
+    "anything it stops aiding.",
+    "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
+    "Find out what ended the stream. The sender must come back by itself.",
+)
 def _lost_position(evidence: Evidence) -> Iterator[Sighting]:
     yield from _gaps_between(evidence, _POSITION_LOST_US, 1 << 62)
 
@@ -96,6 +128,13 @@ def _median_interval_us(track: Track) -> float:
     return float(np.median(np.diff(track.arrival_us))) if len(track) > 1 else np.inf
 
 
+@note(
+    "XN4-02",
+    "More messages than the filter takes",
+    "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 a second is the most.",
+    _INGEST,
+    "Send 30 to 50 messages a second; more only fills the link.",
+)
 def _too_fast(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         interval = _median_interval_us(track)
@@ -108,19 +147,29 @@ def _too_fast(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting(f"{text} {kind} samples were refused", [one.number for one in refused])
 
 
+@warning(
+    "XN4-06",
+    "Samples come in pairs",
+    "Samples less than 20 ms after the one before, by their corrected times, are dropped, whichever is better.",
+    _INGEST,
+    "Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 a second.",
+)
 def _refused(evidence: Evidence) -> Iterator[Sighting]:
     fast = any(0 < _median_interval_us(track) < _GATE_US - 500 for track in evidence.tracks)
     for kind in () if fast else ("pose", "velocity"):
         offered, refused = _samples(evidence, kind)
         if len(offered) >= FEWEST and len(refused) > 0.05 * len(offered):
-            yield Sighting(
-                f"{share(len(refused), len(offered))} {kind} samples came less than 20 ms after the one before",
-                [one.number for one in refused],
-                refused[0].arrival_us,
-                refused[-1].arrival_us,
-            )
+            text = f"{share(len(refused), len(offered))} {kind} samples came less than 20 ms after the one before"
+            yield seen_in(text, refused)
 
 
+@warning(
+    "XN4-07",
+    "Two messages carry the same measurement",
+    "Both are taken for samples of one sensor; of each pair that is less than 20 ms apart the second is dropped.",
+    _INGEST,
+    "Send either ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE.",
+)
 def _twice_the_same(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tracks in (
         ("pose", [poses.track for poses in evidence.poses]),
@@ -134,88 +183,15 @@ def _twice_the_same(evidence: Evidence) -> Iterator[Sighting]:
                 yield Sighting(f"{one} and {other} both carry the {kind}", tracks[index].numbers.tolist())
 
 
+@note(
+    "XN4-08",
+    "Few messages",
+    "It works, but between samples the filter relies on inertial data alone.",
+    _INGEST,
+    "Send 10 to 50 messages a second if the source allows it.",
+)
 def _slowish(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         interval = _median_interval_us(track)
         if len(track) >= FEWEST and 100_000 < interval < 250_000:
             yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages a second", track.numbers.tolist())
-
-
-RULES: Final = (
-    Rule(
-        "XN4-01",
-        Severity.ERROR,
-        "Too few messages",
-        "The sensor is healthy for 300 ms after a message; at less than 4 a second it is unhealthy every time one is a "
-        "little late, arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
-        _HEALTH,
-        "Send 10 to 50 messages a second.",
-        _too_slow,
-    ),
-    Rule(
-        "XN4-02",
-        Severity.NOTE,
-        "More messages than the filter takes",
-        "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 a second is the most.",
-        _INGEST,
-        "Send 30 to 50 messages a second; more only fills the link.",
-        _too_fast,
-    ),
-    Rule(
-        "XN4-03",
-        Severity.WARNING,
-        "Gaps of more than 300 ms",
-        "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS goes out, and arming fails.",
-        _HEALTH,
-        "Look what stops the sender: a slow frame, a full link, a garbage collector. Keep sending, with quality -1, "
-        "while tracking is lost.",
-        _short_gaps,
-    ),
-    Rule(
-        "XN4-04",
-        Severity.WARNING,
-        "Gaps of more than half a second",
-        "The sensor is unhealthy; with EK3_SRC1_POSZ 6 height falls back to the barometer after 500 ms, and is set to "
-        "the first sample afterwards without a test.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
-        "As for shorter gaps; with EK3_SRC1_POSZ 1 height does not depend on the camera.",
-        _long_gaps,
-    ),
-    Rule(
-        "XN4-05",
-        Severity.ERROR,
-        "Gaps of more than seven seconds",
-        "After 7 s without a position the filter gives up position (the vehicle's failsafe acts), after 15 s without "
-        "anything it stops aiding.",
-        "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
-        "Find out what ended the stream. The sender must come back by itself.",
-        _lost_position,
-    ),
-    Rule(
-        "XN4-06",
-        Severity.WARNING,
-        "Samples come in pairs",
-        "Samples less than 20 ms after the one before, by their corrected times, are dropped, whichever is better.",
-        _INGEST,
-        "Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 a second.",
-        _refused,
-    ),
-    Rule(
-        "XN4-07",
-        Severity.WARNING,
-        "Two messages carry the same measurement",
-        "Both are taken for samples of one sensor; of each pair that is less than 20 ms apart the second is dropped.",
-        _INGEST,
-        "Send either ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE.",
-        _twice_the_same,
-    ),
-    Rule(
-        "XN4-08",
-        Severity.NOTE,
-        "Few messages",
-        "It works, but between samples the filter relies on inertial data alone.",
-        _INGEST,
-        "Send 10 to 50 messages a second if the source allows it.",
-        _slowish,
-    ),
-)

@@ -10,10 +10,9 @@ from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
 from mav_handlers.covariance import pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
-from viso.doctor.measures.judged_message import SeenMessage
+from viso.doctor.findings import Sighting, error, note
 from viso.doctor.measures.tracks import covariance_of
-from viso.doctor.outputs.phrases import seen_in, share
+from viso.doctor.outputs.phrases import by_type, seen_in, share
 from viso.firmware.releases import PROFILES, Firmware
 from viso.streams.stream_kinds import Aspect
 
@@ -65,11 +64,15 @@ def _told(errors: Errors) -> str:
     return f"{errors[0]:.3g} m, {errors[1]:.3g} rad"
 
 
-def _by_type(found: Sequence[SeenMessage]) -> Iterator[tuple[str, list[SeenMessage]]]:
-    for name in sorted({one.name for one in found}):
-        yield name, [one for one in found if one.name == name]
-
-
+@note(
+    "XN5-31",
+    "Errors depend on the release",
+    "Up to October 2025 an error is the cube root of the sum of squared variances, in the master of February 2026 "
+    "the root of their sum. The filter weighs samples by it.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    "Tell --firmware which release flies, and tune variances on that; replay --versus shows both.",
+    needs=_NEEDS,
+)
 def _depends(evidence: Evidence) -> Iterator[Sighting]:
     judge, here = _Judge(evidence), evidence.firmware
     others = [one for one in PROFILES.values() if one is not here]
@@ -77,7 +80,7 @@ def _depends(evidence: Evidence) -> Iterator[Sighting]:
         if other.endpoint.error_formula is here.endpoint.error_formula:
             continue
         differ = [one for one in evidence.vision if not _agree(judge, one.message, here, other)]
-        for name, found in _by_type(differ):
+        for name, found in by_type(differ):
             ours, theirs = (judge.limited(found[0].message, one) for one in (here, other))
             if ours is not None and theirs is not None:
                 whole = sum(one.name == name for one in evidence.vision)
@@ -99,6 +102,15 @@ def _is_close(a: float, b: float) -> bool:
     return math.isclose(a, b, rel_tol=0.01)
 
 
+@note(
+    "XN5-32",
+    "This release does not read the covariance of motion capture",
+    "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; the master of February 2026 reads "
+    "its covariance.",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
+    "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for, or send ODOMETRY.",
+    needs=_NEEDS,
+)
 def _mocap_ignored(evidence: Evidence) -> Iterator[Sighting]:
     judge, here = _Judge(evidence), evidence.firmware
     readers = [one for one in PROFILES.values() if one.endpoint.mocap_errors is not here.endpoint.mocap_errors]
@@ -111,10 +123,19 @@ def _mocap_ignored(evidence: Evidence) -> Iterator[Sighting]:
             yield seen_in(f"{text}: {_told(theirs)} of the first", told)
 
 
+@error(
+    "XN5-33",
+    "Variances whose sum is negative",
+    "This release takes the root of the sum: no number, of which it makes half the limit (50.1 m, 0.85 rad) and "
+    "the internal error 0x400: arming is refused until reboot.",
+    "AP_Math.cpp, constrain_value_line",
+    "Variances are never negative: send them squared, or a first element of NaN.",
+    needs=_NEEDS,
+)
 def _no_number(evidence: Evidence) -> Iterator[Sighting]:
     judge, here = _Judge(evidence), evidence.firmware
     found = [one for one in evidence.vision if _has_negative_sum(judge, one.message, here)]
-    for name, messages in _by_type(found):
+    for name, messages in by_type(found):
         whole = sum(one.name == name for one in evidence.vision)
         yield seen_in(f"{share(len(messages), whole)} {name}", messages)
 
@@ -123,40 +144,3 @@ def _has_negative_sum(judge: _Judge, message: object, firmware: Firmware) -> boo
     errors, covariance = judge.raw(message, firmware), covariance_of(message)
     # NaN from NaN is another finding.
     return errors is not None and any(map(math.isnan, errors)) and not any(map(math.isnan, covariance or ()))
-
-
-RULES: Final = (
-    Rule(
-        "XN5-31",
-        Severity.NOTE,
-        "Errors depend on the release",
-        "Up to October 2025 an error is the cube root of the sum of squared variances, in the master of February 2026 "
-        "the root of their sum. The filter weighs samples by it.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-        "Tell --firmware which release flies, and tune variances on that; replay --versus shows both.",
-        _depends,
-        needs=_NEEDS,
-    ),
-    Rule(
-        "XN5-32",
-        Severity.NOTE,
-        "This release does not read the covariance of motion capture",
-        "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; the master of February 2026 reads "
-        "its covariance.",
-        "GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
-        "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for, or send ODOMETRY.",
-        _mocap_ignored,
-        needs=_NEEDS,
-    ),
-    Rule(
-        "XN5-33",
-        Severity.ERROR,
-        "Variances whose sum is negative",
-        "This release takes the root of the sum: no number, of which it makes half the limit (50.1 m, 0.85 rad) and "
-        "the internal error 0x400: arming is refused until reboot.",
-        "AP_Math.cpp, constrain_value_line",
-        "Variances are never negative: send them squared, or a first element of NaN.",
-        _no_number,
-        needs=_NEEDS,
-    ),
-)

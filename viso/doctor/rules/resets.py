@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
-from viso.doctor.outputs.phrases import at, seen_in
+from viso.doctor.outputs.phrases import at, of_some, often, seen_in
 from viso.streams.stream_kinds import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
@@ -84,19 +84,8 @@ def _turned(steps: _Steps, poses: Poses) -> Bools:
 
 
 def _at_steps(poses: Poses, mask: Bools, text: str) -> Sighting:
-    chosen = np.flatnonzero(mask) + 1
-    arrivals = poses.track.arrival_us[chosen]
-    first = f"the first at {at(int(arrivals[0]))}"
-    return Sighting(
-        f"{poses.track.sender}: {text}, {first}",
-        poses.track.numbers[chosen].tolist(),
-        int(arrivals[0]),
-        int(arrivals[-1]),
-    )
-
-
-def _often(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
+    track, chosen = poses.track, np.flatnonzero(mask) + 1
+    return of_some(f"{track.sender}: {text}, the first at {at(track.arrival_us[chosen[0]])}", track, chosen)
 
 
 class _Resets(NamedTuple):
@@ -139,33 +128,66 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         yield poses, resets._replace(jumped=resets.jumped & leaps, turned=resets.turned & leaps)
 
 
+@warning(
+    "XN6-01",
+    "Position jumps without a reset",
+    "The samples are rejected by the gate for 7 s, then the filter resets to them; with velocities that pass it "
+    "never does, and horizontal position counts as lost after 10 s.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
+    "Count up reset_counter whenever the map was re-localised or tracking started anew; filter single outliers.",
+)
 def _jump_without_counter(evidence: Evidence) -> Iterator[Sighting]:
     for poses, resets in _tracks(evidence):
         mask = resets.jumped & ~resets.changed & ~resets.shifted
         if mask.any():
             largest = float(resets.steps.position_m[mask].max())
-            often = _often(int(mask.sum()))
-            yield _at_steps(
-                poses, mask, f"the position jumps {often}, by up to {largest:.1f} m, and reset_counter stays"
-            )
+            text = f"the position jumps {often(mask.sum())}, by up to {largest:.1f} m, and reset_counter stays"
+            yield _at_steps(poses, mask, text)
 
 
+@warning(
+    "XN6-02",
+    "Yaw jumps without a reset",
+    "With EK3_SRC1_YAW 6 a yaw beyond the gate is rejected in flight for ever, there is no recovery; and a reset "
+    "counter would not help, for it never resets yaw.",
+    "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw",
+    "Keep the yaw of the frame over a re-localisation, and shift the position alone.",
+)
 def _turn_without_counter(evidence: Evidence) -> Iterator[Sighting]:
     for poses, resets in _tracks(evidence):
         mask = resets.turned & ~resets.changed & ~resets.shifted
         if mask.any():
             largest = math.degrees(float(np.abs(resets.steps.yaw_rad[mask]).max()))
-            yield _at_steps(poses, mask, f"the yaw jumps {_often(int(mask.sum()))}, by up to {largest:.0f} deg")
+            yield _at_steps(poses, mask, f"the yaw jumps {often(mask.sum())}, by up to {largest:.0f} deg")
 
 
+@warning(
+    "XN6-12",
+    "Reset counter and jump do not come together",
+    "Type 3 maps the message with the new counter to where the camera was: if the jump comes a message later, the "
+    "whole of it stays. Type 1 resets the filter to a sample from before the jump, and rejects what follows.",
+    "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::handle_voxl_camera_reset_jump",
+    "Change reset_counter with the first message behind the jump: look for a counter that is not read together "
+    "with the pose.",
+    needs=frozenset({Aspect.RESETS}),
+)
 def _counter_shifted(evidence: Evidence) -> Iterator[Sighting]:
     for poses, resets in _tracks(evidence):
         mask = resets.shifted & resets.changed
         if mask.any() and not _counter_flaps(poses):
-            often = _often(int(mask.sum()))
-            yield _at_steps(poses, mask, f"reset_counter changes {often} a message or two before or behind the jump")
+            text = f"reset_counter changes {often(mask.sum())} a message or two before or behind the jump"
+            yield _at_steps(poses, mask, text)
 
 
+@warning(
+    "XN6-03",
+    "Reset counter changes without a jump",
+    "Type 1 resets the filter to the sample, which is harmless; type 2 ignores the camera for more than a "
+    "second, type 3 aligns it anew.",
+    _CONSUME,
+    "Change reset_counter with the first message behind a jump, and only then.",
+    needs=frozenset({Aspect.RESETS}),
+)
 def _counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
     for poses, resets in _tracks(evidence):
         if _counter_flaps(poses):
@@ -175,7 +197,7 @@ def _counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
         quiet = (steps.position_m < near) & (steps.turn_rad < _NO_JUMP_RAD) & (steps.dt_s < _LONGEST_S)
         mask = np.asarray(resets.changed & quiet & ~resets.shifted, dtype=np.bool_)
         if mask.any():
-            yield _at_steps(poses, mask, f"reset_counter changes {_often(int(mask.sum()))}, and the pose goes on")
+            yield _at_steps(poses, mask, f"reset_counter changes {often(mask.sum())}, and the pose goes on")
 
 
 def _counter_flaps(poses: Poses) -> bool:
@@ -183,6 +205,15 @@ def _counter_flaps(poses: Poses) -> bool:
     return changes >= 5 and changes > 0.5 * max(poses.track.span_s, 1.0)
 
 
+@error(
+    "XN6-04",
+    "Reset counter changes all the time",
+    "Type 1 resets the filter with every change, type 2 ignores everything, for it waits for a second without a "
+    "change, and type 3 aligns anew with every change.",
+    _CONSUME,
+    "reset_counter is not a counter of messages; and messages without one count as 0, so do not mix them with others.",
+    needs=frozenset({Aspect.RESETS}),
+)
 def _counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
     seen = [one for one in evidence.vision if isinstance(one.message, POSE_TYPES)]
     if len(seen) < FEWEST:
@@ -194,21 +225,31 @@ def _counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
         yield seen_in(f"reset_counter changes {len(changed)} times in {span_s:.1f} s", changed)
 
 
+@warning(
+    "XN6-05",
+    "First reset counter is not 0",
+    "The autopilot starts from 0 and takes the first message for a reset: type 2 ignores the first second, type "
+    "3 says VisOdom: reset and maps the first position to 0.",
+    _RESET,
+    "Start at 0, or bear with it: it happens once.",
+    needs=frozenset({Aspect.RESETS}),
+)
 def _first_counter(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
         first = int(poses.reset_counter[0])
         if first != 0:
-            track = poses.track
             severity = Severity.WARNING if evidence.viso_type == _TYPE_VOXL else Severity.NOTE
-            yield Sighting(
-                f"{track.sender}: the first message has reset_counter {first}",
-                [int(track.numbers[0])],
-                int(track.arrival_us[0]),
-                int(track.arrival_us[0]),
-                severity=severity,
-            )
+            text = f"{poses.track.sender}: the first message has reset_counter {first}"
+            yield of_some(text, poses.track, slice(1), severity=severity)
 
 
+@error(
+    "XN6-11",
+    "Two poses that contradict each other",
+    "Both are taken for one camera's: the filter is pulled to and fro, and rejects one or both.",
+    "AP_VisualOdom.cpp, AP_VisualOdom::handle_pose_estimate",
+    "Send one of them.",
+)
 def _poses_apart(evidence: Evidence) -> Iterator[Sighting]:
     """Find two senders of poses whose positions lie apart at the same time."""
     for index in range(1, len(evidence.poses)):
@@ -223,88 +264,4 @@ def _poses_apart(evidence: Evidence) -> Iterator[Sighting]:
         there = np.column_stack([np.interp(times, one.track.arrival_us, one.pos_m[:, axis]) for axis in range(3)])
         apart = median_of(np.linalg.norm(there - other.pos_m[inside], axis=1))
         if apart > _BASE_M:
-            yield Sighting(
-                f"{one.track.sender} and {other.track.sender} are {apart:.1f} m apart",
-                other.track.numbers[inside].tolist(),
-                int(times[0]),
-                int(times[-1]),
-            )
-
-
-RULES: Final = (
-    Rule(
-        "XN6-01",
-        Severity.WARNING,
-        "Position jumps without a reset",
-        "The samples are rejected by the gate for 7 s, then the filter resets to them; with velocities that pass it "
-        "never does, and horizontal position counts as lost after 10 s.",
-        "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
-        "Count up reset_counter whenever the map was re-localised or tracking started anew; filter single outliers.",
-        _jump_without_counter,
-    ),
-    Rule(
-        "XN6-02",
-        Severity.WARNING,
-        "Yaw jumps without a reset",
-        "With EK3_SRC1_YAW 6 a yaw beyond the gate is rejected in flight for ever, there is no recovery; and a reset "
-        "counter would not help, for it never resets yaw.",
-        "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw",
-        "Keep the yaw of the frame over a re-localisation, and shift the position alone.",
-        _turn_without_counter,
-    ),
-    Rule(
-        "XN6-03",
-        Severity.WARNING,
-        "Reset counter changes without a jump",
-        "Type 1 resets the filter to the sample, which is harmless; type 2 ignores the camera for more than a "
-        "second, type 3 aligns it anew.",
-        _CONSUME,
-        "Change reset_counter with the first message behind a jump, and only then.",
-        _counter_without_jump,
-        needs=frozenset({Aspect.RESETS}),
-    ),
-    Rule(
-        "XN6-04",
-        Severity.ERROR,
-        "Reset counter changes all the time",
-        "Type 1 resets the filter with every change, type 2 ignores everything, for it waits for a second without a "
-        "change, and type 3 aligns anew with every change.",
-        _CONSUME,
-        "reset_counter is not a counter of messages; and messages without one count as 0, so do not mix them with "
-        "others.",
-        _counter_always_changes,
-        needs=frozenset({Aspect.RESETS}),
-    ),
-    Rule(
-        "XN6-05",
-        Severity.WARNING,
-        "First reset counter is not 0",
-        "The autopilot starts from 0 and takes the first message for a reset: type 2 ignores the first second, type "
-        "3 says VisOdom: reset and maps the first position to 0.",
-        _RESET,
-        "Start at 0, or bear with it: it happens once.",
-        _first_counter,
-        needs=frozenset({Aspect.RESETS}),
-    ),
-    Rule(
-        "XN6-11",
-        Severity.ERROR,
-        "Two poses that contradict each other",
-        "Both are taken for one camera's: the filter is pulled to and fro, and rejects one or both.",
-        "AP_VisualOdom.cpp, AP_VisualOdom::handle_pose_estimate",
-        "Send one of them.",
-        _poses_apart,
-    ),
-    Rule(
-        "XN6-12",
-        Severity.WARNING,
-        "Reset counter and jump do not come together",
-        "Type 3 maps the message with the new counter to where the camera was: if the jump comes a message later, the "
-        "whole of it stays. Type 1 resets the filter to a sample from before the jump, and rejects what follows.",
-        "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::handle_voxl_camera_reset_jump",
-        "Change reset_counter with the first message behind the jump: look for a counter that is not read together "
-        "with the pose.",
-        _counter_shifted,
-        needs=frozenset({Aspect.RESETS}),
-    ),
-)
+            yield of_some(f"{one.track.sender} and {other.track.sender} are {apart:.1f} m apart", other.track, inside)

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Sighting, error, warning
 from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_speed
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import Poses, median_of
-from viso.doctor.outputs.phrases import at, of_track, of_whole
+from viso.doctor.outputs.phrases import at, of_some, of_track
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
@@ -36,11 +36,13 @@ def _scaled_fit(motion: Motion) -> Agreement | None:
     return Agreement(scale * ratio, correlation)
 
 
-def _sighting_of(text: str, motion: Motion, fix: str | None = None) -> Sighting:
-    arrivals = motion.arrival_us
-    return Sighting(text, motion.numbers.tolist(), int(arrivals[0]), int(arrivals[-1]), fix)
-
-
+@error(
+    "XN5-07",
+    "Positions are not in metres",
+    "They are taken for metres: the filter rejects them, or flies off with them.",
+    _DECODE,
+    "Send metres; motion capture systems often give millimetres.",
+)
 def _wrong_length_unit(evidence: Evidence) -> Iterator[Sighting]:
     told = set()
     for motion in evidence.motions:
@@ -48,11 +50,8 @@ def _wrong_length_unit(evidence: Evidence) -> Iterator[Sighting]:
         for factor, unit in _UNITS:
             if fit is not None and fit.correlation > 0.7 and 0.7 < fit.scale / factor < 1.4:
                 told.add(motion.pose_sender)
-                yield _sighting_of(
-                    f"{motion.pose_sender}: the path is {fit.scale:.3g} times what velocities say: "
-                    f"positions look like {unit}",
-                    motion,
-                )
+                text = f"the path is {fit.scale:.3g} times what velocities say: positions look like {unit}"
+                yield of_some(f"{motion.pose_sender}: {text}", motion)
     for poses in evidence.poses:
         speed = _path_speed(poses)
         if poses.track.sender not in told and speed > _FASTEST:
@@ -71,6 +70,13 @@ def _path_speed(poses: Poses) -> float:
     return float(np.median(step)) if len(step) >= FEWEST else 0.0
 
 
+@warning(
+    "XN5-12",
+    "Path and velocities differ in size",
+    "VISO_SCALE scales positions, never velocities; the filter gets two measurements that contradict each other.",
+    _SCALED,
+    "Correct the scale at the source, or set VISO_SCALE.",
+)
 def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.motions:
         fit = _scaled_fit(motion)
@@ -78,14 +84,23 @@ def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
             continue
         if abs(fit.scale - 1) > _SCALE_TOLERANCE and 0.1 < fit.scale < 10:
             scale = evidence.param("VISO_SCALE") / fit.scale
-            yield _sighting_of(
+            cure = f"set VISO_SCALE to {scale:.3f}, or correct the source; else correct them."
+            yield of_some(
                 f"{motion.pose_sender}: the path is {fit.scale:.3f} times as long as velocities of "
                 f"{motion.velocity_sender.name} say (correlation {fit.correlation:.3f})",
                 motion,
-                f"If velocities are right, set VISO_SCALE to {scale:.3f}, or correct the source; else correct them.",
+                fix=f"If velocities are right, {cure}",
             )
 
 
+@warning(
+    "XN5-18",
+    "Positions of another scale than the vehicle's path",
+    "Positions are multiplied by VISO_SCALE and taken for metres: what is left over stretches or shrinks every way "
+    "that the vehicle flies.",
+    _SCALED,
+    "Set VISO_SCALE, or correct the scale at the source.",
+)
 def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
     setting = evidence.param("VISO_SCALE")
     for compared in evidence.paths:
@@ -94,24 +109,38 @@ def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
         if not found.sufficient or abs(off) <= max(_VEHICLE_TOLERANCE * setting, _SIGMAS * found.sigma):
             continue
         track = compared.poses.track
-        yield of_whole(
+        cure = f"Set VISO_SCALE to {found.scale:.3f}, or correct the source's scale."
+        yield of_some(
             f"{track.sender}: against the vehicle's own path ({compared.origin}) positions have to be multiplied by "
             f"{found.scale:.3f} +- {found.sigma:.3f} (correlation {found.correlation:.2f}), and VISO_SCALE is "
             f"{setting:.3g}",
             track,
-            f"Set VISO_SCALE to {found.scale:.3f}, or correct the source's scale. VISO_SCALE leaves velocities alone.",
+            fix=f"{cure} VISO_SCALE leaves velocities alone.",
         )
 
 
+@error(
+    "XN5-14",
+    "Velocity always zero",
+    "With EK3_SRC1_VELXY 6 the filter is told that the vehicle stands still, against its own positions.",
+    _FUSE,
+    "Fill in the velocity, or set EK3_SRC1_VELXY and VELZ to 0.",
+)
 def _no_speed(evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.motions:
         path, used = typical_speed(motion.path), typical_speed(motion.used)
         if motion.is_enough and used < 0.02 * min(path, 1.0):
-            yield _sighting_of(
-                f"{motion.velocity_sender}: velocity stays 0 while the path moves at {path:.2f} m/s", motion
-            )
+            text = f"velocity stays 0 while the path moves at {path:.2f} m/s"
+            yield of_some(f"{motion.velocity_sender}: {text}", motion)
 
 
+@warning(
+    "XN5-15",
+    "Velocity spikes",
+    "One sample after the other is tested against a gate of EK3_VEL_I_GATE; what passes is fused at full weight.",
+    _FUSE,
+    "Filter velocities at the source, or derive them from the filter there instead of from differences.",
+)
 def _velocity_glitches(evidence: Evidence) -> Iterator[Sighting]:
     for velocities in evidence.velocities:
         told, track = velocities.used, velocities.track
@@ -124,9 +153,16 @@ def _velocity_glitches(evidence: Evidence) -> Iterator[Sighting]:
         mask = np.zeros(len(track), dtype=np.bool_)
         mask[1:-1] = (off > max(_GLITCH, 10 * usual)) & (sides < 0.5 * off)
         if mask.any():
-            yield of_track(f"have a velocity that is up to {np.max(off[mask[1:-1]]):.1f} m/s off", track, mask)
+            yield from of_track(f"have a velocity that is up to {np.max(off[mask[1:-1]]):.1f} m/s off", track, mask)
 
 
+@warning(
+    "XN5-16",
+    "Velocity leaves the path",
+    "Rejected velocities never time out while positions pass; those that pass pull the estimate away.",
+    _FUSE,
+    "Look at the source's velocity in that stretch.",
+)
 def _velocity_off(evidence: Evidence) -> Iterator[Sighting]:
     """Find stretches in which velocities leave the path by far, though they fit elsewhere."""
     for motion in evidence.motions:
@@ -139,16 +175,18 @@ def _velocity_off(evidence: Evidence) -> Iterator[Sighting]:
         mask &= np.linalg.norm(motion.used, axis=1) > 2 * np.linalg.norm(motion.path, axis=1) + 1
         if usual < 0.5 and 3 <= np.count_nonzero(mask) < 0.5 * len(mask) and fit.scale > 0:
             chosen = np.flatnonzero(mask)
-            start, end = int(motion.arrival_us[chosen[0]]), int(motion.arrival_us[chosen[-1]])
-            worst = float(off[mask].max())
-            yield Sighting(
-                f"{motion.velocity_sender}: velocity leaves the path by up to {worst:.1f} m/s from {at(start)} on",
-                motion.numbers[chosen].tolist(),
-                start,
-                end,
-            )
+            text = f"velocity leaves the path by up to {off[mask].max():.1f} m/s"
+            start = at(motion.arrival_us[chosen[0]])
+            yield of_some(f"{motion.velocity_sender}: {text} from {start} on", motion, chosen)
 
 
+@warning(
+    "XN5-17",
+    "Positions drift against velocities",
+    "The filter gets two measurements that contradict each other, and follows the one with the smaller error.",
+    _FUSE,
+    "Look for a drift of the source's map or a bias of its velocity.",
+)
 def _drifts(evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.motions:
         if len(motion.numbers) < 3 * FEWEST:
@@ -158,74 +196,5 @@ def _drifts(evidence: Evidence) -> Iterator[Sighting]:
         spread = np.median(np.abs(off - bias), axis=0)
         size = float(np.linalg.norm(bias))
         if 0.1 < size < 2.0 and size > 2 * float(np.linalg.norm(spread)):
-            yield _sighting_of(
-                f"{motion.pose_sender}: positions move by {size:.2f} m/s more than velocities say, all the time", motion
-            )
-
-
-RULES: Final = (
-    Rule(
-        "XN5-07",
-        Severity.ERROR,
-        "Positions are not in metres",
-        "They are taken for metres: the filter rejects them, or flies off with them.",
-        _DECODE,
-        "Send metres; motion capture systems often give millimetres.",
-        _wrong_length_unit,
-    ),
-    Rule(
-        "XN5-12",
-        Severity.WARNING,
-        "Path and velocities differ in size",
-        "VISO_SCALE scales positions, never velocities; the filter gets two measurements that contradict each other.",
-        _SCALED,
-        "Correct the scale at the source, or set VISO_SCALE.",
-        _wrong_scale,
-    ),
-    Rule(
-        "XN5-14",
-        Severity.ERROR,
-        "Velocity always zero",
-        "With EK3_SRC1_VELXY 6 the filter is told that the vehicle stands still, against its own positions.",
-        _FUSE,
-        "Fill in the velocity, or set EK3_SRC1_VELXY and VELZ to 0.",
-        _no_speed,
-    ),
-    Rule(
-        "XN5-15",
-        Severity.WARNING,
-        "Velocity spikes",
-        "One sample after the other is tested against a gate of EK3_VEL_I_GATE; what passes is fused at full weight.",
-        _FUSE,
-        "Filter velocities at the source, or derive them from the filter there instead of from differences.",
-        _velocity_glitches,
-    ),
-    Rule(
-        "XN5-16",
-        Severity.WARNING,
-        "Velocity leaves the path",
-        "Rejected velocities never time out while positions pass; those that pass pull the estimate away.",
-        _FUSE,
-        "Look at the source's velocity in that stretch.",
-        _velocity_off,
-    ),
-    Rule(
-        "XN5-17",
-        Severity.WARNING,
-        "Positions drift against velocities",
-        "The filter gets two measurements that contradict each other, and follows the one with the smaller error.",
-        _FUSE,
-        "Look for a drift of the source's map or a bias of its velocity.",
-        _drifts,
-    ),
-    Rule(
-        "XN5-18",
-        Severity.WARNING,
-        "Positions of another scale than the vehicle's path",
-        "Positions are multiplied by VISO_SCALE and taken for metres: what is left over stretches or shrinks every way "
-        "that the vehicle flies.",
-        _SCALED,
-        "Set VISO_SCALE, or correct the scale at the source.",
-        _scale_of_vehicle,
-    ),
-)
+            text = f"positions move by {size:.2f} m/s more than velocities say, all the time"
+            yield of_some(f"{motion.pose_sender}: {text}", motion)

@@ -16,10 +16,10 @@ from mav_handlers.wire.messages import (
     SET_GPS_GLOBAL_ORIGIN,
 )
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Rule, Severity, Sighting
+from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.stamps import FEWEST, are_us
 from viso.doctor.measures.tracks import Bools, Ints, Track
-from viso.doctor.outputs.phrases import at, listed, seen_in, share
+from viso.doctor.outputs.phrases import at, by_type, listed, of_some, seen_in, share
 from viso.streams.stream_kinds import Aspect
 
 _LEAST_LOST: Final = 3
@@ -35,6 +35,14 @@ _LOST_FIELDS: Final = {
 }
 
 
+@error(
+    "XN1-01",
+    "No external navigation in the stream",
+    "Nothing reaches AP_VisualOdom; with VISO_TYPE set the vehicle refuses to arm: VisOdom: not healthy.",
+    "AP_VisualOdom.cpp, AP_VisualOdom::pre_arm_check",
+    "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; look whether the recording was made on "
+    "the link that the companion uses.",
+)
 def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision:
         names = Counter(one.name for one in evidence.messages)
@@ -42,10 +50,18 @@ def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{len(evidence.messages)} messages, none of external navigation; there are {there}")
 
 
+@warning(
+    "XN1-02",
+    "MAVLink 1 loses fields",
+    "Extension fields do not exist in MAVLink 1 and read 0: errors fall to the noise floors, resets go unseen.",
+    "mavlink_helpers.h, mavlink_frame_char_buffer; GCS_Common.cpp, "
+    "GCS_MAVLINK::handle_common_vision_position_estimate_data",
+    "Send MAVLink 2: pymavlink with MAVLINK20=1 in the environment, MAVROS with fcu_protocol v2.0.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _version_1(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.version == 1 and one.name in _LOST_FIELDS]
-    for name in sorted({one.name for one in found}):
-        of_name = [one for one in found if one.name == name]
+    for name, of_name in by_type(found):
         total = sum(one.name == name for one in evidence.vision)
         yield seen_in(f"{share(len(of_name), total)} {name} came as MAVLink 1, without {_LOST_FIELDS[name]}", of_name)
 
@@ -72,6 +88,14 @@ def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
     return np.asarray((np.diff(_skipped(evidence, track)) > 0) & (interval > 1.5 * usual), dtype=np.bool_)
 
 
+@warning(
+    "XN1-03",
+    "Messages were lost",
+    "Lost messages are not asked for again. More than 300 ms without one, and the sensor counts as unhealthy.",
+    "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy",
+    "Raise the baud rate or lower the message rate, use flow control, and look for buffers that overflow.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _lost(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         if len(track) < FEWEST:
@@ -89,6 +113,15 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
+@warning(
+    "XN1-04",
+    "Frames were damaged",
+    "A frame whose checksum does not match is dropped without a word; so is one of a dialect that is not known.",
+    "mavlink_helpers.h, mavlink_frame_char_buffer",
+    "Check baud rate, cable and ground; if every frame of a type is refused, both ends use different definitions "
+    "of that message.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _damaged(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.messages if one.verdict in (BAD_CRC, UNKNOWN_MESSAGE)]
     if found:
@@ -96,6 +129,15 @@ def _damaged(evidence: Evidence) -> Iterator[Sighting]:
         yield seen_in(f"{share(len(found), frames)} frames were damaged", found)
 
 
+@warning(
+    "XN1-05",
+    "Several senders on one link",
+    "A link has one time corrector for all senders, and the backend takes samples of all of them as one camera's: "
+    "stamps, reset counters and positions are mixed.",
+    "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
+    "Let one program send external navigation; end the others, or give each a link and use only one of them.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _many_senders(evidence: Evidence) -> Iterator[Sighting]:
     senders = Counter(one.sender for one in evidence.vision)
     if len(senders) > 1:
@@ -106,6 +148,14 @@ def _many_senders(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
+@error(
+    "XN1-06",
+    "Sent with the autopilot's own ids",
+    "Frames with the autopilot's own system and component id are dropped before anything looks at them.",
+    _ROUTING,
+    "Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY).",
+    needs=frozenset({Aspect.LINK}),
+)
 def _own_ids(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is OWN_MESSAGE]
     if found:
@@ -114,6 +164,14 @@ def _own_ids(evidence: Evidence) -> Iterator[Sighting]:
         yield seen_in(f"{count} messages of external navigation came as from {ids}, the autopilot itself", found)
 
 
+@warning(
+    "XN1-07",
+    "Addressed to another system",
+    "A message for another system is forwarded at most, and has no effect.",
+    _ROUTING,
+    "Address the autopilot: its system id is MAV_SYSID, its component 1; or 0 for everyone.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _wrong_target(evidence: Evidence) -> Iterator[Sighting]:
     senders = {one.sender for one in evidence.vision}
     found = [
@@ -121,13 +179,20 @@ def _wrong_target(evidence: Evidence) -> Iterator[Sighting]:
         for one in evidence.messages
         if one.verdict is NOT_ADDRESSED and one.sender in senders and isinstance(one.message, _FOR_THE_AUTOPILOT)
     ]
-    for name in sorted({one.name for one in found}):
-        of_name = [one for one in found if one.name == name]
+    for name, of_name in by_type(found):
         target = getattr(of_name[0].message, "target_system", 0)
         told = f"addressed to system {target}; the autopilot is {evidence.system_id}"
         yield seen_in(f"{len(of_name)} {name} {told}", of_name)
 
 
+@error(
+    "XN1-08",
+    "Only the ground station is admitted",
+    "With bit 0 of MAV_OPTIONS set, frames from systems other than MAV_SYSID and MAV_GCS_SYSID are dropped.",
+    "GCS_Common.cpp, GCS_MAVLINK::accept_packet",
+    "Send with the vehicle's own system id and another component id, or clear bit 0 of MAV_OPTIONS.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _only_gcs(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is NOT_ACCEPTED]
     if found:
@@ -136,6 +201,14 @@ def _only_gcs(evidence: Evidence) -> Iterator[Sighting]:
         yield seen_in(f"{text}, while only {own} and {gcs} are admitted", found)
 
 
+@warning(
+    "XN1-09",
+    "Messages came twice",
+    "The EKF drops the second for its time (20 ms rule); health and the log count it.",
+    "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    "Look for two routes from sender to autopilot, such as two endpoints of mavlink-router.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _repeated(evidence: Evidence) -> Iterator[Sighting]:
     latest: dict[tuple[int, int, str], bytes] = {}
     found = []
@@ -148,6 +221,15 @@ def _repeated(evidence: Evidence) -> Iterator[Sighting]:
         yield seen_in(f"{share(len(found), len(evidence.vision))} messages came twice, byte for byte", found)
 
 
+@warning(
+    "XN1-10",
+    "Messages came out of order",
+    "Nothing sorts them: a sample older than the last one passes the 20 ms rule, for its age is an unsigned "
+    "difference, and is fused behind the newer one.",
+    "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    "Send over a serial port or TCP, or over one network path only.",
+    needs=frozenset({Aspect.LINK}),
+)
 def _reordered(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         if len(track) < FEWEST or not are_us(track):
@@ -155,118 +237,6 @@ def _reordered(evidence: Evidence) -> Iterator[Sighting]:
         step = np.diff(track.sequence) % 256
         back = np.flatnonzero((step >= 192) & (np.diff(track.stamp_us) < 0))
         if len(back):
-            yield Sighting(
-                f"{track.sender}: {share(len(back), len(track))} messages came behind one that was sent later, the "
-                f"first at {at(int(track.arrival_us[back[0] + 1]))}",
-                track.numbers[back + 1].tolist(),
-                int(track.arrival_us[back[0] + 1]),
-                int(track.arrival_us[back[-1] + 1]),
-            )
-
-
-RULES: Final = (
-    Rule(
-        "XN1-01",
-        Severity.ERROR,
-        "No external navigation in the stream",
-        "Nothing reaches AP_VisualOdom; with VISO_TYPE set the vehicle refuses to arm: VisOdom: not healthy.",
-        "AP_VisualOdom.cpp, AP_VisualOdom::pre_arm_check",
-        "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; look whether the recording was made on "
-        "the link that the companion uses.",
-        _no_vision,
-    ),
-    Rule(
-        "XN1-02",
-        Severity.WARNING,
-        "MAVLink 1 loses fields",
-        "Extension fields do not exist in MAVLink 1 and read 0: errors fall to the noise floors, resets go unseen.",
-        "mavlink_helpers.h, mavlink_frame_char_buffer; GCS_Common.cpp, "
-        "GCS_MAVLINK::handle_common_vision_position_estimate_data",
-        "Send MAVLink 2: pymavlink with MAVLINK20=1 in the environment, MAVROS with fcu_protocol v2.0.",
-        _version_1,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-03",
-        Severity.WARNING,
-        "Messages were lost",
-        "Lost messages are not asked for again. More than 300 ms without one, and the sensor counts as unhealthy.",
-        "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy",
-        "Raise the baud rate or lower the message rate, use flow control, and look for buffers that overflow.",
-        _lost,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-04",
-        Severity.WARNING,
-        "Frames were damaged",
-        "A frame whose checksum does not match is dropped without a word; so is one of a dialect that is not known.",
-        "mavlink_helpers.h, mavlink_frame_char_buffer",
-        "Check baud rate, cable and ground; if every frame of a type is refused, both ends use different definitions "
-        "of that message.",
-        _damaged,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-05",
-        Severity.WARNING,
-        "Several senders on one link",
-        "A link has one time corrector for all senders, and the backend takes samples of all of them as one camera's: "
-        "stamps, reset counters and positions are mixed.",
-        "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
-        "Let one program send external navigation; end the others, or give each a link and use only one of them.",
-        _many_senders,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-06",
-        Severity.ERROR,
-        "Sent with the autopilot's own ids",
-        "Frames with the autopilot's own system and component id are dropped before anything looks at them.",
-        _ROUTING,
-        "Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY).",
-        _own_ids,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-07",
-        Severity.WARNING,
-        "Addressed to another system",
-        "A message for another system is forwarded at most, and has no effect.",
-        _ROUTING,
-        "Address the autopilot: its system id is MAV_SYSID, its component 1; or 0 for everyone.",
-        _wrong_target,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-08",
-        Severity.ERROR,
-        "Only the ground station is admitted",
-        "With bit 0 of MAV_OPTIONS set, frames from systems other than MAV_SYSID and MAV_GCS_SYSID are dropped.",
-        "GCS_Common.cpp, GCS_MAVLINK::accept_packet",
-        "Send with the vehicle's own system id and another component id, or clear bit 0 of MAV_OPTIONS.",
-        _only_gcs,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-09",
-        Severity.WARNING,
-        "Messages came twice",
-        "The EKF drops the second for its time (20 ms rule); health and the log count it.",
-        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
-        "Look for two routes from sender to autopilot, such as two endpoints of mavlink-router.",
-        _repeated,
-        needs=frozenset({Aspect.LINK}),
-    ),
-    Rule(
-        "XN1-10",
-        Severity.WARNING,
-        "Messages came out of order",
-        "Nothing sorts them: a sample older than the last one passes the 20 ms rule, for its age is an unsigned "
-        "difference, and is fused behind the newer one.",
-        "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
-        "Send over a serial port or TCP, or over one network path only.",
-        _reordered,
-        needs=frozenset({Aspect.LINK}),
-    ),
-)
+            first = at(track.arrival_us[back[0] + 1])
+            text = f"messages came behind one that was sent later, the first at {first}"
+            yield of_some(f"{track.sender}: {share(len(back), len(track))} {text}", track, back + 1)

@@ -93,7 +93,6 @@ def _evidence(
         height=None,
         comparisons=compare(poses, vision, attitude, all_params),
         params=all_params,
-        known_params=frozenset(SETUP),
         assumed=(),
         changes=(),
         texts=(),

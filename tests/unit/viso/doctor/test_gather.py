@@ -76,7 +76,6 @@ def test_without_parameters_a_set_up_that_fits_is_assumed() -> None:
     assert assumed["VISO_TYPE"] == 1
     assert assumed["EK3_SRC1_POSXY"] == assumed["EK3_SRC1_VELXY"] == 6
     assert summarise(evidence).aiding_from_us is not None
-    assert "VISO_TYPE" not in evidence.known_params
 
 
 def test_what_the_autopilot_said_is_told_from_the_companion() -> None:
