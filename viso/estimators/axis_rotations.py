@@ -21,7 +21,6 @@ EARTH_WORDS: Final = ("north", "east", "down", "south", "west", "up")
 
 _OF_RIGHT_ANGLES: Final = 38  # the rotations after it are of other angles
 _ORIENT_NAMES: Final = next(row for row in VAR_INFO if row.name == "_ORIENT").values or {}
-_DOCUMENTED: Final = tuple(_ORIENT_NAMES)
 
 
 def _signed_permutations() -> list[Array]:
@@ -64,19 +63,9 @@ class AxisMap:
         return self.signed_axes == (1, 2, 3)
 
     @property
-    def is_mirrored(self) -> bool:
-        """Whether right hand and left hand are confused: no rotation does this."""
-        return bool(np.linalg.det(self.matrix) < 0)
-
-    @property
     def rotation(self) -> Rotation | None:
         """The firmware's orientation that turns vectors so, one of VISO_ORIENT's if possible; None if mirrored."""
         return _ROTATIONS.get(self.signed_axes)
-
-    @property
-    def viso_orient(self) -> int | None:
-        """The value of VISO_ORIENT for a camera of these axes, of its documented ones; None if there is none."""
-        return int(self.rotation) if self.rotation in _DOCUMENTED else None
 
     def directions(self, words: Sequence[str]) -> list[str]:
         """Return the words for x, y and z, of six words as in ``BODY_WORDS``."""
@@ -112,9 +101,8 @@ def rotation_matrix(rotation: int) -> Array:
 
 
 def _rotations() -> dict[tuple[int, int, int], Rotation]:
-    numbers = [*_DOCUMENTED, *(number for number in range(_OF_RIGHT_ANGLES) if number not in _DOCUMENTED)]
     found: dict[tuple[int, int, int], Rotation] = {}
-    for number in numbers:
+    for number in dict.fromkeys((*_ORIENT_NAMES, *range(_OF_RIGHT_ANGLES))):
         matrix = rotation_matrix(number)
         if np.isin(np.abs(matrix), (0.0, 1.0)).all():
             found.setdefault(AxisMap.of(matrix).signed_axes, Rotation(number))

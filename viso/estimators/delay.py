@@ -3,7 +3,7 @@
 """By how much a stream of attitudes lags behind the vehicle's own motion: what VISO_DELAY_MS should be."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,8 @@ from viso.estimators.pairs import TurnPair, best_rotation, centred, correlation_
 from viso.estimators.turning import Array
 
 SEARCH_MS: Final = (-100.0, 400.0)
+"""The least and the largest delay to consider."""
+
 LEAST_CORRELATION: Final = 0.6
 LARGEST_SIGMA_MS: Final = 10.0
 LEAST_RATE_RAD: Final = 0.01  # a second
@@ -38,7 +40,6 @@ class Delay:
         correlation: of the rotations at that delay, 0 to 1, the stream's axes turned to fit.
         enough_motion: whether the motion settles it.
         rate_rad: the vehicle's rate of turn in rad/s, root of the mean square about its mean.
-        samples: rotations compared.
     """
 
     delay_ms: float
@@ -46,7 +47,6 @@ class Delay:
     correlation: float
     enough_motion: bool
     rate_rad: float
-    samples: int
 
     @property
     def viso_delay_ms(self) -> int | None:
@@ -61,8 +61,6 @@ def estimate_delay(
     stream_quat_wxyz: npt.ArrayLike,
     vehicle_time_us: npt.ArrayLike,
     vehicle_motion: npt.ArrayLike,
-    *,
-    search_ms: tuple[float, float] = SEARCH_MS,
 ) -> Delay:
     """Find the delay at which the stream turns as the vehicle does.
 
@@ -77,28 +75,24 @@ def estimate_delay(
         vehicle_motion: the vehicle's body rates in rad/s [M, 3], or its attitudes as quaternions w, x, y, z [M, 4].
             Rates that passed INS_GYRO_FILTER (GyrX of IMU, rollspeed of ATTITUDE) lag themselves, about 11 ms at 20 Hz,
             and the result is too small by that; raw rates, replay records (RISI) and attitudes do not.
-        search_ms: the least and the largest delay to consider.
 
     Raises:
-        ValueError: if shapes do not fit or the search is empty.
+        ValueError: if shapes do not fit.
     """
-    if not search_ms[0] < search_ms[1]:
-        raise ValueError(f"nothing to search from {search_ms[0]} to {search_ms[1]} ms")
     pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_motion)
-    grid_ms = np.arange(search_ms[0], search_ms[1] + _GRID_MS / 2, _GRID_MS)
+    grid_ms = np.arange(SEARCH_MS[0], SEARCH_MS[1] + _GRID_MS / 2, _GRID_MS)
     for delay_ms in (grid_ms[0], grid_ms[-1]):
         pair = pair.chosen(pair.vehicle_rad(delay_ms * 1e-3)[1])
     if len(pair) < _FEWEST_SAMPLES:
-        return Delay(math.nan, math.inf, 0.0, False, 0.0, len(pair))
+        return Delay(math.nan, math.inf, 0.0, False, 0.0)
     sparse = pair.thinned()
     correlations = np.array([_correlation(sparse, delay_ms * 1e-3) for delay_ms in grid_ms])
     best = int(np.argmax(correlations))
     found = _refined(pair, float(grid_ms[best]))
-    inside = search_ms[0] < found.delay_ms < search_ms[1]
-    enough = found.enough_motion and inside and _stands_out(correlations, best, pair)
-    if enough:
+    inside = SEARCH_MS[0] < found.delay_ms < SEARCH_MS[1]
+    if found.enough_motion and inside and _stands_out(correlations, best, pair):
         return found
-    return Delay(math.nan, math.inf, found.correlation, False, found.rate_rad, found.samples)
+    return replace(found, delay_ms=math.nan, sigma_ms=math.inf, enough_motion=False)
 
 
 def _correlation(pair: TurnPair, delay_s: float) -> float:
@@ -138,4 +132,4 @@ def _refined(pair: TurnPair, delay_ms: float) -> Delay:
     correlation = _correlation(chosen, delay_ms * 1e-3)
     rate = chosen.rate_rad(delay_ms * 1e-3)
     settled = correlation >= LEAST_CORRELATION and sigma_ms <= LARGEST_SIGMA_MS and rate >= LEAST_RATE_RAD
-    return Delay(delay_ms, sigma_ms, correlation, settled, rate, len(chosen))
+    return Delay(delay_ms, sigma_ms, correlation, settled, rate)

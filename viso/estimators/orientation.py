@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.axis_rotations import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
-from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, fit, mean_and_sigma
-from viso.estimators.pairs import best_rotation, centred, correlation_of, cross_matrices, turn_pair
+from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, mean_and_sigma
+from viso.estimators.pairs import best_rotation, centred, correlation_of, turn_pair
 from viso.estimators.turning import Array, attitudes_of
 
 LEAST_CORRELATION: Final = 0.6
@@ -38,22 +38,15 @@ class Choice:
 
     Attributes:
         best: the one under which the vectors agree best.
-        second: the next best.
         correlation: under the best, -1 to 1.
         second_correlation: under the next best.
         margin_sigmas: by how many standard deviations the best is better.
     """
 
     best: AxisMap
-    second: AxisMap
     correlation: float
     second_correlation: float
     margin_sigmas: float
-
-    @property
-    def margin(self) -> float:
-        """By how much the correlation is better than the next best, 0 to 2."""
-        return self.correlation - self.second_correlation
 
     @property
     def is_clear(self) -> bool:
@@ -61,7 +54,7 @@ class Choice:
         return self.correlation >= LEAST_CORRELATION and self.margin_sigmas >= LEAST_MARGIN_SIGMAS
 
 
-UNDECIDED: Final = Choice(AxisMap((1, 2, 3)), AxisMap((1, 2, 3)), 0.0, 0.0, 0.0)
+UNDECIDED: Final = Choice(AxisMap((1, 2, 3)), 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,19 +63,11 @@ class Orientation:
 
     Attributes:
         choice: of the 24 rotations by right angles.
-        off_deg: between the best rotation of all and that of right angles: how askew the camera is. NaN if unknown.
-        sigma_deg: one standard deviation of that, of the axis known worst; infinite if unknown.
         enough_motion: whether the motion settles it; turning about one axis alone does not.
-        rate_rad: the vehicle's rate of turn in rad/s, root of the mean square about its mean.
-        samples: rotations compared.
     """
 
     choice: Choice
-    off_deg: float
-    sigma_deg: float
     enough_motion: bool
-    rate_rad: float
-    samples: int
 
     @property
     def axes(self) -> AxisMap:
@@ -99,14 +84,6 @@ class Orientation:
         """The same in words."""
         return self.axes.describe("camera {} is vehicle", BODY_WORDS)
 
-    @property
-    def viso_orient(self) -> int | None:
-        """The documented value of VISO_ORIENT that undoes it, None if there is none or the motion does not settle it.
-
-        ``axes.rotation`` is never None; the firmware obeys any orientation's number, documented or not.
-        """
-        return self.axes.viso_orient if self.enough_motion else None
-
 
 @dataclass(frozen=True, slots=True)
 class WorldAxes:
@@ -114,21 +91,15 @@ class WorldAxes:
 
     Attributes:
         axes: the nearest map of right angles; its horizontal axes mean something only if ``has_compass_axes``.
-        down_off_deg: from the vertical axis to the mean vertical.
         heading_deg: compass direction of the first horizontal axis, x unless x is vertical; 0 to 360.
-        sigma_deg: one standard deviation of the two angles, the larger; infinite if unknown.
-        spread_deg: of single vertical directions about their mean, root of the mean square.
+        sigma_deg: one standard deviation of heading and vertical, the larger; infinite if unknown.
         sufficient: whether attitudes agree on one world; not so if the body axes are wrong.
-        samples: attitudes compared.
     """
 
     axes: AxisMap
-    down_off_deg: float
     heading_deg: float
     sigma_deg: float
-    spread_deg: float
     sufficient: bool
-    samples: int
 
     @property
     def is_up(self) -> bool:
@@ -149,11 +120,6 @@ class WorldAxes:
         word = "down" if self.axes.signed_axes[vertical] > 0 else "up"
         return f"{'xyz'[vertical]} {word}, {'x' if vertical else 'y'} towards {self.heading_deg:.0f} deg"
 
-    @property
-    def text(self) -> str:
-        """The same in words."""
-        return self.axes.describe("world {} is earth", EARTH_WORDS) if self.has_compass_axes else self.name
-
 
 def choose_axes(source: Array, target: Array, candidates: Sequence[Array], blocks: npt.NDArray[np.intp]) -> Choice:
     """Return the axis map that brings vectors [N, 3] nearest to others.
@@ -168,7 +134,6 @@ def choose_axes(source: Array, target: Array, candidates: Sequence[Array], block
     second, best = np.argsort(correlations)[-2:]
     return Choice(
         AxisMap.of(candidates[best]),
-        AxisMap.of(candidates[second]),
         float(correlations[best]),
         float(correlations[second]),
         _margin_sigmas(source @ candidates[best].T, source @ candidates[second].T, target, blocks),
@@ -216,26 +181,14 @@ def estimate_orientation(
     delay_s = delay_ms * 1e-3
     pair = pair.chosen(pair.vehicle_rad(delay_s)[1])
     if len(pair) < _FEWEST_SAMPLES:
-        return Orientation(UNDECIDED, math.nan, math.inf, False, 0.0, len(pair))
+        return Orientation(UNDECIDED, False)
     pair = pair.without_outliers(
         delay_s, best_rotation(centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0]))
     )
     stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0])
     blocks = blocks_of(pair.start_s, _SHORTEST_BLOCK_S)
-    choice, rate = choose_axes(stream, vehicle, PROPER, blocks), pair.rate_rad(delay_s)
-    enough = choice.is_clear and rate >= LEAST_RATE_RAD
-    off_deg, sigma_deg = _askew_deg(stream, vehicle, choice.best, blocks) if enough else (math.nan, math.inf)
-    return Orientation(choice, off_deg, sigma_deg, enough, rate, len(pair))
-
-
-def _askew_deg(stream: Array, vehicle: Array, axes: AxisMap, blocks: npt.NDArray[np.intp]) -> tuple[float, float]:
-    """Return the angle by which the best rotation is off the best of right angles, and its standard deviation."""
-    rotation = best_rotation(stream, vehicle)
-    turned = stream @ rotation.T
-    _, covariance = fit(cross_matrices(turned), turned - vehicle, blocks)
-    if not np.isfinite(covariance).all():
-        return math.nan, math.inf
-    return _angle_deg(rotation @ axes.matrix.T), math.degrees(math.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    choice = choose_axes(stream, vehicle, PROPER, blocks)
+    return Orientation(choice, choice.is_clear and pair.rate_rad(delay_s) >= LEAST_RATE_RAD)
 
 
 def estimate_world_axes(
@@ -262,10 +215,9 @@ def estimate_world_axes(
     """
     stream, vehicle = attitudes_of(stream_time_us, stream_quat_wxyz), attitudes_of(vehicle_time_us, vehicle_quat_wxyz)
     attitudes, known = vehicle.at(stream.time_s - delay_ms * 1e-3)
-    count = int(known.sum())
     blocks = blocks_of(stream.time_s[known], _SHORTEST_BLOCK_S)
-    if count < _FEWEST_SAMPLES or int(blocks.max()) + 1 < FEWEST_BLOCKS:
-        return WorldAxes(AxisMap((1, 2, 3)), math.nan, math.nan, math.inf, math.nan, False, count)
+    if known.sum() < _FEWEST_SAMPLES or int(blocks.max()) + 1 < FEWEST_BLOCKS:
+        return WorldAxes(AxisMap((1, 2, 3)), math.nan, math.inf, False)
     to_vehicle = body_axes.matrix
     to_earth = quaternion.as_rotation_matrix(attitudes[known]) @ to_vehicle
     to_earth = to_earth @ quaternion.as_rotation_matrix(stream.quats[known]).transpose(0, 2, 1)
@@ -288,12 +240,9 @@ def _world_of(to_earth: Array, blocks: npt.NDArray[np.intp]) -> WorldAxes:
     spread_deg = math.degrees(math.sqrt(float(np.mean(spread**2))))
     return WorldAxes(
         _nearest_axes(mean_down, heading),
-        math.degrees(math.acos(min(float(np.abs(mean_down).max()), 1.0))),
         math.degrees(heading) % 360.0,
         sigma_deg,
-        spread_deg,
         sigma_deg <= LARGEST_WORLD_SIGMA_DEG and spread_deg <= LARGEST_SPREAD_DEG,
-        len(to_earth),
     )
 
 
@@ -308,7 +257,3 @@ def _nearest_axes(down: Array, heading_rad: float) -> AxisMap:
     # The third axis is the product of the other two, in the order x, y, z.
     matrix[:, other] = np.cross(matrix[:, (other + 1) % 3], matrix[:, (other + 2) % 3])
     return AxisMap.of(matrix)
-
-
-def _angle_deg(rotation: Array) -> float:
-    return math.degrees(math.acos(min(max((float(np.trace(rotation)) - 1) / 2, -1.0), 1.0)))

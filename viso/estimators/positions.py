@@ -15,7 +15,7 @@ import numpy.typing as npt
 from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER, AxisMap
 from viso.estimators.least_squares import blocks_of, fit, inliers
 from viso.estimators.orientation import UNDECIDED, Choice, choose_axes
-from viso.estimators.pairs import centred
+from viso.estimators.pairs import centred, correlation_of
 from viso.estimators.turning import Array, windows
 
 WINDOW_S: Final = 2.0
@@ -36,17 +36,13 @@ class Scale:
         scale: reference over stream, what VISO_SCALE should be for a stream as it was sent. NaN if unknown.
         sigma: one standard deviation; infinite if unknown.
         correlation: of the displacements, the stream's axes turned or mirrored to fit, 0 to 1.
-        displacement_m: of the reference over a window, root of the mean square about its mean.
         sufficient: whether the vehicle moved enough to tell.
-        samples: displacements compared.
     """
 
     scale: float
     sigma: float
     correlation: float
-    displacement_m: float
     sufficient: bool
-    samples: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,15 +51,11 @@ class PositionAxes:
 
     Attributes:
         choice: of the 24 rotations by right angles and the 24 mirrored ones.
-        displacement_m: of the reference over a window, root of the mean square about its mean.
         sufficient: whether the vehicle moved enough, along enough axes, to tell.
-        samples: displacements compared.
     """
 
     choice: Choice
-    displacement_m: float
     sufficient: bool
-    samples: int
 
     @property
     def axes(self) -> AxisMap:
@@ -93,19 +85,6 @@ class _Moves:
         return _Moves(self.start_s[mask], self.stream_m[mask], self.reference_m[mask])
 
 
-def path_of_velocity(time_us: npt.ArrayLike, velocity: npt.ArrayLike) -> Array:
-    """Return the path [N, 3] that velocities [N, 3] in m/s lead along, from 0, by the trapezoidal rule.
-
-    Args:
-        time_us: [N], growing.
-        velocity: in axes that do not turn.
-    """
-    speeds = np.asarray(velocity, np.float64)
-    steps_s = np.diff(np.asarray(time_us, np.float64))[:, None] * 1e-6
-    path: Array = np.vstack([np.zeros((1, 3)), np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * steps_s, axis=0)])
-    return path
-
-
 def estimate_scale(
     stream_time_us: npt.ArrayLike,
     stream_pos_m: npt.ArrayLike,
@@ -113,7 +92,6 @@ def estimate_scale(
     reference_pos_m: npt.ArrayLike,
     *,
     delay_ms: float = 0.0,
-    window_s: float = WINDOW_S,
 ) -> Scale:
     """Find the scale of a stream's positions, whatever their axes.
 
@@ -124,16 +102,15 @@ def estimate_scale(
         stream_time_us: [N], on the reference's clock.
         stream_pos_m: [N, 3], in any axes that do not turn.
         reference_time_us: [M].
-        reference_pos_m: [M, 3]; of velocities make a path by ``path_of_velocity``.
+        reference_pos_m: [M, 3].
         delay_ms: how old the stream is by its stamps.
-        window_s: the seconds of each displacement.
 
     Raises:
         ValueError: if shapes do not fit.
     """
-    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_m, delay_ms, window_s)
+    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_m, delay_ms)
     if len(moves.start_s) < _FEWEST_SAMPLES:
-        return Scale(math.nan, math.inf, 0.0, 0.0, False, len(moves.start_s))
+        return Scale(math.nan, math.inf, 0.0, False)
     kept = moves
     for _ in range(_PASSES):
         stream, reference = centred(kept.stream_m), centred(kept.reference_m)
@@ -142,17 +119,16 @@ def estimate_scale(
         off = centred(moves.stream_m) @ axes.T * scale - centred(moves.reference_m)
         used, kept = kept, moves.chosen(inliers(np.linalg.norm(off, axis=1)))
     stream, reference = centred(used.stream_m) @ axes.T, centred(used.reference_m)
-    _, covariance = fit(stream[:, :, None], reference - scale * stream, blocks_of(used.start_s, window_s))
+    _, covariance = fit(stream[:, :, None], reference - scale * stream, blocks_of(used.start_s, WINDOW_S))
     sigma = math.sqrt(covariance[0, 0])
-    energy = math.sqrt(float(np.sum(stream**2)) * float(np.sum(reference**2)))
-    correlation = float(np.sum(stream * reference)) / energy if energy > 0 else 0.0
-    moved = math.sqrt(float(np.mean(np.sum(reference**2, axis=1))))
-    enough = (
-        correlation >= LEAST_CORRELATION and moved >= LEAST_DISPLACEMENT_M and sigma <= LARGEST_RELATIVE_SIGMA * scale
-    )
-    if not enough:
-        return Scale(math.nan, math.inf, correlation, moved, False, len(used.start_s))
-    return Scale(scale, sigma, correlation, moved, True, len(used.start_s))
+    correlation = correlation_of(stream, reference)
+    if correlation >= LEAST_CORRELATION and _moves_enough(reference) and sigma <= LARGEST_RELATIVE_SIGMA * scale:
+        return Scale(scale, sigma, correlation, True)
+    return Scale(math.nan, math.inf, correlation, False)
+
+
+def _moves_enough(displacements_m: Array) -> bool:
+    return math.sqrt(float(np.mean(np.sum(displacements_m**2, axis=1)))) >= LEAST_DISPLACEMENT_M
 
 
 def estimate_position_axes(
@@ -163,7 +139,6 @@ def estimate_position_axes(
     *,
     heading_deg: float = 0.0,
     delay_ms: float = 0.0,
-    window_s: float = WINDOW_S,
 ) -> PositionAxes:
     """Find which way the axes of a stream's positions point, mirrored ones among them.
 
@@ -174,20 +149,17 @@ def estimate_position_axes(
         reference_pos_ned_m: [M, 3], north, east, down.
         heading_deg: compass direction that counts as north; where the stream's heading is arbitrary, that of its x.
         delay_ms: how old the stream is by its stamps.
-        window_s: the seconds of each displacement.
 
     Raises:
         ValueError: if shapes do not fit.
     """
-    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms, window_s)
-    count = len(moves.start_s)
-    if count < _FEWEST_SAMPLES:
-        return PositionAxes(UNDECIDED, 0.0, False, count)
+    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms)
+    if len(moves.start_s) < _FEWEST_SAMPLES:
+        return PositionAxes(UNDECIDED, False)
     stream = centred(moves.stream_m)
     reference = centred(moves.reference_m) @ _about_down(heading_deg).T
-    choice = choose_axes(stream, reference, (*PROPER, *MIRRORED), blocks_of(moves.start_s, window_s))
-    moved = math.sqrt(float(np.mean(np.sum(reference**2, axis=1))))
-    return PositionAxes(choice, moved, choice.is_clear and moved >= LEAST_DISPLACEMENT_M, count)
+    choice = choose_axes(stream, reference, (*PROPER, *MIRRORED), blocks_of(moves.start_s, WINDOW_S))
+    return PositionAxes(choice, choice.is_clear and _moves_enough(reference))
 
 
 def _about_down(heading_deg: float) -> Array:
@@ -213,13 +185,12 @@ def _moves(
     reference_time_us: npt.ArrayLike,
     reference_pos_m: npt.ArrayLike,
     delay_ms: float,
-    window_s: float,
 ) -> _Moves:
     stream_s, stream_m = _clean(stream_time_us, stream_pos_m)
     reference_s, reference_m = _clean(reference_time_us, reference_pos_m)
     if len(reference_s) < 2:
         return _Moves(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    start, end = windows(stream_s, window_s)
+    start, end = windows(stream_s, WINDOW_S)
     first, first_known = _interpolated(reference_s, reference_m, stream_s[start] - delay_ms * 1e-3)
     last, last_known = _interpolated(reference_s, reference_m, stream_s[end] - delay_ms * 1e-3)
     return _Moves(stream_s[start], stream_m[end] - stream_m[start], last - first).chosen(first_known & last_known)

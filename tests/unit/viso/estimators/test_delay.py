@@ -158,8 +158,8 @@ def test_stream_of_another_vehicle_is_not_taken(seed: int) -> None:
 def test_delay_beyond_the_search_is_not_taken() -> None:
     rng = np.random.default_rng(14)
     vehicle = motion(rng)
-    seen = vehicle.seen(rng, delay_ms=120)
-    assert not estimate_delay(*seen, vehicle.time_us, vehicle.rates_rad, search_ms=(-20, 100)).enough_motion
+    seen = vehicle.seen(rng, delay_ms=420)
+    assert not estimate_delay(*seen, vehicle.time_us, vehicle.rates_rad).enough_motion
 
 
 def test_value_for_the_parameter_stays_within_its_range() -> None:
@@ -175,8 +175,3 @@ def test_too_few_samples_are_not_enough(count: int) -> None:
     times = np.arange(count) * 3e4
     found = estimate_delay(times, np.tile([1.0, 0, 0, 0], (count, 1)), times, np.ones((count, 3)))
     assert (found.enough_motion, found.sigma_ms) == (False, math.inf)
-
-
-def test_empty_search_is_refused() -> None:
-    with pytest.raises(ValueError, match="nothing to search from 5 to 5 ms"):
-        estimate_delay([], np.zeros((0, 4)), [], np.zeros((0, 3)), search_ms=(5, 5))

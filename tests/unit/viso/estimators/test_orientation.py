@@ -38,9 +38,8 @@ def vehicle() -> Motion:
 def test_mountings_made_of_the_recorded_flight_are_found(flight: Flight, orient: int) -> None:
     seen = turned(flight.quat_wxyz, body=rotation_matrix(orient))
     found = estimate_orientation(flight.stamp_us, seen, flight.att_us, flight.att_wxyz)
-    assert found.viso_orient == orient
-    assert found.choice.margin > 0.1
-    assert found.off_deg < 1.0
+    assert (found.enough_motion, found.axes.rotation) == (True, orient)
+    assert found.choice.correlation - found.choice.second_correlation > 0.1
 
 
 @pytest.mark.parametrize("body", PROPER)
@@ -50,22 +49,20 @@ def test_every_map_is_found_by_body_rates(vehicle: Motion, body: Array) -> None:
     found = estimate_orientation(*seen, vehicle.time_us, vehicle.rates_rad, delay_ms=40)
     assert found.enough_motion
     assert found.axes == AxisMap.of(body)
-    assert found.off_deg < 5 * found.sigma_deg < 2.0
 
 
-def test_camera_that_is_askew_is_nearest_to_a_right_angle_and_its_tilt_is_told(vehicle: Motion) -> None:
+def test_camera_that_is_askew_is_nearest_to_a_right_angle(vehicle: Motion) -> None:
     askew = quaternion.from_rotation_vector([0.0, math.radians(20), 0.0])
     seen = vehicle.seen(np.random.default_rng(22), body=askew)
     found = estimate_orientation(*seen, vehicle.time_us, vehicle.rates_rad)
-    assert found.viso_orient == 0
-    assert found.off_deg == pytest.approx(20, abs=4 * found.sigma_deg)
+    assert (found.enough_motion, found.axes.rotation) == (True, 0)
 
 
 def test_camera_halfway_between_two_mountings_is_neither(vehicle: Motion) -> None:
     halfway = quaternion.from_rotation_vector([0.0, 0.0, math.radians(45)])
     seen = vehicle.seen(np.random.default_rng(23), body=halfway, noise_rad=0.01)
     found = estimate_orientation(*seen, vehicle.time_us, vehicle.rates_rad)
-    assert found.choice.margin < 0.05
+    assert found.choice.correlation - found.choice.second_correlation < 0.05
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -75,8 +72,6 @@ def test_turning_about_one_axis_does_not_settle_the_others(seed: int) -> None:
     noisy = vehicle.rates_rad + rng.normal(0, 0.01, vehicle.rates_rad.shape)
     found = estimate_orientation(*vehicle.seen(rng), vehicle.time_us, noisy)
     assert not found.enough_motion
-    assert found.viso_orient is None
-    assert (math.isnan(found.off_deg), found.sigma_deg) == (True, math.inf)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -100,17 +95,15 @@ def test_attitudes_that_never_change_settle_nothing() -> None:
     assert not estimate_orientation(times, still, times, still).enough_motion
 
 
-def test_few_seconds_settle_the_mounting_but_not_how_askew_it_is() -> None:
+def test_few_seconds_settle_the_mounting() -> None:
     rng = np.random.default_rng(29)
     vehicle = motion(rng, span_s=5.0)
     found = estimate_orientation(*vehicle.seen(rng), vehicle.time_us, vehicle.rates_rad)
-    assert found.viso_orient == 0
-    assert (math.isnan(found.off_deg), found.sigma_deg) == (True, math.inf)
+    assert (found.enough_motion, found.axes.rotation) == (True, 0)
 
 
 def test_too_few_samples_settle_nothing() -> None:
-    found = estimate_orientation([], np.zeros((0, 4)), [], np.zeros((0, 3)))
-    assert (found.enough_motion, found.samples) == (False, 0)
+    assert not estimate_orientation([], np.zeros((0, 4)), [], np.zeros((0, 3))).enough_motion
 
 
 def test_mix_up_is_told_in_words(vehicle: Motion) -> None:
@@ -138,7 +131,6 @@ def test_mix_ups_of_world_and_of_body_are_told_apart(
     assert outer.sufficient
     assert outer.name == world_name
     assert outer.is_up == (world_name != "NED")
-    assert outer.down_off_deg < 1.0
 
 
 @pytest.mark.parametrize(("up", "heading_deg"), [(False, 130), (True, 130), (False, 230)])
@@ -149,7 +141,7 @@ def test_heading_of_a_world_that_points_anywhere_is_told(vehicle: Motion, up: bo
     outer = estimate_world_axes(*seen, vehicle.time_us, vehicle.quat_wxyz, body_axes=OWN)
     assert outer.heading_deg == pytest.approx(heading_deg, abs=max(5 * outer.sigma_deg, 0.1))
     assert not outer.has_compass_axes
-    assert outer.name == outer.text == f"z {'up' if up else 'down'}, x towards {heading_deg} deg"
+    assert outer.name == f"z {'up' if up else 'down'}, x towards {heading_deg} deg"
 
 
 def test_world_with_its_y_down_has_its_name(vehicle: Motion) -> None:
@@ -157,7 +149,6 @@ def test_world_with_its_y_down_has_its_name(vehicle: Motion) -> None:
     seen = vehicle.seen(np.random.default_rng(27), world=to_world)
     outer = estimate_world_axes(*seen, vehicle.time_us, vehicle.quat_wxyz, body_axes=OWN)
     assert outer.name == "EDN"
-    assert outer.text == "world x is earth y (east), world y is earth z (down), world z is earth x (north)"
 
 
 def test_world_of_a_wrong_body_is_not_taken() -> None:
@@ -165,7 +156,6 @@ def test_world_of_a_wrong_body_is_not_taken() -> None:
     vehicle = motion(rng, span_s=200.0, rate_rad=2.0)
     seen = vehicle.seen(rng, body=quaternion.from_rotation_matrix(FLU.matrix))
     found = estimate_world_axes(*seen, vehicle.time_us, vehicle.quat_wxyz, body_axes=OWN)
-    assert found.spread_deg > 30
     assert not found.sufficient
 
 
