@@ -10,8 +10,7 @@ from collections.abc import Iterable
 
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array
-
-Three = tuple[float, float, float]
+from viso.sensors.vectors import Three
 
 
 def quat_of_rpy(roll: float, pitch: float, yaw: float) -> quaternion.quaternion:

@@ -12,7 +12,7 @@ import numpy as np
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
-from viso.sensors.attitude import Three
+from viso.sensors.vectors import Three
 
 MAX_ERROR: Final = 1000.0
 

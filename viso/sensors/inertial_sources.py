@@ -3,7 +3,6 @@
 """The sources of inertial data, by the names that the command line knows; a new one is a file and a row."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -65,12 +64,3 @@ def read_source(text: str) -> MakeSource:
     if colon and not source.argument:
         raise InputError(f"{_OPTION} {text}: {name} takes nothing behind it")
     return source.read(argument)
-
-
-def make_source(text: str, options: ImuOptions) -> Callable[[], SensorSource]:
-    """Return what makes, once a boot, the source that a text names, with options; files are read now.
-
-    Raises:
-        InputError: there is no such source, or its argument cannot be used.
-    """
-    return partial(read_source(text), options)

@@ -1,16 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every source of inertial data is told."""
+"""What every source of inertial data is told, and what most of them have in common."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from viso.sensors.errors import NO_ERRORS, SensorErrors
-
-
-def no_compass() -> bool:
-    """Say that there is no compass."""
-    return False
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +22,20 @@ class ImuOptions:
     """
 
     heading_rad: float = 0.0
-    has_compass: Callable[[], bool] = no_compass
+    has_compass: Callable[[], bool] = lambda: False
     errors: SensorErrors = NO_ERRORS
     seed: int = 0
+
+
+class UnmovedSource:
+    """What a source does that heeds neither arming nor external navigation; ``SensorSource`` tells what it is to do."""
+
+    def __init__(self, options: ImuOptions) -> None:
+        self._options = options
+        self._model = ErrorModel(options.errors, options.seed)
+
+    def set_armed(self, armed: bool) -> None:
+        """Go on as before, armed or not."""
+
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
+        """Go on as before, whatever external navigation says."""

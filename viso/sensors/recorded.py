@@ -13,16 +13,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.logs.recorded import read_log
 from viso.sensors.attitude import rotate_to_body
-from viso.sensors.errors import ErrorModel, to_single
-from viso.sensors.options import ImuOptions
+from viso.sensors.errors import to_single
+from viso.sensors.options import ImuOptions, UnmovedSource
 
 _INSTANCE: Final = 0
 _RECORDS: Final = ("RFRH", "RFRF", "RISI", "RBRI", "RMGI", "RMGH", "ATT")
@@ -117,7 +115,7 @@ def read_recording(path: Path) -> Recording:
     return Recording(reader.time_us, np.array(reader.deltas), reader.slow)
 
 
-class RecordedSource:
+class RecordedSource(UnmovedSource):
     """Sensors that say what they said in a log, at the same times since boot.
 
     A pass gets what the log's passes since the last one add up to; without any, as before the log's first and after
@@ -125,9 +123,8 @@ class RecordedSource:
     """
 
     def __init__(self, options: ImuOptions, recording: Recording) -> None:
-        self._options = options
+        super().__init__(options)
         self._recording = recording
-        self._model = ErrorModel(options.errors, options.seed)
         self._next: int | None = None
         self._yaw_rad = options.heading_rad
 
@@ -147,12 +144,6 @@ class RecordedSource:
             self._yaw_rad = yaw_rad
         mag = mag if self._options.has_compass() else None
         return self._model.apply(Sensors(_sum_of(deltas[start:end]), baro, mag, declination))
-
-    def set_armed(self, armed: bool) -> None:
-        """Play on, armed or not."""
-
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
-        """Play on, whatever external navigation says."""
 
     def yaw_rad(self) -> float:
         """Return the newest yaw of the log's own estimate (ATT) in rad, -pi..pi; without any, the heading given."""
@@ -176,10 +167,6 @@ def _sum_of(deltas: Array) -> InertialDelta:
 
 
 def read_recorded_source(argument: str) -> Callable[[ImuOptions], RecordedSource]:
-    """Return what makes sources from a log.
-
-    Raises:
-        InputError: the log cannot be used.
-    """
+    """Return what makes sources from a log. Raises InputError if the log cannot be used."""
     recording = read_recording(Path(argument))
     return lambda options: RecordedSource(options, recording)

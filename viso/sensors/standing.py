@@ -4,14 +4,12 @@
 
 from typing import Final
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
-from viso.sensors.errors import ErrorModel, exact_delta
-from viso.sensors.options import ImuOptions
+from viso.sensors.errors import exact_delta
+from viso.sensors.options import ImuOptions, UnmovedSource
 from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 
 NOMINAL_US: Final = 2500
@@ -19,7 +17,7 @@ SHORTEST_US: Final = NOMINAL_US // 4
 LONGEST_US: Final = 4 * NOMINAL_US
 
 
-class BenchSource:
+class BenchSource(UnmovedSource):
     """Sensors at rest, with a heading; level unless told otherwise.
 
     Args:
@@ -28,8 +26,7 @@ class BenchSource:
     """
 
     def __init__(self, options: ImuOptions, *, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> None:
-        self._options = options
-        self._model = ErrorModel(options.errors, options.seed)
+        super().__init__(options)
         quat = quat_of_rpy(roll_rad, pitch_rad, options.heading_rad)
         self._accel = rotate_to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
         self._field = ideal_field(quat)
@@ -63,12 +60,6 @@ class BenchSource:
         self._next_reading_us = reading_us + PERIOD_US
         mag = (reading_us, self._field) if self._options.has_compass() else None
         return Sensors(self._delta, (reading_us // 1000, 0.0), mag)
-
-    def set_armed(self, armed: bool) -> None:
-        """Stand still, armed or not."""
-
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
-        """Stand still, whatever external navigation says."""
 
     def yaw_rad(self) -> float:
         """Return the heading in rad."""

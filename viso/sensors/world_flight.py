@@ -10,12 +10,12 @@ import numpy as np
 from viso.companion.vio.frames import enu_to_ned, flu_to_frd
 from viso.companion.vio.se3 import Array
 from viso.companion.world.motion import Trajectory as WorldTrajectory
-from viso.sensors.attitude import Three
 from viso.sensors.options import ImuOptions
 from viso.sensors.script.legs import Motion
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.script.script_file import Script
 from viso.sensors.script.scripted_motion import Trajectory
+from viso.sensors.vectors import Three
 
 _RATE_HZ: Final = 400  # of the main loop
 _STILL: Final[Three] = (0.0, 0.0, 0.0)

@@ -11,17 +11,15 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
-from viso.sensors.errors import ErrorModel, exact_delta, to_single
+from viso.sensors.errors import exact_delta, to_single
 from viso.sensors.hil.readings import MessageTime, RelativeHeight, isa_height_m
-from viso.sensors.options import ImuOptions
+from viso.sensors.options import ImuOptions, UnmovedSource
 from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.sensors.vectors import ZERO, Three, added, scaled
 
@@ -46,7 +44,7 @@ SENSOR_PREFERRED_US: Final = 1_000_000
 _LENGTH_TOLERANCE: Final = 0.1
 
 
-class HilSource:
+class HilSource(UnmovedSource):
     """What a simulator's messages say; the loop of the filter runs at their rate, and rests while there are none.
 
     HIL_SENSOR gives specific force and rates, which are multiplied by the time since the message before, limited to
@@ -66,8 +64,7 @@ class HilSource:
     """
 
     def __init__(self, options: ImuOptions) -> None:
-        self._options = options
-        self._model = ErrorModel(options.errors, options.seed)
+        super().__init__(options)
         self._sensor_time, self._state_time = MessageTime(), MessageTime()
         self._altitude, self._pressure_height, self._state_height = RelativeHeight(), RelativeHeight(), RelativeHeight()
         self._sensor_us: int | None = None
@@ -106,12 +103,6 @@ class HilSource:
         elif self._field is not None:
             self._mag = reading_us, self._field
         self._height = self._field = None
-
-    def set_armed(self, armed: bool) -> None:
-        """Listen to the simulator, armed or not."""
-
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
-        """Listen to the simulator alone."""
 
     def yaw_rad(self) -> float:
         """Return the heading in rad: the simulator's, or the compass's, or that of the options."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
-from viso.sensors.attitude import Three
+from viso.sensors.vectors import Three, added, scaled
 
 TURN: Final = 2.0 * math.pi
 
@@ -38,18 +38,6 @@ def min_jerk(x: float) -> Three:
     return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * (x * rest) ** 2, 60.0 * x * rest * (rest - x)
 
 
-def _between(start: Three, end: Three, way: float) -> Three:
-    return (
-        start[0] + way * (end[0] - start[0]),
-        start[1] + way * (end[1] - start[1]),
-        start[2] + way * (end[2] - start[2]),
-    )
-
-
-def _scaled(start: Three, end: Three, factor: float) -> Three:
-    return factor * (end[0] - start[0]), factor * (end[1] - start[1]), factor * (end[2] - start[2])
-
-
 def _to_earth(bearing_rad: float, plane: tuple[float, float]) -> tuple[float, float]:
     """Return north and east of what is ahead and to the right of a direction."""
     cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
@@ -69,11 +57,12 @@ class PointLeg:
     def at(self, t: float) -> Motion:
         """Return the motion t seconds after the start."""
         way, speed, accel = min_jerk(t / self.duration_s)
+        distance, turn = added(self.end, self.start, -1.0), added(self.end_rpy, self.start_rpy, -1.0)
         return Motion(
-            _between(self.start, self.end, way),
-            _scaled(self.start, self.end, speed / self.duration_s),
-            _scaled(self.start, self.end, accel / self.duration_s**2),
-            _between(self.start_rpy, self.end_rpy, way),
+            added(self.start, distance, way),
+            scaled(distance, speed / self.duration_s),
+            scaled(distance, accel / self.duration_s**2),
+            added(self.start_rpy, turn, way),
         )
 
 

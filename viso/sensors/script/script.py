@@ -9,35 +9,32 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text
-from viso.sensors.attitude import Three, halfway, rotate_to_body, rotation_between
-from viso.sensors.errors import ErrorModel, exact_delta
-from viso.sensors.options import ImuOptions
+from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
+from viso.sensors.errors import exact_delta
+from viso.sensors.options import ImuOptions, UnmovedSource
 from viso.sensors.readings import ideal_field, last_reading_us
 from viso.sensors.script.legs import TURN
 from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
 from viso.sensors.script.scripted_motion import State
+from viso.sensors.vectors import Three, added
 
 FIRST_INTERVAL_US: Final = 2500
-_RATE_SPAN_US: Final = 1000
 
 
 class Truth(NamedTuple):
-    """Where a scripted vehicle really is: m and m/s (NED), attitude (body to earth), turn rates in rad/s (body)."""
+    """Where a scripted vehicle really is: m and m/s (NED), attitude (body to earth)."""
 
     pos_ned: Three
     vel_ned: Three
     quat_wxyz: tuple[float, float, float, float]
-    rates_rad_s: Three
 
 
-class ScriptSource:
+class ScriptSource(UnmovedSource):
     """The sensors of a vehicle that moves as a script says.
 
     Inertial data are integrals over the time since the last pass, however long that was: the change of velocity without
@@ -45,11 +42,10 @@ class ScriptSource:
     """
 
     def __init__(self, options: ImuOptions, script: Script) -> None:
-        self._options = options
+        super().__init__(options)
         self._trajectory = script.trajectory
         self._start_us = None if script.start_s is None else round(1e6 * script.start_s)
         self._delay_us = round(1e6 * script.delay_s)
-        self._model = ErrorModel(options.errors, options.seed)
         self._armed = False
         self._last_us: int | None = None
         self._last = self._trajectory.at(0.0)
@@ -88,32 +84,20 @@ class ScriptSource:
         """Hear whether the vehicle is armed; a script may wait for it."""
         self._armed = armed
 
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
-        """Keep to the script, whatever external navigation says."""
-
     def yaw_rad(self) -> float:
         """Return the heading at the last pass in rad, -pi..pi."""
         return math.remainder(self._last.yaw_rad, TURN)
 
     def truth(self, now_us: int) -> Truth:
-        """Return where the vehicle is at a time in us since boot; until the script starts it stands.
-
-        Turn rates are averages over 1 ms around that time.
-        """
+        """Return where the vehicle is at a time in us since boot; until the script starts it stands."""
         state = self._state(now_us)
-        around = self._state(now_us - _RATE_SPAN_US // 2), self._state(now_us + _RATE_SPAN_US // 2)
-        x, y, z = (1e6 / _RATE_SPAN_US * angle for angle in rotation_between(around[0].quat, around[1].quat))
         quat = state.quat
-        return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z), (x, y, z))
+        return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z))
 
 
 def _delta_between(before: State, now: State, dt: float) -> InertialDelta:
-    change = (
-        now.vel[0] - before.vel[0],
-        now.vel[1] - before.vel[1],
-        now.vel[2] - before.vel[2] - GRAVITY_MSS * dt,
-    )
-    del_vel = rotate_to_body(halfway(before.quat, now.quat), change)
+    north, east, down = added(now.vel, before.vel, -1.0)
+    del_vel = rotate_to_body(halfway(before.quat, now.quat), (north, east, down - GRAVITY_MSS * dt))
     return exact_delta(del_vel, rotation_between(before.quat, now.quat), dt)
 
 

@@ -61,10 +61,10 @@ from typing import Final
 
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from viso.errors import InputError
-from viso.sensors.attitude import Three
 from viso.sensors.script.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
 from viso.sensors.script.scripted_motion import Trajectory
 from viso.sensors.script.toml_table import TomlTable
+from viso.sensors.vectors import Three
 
 ARMED: Final = "armed"
 MAX_M: Final = 1e4

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS
-from viso.sensors.attitude import Three, quat_of_rpy
+from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.script.legs import Leg, Motion
+from viso.sensors.vectors import Three
 
 _STILL: Three = (0.0, 0.0, 0.0)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from viso.errors import InputError
-from viso.sensors.attitude import Three
+from viso.sensors.vectors import Three
 
 
 class TomlTable:
@@ -81,11 +81,7 @@ class TomlTable:
         return [TomlTable(one, f"{self.place}: {key} {number}") for number, one in enumerate(value, 1)]
 
     def check_all_known(self) -> None:
-        """Check that every key has been asked for.
-
-        Raises:
-            InputError: naming one that has not.
-        """
+        """Check that every key has been asked for. Raises InputError naming one that has not."""
         for key in self._values:
             if key not in self._known:
                 known = ", ".join(dict.fromkeys(self._known))

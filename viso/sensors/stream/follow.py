@@ -14,8 +14,8 @@ from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors
-from viso.sensors.errors import ErrorModel, exact_delta
-from viso.sensors.options import ImuOptions
+from viso.sensors.errors import exact_delta
+from viso.sensors.options import ImuOptions, UnmovedSource
 from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US
 from viso.sensors.stream.follower import StreamFollower
@@ -39,7 +39,7 @@ _STEER_US: Final = 10_000
 _LENGTH_TOLERANCE: Final = 0.1
 
 
-class FollowSource:
+class FollowSource(UnmovedSource):
     """Sensors of a vehicle that follows the poses that external navigation gives.
 
     The vehicle starts at rest, level, at height 0, with the heading of the options, and stays so for 6 s after boot;
@@ -67,8 +67,7 @@ class FollowSource:
     """
 
     def __init__(self, options: ImuOptions) -> None:
-        self._options = options
-        self._model = ErrorModel(options.errors, options.seed)
+        super().__init__(options)
         self._vehicle = ImaginedVehicle(options.heading_rad)
         self._follower: StreamFollower | None = None
         self._now_us = -1
@@ -117,9 +116,6 @@ class FollowSource:
         self._next_reading_us = reading_us + PERIOD_US
         self._baro = reading_us // 1000, float(np.float32(self._vehicle.height_m))
         self._mag = (reading_us, ideal_field(self._vehicle.quat)) if self._options.has_compass() else None
-
-    def set_armed(self, armed: bool) -> None:
-        """Follow, armed or not."""
 
     def yaw_rad(self) -> float:
         """Return the heading in rad; without a compass it begins as the stream's first yaw."""

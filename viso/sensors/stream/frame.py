@@ -73,7 +73,7 @@ class StreamFrame:
         has_moved = math.hypot(*error) > explained and (not steady or math.dist(steady.pos, pose.pos) > explained)
         if has_moved or is_reset:
             self._shift(error)
-        self._count(has_moved=has_moved, has_turned=has_turned, is_reset=is_reset)
+        self.jumps += Counter({"reset": 1} if is_reset else {"position": int(has_moved), "yaw": int(has_turned)})
         return has_moved or has_turned or is_reset
 
     def _is_turned(self, pose: Pose, expected: Movement, interval_s: float, steady: Pose | None) -> bool:
@@ -81,14 +81,6 @@ class StreamFrame:
         quats = [expected.quat] if steady is None else [expected.quat, self.apply(steady).quat]
         shown = self.apply(pose).quat
         return all(abs(_yaw_between(quat, shown)) > explained for quat in quats)
-
-    def _count(self, *, has_moved: bool, has_turned: bool, is_reset: bool) -> None:
-        if is_reset:
-            self.jumps["reset"] += 1
-            return
-        for kind, happened in (("position", has_moved), ("yaw", has_turned)):
-            if happened:
-                self.jumps[kind] += 1
 
     def _turn(self, angle_rad: float, *, about: Pose) -> None:
         before = self.apply(about).pos

@@ -10,7 +10,7 @@ from ekf_stub.inputs.sensors import SensorSource
 from tests.places import DATA
 from viso.errors import InputError
 from viso.sensors.hil.source import HilSource
-from viso.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, make_source, read_source
+from viso.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, read_source
 from viso.sensors.options import ImuOptions
 from viso.sensors.recorded import RecordedSource
 from viso.sensors.script.script import ScriptSource
@@ -30,10 +30,10 @@ KINDS = {
 
 @pytest.mark.parametrize("name", IMU_SOURCES)
 def test_source_is_made_anew_for_every_boot(name: str) -> None:
-    make = make_source(name + ARGUMENTS.get(name, ""), ImuOptions(heading_rad=0.25))
-    first: SensorSource = make()
+    make, options = read_source(name + ARGUMENTS.get(name, "")), ImuOptions(heading_rad=0.25)
+    first: SensorSource = make(options)
     assert type(first) is KINDS[name]
-    assert make() is not first
+    assert make(options) is not first
     assert first.yaw_rad() == 0.25
 
 
@@ -65,4 +65,4 @@ def test_unusable_name_is_refused(text: str, error: str) -> None:
 
 def test_unusable_file_is_refused_before_the_vehicle_boots(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
-        make_source(f"log:{tmp_path / 'none.BIN'}", ImuOptions())
+        read_source(f"log:{tmp_path / 'none.BIN'}")

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ekf_stub.filter.inertial import Array
-from viso.sensors.attitude import Three
 from viso.sensors.script.legs import (
     CurveAt,
     CurveLeg,
@@ -24,6 +23,7 @@ from viso.sensors.script.legs import (
     line,
     min_jerk,
 )
+from viso.sensors.vectors import Three
 
 ORIGIN = (0.0, 0.0, 0.0)
 STEP_S = 1e-4

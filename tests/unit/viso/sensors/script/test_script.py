@@ -146,8 +146,10 @@ def test_rotation_is_that_of_the_true_rates(attitude: str, leg: str, time_s: flo
     now_us = START_US + round(1e6 * time_s)
     sense(source, now_us - LOOP_US)
     angles = sense(source, now_us).delta.del_ang
-    rates = source.truth(now_us - LOOP_US // 2).rates_rad_s
-    assert angles == pytest.approx(np.array(rates) * 1e-6 * LOOP_US, abs=2e-5)
+    middle_us, half_us = now_us - LOOP_US // 2, 500
+    before, after = (source.truth(middle_us + step_us).quat_wxyz for step_us in (-half_us, half_us))
+    turn = rotation_between(quaternion.quaternion(*before), quaternion.quaternion(*after))
+    assert angles == pytest.approx(np.array(turn) * LOOP_US / (2 * half_us), abs=2e-5)
 
 
 @given(SMOOTH_LEGS, MOMENTS_S)
