@@ -121,11 +121,7 @@ def number_of(text: str) -> int:
 
 
 def parse_request(client: int, text: str) -> Request:
-    """Return what a page asks for.
-
-    Raises:
-        RequestError: it is nothing that can be asked for.
-    """
+    """Return what a page asks for. Raises RequestError if it is nothing that can be asked for."""
     fields = _object(text)
     number, kind, name = _number(fields), fields.get("do"), fields.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_SIZE or not name.isprintable():
@@ -171,11 +167,7 @@ def _value(value: Any) -> float:
 
 
 class Desk:
-    """Takes requests on one thread, and does them on the vehicle's.
-
-    Args:
-        faults: the switches.
-    """
+    """Takes requests on one thread, and does them on the vehicle's."""
 
     def __init__(self, faults: FaultSwitches) -> None:
         self._faults = faults

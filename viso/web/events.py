@@ -1,58 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vehicle's thread tells the page's: small things, in the order in which they happened."""
+"""What the vehicle's thread tells the page's of its state, and of what was asked for."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-from ap_core.log_field import LogValue
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
-from mav_handlers.endpoint import MessageEvent
-from viso.web.params import Reading
-
-
-@dataclass(frozen=True, slots=True)
-class SeenBoot:
-    """A vehicle starts, and time counts from 0; ``defaults`` are those of its parameters, by name."""
-
-    defaults: Mapping[str, float | None]
-
-
-@dataclass(frozen=True, slots=True)
-class SeenMessage:
-    """A message was dealt with; ``link`` is the name of what it came over."""
-
-    link: str
-    event: MessageEvent
-
-
-@dataclass(frozen=True, slots=True)
-class SeenSample:
-    """The filter did something with a sample, at a time in us since boot.
-
-    ``innovation`` is a length in the unit of its kind, None where the sample was not tested.
-    """
-
-    time_us: int
-    outcome: FilterOutcome
-    innovation: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class SeenRecord:
-    """A VISP or VISV record: its values, TimeUS first."""
-
-    has_position: bool
-    values: Sequence[LogValue]
-
-
-@dataclass(frozen=True, slots=True)
-class SeenText:
-    """The vehicle said something, at a time in us since boot; ``severity`` is a MAV_SEVERITY."""
-
-    time_us: int
-    severity: int
-    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +35,6 @@ class VehicleState:
 
 
 @dataclass(frozen=True, slots=True)
-class SeenParams:
-    """Parameters have changed, or others are listed."""
-
-    reading: Reading
-
-
-@dataclass(frozen=True, slots=True)
 class Answer:
     """What became of something that a page asked for.
 
@@ -106,6 +49,3 @@ class Answer:
     request: int
     ok: bool
     text: str
-
-
-Seen = SeenBoot | SeenMessage | SeenSample | SeenRecord | SeenText | VehicleState | SeenParams | Answer

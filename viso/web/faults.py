@@ -121,11 +121,7 @@ class FaultyLink:
 
 
 class FaultSwitches:
-    """The switches of a vehicle, for all of its links at once.
-
-    Args:
-        links: those of the vehicle.
-    """
+    """The switches of a vehicle, for all of its links at once."""
 
     def __init__(self, links: Iterable[FaultyLink]) -> None:
         self._links = tuple(links)

@@ -3,6 +3,7 @@
 """The vehicle's side of the page: notes what happens, and never waits for anybody to read it."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 from ap_core.log_field import LogValue
@@ -11,22 +12,14 @@ from ap_visualodom.log_structure import VISP, VISV
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.fates.watch import innovation_of
+from viso.fates.watch import SampleTest, innovation_of
 from viso.vehicle.copter.modes import MODES
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
 from viso.web.desk import Desk
-from viso.web.events import (
-    Seen,
-    SeenBoot,
-    SeenMessage,
-    SeenParams,
-    SeenRecord,
-    SeenSample,
-    SeenText,
-    VehicleState,
-)
+from viso.web.events import VehicleState
 from viso.web.faults import FaultSwitches
+from viso.web.live_state import LiveState, Seen
 from viso.web.params import defaults_of, read_params
 
 THINGS_WAITING: Final = 20_000
@@ -66,13 +59,14 @@ class Feed:
         """Follow a vehicle that is about to run, in place of the one before it."""
         self._vehicle = vehicle
         self._generation = -1
-        self.seen.put(SeenBoot(defaults_of(vehicle.params)))
+        defaults = defaults_of(vehicle.params)
+        self.seen.put(lambda state: state.take_boot(defaults))
         vehicle.texts.on_text.append(self._take_text)
         vehicle.logger.on_write = self._take_record
 
     def take(self, link: str, event: MessageEvent) -> None:
         """Note what became of a message that came over a link."""
-        self.seen.put(SeenMessage(link, event))
+        self.seen.put(lambda state: state.take_message(link, event))
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
         """Note what the filter did with a sample, at a time in us since boot."""
@@ -81,22 +75,23 @@ class Feed:
             ahrs = self._vehicle.ahrs
             if isinstance(ahrs, Ekf3Ahrs) and ahrs.core is not None:
                 innovation = innovation_of(ahrs.core, outcome.kind)
-        self.seen.put(SeenSample(now_us, outcome, innovation))
+        self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome, innovation)))
 
     def _take_text(self, severity: int, text: str) -> None:
         assert self._vehicle is not None
-        self.seen.put(SeenText(self._vehicle.clock.micros64(), severity, text))
+        now_us = self._vehicle.clock.micros64()
+        self.seen.put(lambda state: state.take_text(now_us, severity, text))
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         if structure is VISP or structure is VISV:
-            self.seen.put(SeenRecord(structure is VISP, values))
+            self.seen.put(lambda state: state.take_record(structure is VISP, values))
 
     def update(self) -> None:
         """Do what pages ask for, and look now and then how the vehicle is; to be called between passes of its loop."""
         if self._vehicle is None:
             return
         for answer in self._desk.run(self._vehicle):
-            self.seen.put(answer)
+            self.seen.put(partial(LiveState.take_answer, answer=answer))
         now_s = self._now_s()
         if self._looked_s is None or now_s - self._looked_s >= LOOK_PERIOD_S:
             self._looked_s = now_s
@@ -105,8 +100,10 @@ class Feed:
     def _look(self, vehicle: Vehicle) -> None:
         if vehicle.params.generation != self._generation:
             self._generation = vehicle.params.generation
-            self.seen.put(SeenParams(read_params(vehicle.params)))
-        self.seen.put(state_of(vehicle, self._faults.on))
+            reading = read_params(vehicle.params)
+            self.seen.put(lambda state: state.take_params(reading))
+        now = state_of(vehicle, self._faults.on)
+        self.seen.put(lambda state: state.take_state(now))
 
 
 def state_of(vehicle: Vehicle, faults: tuple[str, ...] = ()) -> VehicleState:

@@ -7,26 +7,18 @@ Numbers that are not finite become null, for JSON has none.
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from ap_core.log_field import LogValue
+from mav_handlers.endpoint import MessageEvent
 from viso.fates.labels import Fate, fate_of, is_final, is_model
 from viso.fates.watch import UNITS, SampleTest
 from viso.web.desk import ACTIONS
-from viso.web.events import (
-    Answer,
-    Seen,
-    SeenBoot,
-    SeenMessage,
-    SeenParams,
-    SeenRecord,
-    SeenSample,
-    SeenText,
-    VehicleState,
-)
+from viso.web.events import Answer, VehicleState
 from viso.web.faults import SWITCHES
-from viso.web.params import row_of, shown
+from viso.web.params import Reading, row_of, shown
 from viso.web.rates import Rates
 from viso.web.runs import RunKey, Runs
 
@@ -35,6 +27,9 @@ POINTS_KEPT: Final = 1200
 TEXTS_KEPT: Final = 200
 PRE_ARM: Final = ("PreArm: ", "Arm: ")
 FILTER: Final = "filter"
+
+Seen = Callable[["LiveState"], None]
+"""Something that the vehicle's thread has seen: tells it to what pages show, on the page's thread."""
 
 
 @dataclass(slots=True)
@@ -91,16 +86,6 @@ class LiveState:
         self._boots = 0
         self._params: dict[str, dict[str, Any]] = {}
         self._defaults: Mapping[str, float | None] = {}
-        self._takers: Mapping[type[Seen], Callable[[Any], None]] = {
-            SeenBoot: self._take_boot,
-            SeenMessage: self._take_message,
-            SeenSample: self._take_sample,
-            SeenRecord: self._take_record,
-            SeenText: self._take_text,
-            SeenParams: self._take_params,
-            VehicleState: self._take_state,
-            Answer: self._take_answer,
-        }
         self._answers: list[Answer] = []
         self._start_batch()
 
@@ -114,12 +99,13 @@ class LiveState:
 
     def take(self, things: Iterable[Seen]) -> None:
         """Take what was seen, in order."""
-        for thing in things:
-            self._takers[type(thing)](thing)
+        for tell in things:
+            tell(self)
 
-    def _take_boot(self, boot: SeenBoot) -> None:
+    def take_boot(self, defaults: Mapping[str, float | None]) -> None:
+        """Take that a vehicle starts, and time counts from 0; with the defaults of its parameters by name."""
         self._boots += 1
-        self._defaults = boot.defaults
+        self._defaults = defaults
         self._runs.close()
         self._rates.restart()
         self._points.clear()
@@ -131,60 +117,64 @@ class LiveState:
         if self._boots > 1:
             self._add_text(0, 6, "— restart —")
 
-    def _take_message(self, seen: SeenMessage) -> None:
-        event = seen.event
+    def take_message(self, link: str, event: MessageEvent) -> None:
+        """Take that a message was dealt with, and over which link it came."""
         header, rule = event.header, event.verdict.rule
         self._now_us = max(self._now_us, event.now_us)
         self._rates.take_message(event)
         sender = "" if header is None else f"{header.system_id}:{header.component_id}"
-        key = RunKey(seen.link, event.name, sender, event.verdict.outcome.value, rule.code)
+        key = RunKey(link, event.name, sender, event.verdict.outcome.value, rule.code)
         self._runs.take(key, {"reason": rule.text, "source": rule.source, "model": False}, event.now_us)
 
-    def _take_sample(self, seen: SeenSample) -> None:
-        outcome = seen.outcome
-        rule = outcome.rule
-        self._rates.take_sample(SampleTest(seen.time_us, outcome, seen.innovation))
+    def take_sample(self, test: SampleTest) -> None:
+        """Take what the filter did with a sample."""
+        outcome, rule = test.outcome, test.outcome.rule
+        self._rates.take_sample(test)
         if not is_final(rule):
             return
         fate = fate_of(rule)
         key = RunKey(FILTER, outcome.kind, "", fate.value, rule.code)
         about = {"reason": rule.text, "source": rule.source, "model": is_model(rule)}
-        self._runs.take(key, about, seen.time_us)
-        if seen.innovation is not None and outcome.ratio is not None:
+        self._runs.take(key, about, test.time_us)
+        if test.innovation is not None and outcome.ratio is not None:
             of_kind = self._innovations.setdefault(outcome.kind, _Innovation())
-            of_kind.add(seen.innovation, outcome.ratio, is_rejected=fate is Fate.REJECTED)
+            of_kind.add(test.innovation, outcome.ratio, is_rejected=fate is Fate.REJECTED)
 
-    def _take_record(self, seen: SeenRecord) -> None:
-        time_us, _, corrected_ms = (int(value) for value in seen.values[:3])
+    def take_record(self, has_position: bool, values: Sequence[LogValue]) -> None:
+        """Take a VISP or a VISV record: its values, TimeUS first."""
+        time_us, _, corrected_ms = (int(value) for value in values[:3])
         self._lags_ms.append(time_us / 1e3 - corrected_ms)
-        if seen.has_position:
-            x, y, z = (finite(value, 3) for value in seen.values[3:6])
-            self._vision = {"pos": None if None in (x, y, z) else [x, y, z], "ignored": bool(seen.values[-2])}
+        if has_position:
+            x, y, z = (finite(value, 3) for value in values[3:6])
+            self._vision = {"pos": None if None in (x, y, z) else [x, y, z], "ignored": bool(values[-2])}
 
-    def _take_text(self, seen: SeenText) -> None:
-        self._add_text(seen.time_us, seen.severity, seen.text)
-        if seen.text.startswith(PRE_ARM):
-            if seen.time_us != self._pre_arm_us:
-                self._pre_arm, self._pre_arm_us = [], seen.time_us
-            self._pre_arm.append(seen.text.partition(": ")[2])
+    def take_text(self, time_us: int, severity: int, text: str) -> None:
+        """Take what the vehicle said, at a time in us since boot; ``severity`` is a MAV_SEVERITY."""
+        self._add_text(time_us, severity, text)
+        if text.startswith(PRE_ARM):
+            if time_us != self._pre_arm_us:
+                self._pre_arm, self._pre_arm_us = [], time_us
+            self._pre_arm.append(text.partition(": ")[2])
 
     def _add_text(self, time_us: int, severity: int, text: str) -> None:
         row = [time_us / 1e6, severity, text]
         self._texts.append(row)
         self._new_texts.append(row)
 
-    def _take_params(self, seen: SeenParams) -> None:
-        if [slot.name for slot, _ in seen.reading] != list(self._params):
-            self._params = {slot.name: row_of(slot, value, self._defaults) for slot, value in seen.reading}
+    def take_params(self, reading: Reading) -> None:
+        """Take parameters that have changed, or others that are listed."""
+        if [slot.name for slot, _ in reading] != list(self._params):
+            self._params = {slot.name: row_of(slot, value, self._defaults) for slot, value in reading}
             self._has_new_table = True
             return
-        for slot, raw in seen.reading:
+        for slot, raw in reading:
             value, row = shown(raw), self._params[slot.name]
             if row["value"] != value:
                 row["value"] = value
                 self._changed_params[slot.name] = value
 
-    def _take_state(self, seen: VehicleState) -> None:
+    def take_state(self, seen: VehicleState) -> None:
+        """Take how the vehicle is."""
         self._now_us = max(self._now_us, seen.time_us)
         pos = None if seen.pos_ned is None else [finite(part, 3) for part in seen.pos_ned]
         passed = seen.has_prearm_passed
@@ -203,7 +193,8 @@ class LiveState:
             "faults": list(seen.faults),
         }
 
-    def _take_answer(self, answer: Answer) -> None:
+    def take_answer(self, answer: Answer) -> None:
+        """Take what became of something that a page asked for."""
         self._answers.append(answer)
 
     def take_answers(self) -> list[Answer]:
@@ -256,9 +247,6 @@ class LiveState:
             "texts": list(self._texts),
             "table": list(self._params.values()),
             "units": dict(UNITS),
-            "actions": [
-                {"name": action.name, "label": action.label, "about": action.about, "key": action.key}
-                for action in ACTIONS
-            ],
+            "actions": [{"name": one.name, "label": one.label, "about": one.about, "key": one.key} for one in ACTIONS],
             "faults": [{"name": one.name, "label": one.label, "about": one.about} for one in SWITCHES],
         }

@@ -51,11 +51,7 @@ class Run:
 
 
 class Runs:
-    """The newest runs.
-
-    Args:
-        limit: how many are kept.
-    """
+    """The newest runs, no more than the limit."""
 
     def __init__(self, limit: int = RUNS_KEPT) -> None:
         self._limit = limit
@@ -64,20 +60,19 @@ class Runs:
         self._changed: dict[int, Run] = {}
         self._numbers = 0
 
-    def take(self, key: RunKey, about: dict[str, Any], time_us: int, amount: int = 1) -> None:
+    def take(self, key: RunKey, about: dict[str, Any], time_us: int) -> None:
         """Count something that happened, at a time in us since boot.
 
         Args:
             key: what it has in common with others.
             about: what else is told, the same whenever ``key`` is.
             time_us: when.
-            amount: how often.
         """
         run = self._open.get(key)
         if run is None or not 0 <= time_us - run.last_us < GAP_US:
             run = self._begin(key, about, time_us)
         run.last_us = time_us
-        run.count += amount
+        run.count += 1
         self._changed[run.number] = run
 
     def _begin(self, key: RunKey, about: dict[str, Any], time_us: int) -> Run:

@@ -22,8 +22,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from viso.web.desk import MAX_REQUEST_CHARS
 from viso.web.encoding import encode
-from viso.web.events import Answer, Seen
-from viso.web.live_state import LiveState
+from viso.web.events import Answer
+from viso.web.live_state import LiveState, Seen
 from viso.web.same_site import SameSite
 
 BATCH_PERIOD_S: Final = 0.1
@@ -43,11 +43,7 @@ FILES: Final = {
 
 
 class Client:
-    """A page that is open: what is to be sent to it; one that is too slow gets everything anew instead.
-
-    Args:
-        number: tells it from others.
-    """
+    """A page that is open: what is to be sent to it; one that is too slow gets everything anew instead."""
 
     def __init__(self, number: int) -> None:
         self.number = number

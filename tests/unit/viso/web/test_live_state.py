@@ -14,7 +14,6 @@ from mav_handlers.wire.messages import HEARTBEAT
 from tests.unit.viso.conftest import Bench, odometry
 from viso.web.desk import Desk
 from viso.web.encoding import encode
-from viso.web.events import SeenBoot
 from viso.web.faults import FaultSwitches
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
@@ -189,7 +188,7 @@ def test_restart_forgets_paths_and_keeps_verdicts_and_totals(watch: Callable[...
     watched = watch()
     watched.bench.see(1)
     watched.batch()
-    watched.state.take([SeenBoot({})])
+    watched.state.take_boot({})
     batch = watched.batch()
     assert batch["boots"] == 2
     assert batch["rates"][0]["total"]["offered"] == 20
