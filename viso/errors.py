@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Errors that a command tells its user in one line."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(Exception):
     """Something given to a command cannot be used; the text is one line that names it and says why.
@@ -11,3 +14,21 @@ class InputError(Exception):
 
     def __init__(self, text: str) -> None:
         super().__init__(" ".join(text.splitlines()))
+
+
+@contextmanager
+def file_errors(place: object) -> Iterator[None]:
+    """Raise InputError for what the file system does not do; the text begins with the place."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{place}: {error.strerror or error}") from error
+
+
+@contextmanager
+def told_errors(*kinds: type[Exception]) -> Iterator[None]:
+    """Raise InputError in place of errors whose text already says all."""
+    try:
+        yield
+    except kinds as error:
+        raise InputError(str(error)) from error

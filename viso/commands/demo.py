@@ -15,7 +15,7 @@ from rich.table import Table
 
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.demo import tracking_camera as simulated
-from viso.errors import InputError
+from viso.errors import InputError, file_errors, told_errors
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogFile, LogStore
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
@@ -87,10 +87,8 @@ def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     from viso.closed_loop.figures import figures_of, figures_row, figures_table
     from viso.demo import odometry as demo_vio
 
-    try:
+    with told_errors(StrategyNotAvailableError):
         run = demo_vio.VioDemo(seed, lambda: log_file, firmware)
-    except StrategyNotAvailableError as error:
-        raise InputError(str(error)) from error
     with _flying(demo_vio.END_S) as (on_progress, stop):
         run.run(on_progress, stop)
 
@@ -128,14 +126,13 @@ def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware) -> _F
 
 def _save_plot(flown: _Flown, path: Path) -> Path | None:
     try:
-        flown.save_plot(path)
+        with file_errors(path):
+            flown.save_plot(path)
     except ModuleNotFoundError as error:
         if error.name is None or not error.name.startswith("matplotlib"):
             raise
         err.print(_PLOT_HINT)
         return None
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
     return path
 
 

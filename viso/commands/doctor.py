@@ -5,6 +5,7 @@
 import json
 import math
 import time
+from contextlib import closing
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -149,15 +150,12 @@ def _is_link(source: str) -> bool:
 
 
 def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
-    link = open_link(connection)
-    try:
+    with closing(open_link(connection)) as link:
         recorder = LinkRecorder(link, lead_us, time.monotonic)
         with stop_on_signal() as signals, progress(f"listening to {connection}", int(seconds)) as bar:
             recorder.run(
                 seconds, lambda: bool(signals), lambda passed_s: bar.update(bar.task_ids[0], completed=passed_s)
             )
-    finally:
-        link.close()
     return recorder.stream()
 
 

@@ -3,7 +3,7 @@
 """``viso faults``: faults on a timeline, between two links or in a recorded stream."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -12,10 +12,9 @@ from rich.console import Console
 from rich.live import Live
 
 from mav_handlers.links import open_link
-from mav_handlers.links.base import Link
 from viso.companion.faults import FAULTS, Injector, Timeline, TimelineError, load_timeline, parse_timeline, run_through
 from viso.companion.faults.timeline import MAX_SEED
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.faults.file import check_output, read_recording, write_recording
 from viso.faults.proxy import FaultProxy
 from viso.faults.tables import entry_table, summary_line, tally_as_dict
@@ -29,12 +28,10 @@ PROGRESS_EVERY: Final = 256
 def _timeline(path: Path | None, inline: list[str]) -> Timeline:
     if path is None and not inline:
         raise InputError(f"--timeline FILE or --fault TEXT is missing; faults: {', '.join(FAULTS)}")
-    try:
+    with told_errors(TimelineError):
         given = Timeline() if path is None else load_timeline(path)
         added = (parse_timeline(f"faults: [{{{text}}}]", f"--fault {text!r}") for text in inline)
         return Timeline((*given.entries, *(entry for timeline in added for entry in timeline.entries)), given.seed)
-    except TimelineError as error:
-        raise InputError(str(error)) from error
 
 
 def faults(
@@ -121,10 +118,7 @@ def _between_links(
     if len(ends) != 2:
         raise InputError("two links are needed, or one file and -o OUT")
     with ExitStack() as stack:
-        links: list[Link] = []
-        for name in ends:
-            links.append(open_link(name))
-            stack.callback(links[-1].close)
+        links = [stack.enter_context(closing(open_link(name))) for name in ends]
         stop = stack.enter_context(stop_on_signal())
         console.print(f"faults from {ends[0]} to {ends[1]}; Ctrl-C ends")
         if live and console.is_terminal:

@@ -4,7 +4,7 @@
 
 import math
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -203,8 +203,7 @@ def _play_live(
         console.print(f"({text.severity}) {text.text}")
 
     with ExitStack() as stack:
-        link = open_link(name)
-        stack.callback(link.close)
+        link = stack.enter_context(closing(open_link(name)))
         stop = stack.enter_context(stop_on_signal())
         if live and console.is_terminal:
             # Drawn by a thread, which takes a copy of the counts.

@@ -31,27 +31,13 @@ from viso.options.ahrs import (
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings, needing_reboot, parse_assignments
+from viso.replay import versus as versus_runs
 from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
-from viso.replay.versus import (
-    error_changes,
-    error_rows,
-    error_table,
-    innovation_change_rows,
-    innovation_change_table,
-    innovation_changes,
-)
 from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_stream
+from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
-from viso.terminal.filter_report import (
-    aiding_rows,
-    aiding_table,
-    filter_rows,
-    innovation_rows,
-    innovation_table,
-    tables_of,
-)
 
 _NAMED: Final = 8
 """How many parameters a note names; a log holds those of the whole autopilot."""
@@ -241,9 +227,9 @@ def _as_dict(outcome: ReplayOutcome) -> dict[str, object]:
     texts = [said._asdict() for said in outcome.texts]
     told: dict[str, object] = {"verdicts": verdict_rows(outcome.verdicts), "texts": texts}
     if outcome.innovations is not None and outcome.aiding is not None:
-        told["filter"] = filter_rows(outcome.filter_counts)
-        told["innovations"] = innovation_rows(outcome.innovations)
-        told["aiding"] = aiding_rows(outcome.aiding)
+        told["filter"] = filter_report.filter_rows(outcome.filter_counts)
+        told["innovations"] = filter_report.innovation_rows(outcome.innovations)
+        told["aiding"] = filter_report.aiding_rows(outcome.aiding)
     return told
 
 
@@ -253,10 +239,10 @@ def _tell(outcome: ReplayOutcome) -> None:
     if outcome.innovations is None or outcome.aiding is None:
         out.print(verdict_table(outcome.verdicts))
         return
-    out.print(*tables_of(outcome.verdicts, outcome.filter_counts))
+    out.print(*filter_report.tables_of(outcome.verdicts, outcome.filter_counts))
     if outcome.innovations:
-        out.print(innovation_table(outcome.innovations))
-    out.print(aiding_table(outcome.aiding))
+        out.print(filter_report.innovation_table(outcome.innovations))
+    out.print(filter_report.aiding_table(outcome.aiding))
 
 
 def _tell_changes(
@@ -279,20 +265,20 @@ def _tell_versus(
     stream: Stream, profiles: tuple[Firmware, Firmware], outcomes: Sequence[ReplayOutcome], *, as_json: bool
 ) -> None:
     before, after = outcomes
-    comparison, errors = compare(before, after), error_changes(before, after)
-    innovations = innovation_changes(before, after)
+    comparison, errors = compare(before, after), versus_runs.error_changes(before, after)
+    innovations = versus_runs.innovation_changes(before, after)
     names = [profile.name for profile in profiles]
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
-        own = {"errors": error_rows(errors), "innovations": innovation_change_rows(innovations)}
+        own = {"errors": versus_runs.error_rows(errors), "innovations": versus_runs.innovation_change_rows(innovations)}
         differs = {**comparison_rows(comparison), **own}
         firmware = dict(zip(both, names, strict=True))
         out.print_json(data={"stream": stream.name, "firmware": firmware, **both, "differs": differs})
         return
     out.print(f"before: firmware {names[0]}; after: firmware {names[1]}")
     if errors:
-        out.print(error_table(errors))
+        out.print(versus_runs.error_table(errors))
     if innovations:
-        out.print(innovation_change_table(innovations))
+        out.print(versus_runs.innovation_change_table(innovations))
     for part in comparison_tables(comparison, with_filter=before.aiding is not None):
         out.print(part)

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso report``: what a flight's log tells of external navigation."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.files.atomic_file import replace_file
 from viso.firmware.releases import Firmware
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
@@ -56,13 +56,12 @@ def report(
         if written is not None and _same_file(written, log):
             raise InputError(f"{written}: is the log itself")
     wants_figures = page is not None or png is not None or svg is not None
-    figures = _figures() if wants_figures else None
+    if wants_figures:
+        _check_figures()
     material, facts, summary = _read(log, profile)
-    written_files: list[Path] = []
-    for path, make in (*_exports(material, tum), *_tables(material, csv, mcap)):
-        written_files.append(_write(path, make()))
-    if figures is not None:
-        written_files += figures(material, facts, summary, page, png, svg)
+    written_files = [_write(path, data) for path, data in _exports(material, tum, csv, mcap)]
+    if wants_figures:
+        written_files += _draw(material, facts, summary, page, png, svg)
     out.print(summary.sentence)
     for remark in summary.remarks:
         out.print(f"- {remark.text}")
@@ -92,43 +91,32 @@ def _read(log: Path, firmware: Firmware) -> tuple[Material, Facts, Summary]:
 
 
 def _write(path: Path, data: bytes) -> Path:
-    try:
+    with file_errors(path):
         replace_file(path, data)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
     return path
 
 
-def _exports(material: Material, tum: Path | None) -> Iterator[tuple[Path, Callable[[], bytes]]]:
-    if tum is None:
-        return
-    found = trajectories(material)
-    if not found:
-        err.print(f"note: --tum {tum}: the log has no trajectory, nothing was written")
-    for name, poses in found.items():
-        path = tum.with_name(f"{tum.stem}_{name}{tum.suffix or '.tum'}")
-        yield path, lambda poses=poses: tum_text(poses).encode()  # type: ignore[misc]
-
-
-def _tables(material: Material, csv: Path | None, mcap: Path | None) -> Iterator[tuple[Path, Callable[[], bytes]]]:
+def _exports(material: Material, tum: Path | None, csv: Path | None, mcap: Path | None) -> Iterator[tuple[Path, bytes]]:
+    if tum is not None:
+        found = trajectories(material)
+        if not found:
+            err.print(f"note: --tum {tum}: the log has no trajectory, nothing was written")
+        for name, poses in found.items():
+            yield tum.with_name(f"{tum.stem}_{name}{tum.suffix or '.tum'}"), tum_text(poses).encode()
     if csv is not None:
-        yield csv, lambda: csv_text(material).encode()
+        yield csv, csv_text(material).encode()
     if mcap is not None:
-        yield mcap, lambda: _mcap(material)
+        with progress("writing MCAP", None) as bar:
+            data = mcap_bytes(material, lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total))
+        yield mcap, data
 
 
-def _mcap(material: Material) -> bytes:
-    with progress("writing MCAP", None) as bar:
-        return mcap_bytes(material, lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total))
-
-
-def _figures() -> Callable[..., list[Path]]:
-    """Return what draws; it needs matplotlib, without which exports work."""
+def _check_figures() -> None:
+    """Check that there is matplotlib, without which exports work."""
     try:
         import matplotlib  # noqa: F401
     except ModuleNotFoundError as error:
         raise InputError(_MISSING_EXTRA) from error
-    return _draw
 
 
 def _draw(

@@ -5,14 +5,14 @@
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mav_handlers.links import Link, open_link
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.files.key_store import FileKeyStore
 from viso.firmware.releases import PROFILES, Firmware
 from viso.logs.files import LogStore
@@ -53,12 +53,7 @@ DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 
 
 def _open_links(names: Sequence[str], stack: ExitStack) -> list[Link]:
-    links = []
-    for name in names:
-        link = open_link(name)
-        stack.callback(link.close)
-        links.append(link)
-    return links
+    return [stack.enter_context(closing(open_link(name))) for name in names]
 
 
 def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStack) -> list[VerdictStream]:
@@ -166,10 +161,8 @@ def serve(
     files = [*preset_files(preset), *(defaults or [])]
     settings = load_settings(files, [], links=len(names), allow_unknown=allow_unknown, firmware=profile)
     overrides = load_settings([], param or [], links=len(names), firmware=profile)
-    try:
+    with file_errors(f"--log-dir {log_dir}"):
         log_dir.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--log-dir {log_dir}: {error.strerror or error}") from error
     store = LogStore(log_dir)
     storage_path = storage or log_dir / STORAGE_NAME
     param_store = ParamStore(storage_path)

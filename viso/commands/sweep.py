@@ -12,7 +12,7 @@ import typer
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import HeadingOption, ImuErrorOption
 from viso.options.presets import PRESET_HELP
@@ -244,10 +244,8 @@ def _draw(plan: SweepPlan, rows: list[dict[str, Any]], objective: str, output: P
     except ImportError:
         err.print(f"note: {_PLOT_HINT}")
         return
-    try:
+    with file_errors(output / PLOT):
         save_plot(plan, rows, objective, output / PLOT)
-    except OSError as error:
-        raise InputError(f"{output / PLOT}: {error.strerror or error}") from error
 
 
 def _tell(

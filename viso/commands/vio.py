@@ -18,7 +18,7 @@ from viso.companion.sources.kinds import SOURCES
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.files.text_files import write_text
 from viso.options.checks import within
 from viso.terminal.console import err, out
@@ -161,10 +161,8 @@ def _save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *,
             raise
         err.print(_PLOT_HINT)
         return None
-    try:
+    with file_errors(path):
         save_plot(log, truth, title, path, aligned=aligned)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
     return path
 
 

@@ -16,6 +16,7 @@ LEAST_JUMP_MS: Final = 100.0
 LEAST_STEP_MS: Final = 20.0
 STEADY_WINDOWS: Final = 4
 _WINDOW_US: Final = 500_000
+_MOST_IN_PAIRS: Final = 300
 
 
 def usable_tracks(evidence: Evidence) -> Iterator[Track]:
@@ -71,16 +72,12 @@ def _slope(minima: Minima) -> float:
     return float(np.median(rise / apart_s[usable]))
 
 
-def _thinned(minima: Minima, most: int = 300) -> Minima:
-    every = max(1, len(minima.lag_ms) // most)
-    return Minima(minima.time_s[::every], minima.lag_ms[::every], minima.first[::every], minima.segment[::every])
-
-
 def drift_ppm(minima: Minima) -> float | None:
     """Return the steady drift of the clocks; None where the lag does not follow a line."""
     if len(minima.lag_ms) < 2 * STEADY_WINDOWS:
         return None
-    minima = _thinned(minima)
+    every = max(1, len(minima.lag_ms) // _MOST_IN_PAIRS)
+    minima = Minima(minima.time_s[::every], minima.lag_ms[::every], minima.first[::every], minima.segment[::every])
     slope = _slope(minima)
     off = minima.lag_ms - slope * minima.time_s
     change = abs(slope) * float(minima.time_s[-1] - minima.time_s[0])

@@ -71,22 +71,19 @@ def compare_values(
     label: str, ours: Sequence[tuple[float, float]], recorded: Sequence[tuple[float, float]]
 ) -> Differences:
     """Compare changes of an integer: the same values in the same order, at the same times."""
-
-    def events_of(changes: Sequence[tuple[float, float]]) -> list[Event]:
-        return [Event(time_s, value, f"{label} {int(value):#x}") for time_s, value in changes]
-
-    return _compare(events_of(ours), events_of(recorded), step=0.0)
+    first, second = (
+        [Event(time_s, value, f"{label} {int(value):#x}") for time_s, value in side] for side in (ours, recorded)
+    )
+    return _compare(first, second, step=0.0)
 
 
 def compare_moves(
     ours: Sequence[tuple[float, tuple[float, float]]], recorded: Sequence[tuple[float, tuple[float, float]]]
 ) -> Differences:
     """Compare resets of position: as many, by as much (m north and east), at the same times."""
-
-    def events_of(moves: Sequence[tuple[float, tuple[float, float]]]) -> list[Event]:
-        return [Event(time_s, None, "moved by {:.2f}, {:.2f} m".format(*moved), moved) for time_s, moved in moves]
-
-    return _compare(events_of(ours), events_of(recorded), step=MOVED_STEP_M)
+    text = "moved by {:.2f}, {:.2f} m"
+    first, second = ([Event(time_s, None, text.format(*by), by) for time_s, by in side] for side in (ours, recorded))
+    return _compare(first, second, step=MOVED_STEP_M)
 
 
 def _text_event(timed: tuple[float, str]) -> Event:

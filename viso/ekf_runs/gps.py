@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the replay records of a log say of the GPS (AP_DAL/AP_DAL_GPS.cpp)."""
 
-from typing import Any, Final
+from typing import Any
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
@@ -10,7 +10,6 @@ from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from viso.logs.record_fields import finite, instance, numbers, whole
 
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
-_SLOW_FIELDS: Final = ("Flags", "Stat", "NSats")
 
 
 class GpsRecords:
@@ -22,17 +21,15 @@ class GpsRecords:
         self._fast: dict[int, Any] = {}
         self._last_fix_ms = 0
 
-    def take_rgph(self, record: Any) -> None:
-        """Take how many there are, and which is the primary one."""
-        self._count, self._primary = whole(record, "NumInst", "Primary")
-
-    def take_rgpi(self, record: Any) -> None:
-        """Take what changes seldom."""
-        self._slow[instance(record)] = whole(record, *_SLOW_FIELDS)
-
-    def take_rgpj(self, record: Any) -> None:
-        """Take a solution."""
-        self._fast[instance(record)] = record
+    def take(self, record: Any) -> None:
+        """Take how many there are and which is the primary one, what changes seldom, or a solution."""
+        kind = record.get_type()
+        if kind == "RGPH":
+            self._count, self._primary = whole(record, "NumInst", "Primary")
+        elif kind == "RGPI":
+            self._slow[instance(record)] = whole(record, "Flags", "Stat", "NSats")
+        else:
+            self._fast[instance(record)] = record
 
     def newest(self) -> GpsSample | None:
         """Return the newest solution of the primary GPS, or None without one."""

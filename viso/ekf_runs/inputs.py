@@ -6,7 +6,6 @@ A value stands until another record of its kind comes: most records are written 
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -51,7 +50,7 @@ class ReplayInputs:
         self.camera_delay_ms = 0
         self.gps: GpsSample | None = None
         self._primary_baro = self._usable_mag = 0
-        gps = self._gps_records = GpsRecords()
+        self._gps_records = GpsRecords()
         self._handlers: dict[str, Callable[[Any], None]] = {
             "RFRH": self._take_rfrh,
             "RFRN": self._take_rfrn,
@@ -61,17 +60,11 @@ class ReplayInputs:
             "RMGH": self._take_rmgh,
             "RMGI": self._take_rmgi,
             "RVOH": self._take_rvoh,
-            "RGPH": partial(self._take_gps, gps.take_rgph),
-            "RGPI": partial(self._take_gps, gps.take_rgpi),
-            "RGPJ": partial(self._take_gps, gps.take_rgpj),
+            **dict.fromkeys(("RGPH", "RGPI", "RGPJ"), self._take_gps),
         }
 
     def take(self, record: Any) -> None:
-        """Take the next record of the log, whatever it is.
-
-        Raises:
-            RecordError: if it cannot be used.
-        """
+        """Take the next record of the log, whatever it is. Raises RecordError if it cannot be used."""
         handler = self._handlers.get(record.get_type())
         if handler is not None:
             handler(record)
@@ -113,6 +106,6 @@ class ReplayInputs:
         self.camera_frd = (x, y, z) if enabled else None
         (self.camera_delay_ms,) = whole(record, "Del")
 
-    def _take_gps(self, take: Callable[[Any], None], record: Any) -> None:
-        take(record)
+    def _take_gps(self, record: Any) -> None:
+        self._gps_records.take(record)
         self.gps = self._gps_records.newest()

@@ -10,20 +10,16 @@ from pathlib import Path
 from typing import Final
 
 from ap_core.dataflash import DataFlashWriter, ParameterRecord
-from ap_core.location import Location
 from ap_core.log_field import LogValue
-from ap_core.log_structure import EV, MSG, ORGN, LogStructure
+from ap_core.log_structure import LogStructure
 from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.core.reporting import run_report_of
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.reports.core_report import CoreReport
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.files.atomic_file import replace_file
 from viso.logs.logger import STRUCTURES
 
-EV_YAW_RESET: Final = 62
-EV_SOURCE_SET_1: Final = 85
-_ORGN_EKF: Final = 0
 # However little the firmware was told to log (EK3_LOG_LEVEL): the estimates are what this log is for.
 _ALWAYS: Final = {"EK3_LOG_LEVEL": 0}
 
@@ -58,18 +54,6 @@ class EkfOutput:
         """Append a parameter that has changed."""
         self._data += self._writer.parameter(name, value, time_us=time_us)
 
-    def text(self, text: str, time_us: int) -> None:
-        """Append a text."""
-        self.write(MSG, (time_us, text))
-
-    def event(self, event: int, time_us: int) -> None:
-        """Append an event."""
-        self.write(EV, (time_us, event))
-
-    def origin(self, place: Location, time_us: int) -> None:
-        """Append the origin that was set."""
-        self.write(ORGN, (time_us, _ORGN_EKF, place.lat, place.lng, place.alt_cm))
-
     def frame(self, core: Ekf3Core, time_us: int, *, is_step: bool) -> None:
         """Append what a filter with a state writes by itself, after a frame."""
         if self._estimates.is_due(time_us, core.is_still(), is_step=is_step):
@@ -85,13 +69,11 @@ class EkfOutput:
         Raises:
             InputError: if that cannot be done; what was there before is untouched.
         """
-        try:
+        with file_errors(path):
             if path.exists() and not path.is_file():
                 path.write_bytes(self._data)  # a device or a pipe, which must not be replaced by a file
             else:
                 replace_file(path, bytes(self._data))
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
 
 
 def check_place(path: Path, source: Path) -> None:
@@ -100,7 +82,7 @@ def check_place(path: Path, source: Path) -> None:
     Raises:
         InputError: if it cannot, or would replace the log that it is made from.
     """
-    try:
+    with file_errors(path):
         if path.exists() and source.exists() and path.samefile(source):
             raise InputError(f"{path}: is the log to be read")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -108,5 +90,3 @@ def check_place(path: Path, source: Path) -> None:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         with tempfile.TemporaryFile(dir=path.parent):
             pass  # permissions alone don't tell: root has all of them, and some file systems take no files
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error

@@ -84,11 +84,7 @@ class EkfPlayer:
         return self.inputs.time_us
 
     def param(self, name: str) -> float:
-        """Return a parameter.
-
-        Raises:
-            RecordError: if the log has no such parameter.
-        """
+        """Return a parameter. Raises RecordError if the log has no such parameter."""
         try:
             return self.params[name]
         except KeyError:
@@ -101,11 +97,7 @@ class EkfPlayer:
         return self.core.report(self.time_us // 1000)
 
     def take(self, record: Any) -> None:
-        """Take the next record of the log, whatever it is.
-
-        Raises:
-            RecordError: if the filter cannot go on with it.
-        """
+        """Take the next record of the log, whatever it is. Raises RecordError if the filter cannot go on with it."""
         kind = record.get_type()
         if kind in _AFTER_THE_FRAME:
             # The filter has run before any task of the frame, whether or not RFRF has already said so.

@@ -11,11 +11,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from ap_core.location import Location
-from ap_core.log_structure import QUIET_NAN
+from ap_core.log_structure import EV, MSG, ORGN, QUIET_NAN
 from ekf_stub.filter.inertial import Array
 from ekf_stub.log.ekf_log import PERIOD_US
 from ekf_stub.reports.core_report import CoreReport
-from viso.ekf_runs.output import EV_SOURCE_SET_1, EV_YAW_RESET, EkfOutput
+from viso.ekf_runs.output import EkfOutput
 from viso.ekf_runs.player import EkfPlayer
 from viso.errors import InputError
 from viso.logs.record_fields import RecordError, finite, text, whole
@@ -28,6 +28,9 @@ LABELS: Final = (
 """What is compared, by the labels of XKF1, XKF3 and XKF4; angles in deg."""
 
 _CORE: Final = 0
+_EV_YAW_RESET: Final = 62
+_EV_SOURCE_SET_1: Final = 85
+_ORGN_EKF: Final = 0
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
 
@@ -178,7 +181,7 @@ class EkfRun:
     def _note_yaw_reset(self) -> None:
         resets = 0 if self._player.core is None else self._player.core.yaw_resets
         if resets > self._yaw_resets:
-            self.output.event(EV_YAW_RESET, self._player.time_us)
+            self.output.write(EV, (self._player.time_us, _EV_YAW_RESET))
         self._yaw_resets = resets  # fewer after the filter has begun anew
 
     def _take_parm(self, record: Any) -> None:
@@ -212,17 +215,17 @@ class EkfRun:
 
     def send_text(self, _severity: int, message: str) -> None:
         """Note and log a text of a core."""
-        self.output.text(message, self._player.time_us)
+        self.output.write(MSG, (self._player.time_us, message))
         if message.startswith(self._prefix):
             self._our_texts.append((self.time_s, message.removeprefix(self._prefix)))
 
     def source_set(self, index: int) -> None:
         """Log that a source set was chosen."""
-        self.output.event(EV_SOURCE_SET_1 + index, self._player.time_us)
+        self.output.write(EV, (self._player.time_us, _EV_SOURCE_SET_1 + index))
 
     def origin(self, place: Location) -> None:
         """Log the origin that was set."""
-        self.output.origin(place, self._player.time_us)
+        self.output.write(ORGN, (self._player.time_us, _ORGN_EKF, place.lat, place.lng, place.alt_cm))
 
 
 def _declination(log: Any) -> float | None:

@@ -28,6 +28,7 @@ LARGEST_WORLD_SIGMA_DEG: Final = 5.0
 LARGEST_SPREAD_DEG: Final = 10.0
 NEAR_DEG: Final = 15.0  # that a direction may be off an axis and still count as along it
 
+_CAMERA: Final = ("camera {} is vehicle", BODY_WORDS)
 _FEWEST_SAMPLES: Final = 30
 _SHORTEST_BLOCK_S: Final = 1.0
 
@@ -58,31 +59,35 @@ UNDECIDED: Final = Choice(AxisMap((1, 2, 3)), 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Orientation:
-    """How the stream's body axes point in the vehicle.
+class ChosenAxes:
+    """Which way a stream's axes point: those of its body in the vehicle, or those of its positions on the earth.
 
     Attributes:
-        choice: of the 24 rotations by right angles.
-        enough_motion: whether the motion settles it; turning about one axis alone does not.
+        choice: of the maps that come into question.
+        sufficient: whether the motion settles it; about or along one axis alone does not.
+        subject: what is said of an axis, as ``AxisMap.describe`` takes it.
+        words: for the directions of the reference.
     """
 
     choice: Choice
-    enough_motion: bool
+    sufficient: bool
+    subject: str
+    words: Sequence[str]
 
     @property
     def axes(self) -> AxisMap:
-        """The best of the rotations by right angles."""
+        """The best of the maps."""
         return self.choice.best
 
     @property
     def name(self) -> str:
-        """Where the axes point by their letters, FRD for a vehicle's own."""
-        return self.axes.letters(BODY_WORDS)
+        """Where the axes point by their letters: FRD for a vehicle's own, NED for the earth's."""
+        return self.axes.letters(self.words)
 
     @property
     def text(self) -> str:
         """The same in words."""
-        return self.axes.describe("camera {} is vehicle", BODY_WORDS)
+        return self.axes.describe(self.subject, self.words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +169,7 @@ def estimate_orientation(
     vehicle_motion: npt.ArrayLike,
     *,
     delay_ms: float = 0.0,
-) -> Orientation:
+) -> ChosenAxes:
     """Find the body axes of a stream by how it turns.
 
     Args:
@@ -181,14 +186,14 @@ def estimate_orientation(
     delay_s = delay_ms * 1e-3
     pair = pair.chosen(pair.vehicle_rad(delay_s)[1])
     if len(pair) < _FEWEST_SAMPLES:
-        return Orientation(UNDECIDED, False)
+        return ChosenAxes(UNDECIDED, False, *_CAMERA)
     pair = pair.without_outliers(
         delay_s, best_rotation(centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0]))
     )
     stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0])
     blocks = blocks_of(pair.start_s, _SHORTEST_BLOCK_S)
     choice = choose_axes(stream, vehicle, PROPER, blocks)
-    return Orientation(choice, choice.is_clear and pair.rate_rad(delay_s) >= LEAST_RATE_RAD)
+    return ChosenAxes(choice, choice.is_clear and pair.rate_rad(delay_s) >= LEAST_RATE_RAD, *_CAMERA)
 
 
 def estimate_world_axes(

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER, AxisMap
+from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER
 from viso.estimators.least_squares import blocks_of, fit, inliers
-from viso.estimators.orientation import UNDECIDED, Choice, choose_axes
+from viso.estimators.orientation import UNDECIDED, ChosenAxes, choose_axes
 from viso.estimators.pairs import centred, correlation_of
 from viso.estimators.turning import Array, windows
 
@@ -23,6 +23,7 @@ LEAST_CORRELATION: Final = 0.8
 LEAST_DISPLACEMENT_M: Final = 0.2
 LARGEST_RELATIVE_SIGMA: Final = 0.05
 
+_POSITION: Final = ("position {} is earth", EARTH_WORDS)
 _FEWEST_SAMPLES: Final = 30
 _LONGEST_GAP_S: Final = 1.0
 _PASSES: Final = 3
@@ -43,34 +44,6 @@ class Scale:
     sigma: float
     correlation: float
     sufficient: bool
-
-
-@dataclass(frozen=True, slots=True)
-class PositionAxes:
-    """How the axes of a stream's positions point on the earth.
-
-    Attributes:
-        choice: of the 24 rotations by right angles and the 24 mirrored ones.
-        sufficient: whether the vehicle moved enough, along enough axes, to tell.
-    """
-
-    choice: Choice
-    sufficient: bool
-
-    @property
-    def axes(self) -> AxisMap:
-        """The best of the maps."""
-        return self.choice.best
-
-    @property
-    def name(self) -> str:
-        """Where the axes point by their letters, NED for the earth's own."""
-        return self.axes.letters(EARTH_WORDS)
-
-    @property
-    def text(self) -> str:
-        """The same in words."""
-        return self.axes.describe("position {} is earth", EARTH_WORDS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +112,7 @@ def estimate_position_axes(
     *,
     heading_deg: float = 0.0,
     delay_ms: float = 0.0,
-) -> PositionAxes:
+) -> ChosenAxes:
     """Find which way the axes of a stream's positions point, mirrored ones among them.
 
     Args:
@@ -155,11 +128,11 @@ def estimate_position_axes(
     """
     moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms)
     if len(moves.start_s) < _FEWEST_SAMPLES:
-        return PositionAxes(UNDECIDED, False)
+        return ChosenAxes(UNDECIDED, False, *_POSITION)
     stream = centred(moves.stream_m)
     reference = centred(moves.reference_m) @ _about_down(heading_deg).T
     choice = choose_axes(stream, reference, (*PROPER, *MIRRORED), blocks_of(moves.start_s, WINDOW_S))
-    return PositionAxes(choice, choice.is_clear and _moves_enough(reference))
+    return ChosenAxes(choice, choice.is_clear and _moves_enough(reference), *_POSITION)
 
 
 def _about_down(heading_deg: float) -> Array:

@@ -11,7 +11,7 @@ from typing import Final
 from mav_handlers.links import TlogError, TlogWriter, read_tlog
 from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
 from viso.companion.faults import TimedFrame
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.files.text_files import write_text
 from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import Stream, read_stream
@@ -37,19 +37,13 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a telemetry log, or any other stream that can be replayed.
-
-    Raises:
-        InputError: if it cannot be read.
-    """
+    """Read a telemetry log, or any other stream that can be replayed. Raises InputError if it cannot be read."""
     if not path.name.lower().endswith(TLOG):
         stream = read_stream(path, 0)
         return Recording(tuple(timed_frames(stream)), stream, stream.notes)
-    try:
+    with told_errors(TlogError):
         reader = read_tlog(path)
         frames = tuple((entry.time_us, entry.data) for entry in reader)
-    except TlogError as error:
-        raise InputError(str(error)) from error
     notes = []
     if reader.skipped_bytes:
         notes.append(f"{path}: {reader.skipped_bytes} damaged bytes passed over")
@@ -59,11 +53,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def check_output(path: Path, source: Path) -> None:
-    """Check that a stream can be written to a file of this name.
-
-    Raises:
-        InputError: naming the file.
-    """
+    """Check that a stream can be written to a file of this name. Raises InputError naming the file."""
     name = path.name.lower()
     if not name.endswith((*TLOG, *CAPTURE)):
         raise InputError(f"{path}: neither a telemetry log (.tlog) nor a capture (.jsonl, .jsonl.gz)")
@@ -91,13 +81,10 @@ def write_recording(path: Path, frames: Iterable[TimedFrame], recording: Recordi
 
 def _write_tlog(path: Path, frames: Iterable[TimedFrame], epoch_us: int) -> int:
     left_out = 0
-    try:
-        with TlogWriter(path) as log:
-            for time_us, frame in frames:
-                if frame[:1] in _MARKERS:
-                    log.write(epoch_us + time_us, frame)
-                else:
-                    left_out += 1
-    except TlogError as error:
-        raise InputError(str(error)) from error
+    with told_errors(TlogError), TlogWriter(path) as log:
+        for time_us, frame in frames:
+            if frame[:1] in _MARKERS:
+                log.write(epoch_us + time_us, frame)
+            else:
+                left_out += 1
     return left_out

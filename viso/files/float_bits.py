@@ -20,22 +20,14 @@ def bits_of(value: np.float32) -> str:
 
 
 def float_of(bits: object) -> np.float32:
-    """Return the value of eight hex digits.
-
-    Raises:
-        ValueError: if ``bits`` is anything else.
-    """
+    """Return the value of eight hex digits. Raises ValueError if ``bits`` is anything else."""
     if not isinstance(bits, str) or len(bits) != 8:
         raise ValueError(f"not a float in hex: {bits!r}")
     return np.float32(np.frombuffer(bytes.fromhex(bits), ">f4")[0])
 
 
 def floats_of(bits: object, count: int) -> tuple[np.float32, ...]:
-    """Return the values of a list of ``count`` floats in hex.
-
-    Raises:
-        ValueError: if ``bits`` is anything else.
-    """
+    """Return the values of a list of ``count`` floats in hex. Raises ValueError if ``bits`` is anything else."""
     if not isinstance(bits, list) or len(bits) != count:
         raise ValueError(f"not a list of {count} floats in hex: {bits!r}")
     return tuple(float_of(item) for item in bits)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 
 GZIP_MAGIC = b"\x1f\x8b"
 
@@ -43,17 +43,12 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file.
-
-    Raises:
-        InputError: if the file cannot be read or is not text.
-    """
+    """Return the text of a file. Raises InputError if the file cannot be read or is not text."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        with file_errors(path):
+            return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text") from error
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
 
 
 @contextmanager
@@ -63,12 +58,6 @@ def write_text(path: Path) -> Iterator[TextIO]:
     Raises:
         InputError: if the file cannot be written.
     """
-    try:
-        if path.suffix == ".gz":
-            with gzip.open(path, "wt", encoding="utf-8") as packed:
-                yield packed
-        else:
-            with path.open("w", encoding="utf-8") as plain:
-                yield plain
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+    opens = gzip.open if path.suffix == ".gz" else open
+    with file_errors(path), opens(path, "wt", encoding="utf-8") as file:
+        yield file

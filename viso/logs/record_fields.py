@@ -11,11 +11,7 @@ class RecordError(ValueError):
 
 
 def numbers(record: Any, *labels: str) -> list[float]:
-    """Return fields of a record.
-
-    Raises:
-        RecordError: if a field is missing, or no number.
-    """
+    """Return fields of a record. Raises RecordError if a field is missing, or no number."""
     try:
         return [float(getattr(record, label)) for label in labels]
     except (AttributeError, TypeError, ValueError) as error:
@@ -36,29 +32,17 @@ def finite(record: Any, *labels: str) -> list[float]:
 
 
 def whole(record: Any, *labels: str) -> list[int]:
-    """Return integer fields of a record.
-
-    Raises:
-        RecordError: if a field is missing, or no number.
-    """
+    """Return integer fields of a record. Raises RecordError if a field is missing, or no number."""
     return [int(value) for value in finite(record, *labels)]
 
 
 def instance(record: Any) -> int:
-    """Return which of several sensors a record is about.
-
-    Raises:
-        RecordError: if it does not say so.
-    """
+    """Return which of several sensors a record is about. Raises RecordError if it does not say so."""
     return whole(record, "I")[0]
 
 
 def text(record: Any, label: str) -> str:
-    """Return a text of a record.
-
-    Raises:
-        RecordError: if the field is missing, or no text.
-    """
+    """Return a text of a record. Raises RecordError if the field is missing, or no text."""
     value = getattr(record, label, None)
     if not isinstance(value, str):
         raise RecordError(f"{record.get_type()} lacks a text in {label}")

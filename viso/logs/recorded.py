@@ -91,11 +91,7 @@ def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
 
 
 def read_columns(path: Path) -> LogColumns:
-    """Return a log (.BIN or .BIN.xz) as columns.
-
-    Raises:
-        InputError: if it cannot be read.
-    """
+    """Return a log (.BIN or .BIN.xz) as columns. Raises InputError if it cannot be read."""
     with _problems_told(path):
         columns = LogColumns(_read_bytes(path))
     if problem := columns.ill_described.get(FMT.msg_type):
@@ -131,12 +127,13 @@ def read_recorded_states(path: Path) -> RecordedStates:
     if not log.counts.get("ATT"):
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
     with _problems_told(path):
-        attitude = _table(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
+        attitude = table_of(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
         position = _valid_positions(log)
     return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:])
 
 
-def _table(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
+def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
+    """Return fields of the records of a kind as numbers, a row a record."""
     return np.column_stack([column.astype(np.float64) for column in log.columns(kind, labels).values()])
 
 
@@ -150,5 +147,5 @@ def _valid_positions(log: LogColumns) -> Array:
     # An XKF4 is written just before the XKF1 of the same time.
     latest = np.searchsorted(log.offsets("XKF4")[of_status], log.offsets("XKF1")[of_core])
     chosen = np.append(False, valid)[latest]
-    positions: Array = _table(log, "XKF1", ("TimeUS", "PN", "PE", "PD"))[of_core][chosen]
+    positions: Array = table_of(log, "XKF1", ("TimeUS", "PN", "PE", "PD"))[of_core][chosen]
     return positions

@@ -5,24 +5,18 @@
 import os
 from pathlib import Path
 
-from viso.errors import InputError
+from viso.errors import file_errors
 from viso.logs.files import LogFile, LogStoreError
 
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 
 class SingleLog:
-    """Opens one log file by name, replacing what is there.
-
-    Raises:
-        InputError: if the file cannot be made.
-    """
+    """Opens one log file by name, replacing what is there. Raises InputError if the file cannot be made."""
 
     def __init__(self, path: Path) -> None:
-        try:
+        with file_errors(path):
             os.close(os.open(path, _APPEND | os.O_TRUNC, 0o644))
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
         self._path = path
         self._opened: list[LogFile] = []
 

@@ -55,11 +55,7 @@ class AhrsChoice:
 
 
 def imu_options(choice: AhrsChoice) -> ImuOptions:
-    """Return the options of inertial data that were chosen.
-
-    Raises:
-        InputError: one cannot be used.
-    """
+    """Return the options of inertial data that were chosen. Raises InputError if one cannot be used."""
     if not math.isfinite(choice.heading_deg):
         raise InputError(f"--heading {choice.heading_deg}: not an angle in degrees")
     return ImuOptions(

@@ -10,7 +10,7 @@ from pathlib import Path
 from ap_core.param import ParamTable
 from ap_core.parm_file import ParmFileError, parse_parm
 from ap_visualodom.ap_visualodom import make_params
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
@@ -45,10 +45,8 @@ def load_parm_file(
         InputError: naming file, line and text, for a bad line or, unless allowed, a name that no parameter has.
     """
     text = read_text(path)
-    try:
+    with told_errors(ParmFileError):
         lines = parse_parm(text, str(path))
-    except ParmFileError as error:
-        raise InputError(str(error)) from error
     values = {}
     for line in lines:
         if table.find(line.name) is not None or line.name in renames:

@@ -9,11 +9,7 @@ from typing import Final
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
-
-INT8: Final = ParamType.INT8
-INT16: Final = ParamType.INT16
-INT32: Final = ParamType.INT32
-FLOAT: Final = ParamType.FLOAT
+from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 
 NUMBER_OF_SOURCE_SETS: Final = 3
 

@@ -13,12 +13,8 @@ from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 from viso.parameters import copter
 from viso.parameters.conversion import NO_RENAMES, Rename, Renames, skip_instead_of_check
+from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
-
-INT8: Final = ParamType.INT8
-INT16: Final = ParamType.INT16
-INT32: Final = ParamType.INT32
-FLOAT: Final = ParamType.FLOAT
 
 MAX_LINKS: Final = 8
 """How many MAVLink links the firmware can have (GCS_MAVLink.h, MAVLINK_COMM_NUM_BUFFERS)."""

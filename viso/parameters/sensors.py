@@ -15,11 +15,8 @@ from typing import Final
 
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 from ap_core.rotations import Rotation
+from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 
-INT8: Final = ParamType.INT8
-INT16: Final = ParamType.INT16
-INT32: Final = ParamType.INT32
-FLOAT: Final = ParamType.FLOAT
 VECTOR3F: Final = ParamType.VECTOR3F
 
 _ZERO: Final = (0.0, 0.0, 0.0)

@@ -37,14 +37,13 @@ class ParamStore:
 
     ``load`` or ``restore`` comes first, ``save_if_changed`` then as often as one likes. Saving replaces the file as a
     whole, so of several processes the last one wins. Saving never raises because of the file system: the first error
-    is logged, further ones are counted until a save succeeds.
+    is logged, further ones are not until a save succeeds.
 
     Args:
         path: the file, which need not exist; its folder is made when something is saved.
 
     Attributes:
         unknown: parameters in the file that the vehicle does not have; they are kept there.
-        failures: how many saves have failed.
         failure: why the last save failed, in one line naming the file; None while all is well.
     """
 
@@ -52,7 +51,6 @@ class ParamStore:
         self._path = path
         self._saved: dict[str, float] | None = None
         self.unknown: dict[str, float] = {}
-        self.failures = 0
         self.failure: str | None = None
 
     def load(self) -> dict[str, float]:
@@ -114,7 +112,6 @@ class ParamStore:
         return True
 
     def _fail(self, error: OSError) -> None:
-        self.failures += 1
         told = self.failure is not None
         self.failure = f"{self._path}: parameters cannot be stored: {error.strerror or error}"
         if not told:

@@ -16,13 +16,9 @@ from typing import Final
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamInfo, ParamType
 from viso.parameters import copter, sensors
+from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import make_ekf3_group
 from viso.parameters.releases import REFERENCE, ParameterRelease
-
-INT8: Final = ParamType.INT8
-INT16: Final = ParamType.INT16
-INT32: Final = ParamType.INT32
-FLOAT: Final = ParamType.FLOAT
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
 _LOG_DISARMED: Final = {0: "No", 1: "Yes", 2: "Not with USB", 3: "Yes, discarded if never armed"}

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 from rich.table import Column, Table
 
@@ -17,6 +17,8 @@ from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, SaidText
 from viso.terminal.console import reason_of
 from viso.terminal.filter_report import aiding_rows
+
+K = TypeVar("K", bound=tuple[str, ...])
 
 SHOWN: Final = 10
 """How many messages are told one by one."""
@@ -106,14 +108,14 @@ def compare(before: ReplayOutcome, after: ReplayOutcome) -> ReplayComparison:
     )
 
 
+def _differing(before: Mapping[K, int], after: Mapping[K, int]) -> list[tuple[K, int, int]]:
+    counts = ((key, before.get(key, 0), after.get(key, 0)) for key in sorted({*before, *after}))
+    return [(key, first, second) for key, first, second in counts if first != second]
+
+
 def _verdict_changes(before: ReplayOutcome, after: ReplayOutcome) -> list[CountChange]:
-    changes = []
-    for key in sorted({*before.verdicts, *after.verdicts}):
-        counts = before.verdicts.get(key, 0), after.verdicts.get(key, 0)
-        if counts[0] != counts[1]:
-            name, outcome, code = key
-            changes.append(CountChange(name, outcome.value, code, *counts))
-    return changes
+    changes = _differing(before.verdicts, after.verdicts)
+    return [CountChange(name, outcome.value, code, *counts) for (name, outcome, code), *counts in changes]
 
 
 def _sample_changes(before: ReplayOutcome, after: ReplayOutcome) -> list[CountChange]:
@@ -121,12 +123,8 @@ def _sample_changes(before: ReplayOutcome, after: ReplayOutcome) -> list[CountCh
         {(kind, rule.code): count for kind, rule, count in final_counts(outcome.filter_counts)}
         for outcome in (before, after)
     )
-    changes = []
-    for kind, code in sorted({*first, *second}):
-        counts = first.get((kind, code), 0), second.get((kind, code), 0)
-        if counts[0] != counts[1]:
-            changes.append(CountChange(kind, fate_of(RULES_BY_CODE[code]).value, code, *counts))
-    return changes
+    changes = _differing(first, second)
+    return [CountChange(kind, fate_of(RULES_BY_CODE[code]).value, code, *counts) for (kind, code), *counts in changes]
 
 
 def _message_changes(number: int, before: ReplayedMessage, after: ReplayedMessage) -> Iterator[MessageChange]:

@@ -130,11 +130,7 @@ class Scenario:
             raise VectorError(f"parameter {name}: neither an integer nor a float in hex: {value!r}")
 
     def run(self, step: Sequence[object]) -> Out:
-        """Do one step and return its outputs.
-
-        Raises:
-            VectorError: if the step has no known form.
-        """
+        """Do one step and return its outputs. Raises VectorError if the step has no known form."""
         if not step:
             raise VectorError("no operation")
         op, *args = step
@@ -326,11 +322,7 @@ def recompute(line: object, release: VisualOdomRelease = REFERENCE) -> object:
 
 
 def parse_line(text: str) -> object:
-    """Return a line of a recording, from its text.
-
-    Raises:
-        VectorError: if it is not JSON.
-    """
+    """Return a line of a recording, from its text. Raises VectorError if it is not JSON."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -3,7 +3,7 @@
 """What a report takes out of a DataFlash log, of the firmware or of this project."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -120,28 +120,19 @@ def read_material(path: Path, on_progress: Callable[[float], None]) -> Material:
         InputError: if it cannot be read.
     """
     columns = read_columns(path)
-    reader = read_kinds(path, columns, _SPOKEN, lambda log: _collect(log, on_progress))
-    return _material(path.name, columns, reader)
+    told = read_kinds(path, columns, _SPOKEN, lambda log: _collect(log, on_progress))
+    return _material(path.name, columns, told)
 
 
-class _Reader:
-    """What has been read so far."""
-
-    def __init__(self) -> None:
-        self.happenings: list[Happening] = []
-        self.parameters: list[LoggedParameter] = []
-
-    def take(self, record: Any, mode_name: str) -> None:
-        kind = record.get_type()
-        time_us = number_in(record, "TimeUS")
-        if not math.isfinite(time_us):
-            return
-        if kind == "PARM":
-            name = str(getattr(record, "Name", ""))
-            value, default = number_in(record, "Value"), number_in(record, "Default")
-            self.parameters.append(LoggedParameter(time_us * 1e-6, name, value, default))
-        else:
-            self.happenings.append(_happening(kind, record, time_us * 1e-6, mode_name))
+def _taken(record: Any, mode_name: str) -> Happening | LoggedParameter | None:
+    kind = record.get_type()
+    time_us = number_in(record, "TimeUS")
+    if not math.isfinite(time_us):
+        return None
+    if kind != "PARM":
+        return _happening(kind, record, time_us * 1e-6, mode_name)
+    name, value = str(getattr(record, "Name", "")), number_in(record, "Value")
+    return LoggedParameter(time_us * 1e-6, name, value, number_in(record, "Default"))
 
 
 def _happening(kind: str, record: Any, time_s: float, mode_name: str) -> Happening:
@@ -164,14 +155,13 @@ def _whole(record: Any, label: str) -> int:
     return int(value) if math.isfinite(value) else -1
 
 
-def _collect(log: Any, on_progress: Callable[[float], None]) -> _Reader:
-    reader, taken = _Reader(), 0
+def _collect(log: Any, on_progress: Callable[[float], None]) -> list[Happening | LoggedParameter | None]:
+    told = []
     while (record := log.recv_match(type=list(_SPOKEN))) is not None:
-        reader.take(record, str(log.flightmode))
-        taken += 1
-        if taken % _PROGRESS_EVERY == 0:
+        told.append(_taken(record, str(log.flightmode)))
+        if len(told) % _PROGRESS_EVERY == 0:
             on_progress(float(log.percent))
-    return reader
+    return told
 
 
 def _table(log: LogColumns, kind: str) -> Array:
@@ -181,7 +171,7 @@ def _table(log: LogColumns, kind: str) -> Array:
     return np.column_stack([numbers_of(columns, labels, count) for labels in (("TimeUS",), *_LABELS[kind])])
 
 
-def _material(name: str, log: LogColumns, reader: _Reader) -> Material:
+def _material(name: str, log: LogColumns, told: Sequence[Happening | LoggedParameter | None]) -> Material:
     series, left_out = {}, 0
     for kind, all_labels in _LABELS.items():
         series[kind], lost = series_of(_table(log, kind), [labels[0] for labels in all_labels])
@@ -198,8 +188,8 @@ def _material(name: str, log: LogColumns, reader: _Reader) -> Material:
         xkf4=shown["XKF4"],
         cores_shown=cores,
         unseen_primary_s=unseen_s,
-        happenings=tuple(sorted(reader.happenings, key=lambda one: one.time_s)),
-        parameters=tuple(reader.parameters),
+        happenings=tuple(sorted((one for one in told if isinstance(one, Happening)), key=lambda one: one.time_s)),
+        parameters=tuple(one for one in told if isinstance(one, LoggedParameter)),
         left_out=left_out,
     )
 

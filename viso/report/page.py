@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One HTML page that needs nothing but itself: no script, no other file, no network."""
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -113,15 +114,21 @@ def _figure(kind: FigureKind, svg: str | None) -> str:
     return f'{heading}\n<figure><div class="scroll">{svg}</div>{caption}</figure>'
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
+def _table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    numeric: Sequence[int] = (),
+    classes: Iterable[str] | None = None,
+) -> str:
     def cell(tag: str, column: int, text: str) -> str:
         kind = ' class="number"' if column in numeric else ""
         return f"<{tag}{kind}>{escape(text)}</{tag}>"
 
-    def line(tag: str, texts: Sequence[str]) -> str:
-        return "<tr>" + "".join(cell(tag, column, text) for column, text in enumerate(texts)) + "</tr>"
+    def line(tag: str, texts: Sequence[str], kind: str = "") -> str:
+        return f"<tr{kind}>" + "".join(cell(tag, column, text) for column, text in enumerate(texts)) + "</tr>"
 
-    body = "\n".join(line("td", row) for row in rows)
+    kinds = itertools.repeat("") if classes is None else (f' class="{one}"' for one in classes)
+    body = "\n".join(line("td", row, kind) for row, kind in zip(rows, kinds, strict=False))
     return f'<div class="scroll"><table><thead>{line("th", head)}</thead><tbody>\n{body}\n</tbody></table></div>'
 
 
@@ -152,19 +159,13 @@ def _verdicts(facts: Facts) -> str:
 
 
 def _texts(material: Material) -> str:
-    rows = "\n".join(
-        f'<tr class="{"trouble" if one.is_trouble else one.kind}"><td class="number">{one.time_s:.3f}</td>'
-        f"<td>{one.kind}</td><td>{escape(one.text)}</td></tr>"
-        for one in material.happenings
-    )
-    head = '<h2 id="texts">Texts and events</h2>\n'
-    if not rows:
+    head, told = '<h2 id="texts">Texts and events</h2>\n', material.happenings
+    if not told:
         return f'{head}<p class="soft">None.</p>'
-    return (
-        f'{head}<details open><summary>{len(material.happenings)} of them</summary><div class="scroll"><table><thead>'
-        f'<tr><th class="number">time, s</th><th>kind</th><th>what</th></tr></thead><tbody>\n{rows}\n</tbody></table>'
-        "</div></details>"
-    )
+    rows = ((f"{one.time_s:.3f}", one.kind, one.text) for one in told)
+    classes = ("trouble" if one.is_trouble else one.kind for one in told)
+    table = _table(("time, s", "kind", "what"), rows, (0,), classes)
+    return f"{head}<details open><summary>{len(told)} of them</summary>{table}</details>"
 
 
 def _parameters(facts: Facts) -> str:

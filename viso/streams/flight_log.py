@@ -9,7 +9,7 @@ the replayed stream has the timing of the flight.
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -69,22 +69,15 @@ class _Aligned:
 _Event = Record | _ParamChange | _Aligned
 
 
-@dataclass(slots=True)
 class _LogContent:
-    """What a log holds that matters here, in its order."""
+    """What a log holds that matters here, in its order: takes the records of a log one after the other."""
 
-    params: dict[str, float] = field(default_factory=dict)
-    events: list[_Event] = field(default_factory=list)
-    banner: str | None = None
-    texts_of_alignment: int = 0
-    lost: tuple[Lost, ...] = ()
-
-
-class _Reader:
-    """Takes the records of a log one after the other."""
-
-    def __init__(self) -> None:
-        self.content = _LogContent()
+    def __init__(self, lost: tuple[Lost, ...]) -> None:
+        self.params: dict[str, float] = {}
+        self.events: list[_Event] = []
+        self.banner: str | None = None
+        self.texts_of_alignment = 0
+        self.lost = lost
         self.numbers: Counter[str] = Counter()
         self._latest: dict[str, float] = {}
         self._latest_us = 0
@@ -103,7 +96,7 @@ class _Reader:
 
     def take(self, record: Any) -> None:
         """Take a record; raises RecordError, after which ``numbers`` tells the number of the record among its type."""
-        kind, events = record.get_type(), self.content.events
+        kind, events = record.get_type(), self.events
         self.numbers[kind] += 1
         count = len(events)
         self._takers[kind](record)
@@ -119,19 +112,18 @@ class _Reader:
         position, rpy_deg = _three(record, "PX", "PY", "PZ"), _three(record, *(_label(record, name) for name in "RPY"))
         pos_err, ang_err = numbers(record, "PErr", "AErr")
         resets = _within(record, _label(record, "Rst"), 0, 255)
-        pose = PoseRecord(*_times(record), position, rpy_deg, pos_err, ang_err, resets, _quality(record))
-        self.content.events.append(pose)
+        self.events.append(PoseRecord(*_times(record), position, rpy_deg, pos_err, ang_err, resets, _quality(record)))
 
     def _take_visv(self, record: Any) -> None:
         resets = _within(record, _label(record, "Rst"), 0, 255)
-        velocity = VelocityRecord(*_times(record), _three(record, "VX", "VY", "VZ"), resets, _quality(record))
-        self.content.events.append(velocity)
+        velocity = _three(record, "VX", "VY", "VZ")
+        self.events.append(VelocityRecord(*_times(record), velocity, resets, _quality(record)))
 
     def _take_viso(self, record: Any) -> None:
         angle, position = (_three(record, *(f"{what}D{axis}" for axis in "XYZ")) for what in ("Ang", "Pos"))
         time_us = _within(record, "TimeUS", 0, _MAX_STAMP)
         duration_s, confidence = numbers(record, "dt", "conf")
-        self.content.events.append(DeltaRecord(time_us, duration_s, angle, position, confidence))
+        self.events.append(DeltaRecord(time_us, duration_s, angle, position, confidence))
 
     def _take_parm(self, record: Any) -> None:
         name, (value,) = text(record, "Name"), numbers(record, "Value")
@@ -140,17 +132,17 @@ class _Reader:
         before = self._latest.get(name)
         self._latest[name] = value
         if before is None:
-            self.content.params[name] = value
+            self.params[name] = value
         elif name.startswith(_FOLLOWED) and value != before:
-            self.content.events.append(_ParamChange(_within(record, "TimeUS", 0, _MAX_STAMP), name, value))
+            self.events.append(_ParamChange(_within(record, "TimeUS", 0, _MAX_STAMP), name, value))
 
     def _take_msg(self, record: Any) -> None:
         said = text(record, "Message")
-        if self.content.banner is None and _BANNER.match(said):
-            self.content.banner = said
+        if self.banner is None and _BANNER.match(said):
+            self.banner = said
         if said.startswith(_ALIGNED):
-            self.content.texts_of_alignment += 1
-            self.content.events.append(_Aligned())
+            self.texts_of_alignment += 1
+            self.events.append(_Aligned())
 
 
 def _label(record: Any, name: str) -> str:
@@ -180,22 +172,21 @@ def _quality(record: Any) -> int:
 
 
 def _read(path: Path) -> _LogContent:
-    reader = _Reader()
+    columns = read_columns(path)
+    content = _LogContent(columns.lost)
 
     def collect(log: Any) -> None:
-        while (record := log.recv_match(type=reader.kinds)) is not None:
+        while (record := log.recv_match(type=content.kinds)) is not None:
             try:
-                reader.take(record)
+                content.take(record)
             except RecordError as error:
                 kind = record.get_type()
-                raise InputError(f"{path}: {kind} record {reader.numbers[kind]}: {error}") from error
+                raise InputError(f"{path}: {kind} record {content.numbers[kind]}: {error}") from error
 
-    columns = read_columns(path)
-    reader.content.lost = columns.lost
-    read_kinds(path, columns, reader.kinds, collect)
-    if not any(isinstance(event, PoseRecord | VelocityRecord | DeltaRecord) for event in reader.content.events):
+    read_kinds(path, columns, content.kinds, collect)
+    if not any(isinstance(event, PoseRecord | VelocityRecord | DeltaRecord) for event in content.events):
         raise InputError(f"{path}: no VISP, VISV or VISO records: VISO_TYPE was 0, or no external navigation came")
-    return reader.content
+    return content
 
 
 def read_flight_log(path: Path) -> Stream:

@@ -5,7 +5,7 @@
 from pathlib import Path
 
 from mav_handlers.links.tlog import TlogError, read_tlog
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
 
@@ -17,11 +17,9 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     Raises:
         InputError: if the file cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
     """
-    try:
+    with told_errors(TlogError):
         reader = read_tlog(path)
         entries = list(reader)
-    except TlogError as error:
-        raise InputError(str(error)) from error
     messages, latest_us = [], lead_us
     for number, entry in enumerate(entries, 1):
         time_us = lead_us + entry.time_us - entries[0].time_us

@@ -10,7 +10,7 @@ from viso.companion.recorded.readers import Source, load_records, load_trajector
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import Records, TrajectoryError
 from viso.companion.vio.se3 import Array
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 
 
 def form_of(name: str) -> Form:
@@ -30,18 +30,14 @@ def axes_of(text: str) -> tuple[Array, Array]:
 
 def load(source: Source, format_name: str | None) -> RecordedTrajectory:
     """Return what a file holds. Raises InputError if it cannot be read."""
-    try:
+    with told_errors(TrajectoryError):
         return load_trajectory(source, format_name)
-    except TrajectoryError as error:
-        raise InputError(str(error)) from error
 
 
 def load_as_it_is(source: Source, format_name: str | None) -> Records:
     """Return what a file holds, usable or not. Raises InputError if it cannot be read."""
-    try:
+    with told_errors(TrajectoryError):
         return load_records(source, format_name)
-    except TrajectoryError as error:
-        raise InputError(str(error)) from error
 
 
 def left_out(source: Source, trajectory: RecordedTrajectory) -> Iterator[str]:

@@ -4,9 +4,11 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from viso.sweep.objectives import LOWER_IS_BETTER
+
+GROUPED_BY: Final = ("stream", "firmware", "faults", "seed")
 
 Row = dict[str, Any]
 
@@ -16,7 +18,6 @@ class Best:
     """The best point along an axis, others being the same.
 
     Attributes:
-        group: stream, firmware, faults and seed.
         at: the value of the axis at the best point; of points that are as good as each other the first.
         same_until: the last value up to which nothing changes; ``at`` itself if the next one is worse.
         value: the objective there.
@@ -26,7 +27,6 @@ class Best:
         row: the whole of it.
     """
 
-    group: tuple[Any, ...]
     at: float
     same_until: float
     value: float
@@ -48,22 +48,21 @@ def best_along(rows: Iterable[Row], axis: str, objective: str) -> list[Best]:
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         if row[objective] is not None:
-            groups.setdefault((row["stream"], row["firmware"], row["faults"], row["seed"]), []).append(row)
+            groups.setdefault(tuple(row[name] for name in GROUPED_BY), []).append(row)
     for members in groups.values():
         members.sort(key=lambda row: float(row[axis]))
-    return [_best_of(group, members, axis, objective) for group, members in groups.items()]
+    return [_best_of(members, axis, objective) for members in groups.values()]
 
 
-def _best_of(group: tuple[Any, ...], members: Sequence[Row], axis: str, objective: str) -> Best:
+def _best_of(members: Sequence[Row], axis: str, objective: str) -> Best:
     best = best_rows(members, objective, 1)[0]
     index = members.index(best)
     worse = (number for number in range(index, len(members)) if members[number][objective] != best[objective])
     same = members[next(worse, len(members)) - 1][axis]
     at_edge = index in (0, len(members) - 1)
     around = [] if at_edge else [(row[axis], row[objective]) for row in members[index - 1 : index + 2]]
-    return Best(
-        group, best[axis], same, best[objective], _vertex(*around) if around else None, at_edge, index == 0, best
-    )
+    vertex = _vertex(*around) if around else None
+    return Best(best[axis], same, best[objective], vertex, at_edge, index == 0, best)
 
 
 def _vertex(left: tuple[float, float], middle: tuple[float, float], right: tuple[float, float]) -> float | None:

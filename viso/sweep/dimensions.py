@@ -5,7 +5,7 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 from ap_core.param import ParamTable, ParamType
@@ -33,7 +33,7 @@ class Axis:
     name: str
     values: tuple[float, ...] = ()
     span: tuple[float, float] | None = None
-    is_whole: bool = field(default=False)
+    is_whole: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Return the axis for the definition of a sweep."""
@@ -55,13 +55,12 @@ def fault_field(name: str) -> tuple[int, str] | None:
     return None if found is None else (int(found[1]), found[2])
 
 
-def parse_axes(texts: Sequence[str], table: ParamTable, option: str = "--set") -> tuple[Axis, ...]:
+def parse_axes(texts: Sequence[str], table: ParamTable) -> tuple[Axis, ...]:
     """Return the axes that texts such as ``VISO_DELAY_MS=0:200:10``, ``EK3_SRC1_YAW=1,6`` give.
 
     Args:
         texts: what was given; of one name the last counts.
         table: the parameters that there are.
-        option: by which it was given, for the error.
 
     Raises:
         InputError: for the first that cannot be used.
@@ -70,10 +69,8 @@ def parse_axes(texts: Sequence[str], table: ParamTable, option: str = "--set") -
     for text in texts:
         name, equals, values = text.partition("=")
         if not equals:
-            raise InputError(
-                f"{option} {text!r}: not NAME=START:STOP:STEP, NAME=A,B,C or, with --sample, NAME=LOW:HIGH"
-            )
-        axis = make_axis(name.strip(), values, table, f"{option} {text!r}")
+            raise InputError(f"--set {text!r}: not NAME=START:STOP:STEP, NAME=A,B,C or, with --sample, NAME=LOW:HIGH")
+        axis = make_axis(name.strip(), values, table, f"--set {text!r}")
         axes[axis.name] = axis
     return tuple(axes.values())
 

@@ -13,7 +13,7 @@ import yaml
 
 from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.companion.trials.evaluation import TimedPoses
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.replay.run import ReplaySetup, run_replay
@@ -62,7 +62,7 @@ def _row_of(plan: SweepPlan, point: Point) -> Row:
     chosen = {name: value for name, value in values.items() if fault_field(name) is None}
     baud = (stream.baud if plan.baud is None else plan.baud) or None
     make_ahrs = _ahrs(plan, recorded, point.seed)
-    judge = Judge(_truth(plan, recorded))
+    judge = Judge(_read_truth(recorded.reference, recorded.file.path, _lead_us(plan), plan.trajectory))
     outcome = run_replay(
         stream,
         {**stream.params, **plan.settings[point.firmware], **chosen},
@@ -90,7 +90,11 @@ def check_file(file: InputFile) -> None:
 def _stream(plan: SweepPlan, recorded: Recorded) -> Stream:
     for file in (recorded.file, *recorded.others):
         check_file(file)
-    return _read_stream(recorded.file.path, round(plan.lead_s * 1e6), plan.trajectory)
+    return _read_stream(recorded.file.path, _lead_us(plan), plan.trajectory)
+
+
+def _lead_us(plan: SweepPlan) -> int:
+    return round(plan.lead_s * 1e6)
 
 
 @lru_cache(_KEPT)
@@ -115,14 +119,10 @@ def _source(imu: str) -> MakeSource:
     return read_source(imu)
 
 
-def _truth(plan: SweepPlan, recorded: Recorded) -> TimedPoses | None:
-    if recorded.reference is None:
-        return None
-    return _read_truth(recorded.reference, recorded.file.path, round(plan.lead_s * 1e6), plan.trajectory)
-
-
 @lru_cache(_KEPT)
-def _read_truth(reference: str, stream: str, lead_us: int, options: TrajectoryOptions) -> TimedPoses:
+def _read_truth(reference: str | None, stream: str, lead_us: int, options: TrajectoryOptions) -> TimedPoses | None:
+    if reference is None:
+        return None
     from viso.sweep.reference import read_reference
 
     return read_reference(Path(reference), Path(stream), lead_us, options)
@@ -158,7 +158,5 @@ def timeline_of(faults: Faults, values: Mapping[str, float]) -> Timeline:
             if entry > len(document["faults"]):
                 raise InputError(f"{faults.name}: {name}: there are {len(document['faults'])} entries")
             document["faults"][entry - 1][key] = int(value) if value.is_integer() else value
-    try:
+    with told_errors(TimelineError):
         return parse_timeline(yaml.safe_dump(document, sort_keys=False), faults.name)
-    except TimelineError as error:
-        raise InputError(str(error)) from error

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.dimensions import Axis
 
@@ -195,11 +195,7 @@ def _drawn(sampling: Sampling, axes: int) -> Any:
 
 
 def check_plan(plan: SweepPlan) -> None:
-    """Check that points follow from a plan.
-
-    Raises:
-        InputError: naming what is wrong.
-    """
+    """Check that points follow from a plan. Raises InputError naming what is wrong."""
     for axis in plan.axes:
         if plan.sampling is None and axis.span is not None:
             low, high = axis.span
@@ -211,15 +207,9 @@ def check_plan(plan: SweepPlan) -> None:
 
 
 def input_file(path: Path) -> InputFile:
-    """Return a file, or the folder of a bag, with the hash of what it holds.
-
-    Raises:
-        InputError: if it cannot be read.
-    """
-    try:
+    """Return a file, or the folder of a bag, with the hash of what it holds. Raises InputError if it cannot be read."""
+    with file_errors(path):
         return InputFile(str(path.absolute()), _hash_of(path))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
 
 
 def _hash_of(path: Path) -> str:

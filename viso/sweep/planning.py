@@ -11,7 +11,7 @@ import yaml
 
 from viso.companion.faults import TimelineError, parse_timeline
 from viso.companion.faults.timeline import MAX_SEED
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.recorded import read_log
@@ -34,11 +34,7 @@ _MOST_SEEDS: Final = 1_000_000
 
 
 def make_plan(wishes: Wishes) -> SweepPlan:
-    """Return the plan that wishes lead to; all files are looked at.
-
-    Raises:
-        InputError: naming what cannot be used.
-    """
+    """Return the plan that wishes lead to; all files are looked at. Raises InputError naming what cannot be used."""
     if not wishes.streams:
         raise InputError("no recorded stream is given")
     profiles = [firmware_of(name) for name in _split(wishes.firmware) or [REFERENCE.name]]
@@ -56,8 +52,8 @@ def make_plan(wishes: Wishes) -> SweepPlan:
         baud=_at_least("--baud", wishes.baud, 0),
         imu_errors=tuple(wishes.imu_error or ()),
         heading_deg=wishes.heading or 0.0,
-        lead_s=_lead(wishes.lead),
-        until_s=_until(wishes.until),
+        lead_s=_lead(30.0 if wishes.lead is None else wishes.lead),
+        until_s=_until(math.inf if wishes.until is None else wishes.until),
         trajectory=trajectory,
         code=code_version(),
     )
@@ -165,10 +161,8 @@ def _timeline(name: str) -> Faults:
     if name == NO_FAULTS:
         return Faults()
     text = read_text(Path(name))
-    try:
+    with told_errors(TimelineError):
         parse_timeline(text, name)
-    except TimelineError as error:
-        raise InputError(str(error)) from error
     return Faults(name, yaml.safe_dump(yaml.safe_load(text), sort_keys=False))
 
 
@@ -205,15 +199,13 @@ def _at_least(option: str, value: int | None, low: int) -> int | None:
     return value
 
 
-def _lead(lead_s: float | None) -> float:
-    value = 30.0 if lead_s is None else lead_s
-    if not 0 <= value <= 4e9:
-        raise InputError(f"--lead {value}: not a time in seconds")
-    return value
+def _lead(lead_s: float) -> float:
+    if not 0 <= lead_s <= 4e9:
+        raise InputError(f"--lead {lead_s}: not a time in seconds")
+    return lead_s
 
 
-def _until(until_s: float | None) -> float:
-    value = math.inf if until_s is None else until_s
-    if not value > 0:
-        raise InputError(f"--until {value:g}: not a time since boot")
-    return value
+def _until(until_s: float) -> float:
+    if not until_s > 0:
+        raise InputError(f"--until {until_s:g}: not a time since boot")
+    return until_s

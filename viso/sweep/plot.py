@@ -26,11 +26,7 @@ Row = dict[str, Any]
 
 
 def save_plot(plan: SweepPlan, rows: Sequence[Row], objective: str, path: Path) -> None:
-    """Write the picture as PNG.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write the picture as PNG. Raises OSError if it cannot be written."""
     axes = [axis.name for axis in plan.axes if axis.span is not None or len(axis.values) > 1]
     if len(axes) == 1:
         figure = _along(plan, rows, objective, axes[0])

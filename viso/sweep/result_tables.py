@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
-from viso.sweep.best import Best, best_along, best_rows
+from viso.sweep.best import GROUPED_BY, Best, best_along, best_rows
 from viso.sweep.objectives import LOWER_IS_BETTER, OBJECTIVES
 from viso.sweep.plan import NO_MOTION_OF_ITS_OWN, SweepPlan
 
@@ -28,13 +28,8 @@ def swept_axis(plan: SweepPlan) -> str | None:
 
 def changed_columns(plan: SweepPlan) -> list[str]:
     """Return the columns that tell points apart."""
-    counts = {
-        "stream": len(plan.recordings),
-        "firmware": len(plan.firmware),
-        "faults": len(plan.faults),
-        "seed": len(plan.seeds),
-    }
-    return [*(name for name, count in counts.items() if count > 1), *(axis.name for axis in plan.axes)]
+    lists = zip(GROUPED_BY, (plan.recordings, plan.firmware, plan.faults, plan.seeds), strict=True)
+    return [*(name for name, members in lists if len(members) > 1), *(axis.name for axis in plan.axes)]
 
 
 def result_table(plan: SweepPlan, rows: Sequence[Row], objective: str) -> Table:
@@ -72,9 +67,7 @@ def best_lines(plan: SweepPlan, bests: Sequence[Best], objective: str) -> list[s
 
 def _line(plan: SweepPlan, best: Best, axis: str, objective: str) -> str:
     extreme = "least" if objective in LOWER_IS_BETTER else "greatest"
-    changed = [
-        name for name in changed_columns(plan) if name != axis and name in ("stream", "firmware", "faults", "seed")
-    ]
+    changed = [name for name in changed_columns(plan) if name != axis and name in GROUPED_BY]
     group = ", ".join(f"{name} {best.row[name]}" for name in changed)
     unit = OBJECTIVES[objective].unit
     same = "" if best.same_until == best.at else f", and the same up to {best.same_until:g}"
@@ -83,11 +76,7 @@ def _line(plan: SweepPlan, best: Best, axis: str, objective: str) -> str:
     if best.at_edge:
         text += ", at the edge of what was tried"
     elif best.vertex is not None:
-        text += (
-            f"; a parabola has it at {best.vertex:.1f}"
-            if axis == DELAY
-            else f"; a parabola has it at {best.vertex:.6g}"
-        )
+        text += f"; a parabola has it at {best.vertex:{'.1f' if axis == DELAY else '.6g'}}"
     return text + (_age(plan, best) if axis == DELAY else "")
 
 
@@ -114,14 +103,6 @@ def _stream_of(plan: SweepPlan, best: Best) -> int:
 def best_as_dict(plan: SweepPlan, best: Best) -> dict[str, Any]:
     """Return the best point of a group for machines."""
     axis = swept_axis(plan) or ""
-    group = dict(zip(("stream", "firmware", "faults", "seed"), best.group, strict=True))
-    told = {
-        **group,
-        "axis": axis,
-        "at": best.at,
-        "same_until": best.same_until,
-        "value": best.value,
-        "vertex": best.vertex,
-        "at_edge": best.at_edge,
-    }
+    figures = {name: getattr(best, name) for name in ("at", "same_until", "value", "vertex", "at_edge")}
+    told = {**{name: best.row[name] for name in GROUPED_BY}, "axis": axis, **figures}
     return {**told, "age_on_arrival_ms": age_ms(best)} if axis == DELAY else told

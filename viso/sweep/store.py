@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.files.atomic_file import replace_file
 from viso.sweep.job import Result
 from viso.sweep.objectives import OBJECTIVES, Row
@@ -28,14 +28,10 @@ MISSING_EXTRA: Final = "-o: tables are written as Parquet with pyarrow; install 
 
 _FIRST_COLUMNS: Final = ("point", "stream", "firmware", "faults", "seed")
 _TEXT_COLUMNS: Final = frozenset({"stream", "firmware", "faults"})
-_COUNTS: Final = frozenset({"point", "seed", "tested", "rejected", "lost", "refused", "resets", "aiding_losses"}) | {
-    "ate_poses",
-    "messages",
-    "ignored",
-    "dropped",
-    "texts",
-    "warnings",
-}
+_COUNTS: Final = frozenset(
+    {"point", "seed", "tested", "rejected", "lost", "refused", "resets", "aiding_losses", "ate_poses"}
+    | {"messages", "ignored", "dropped", "texts", "warnings"}
+)
 _ABSENT: Final = object()
 
 
@@ -57,11 +53,9 @@ class SweepFolder:
         self.path = path
         self.done: dict[int, Row] = {}
         self._plan = plan
-        try:
+        with file_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             self._journal = os.open(path / JOURNAL, os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
         try:
             self._begin()
         except BaseException:
@@ -122,26 +116,18 @@ class SweepFolder:
         if result.row is None or result.number in self.done:
             return
         line = json.dumps({"point": result.number, "figures": result.row}) + "\n"
-        try:
+        with file_errors(self.path / JOURNAL):
             waiting = memoryview(line.encode())
             while waiting:
                 waiting = waiting[os.write(self._journal, waiting) :]
-        except OSError as error:
-            raise InputError(f"{self.path / JOURNAL}: {error.strerror or error}") from error
         self.done[result.number] = result.row
 
     def write_tables(self) -> None:
-        """Write what is done as CSV and Parquet.
-
-        Raises:
-            InputError: they cannot be written.
-        """
+        """Write what is done as CSV and Parquet. Raises InputError if they cannot be written."""
         rows = table_rows(self._plan, self.done)
         for name, data in ((CSV, _as_csv(self._plan, rows)), (PARQUET, _as_parquet(self._plan, rows))):
-            try:
+            with file_errors(self.path / name):
                 replace_file(self.path / name, data)
-            except OSError as error:
-                raise InputError(f"{self.path / name}: {error.strerror or error}") from error
 
 
 def _differences(theirs: Any, ours: Any, place: str = "") -> Iterator[str]:

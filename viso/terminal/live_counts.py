@@ -3,7 +3,6 @@
 """The tables of verdicts while they grow, at the bottom of a terminal."""
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import Final, Self
 
 from rich.console import Console, Group
@@ -51,9 +50,7 @@ class LiveCounts:
             self._live.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Clear it."""
         if self._live is not None:
             self._live.stop()

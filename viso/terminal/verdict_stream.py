@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.errors import InputError
+from viso.errors import file_errors
 from viso.fates.labels import Fate, as_dict, fate_of, is_final, is_model, sentence
 from viso.terminal.line_writer import LineWriter
 
@@ -136,12 +136,6 @@ class VerdictStream:
 
 
 def create_verdict_file(path: Path) -> int:
-    """Open a file anew for verdicts and return its descriptor.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    try:
+    """Open a file anew for verdicts and return its descriptor. Raises InputError if it cannot be written."""
+    with file_errors(path):
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error

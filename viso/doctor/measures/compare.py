@@ -15,7 +15,7 @@ from viso.doctor.measures.tracks import Floats, Ints, Poses
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.delay import Delay, estimate_delay
-from viso.estimators.orientation import Orientation, WorldAxes, estimate_orientation, estimate_world_axes
+from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes
 from viso.estimators.turning import quats_of_euler
 
 ALIGNING_TYPES: Final = (2, 3)
@@ -38,7 +38,7 @@ class Comparison:
     poses: Poses
     delay: Delay
     since_arrival: Delay
-    orientation: Orientation
+    orientation: ChosenAxes
     world: WorldAxes
     transport_ms: float = 0.0
 

@@ -9,7 +9,8 @@ from typing import Final
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.measures.tracks import Poses
 from viso.doctor.measures.vehicle_position import EXTNAV, PositionSeries
-from viso.estimators.positions import PositionAxes, Scale, estimate_position_axes, estimate_scale
+from viso.estimators.orientation import ChosenAxes
+from viso.estimators.positions import Scale, estimate_position_axes, estimate_scale
 
 _FEWEST: Final = 40
 
@@ -28,13 +29,13 @@ class PathComparison:
     poses: Poses
     origin: str
     scale: Scale
-    axes: PositionAxes | None
+    axes: ChosenAxes | None
 
 
 def _heading_deg(compared: Comparison | None, params: Mapping[str, float]) -> float | None:
     """Return the compass direction of the stream's x; None if nothing tells it."""
     if compared is not None:
-        usable = compared.orientation.enough_motion and compared.world.sufficient
+        usable = compared.orientation.sufficient and compared.world.sufficient
         is_level = usable and compared.world.axes.signed_axes[2] == 3
         return compared.world.heading_deg if is_level else None
     is_aligned = int(params.get("VISO_TYPE", 0)) in ALIGNING_TYPES or params.get("EK3_SRC1_YAW") == EXTNAV

@@ -59,7 +59,6 @@ class Track:
         arrival_us: us since the autopilot's boot.
         stamp_us: as sent, less the first one; us of the sender's clock if the sender is right about the unit.
         first_stamp: the first one as sent.
-        version: of MAVLink.
         sequence: of the frame.
     """
 
@@ -68,7 +67,6 @@ class Track:
     arrival_us: Ints
     stamp_us: Ints
     first_stamp: int
-    version: Ints
     sequence: Ints
 
     def __len__(self) -> int:
@@ -134,7 +132,6 @@ def _track(sender: Sender, seen: Sequence[SeenMessage]) -> Track:
         _ints([one.arrival_us for one in seen]),
         _ints([max(-_MOST_US, min(stamp - stamps[0], _MOST_US)) for stamp in stamps]),
         stamps[0],
-        _ints([one.version for one in seen]),
         _ints([one.sequence for one in seen]),
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from mav_handlers.wire.messages import GLOBAL_POSITION_INT, GPS_RAW_INT, LOCAL_POSITION_NED, Message
 from viso.doctor.measures.tracks import Floats, Ints
-from viso.logs.recorded import read_columns
+from viso.logs.recorded import read_columns, table_of
 
 EXTNAV: Final = 6
 _FEWEST: Final = 20
@@ -109,17 +109,13 @@ _LOCAL: Final = frozenset({"LOCAL_POSITION_NED", "XKF1"})
 _FILTERED: Final = frozenset({"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "POS", "XKF1"})
 
 
-def _table(log: LogColumns, kind: str, labels: Sequence[str]) -> Floats:
-    return np.column_stack([column.astype(np.float64) for column in log.columns(kind, labels).values()])
-
-
 def _places(log: LogColumns, kind: str, labels: Sequence[str], only: tuple[str, Callable[[Any], Any]] | None) -> Floats:
     """Return time and place of the records of a type, those only whose field passes a test; none without all fields."""
     wanted = ("TimeUS", *labels) if only is None else ("TimeUS", *labels, only[0])
     layout = log.types.get(kind)
     if layout is None or not set(wanted) <= set(layout.labels):
         return np.zeros((0, 4))
-    table = _table(log, kind, wanted)
+    table = table_of(log, kind, wanted)
     return table[:, :4] if only is None else table[only[1](table[:, 4])][:, :4]
 
 

@@ -26,7 +26,7 @@ _TILTED_RAD: Final = math.radians(20)
 def _is_ros(compared: Comparison) -> bool:
     """Tell whether an attitude is of an FLU body in a world whose z is up."""
     orientation, world = compared.orientation, compared.world
-    return orientation.enough_motion and orientation.name == "FLU" and world.sufficient and world.is_up
+    return orientation.sufficient and orientation.name == "FLU" and world.sufficient and world.is_up
 
 
 @error(
@@ -57,7 +57,7 @@ def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
 def _mounting(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         orientation = compared.orientation
-        if not orientation.enough_motion or orientation.axes.is_identity or _is_ros(compared):
+        if not orientation.sufficient or orientation.axes.is_identity or _is_ros(compared):
             continue
         is_obeyed, orient = evidence.viso_type in ALIGNING_TYPES, int(evidence.param("VISO_ORIENT"))
         set_so = f" once VISO_ORIENT {orient} is taken off" if is_obeyed and orient else ""
@@ -92,7 +92,7 @@ def _world_up(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         world = compared.world
         tilted = world.sufficient and world.axes.signed_axes[2] != 3
-        if compared.orientation.enough_motion and tilted and not _is_ros(compared):
+        if compared.orientation.sufficient and tilted and not _is_ros(compared):
             track = compared.poses.track
             yield of_some(
                 f"{track.sender}: against the vehicle's own attitude the stream's world is {world.name}", track

@@ -28,7 +28,6 @@ _LONGEST_S: Final = 1.0
 _NEIGHBOURS: Final = 2
 _ALIGNED: Final = "VisOdom: yaw shifted"
 _ALIGNED_WITHIN_US: Final = 100_000
-_TYPE_T265: Final = 2
 _TYPE_VOXL: Final = 3
 
 

@@ -13,12 +13,12 @@ from ekf_stub.inputs.gps_sample import GpsSample
 from viso.ekf_runs.gps import GpsRecords
 
 
-def record(**fields: object) -> Any:
-    return SimpleNamespace(get_type=lambda: "RGPx", **fields)
+def record(kind: str, **fields: object) -> Any:
+    return SimpleNamespace(get_type=lambda: kind, **fields)
 
 
 def slow(flags: int, fix_type: int = 3) -> Any:
-    return record(OX=0.0, OY=0.0, OZ=0.0, Lg=0.2, Flags=flags, Stat=fix_type, NSats=10, I=0)
+    return record("RGPI", OX=0.0, OY=0.0, OZ=0.0, Lg=0.2, Flags=flags, Stat=fix_type, NSats=10, I=0)
 
 
 def solution(instance: int, time_ms: int, **changed: float) -> Any:
@@ -34,7 +34,7 @@ def solution(instance: int, time_ms: int, **changed: float) -> Any:
         "HA": 1.5,
         "VA": 2.5,
     }
-    return record(TS=time_ms, HD=121, I=instance, **{**fields, **changed})
+    return record("RGPJ", TS=time_ms, HD=121, I=instance, **{**fields, **changed})
 
 
 class Rig:
@@ -42,8 +42,8 @@ class Rig:
 
     def __init__(self) -> None:
         self.records = GpsRecords()
-        self.records.take_rgph(record(NumInst=1, Primary=0))
-        self.records.take_rgpj(solution(0, 1000))
+        self.records.take(record("RGPH", NumInst=1, Primary=0))
+        self.records.take(solution(0, 1000))
 
     def newest(self) -> GpsSample:
         sample = self.records.newest()
@@ -51,7 +51,7 @@ class Rig:
         return sample
 
     def with_slow(self, flags: int, fix_type: int = 3) -> GpsSample:
-        self.records.take_rgpi(slow(flags, fix_type))
+        self.records.take(slow(flags, fix_type))
         return self.newest()
 
 
@@ -63,9 +63,9 @@ def rig() -> Rig:
 def test_receiver_that_there_is_not_has_records_too() -> None:
     # As in the recorded logs.
     records = GpsRecords()
-    records.take_rgph(record(NumInst=0, Primary=0))
-    records.take_rgpi(slow(8, 0))
-    records.take_rgpj(solution(0, 0))
+    records.take(record("RGPH", NumInst=0, Primary=0))
+    records.take(slow(8, 0))
+    records.take(solution(0, 0))
     assert records.newest() is None
 
 
@@ -88,7 +88,7 @@ def test_flags_tell_what_the_receiver_knows(rig: Rig) -> None:
 
 def test_newer_solution_has_what_stood_before(rig: Rig) -> None:
     rig.with_slow(flags=1)
-    rig.records.take_rgpj(solution(0, 1200, VX=7.0))
+    rig.records.take(solution(0, 1200, VX=7.0))
     assert (rig.newest().time_ms, float(rig.newest().vel_ned.x)) == (1200, 7.0)
     assert rig.newest().has_vertical_velocity
 
@@ -96,12 +96,12 @@ def test_newer_solution_has_what_stood_before(rig: Rig) -> None:
 def test_last_fix_is_remembered(rig: Rig) -> None:
     rig.with_slow(flags=8)
     lost = rig.with_slow(flags=8, fix_type=1)
-    rig.records.take_rgpj(solution(0, 1200))
+    rig.records.take(solution(0, 1200))
     assert (lost.fix_type, lost.last_fix_ms) == (1, 1000)
     assert rig.newest().last_fix_ms == 1000
 
 
 def test_gps_is_the_primary_one(rig: Rig) -> None:
     rig.with_slow(flags=8)
-    rig.records.take_rgpj(solution(1, 2000))
+    rig.records.take(solution(1, 2000))
     assert rig.newest().time_ms == 1000

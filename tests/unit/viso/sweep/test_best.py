@@ -66,7 +66,7 @@ def test_shares_are_best_where_they_are_greatest() -> None:
 
 def test_groups_have_their_own_best() -> None:
     both = rows({0: 1.0, 1: 2.0}, seed=1) + rows({0: 2.0, 1: 1.0}, seed=2)
-    assert [(found.group[-1], found.at) for found in best_along(both, "X", "nis")] == [(1, 0), (2, 1)]
+    assert [(found.row["seed"], found.at) for found in best_along(both, "X", "nis")] == [(1, 0), (2, 1)]
 
 
 def test_best_rows_come_first_and_equal_ones_in_order() -> None:
