@@ -18,10 +18,6 @@ OUTPUTS = {"visual_odom": 41061, "ap_math": 18220, "jitter_correction": 13220}
 CHUNKS = 6
 
 
-def recompute_text(text: str) -> str:
-    return json.dumps(recompute(parse_line(text)))
-
-
 @cache
 def lines_of(name: str) -> tuple[str, ...]:
     with gzip.open(VECTORS / f"{name}.jsonl.gz", "rt", encoding="utf-8") as file:

@@ -10,7 +10,6 @@ import fcntl
 import os
 import re
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 LASTLOG_NAME: Final = "LASTLOG.TXT"
@@ -120,9 +119,7 @@ class LogFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -157,7 +154,10 @@ class LogStore:
 
         ``LASTLOG.TXT`` tells; where it is missing or makes no sense, the highest number among the files.
         """
-        match = self._read_lastlog()
+        try:
+            match = _LASTLOG.match((self._directory / LASTLOG_NAME).read_bytes())
+        except OSError:
+            match = None
         return int(match[1]) if match else max(self._numbers(), default=0)
 
     def log_numbers(self) -> list[int]:
@@ -220,12 +220,6 @@ class LogStore:
             return LogFile(path, number, descriptor)
         os.close(descriptor)
         return None
-
-    def _read_lastlog(self) -> re.Match[bytes] | None:
-        try:
-            return _LASTLOG.match((self._directory / LASTLOG_NAME).read_bytes())
-        except OSError:
-            return None
 
     def _write_lastlog(self, log: LogFile) -> None:
         path = self._directory / LASTLOG_NAME
