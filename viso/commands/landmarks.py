@@ -79,9 +79,10 @@ def _one_line_extras() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name != "pymap3d":
+        if error.name not in ("pymap3d", "filterpy"):
             raise
-        raise InputError(f"{error.msg}; --frame spherical works without") from error
+        hint = "; --frame spherical works without" if error.name == "pymap3d" else ""
+        raise InputError(f"{error.msg}{hint}") from error
 
 
 def landmarks(

@@ -16,6 +16,7 @@ EXTRAS = (
     "rosbags",
     "matplotlib",
     "threadpoolctl",
+    "filterpy",
     "pymap3d",
     "pyModeS",
     "starlette",
@@ -65,6 +66,15 @@ def test_landmarks_do_without_on_a_sphere_and_say_so(tmp_path: Path) -> None:
     assert code == 2
     assert "pip install 'viso[landmarks]'" in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_estimate_of_the_receiver_needs_an_extra_and_says_which(tmp_path: Path) -> None:
+    code, err = viso("landmarks", "--demo", "--until", "1", "--frame", "spherical", "--estimate", cwd=tmp_path)
+    note, reason = err.splitlines()
+    assert (code, note[:16]) == (2, "note: --estimate")
+    assert reason.startswith("viso: ")
+    assert "pip install 'viso[landmarks]'" in reason
 
 
 @pytest.mark.slow

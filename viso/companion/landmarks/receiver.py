@@ -3,7 +3,7 @@
 """Where the receiver of ADS-B might be, judged by the aircraft that it hears.
 
 The middle of the aircraft is taken for the receiver, so this is kilometres off: the spread of the aircraft is not the
-error of the receiver. It is for looking at, and must never reach the autopilot.
+error of the receiver. It is for looking at, and must never reach the autopilot. Needs the extra ``landmarks``.
 """
 
 import math
@@ -18,6 +18,7 @@ from viso.companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
 from viso.companion.landmarks.types import AircraftReport, GeodeticPoint
 from viso.companion.vio.se3 import Array
 
+MISSING_EXTRA: Final = "the receiver's position is filtered with filterpy: pip install 'viso[landmarks]'"
 PERIOD_S: Final = 5.0
 """How often to estimate."""
 FEWEST_AIRCRAFT: Final = 4
@@ -169,10 +170,15 @@ class ReceiverFilter:
 
         Args:
             mode: of the local frame.
-        """
-        # Here, as the import takes a second: only who estimates shall wait for it.
-        from filterpy.kalman import KalmanFilter
 
+        Raises:
+            ModuleNotFoundError: without filterpy, from the extra ``landmarks``; one line that says what to install.
+        """
+        try:
+            # Here, as the import takes a second: only who estimates shall wait for it.
+            from filterpy.kalman import KalmanFilter
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(MISSING_EXTRA, name="filterpy") from error
         self._mode = mode
         self._filter = KalmanFilter(dim_x=4, dim_z=2)
         self._filter.H = np.eye(2, 4)
