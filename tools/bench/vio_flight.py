@@ -16,7 +16,6 @@ from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioInitializingError
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.strategy import StrategyContext
-from viso.companion.vio.telemetry import NullSink
 from viso.companion.vio.types import ImuSample, NavCameraFrame
 from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
 from viso.companion.world.texture import GroundTexture
@@ -46,9 +45,7 @@ class FlownStrategy:
         self._imu = ImuBuffer()
         self._last_ns: int | None = None
         config = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)
-        self.strategy = KltRansac(
-            StrategyContext(config, calibration, lambda: 0, logging.getLogger(__name__), NullSink())
-        )
+        self.strategy = KltRansac(StrategyContext(config, calibration, lambda: 0, logging.getLogger(__name__)))
         self.strategy.reset_to_warm_start(flight.warm_start())
         for _ in range(WARM_UP_FRAMES):
             self.run()

@@ -17,7 +17,6 @@ from viso.companion.vio.config import ConfigError, VioConfig, load_config
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import Array
-from viso.companion.vio.telemetry import NullSink
 from viso.companion.vio.types import CameraCalibration
 from viso.errors import InputError
 
@@ -74,6 +73,6 @@ def _try_strategy(config: VioConfig, calibration: CameraCalibration) -> None:
     # Built in vain, so that whatever is missing is told before anything is opened.
     silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
     try:
-        build_vio_strategy(config, calibration, lambda: 0, silent, NullSink())
+        build_vio_strategy(config, calibration, lambda: 0, silent)
     except (ValueError, StrategyNotAvailableError) as error:
         raise InputError(str(error)) from error

@@ -21,7 +21,6 @@ from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.ingest import FrameSource
 from viso.companion.vio.runtime import VioRuntime
-from viso.companion.vio.telemetry import NullSink
 from viso.companion.vio.types import ImuSample
 from viso.companion.world.flight import HeightMeasurement
 from viso.vio.feed import HandedFrames, RecordingFeed
@@ -101,9 +100,7 @@ class LiveVio:
             self._buffer,
             clock_ns=now_ns,
             logger=logger,
-            telemetry=NullSink(),
             listeners=(self._odometry.take_update, log.take),
-            clock_offset_ns=lambda: self._sync.offset_ns,
         )
         if isinstance(source, Recording) and source.start is not None:
             self._runtime.warm_start(source.start)

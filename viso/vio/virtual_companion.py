@@ -20,7 +20,6 @@ from viso.companion.vio.frames import enu_to_ned
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.telemetry import NullSink
 from viso.companion.vio.types import ImuBias, ImuSample, NavCameraFrame, VioHealth, WarmStartPose
 from viso.companion.vio.update import VioUpdate
 from viso.companion.vio.worker import VioWorker
@@ -116,7 +115,7 @@ class VirtualCompanion:
         clock = ClockSync()
         self._now_ns = flight.start_ns
         self._imu = ImuBuffer(wait=lambda _changed, _is_there, _wait_s: None)  # what has not come will not come
-        self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger, NullSink())
+        self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger)
         self.autopilot = AutopilotState(clock, flight.truth(flight.start_ns).t)
         self.source = _make_source(config)
         self._worker = VioWorker(
@@ -126,9 +125,7 @@ class VirtualCompanion:
             self._imu,
             clock_ns=lambda: self._now_ns,
             logger=logger,
-            telemetry=NullSink(),
             listeners=(self.source.take_update, *listeners),
-            clock_offset_ns=lambda: clock.offset_ns,
         )
         self.sender = OdometrySender(
             link,

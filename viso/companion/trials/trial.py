@@ -19,7 +19,6 @@ from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.telemetry import NullSink, TelemetrySink
 from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioState, WarmStartPose
 from viso.companion.vio.update import Listener, VioUpdate
 from viso.companion.vio.worker import VioWorker
@@ -187,7 +186,6 @@ def run_trial(
     *,
     clock_ns: Callable[[], int] | None = None,
     logger: logging.Logger = _LOGGER,
-    telemetry: TelemetrySink | None = None,
     listeners: Iterable[Listener] = (),
 ) -> Trial:
     """Run the strategy that a configuration names over all data of a source.
@@ -198,14 +196,13 @@ def run_trial(
         warm_start: to begin with, at the first frame; None to wait for stillness.
         clock_ns: what the strategy and the times of its stages see; None for the time of the newest data.
         logger: for events.
-        telemetry: for records.
         listeners: called with each update.
 
     Raises:
         ValueError: if there is no such strategy.
         StrategyNotAvailableError: if this build does not have it.
     """
-    return _Run(source, config, clock_ns, logger, telemetry or NullSink(), listeners).all(warm_start)
+    return _Run(source, config, clock_ns, logger, listeners).all(warm_start)
 
 
 class _Run:
@@ -215,7 +212,6 @@ class _Run:
         config: VioConfig,
         clock_ns: Callable[[], int] | None,
         logger: logging.Logger,
-        telemetry: TelemetrySink,
         listeners: Iterable[Listener],
     ) -> None:
         clock_ns = clock_ns or (lambda: self._newest_ns)
@@ -223,7 +219,7 @@ class _Run:
         self._source = source
         self._newest_ns = 0
         self._buffer = ImuBuffer(wait=lambda *_: None)  # what there will be is there
-        self._strategy = build_vio_strategy(config, calibration, clock_ns, logger, telemetry)
+        self._strategy = build_vio_strategy(config, calibration, clock_ns, logger)
         self._worker = VioWorker(
             self._strategy,
             config,
@@ -231,7 +227,6 @@ class _Run:
             self._buffer,
             clock_ns=clock_ns,
             logger=logger,
-            telemetry=telemetry,
             listeners=listeners,
         )
         scale_sigma = 0.0 if config.agl_source is AglSource.NONE else config.agl_scale_sigma

@@ -13,7 +13,6 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.strategy import ReportingStrategy, StrategyContext
-from viso.companion.vio.telemetry import TelemetrySink
 from viso.companion.vio.types import CameraCalibration
 
 
@@ -83,7 +82,6 @@ def build_vio_strategy(
     calibration: CameraCalibration,
     clock: Callable[[], int],
     logger: logging.Logger,
-    telemetry: TelemetrySink,
     *,
     flags: Mapping[str, bool] = build_info.FLAGS,
 ) -> ReportingStrategy:
@@ -94,7 +92,6 @@ def build_vio_strategy(
         calibration: of the camera.
         clock: the companion's monotonic clock in ns.
         logger: for events.
-        telemetry: for records.
         flags: of the build; for tests only.
 
     Raises:
@@ -108,7 +105,7 @@ def build_vio_strategy(
     if not flags[entry.flag]:
         raise StrategyNotAvailableError(name, f"flag {entry.flag} is off")
     try:
-        strategy = entry.loader(StrategyContext(config, calibration, clock, logger, telemetry))
+        strategy = entry.loader(StrategyContext(config, calibration, clock, logger))
     except ImportError as error:
         raise StrategyNotAvailableError(name, str(error)) from error
     msg = f"VIO ready: strategy={name}, calibration={calibration.camera_id}.{calibration.unit}"

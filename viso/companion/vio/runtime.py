@@ -12,7 +12,6 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.registry import build_vio_strategy
-from viso.companion.vio.telemetry import TelemetrySink
 from viso.companion.vio.types import CameraCalibration, VioHealth, WarmStartPose
 from viso.companion.vio.update import Listener
 from viso.companion.vio.worker import ImuWindows, VioWorker
@@ -30,9 +29,7 @@ class VioRuntime:
         imu: the inertial data.
         clock_ns: the companion's monotonic clock.
         logger: for events.
-        telemetry: for records; not closed.
         listeners: called, in the worker's thread, with each update.
-        clock_offset_ns: the autopilot's clock against the companion's, None while unknown.
         flags: of the build; for tests only.
 
     Attributes:
@@ -52,12 +49,10 @@ class VioRuntime:
         *,
         clock_ns: Callable[[], int],
         logger: logging.Logger,
-        telemetry: TelemetrySink,
         listeners: Iterable[Listener] = (),
-        clock_offset_ns: Callable[[], int | None] = lambda: None,
         flags: Mapping[str, bool] = build_info.FLAGS,
     ) -> None:
-        strategy = build_vio_strategy(config, calibration, clock_ns, logger, telemetry, flags=flags)
+        strategy = build_vio_strategy(config, calibration, clock_ns, logger, flags=flags)
         self._logger = logger
         self._queue = DropOldestQueue(config.queue.depth)
         self._ingest = CameraIngest(source, self._queue, logger)
@@ -68,25 +63,12 @@ class VioRuntime:
             imu,
             clock_ns=clock_ns,
             logger=logger,
-            telemetry=telemetry,
             listeners=listeners,
-            clock_offset_ns=clock_offset_ns,
             queue=self._queue,
         )
         self._started = False
-        self._tell_configuration(config, telemetry)
-
-    def _tell_configuration(self, config: VioConfig, telemetry: TelemetrySink) -> None:
-        effective, digest = config.effective(), config.digest()
-        log_event(
-            self._logger,
-            logging.INFO,
-            "configuration",
-            "effective configuration",
-            {"config": effective, "digest": digest},
-            strategy=config.strategy,
-        )
-        telemetry.write({"kind": "configuration", "strategy": config.strategy, "digest": digest})
+        told = {"config": config.effective(), "digest": config.digest()}
+        log_event(logger, logging.INFO, "configuration", "effective configuration", told, strategy=config.strategy)
 
     def start(self) -> None:
         """Begin to read the camera and to process frames."""

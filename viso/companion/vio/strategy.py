@@ -20,7 +20,6 @@ from viso.companion.vio.errors import VioDegradedError, VioError, VioFatalError,
 from viso.companion.vio.health import FrameFacts, HealthLimits, HealthMachine
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy_log import StrategyLog
-from viso.companion.vio.telemetry import TelemetrySink
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
@@ -98,14 +97,12 @@ class StrategyContext:
         calibration: of the camera.
         clock_ns: the companion's monotonic clock.
         logger: for events.
-        telemetry: for records.
     """
 
     config: VioConfig
     calibration: CameraCalibration
     clock_ns: Callable[[], int]
     logger: logging.Logger
-    telemetry: TelemetrySink
 
 
 class StrategyBase(abc.ABC):
@@ -261,17 +258,6 @@ class StrategyBase(abc.ABC):
     def _on_transition(self, old: VioState, new: VioState, reason: str) -> None:
         lost = self.health.snapshot().consecutive_lost
         self._log.state_change(old, new, reason, lost)
-        self.context.telemetry.write(
-            {
-                "kind": "state_change",
-                "t_ns": self.context.clock_ns(),
-                "strategy": self.name,
-                "old": old.value,
-                "new": new.value,
-                "reason": reason,
-                "consecutive_lost": lost,
-            }
-        )
 
 
 def _checked(pose: WarmStartPose) -> WarmStartPose:

@@ -15,7 +15,6 @@ from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitia
 from viso.companion.vio.ingest import DropOldestQueue
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.strategy import ReportingStrategy
-from viso.companion.vio.telemetry import TelemetrySink
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuWindow,
@@ -25,7 +24,7 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.companion.vio.update import Listener, VioUpdate, update_record
+from viso.companion.vio.update import Listener, VioUpdate
 
 STALL_S: Final = 3.0  # as long as the frames that are fatal when lost take at 3 Hz
 COUNTERS: Final = (
@@ -61,9 +60,7 @@ class VioWorker:
         imu: the inertial data.
         clock_ns: the companion's monotonic clock.
         logger: for events.
-        telemetry: gets a record per frame.
         listeners: called with each update; what they raise is logged.
-        clock_offset_ns: the autopilot's clock against the companion's, None while unknown; for telemetry.
         queue: where ``run`` takes frames from; its losses go into the updates.
     """
 
@@ -76,15 +73,12 @@ class VioWorker:
         *,
         clock_ns: Callable[[], int],
         logger: logging.Logger,
-        telemetry: TelemetrySink,
         listeners: Iterable[Listener] = (),
-        clock_offset_ns: Callable[[], int | None] = lambda: None,
         queue: DropOldestQueue | None = None,
     ) -> None:
         self._strategy, self._config, self._calibration, self._imu = strategy, config, calibration, imu
-        self._clock_ns, self._logger, self._telemetry = clock_ns, logger, telemetry
+        self._clock_ns, self._logger = clock_ns, logger
         self._listeners = tuple(listeners)
-        self._clock_offset_ns = clock_offset_ns
         self._queue = queue or DropOldestQueue(config.queue.depth)
         self._camera_offset_ns = round(calibration.time_offset_s * 1e9)
         self._last_ns: int | None = None  # of the last processed frame
@@ -193,7 +187,6 @@ class VioWorker:
 
     def _publish(self, update: VioUpdate) -> None:
         self._last_update = dataclasses.replace(update, output=None)
-        self._telemetry.write(update_record(update, self._clock_offset_ns()))
         for listener in self._listeners:
             try:
                 listener(update)

@@ -17,7 +17,6 @@ from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitia
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyContext
-from viso.companion.vio.telemetry import NullSink
 from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioHealth, VioOutput, WarmStartPose
 from viso.companion.world.flight import Event, SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
@@ -91,7 +90,7 @@ class Aboard:
 
     def __init__(self, recorded: Recorded, warm_start: WarmStartPose | None = None, **config: Any) -> None:
         context = StrategyContext(
-            VioConfig(**(PLANAR | config)), recorded.calibration, lambda: 0, logging.Logger("vio"), NullSink()
+            VioConfig(**(PLANAR | config)), recorded.calibration, lambda: 0, logging.Logger("vio")
         )
         self.strategy = KltRansac(context)
         if warm_start is not None:

@@ -12,7 +12,6 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.health import FrameFacts
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
-from viso.companion.vio.telemetry_records import Record
 from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
@@ -102,19 +101,6 @@ class Ticks:
         return self.now_ns
 
 
-class Kept:
-    """A telemetry sink that keeps what it gets."""
-
-    def __init__(self) -> None:
-        self.records: list[Record] = []
-
-    def write(self, record: Record) -> None:
-        self.records.append(record)
-
-    def of_kind(self, kind: str) -> list[Record]:
-        return [record for record in self.records if record["kind"] == kind]
-
-
 class EventHandler(logging.Handler):
     """Keeps records; ``events`` are those that name one."""
 
@@ -188,8 +174,7 @@ class WaxRig:
     def __init__(self, **config: Any) -> None:
         self.logger, self.log = make_logger()
         self.clock = Ticks()
-        self.telemetry = Kept()
         self.config = VioConfig(**config)
         self.calibration = make_calibration()
-        self.context = StrategyContext(self.config, self.calibration, self.clock, self.logger, self.telemetry)
+        self.context = StrategyContext(self.config, self.calibration, self.clock, self.logger)
         self.strategy = WaxStrategy(self.context)

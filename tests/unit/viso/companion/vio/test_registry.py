@@ -11,7 +11,6 @@ import pytest
 
 from tests.unit.viso.companion.vio.strategy_rig import (
     EventHandler,
-    Kept,
     Ticks,
     WaxStrategy,
     make_calibration,
@@ -29,7 +28,7 @@ ALL_OFF = dict.fromkeys(build_info.FLAGS, False)
 
 def build(name: str, flags: Mapping[str, bool]) -> tuple[ReportingStrategy, EventHandler]:
     logger, handler = make_logger()
-    strategy = build_vio_strategy(VioConfig(strategy=name), make_calibration(), Ticks(), logger, Kept(), flags=flags)
+    strategy = build_vio_strategy(VioConfig(strategy=name), make_calibration(), Ticks(), logger, flags=flags)
     return strategy, handler
 
 
@@ -113,5 +112,5 @@ def test_ready_is_logged() -> None:
 def test_refusal_is_not_ready() -> None:
     logger, handler = make_logger()
     with pytest.raises(StrategyNotAvailableError):
-        build_vio_strategy(VioConfig(strategy="okvis2"), make_calibration(), Ticks(), logger, Kept(), flags=ALL_ON)
+        build_vio_strategy(VioConfig(strategy="okvis2"), make_calibration(), Ticks(), logger, flags=ALL_ON)
     assert handler.records == []

@@ -13,7 +13,6 @@ import pytest
 
 from tests.unit.viso.companion.vio.strategy_rig import (
     INITIAL,
-    Kept,
     Ticks,
     WaxStrategy,
     make_calibration,
@@ -79,7 +78,6 @@ class Rig:
         entry = StrategyEntry(build_info.BUILD_KLT_RANSAC, self._load, "wax")
         monkeypatch.setitem(registry._STRATEGY_REGISTRY, "wax", entry)
         self.logger, self.log = make_logger()
-        self.telemetry = Kept()
         self.updates: list[VioUpdate] = []
         self.config = VioConfig(strategy="wax", **config)
         self.runtime = VioRuntime(
@@ -89,7 +87,6 @@ class Rig:
             Still(),
             clock_ns=Ticks(),
             logger=self.logger,
-            telemetry=self.telemetry,
             listeners=[self.updates.append],
         )
 
@@ -194,14 +191,11 @@ def test_warm_start_reaches_the_strategy(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(rig.strategies[0].calls) == 1
 
 
-def test_configuration_is_logged_once_and_its_digest_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_configuration_is_logged_once_with_its_digest(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig(monkeypatch, Camera(1), seed=5)
     (record,) = rig.log.events("configuration")
     assert record.levelno == logging.INFO
     assert rig.log.fields("configuration") == [{"config": rig.config.effective(), "digest": rig.config.digest()}]
-    assert rig.telemetry.of_kind("configuration") == [
-        {"kind": "configuration", "strategy": "wax", "digest": rig.config.digest()}
-    ]
 
 
 def test_strategy_that_is_not_there_is_not_replaced() -> None:
@@ -214,5 +208,4 @@ def test_strategy_that_is_not_there_is_not_replaced() -> None:
             Still(),
             clock_ns=Ticks(),
             logger=logger,
-            telemetry=Kept(),
         )

@@ -206,14 +206,12 @@ def test_warm_start_that_is_no_rotation_is_refused() -> None:
         rig.strategy.reset_to_warm_start(pose)
 
 
-def test_transition_is_logged_and_recorded_once() -> None:
+def test_transition_is_logged_once() -> None:
     rig = WaxRig()
     rig.strategy.run(0)
     rig.strategy.run(1)
     change = {"old": "INIT", "new": "TRACKING", "reason": "static initialisation"}
     assert rig.log.fields("state_change") == [change]
-    (record,) = rig.telemetry.of_kind("state_change")
-    assert change.items() <= record.items()
 
 
 def test_report_has_ratio_resets_and_stages() -> None:

@@ -54,9 +54,7 @@ class Rig(WaxRig):
             self.imu,
             clock_ns=self.clock,
             logger=self.logger,
-            telemetry=self.telemetry,
             listeners=[*listeners, self.updates.append],
-            clock_offset_ns=lambda: -5,
             queue=self.queue,
         )
 
@@ -149,7 +147,7 @@ def test_all_counters_are_there_from_the_start() -> None:
     assert Rig().worker.counters() == dict.fromkeys(COUNTERS, 0)
 
 
-def test_telemetry_gets_a_record_per_frame_with_stages_and_clock() -> None:
+def test_report_has_the_stages_and_their_total() -> None:
     def slow(frame: NavCameraFrame) -> Any:
         rig.clock.now_ns += 4_000_000
         return INITIAL, make_output(frame)
@@ -157,9 +155,9 @@ def test_telemetry_gets_a_record_per_frame_with_stages_and_clock() -> None:
     rig = Rig()
     rig.strategy.step = slow
     rig.run(1)
-    (record,) = rig.telemetry.of_kind("frame")
-    assert record["stage_ms"] == {"step": pytest.approx(4.0), "total": pytest.approx(4.0)}
-    assert (record["sequence"], record["clock_offset_ns"]) == (1, -5)
+    (update,) = rig.updates
+    assert update.sequence == 1
+    assert update.report.stage_ms == {"step": pytest.approx(4.0), "total": pytest.approx(4.0)}
 
 
 def test_drops_are_told() -> None:
