@@ -19,7 +19,7 @@ from mav_handlers.links import open_link
 from viso.companion.landmarks.inputs.files import InputOptions
 from viso.companion.landmarks.local_frame import FrameMode
 from viso.companion.landmarks.palette import Palette
-from viso.companion.landmarks.pose_choice import ESTIMATED_LABEL, ODOMETRY_LABEL
+from viso.companion.landmarks.scene import ESTIMATED_LABEL, ODOMETRY_LABEL
 from viso.companion.landmarks.session import ReceiverWatch, Session, Settings
 from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap

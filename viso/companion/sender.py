@@ -10,9 +10,9 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, Message
 
 MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY: Final = 197
-MAV_TYPE_ONBOARD_CONTROLLER: Final = 18
-MAV_AUTOPILOT_INVALID: Final = 8
 HEARTBEAT_PERIOD_US: Final = 1_000_000
+COMPANION_HEARTBEAT: Final = HEARTBEAT(18, 8, 0, 0, 4, 3)
+"""Of an onboard controller (MAV_TYPE 18), no autopilot (MAV_AUTOPILOT 8), active (MAV_STATE 4), protocol version 3."""
 
 
 class Companion:
@@ -53,7 +53,7 @@ class Companion:
         """Send what is due by ``now_us`` and take in what has arrived."""
         while self._next_heartbeat_us <= now_us:
             self._next_heartbeat_us += HEARTBEAT_PERIOD_US
-            self.send(HEARTBEAT(MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
+            self.send(COMPANION_HEARTBEAT)
         while self._next_frame_us + self._latency_us <= now_us:
             message = self._estimate(self._next_frame_us)
             self._next_frame_us += self._period_us

@@ -7,17 +7,17 @@ import os
 import select
 import stat
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Any, Final, Generic, TypeVar
 
 from mav_handlers.links import open_link
 from mav_handlers.links.base import Link
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import HEARTBEAT
-from viso.companion.landmarks.inputs.base import FileReader, InputFileError
+from viso.companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
 from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader
 from viso.companion.landmarks.inputs.files import InputOptions, open_file
 from viso.companion.landmarks.inputs.lines import LineSplitter, TextFile
@@ -25,7 +25,7 @@ from viso.companion.landmarks.inputs.sbs1 import Sbs1Reader
 from viso.companion.landmarks.inputs.vehicle import MavlinkStream
 from viso.companion.landmarks.types import Event
 from viso.companion.odometry.inbound import stream_requests
-from viso.companion.sender import HEARTBEAT_PERIOD_US, MAV_AUTOPILOT_INVALID, MAV_TYPE_ONBOARD_CONTROLLER
+from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US
 from viso.errors import InputError
 from viso.landmarks.inputs import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
 
@@ -38,29 +38,42 @@ RATES_HZ: Final = {"ATTITUDE": 20.0, "LOCAL_POSITION_NED": 20.0, "GLOBAL_POSITIO
 _REQUEST_PERIOD_S: Final = 5.0
 
 
-class Source(Protocol):
+_Reader = TypeVar("_Reader", bound=AnyLines | LineReader | FileReader | MavlinkStream)
+
+
+class Source(ABC, Generic[_Reader]):
     """Something that tells events as they come.
+
+    Args:
+        name: as the user has given it.
+        reader: makes events of what comes.
 
     Attributes:
         name: as the user has given it.
         is_over: whether nothing will follow.
     """
 
-    name: str
-    is_over: bool
+    def __init__(self, name: str, reader: _Reader) -> None:
+        self.name = name
+        self.is_over = False
+        self._reader = reader
 
     @property
     def refused(self) -> Counter[str]:
         """What was of no use, by reason."""
+        return self._reader.refused
 
     def fileno(self) -> int:
-        """Return the descriptor to wait on, -1 if there is none."""
+        """Return the descriptor to wait on, -1 if there is none; files cannot be waited on."""
+        return -1
 
+    @abstractmethod
     def poll(self, now_s: float) -> list[Event]:
         """Return what has come since the last time, without waiting."""
 
     def finish(self, now_s: float) -> list[Event]:
         """Return what a last, unfinished line tells."""
+        return []
 
 
 def standard_lines(descriptor: int, stop: Callable[[], bool]) -> Iterator[str]:
@@ -76,7 +89,21 @@ def standard_lines(descriptor: int, stop: Callable[[], bool]) -> Iterator[str]:
     yield from splitter.feed(b"\n")
 
 
-class LineSource:
+class _Lines(Source[AnyLines | LineReader]):
+    """What tells events line by line."""
+
+    def __init__(self, name: str, reader: AnyLines | LineReader) -> None:
+        super().__init__(name, reader)
+        self._splitter = LineSplitter()
+
+    def finish(self, now_s: float) -> list[Event]:
+        return self._told(b"\n", now_s)
+
+    def _told(self, data: bytes, now_s: float) -> list[Event]:
+        return [event for line in self._splitter.feed(data) for event in self._reader.take(line, now_s)]
+
+
+class LineSource(_Lines):
     """Lines of a descriptor: a pipe, or a file that grows.
 
     Args:
@@ -86,131 +113,66 @@ class LineSource:
     """
 
     def __init__(self, name: str, descriptor: int, utc_offset_s: float = 0.0) -> None:
-        self.name = name
-        self.is_over = False
+        super().__init__(name, AnyLines(utc_offset_s))
         self._descriptor = descriptor
         self._grows = name != STANDARD_INPUT
-        self._splitter = LineSplitter()
-        self._lines = AnyLines(utc_offset_s)
-
-    @property
-    def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
-        return self._lines.refused
 
     def fileno(self) -> int:
-        """Return the descriptor to wait on; files cannot be waited on."""
         is_file = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         return -1 if is_file or self.is_over else self._descriptor
 
     def poll(self, now_s: float) -> list[Event]:
-        """Return what has come."""
         events: list[Event] = []
         while not self.is_over and select.select([self._descriptor], [], [], 0)[0]:
             data = os.read(self._descriptor, CHUNK_BYTES)
             if not data:
                 self.is_over = not self._grows
                 break
-            events += [event for line in self._splitter.feed(data) for event in self._lines.take(line, now_s)]
+            events += self._told(data, now_s)
         return events
 
-    def finish(self, now_s: float) -> list[Event]:
-        """Return what the last line tells, if it has no end."""
-        return [event for line in self._splitter.feed(b"\n") for event in self._lines.take(line, now_s)]
 
-
-class _LinkSource:
-    """What both kinds of links share."""
-
-    is_over = False
-
-    def __init__(self, name: str, link: Link) -> None:
-        self.name = name
-        self._link = link
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on."""
-        return self._link.fileno()
-
-    def _received(self) -> Iterator[bytes]:
-        while data := self._link.receive():
-            yield data
-
-
-class SbsLink(_LinkSource):
+class SbsLink(_Lines):
     """BaseStation lines on a link."""
 
     def __init__(self, name: str, link: Link, utc_offset_s: float = 0.0) -> None:
-        super().__init__(name, link)
-        self._splitter = LineSplitter()
-        self._reader = Sbs1Reader(utc_offset_s)
+        super().__init__(name, Sbs1Reader(utc_offset_s))
+        self._link = link
 
-    @property
-    def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
-        return self._reader.refused
+    def fileno(self) -> int:
+        return self._link.fileno()
 
     def poll(self, now_s: float) -> list[Event]:
-        """Return what has come."""
-        lines = (line for data in self._received() for line in self._splitter.feed(data))
-        return [event for line in lines for event in self._reader.take(line, now_s)]
-
-    def finish(self, now_s: float) -> list[Event]:
-        """Return what the last line tells, if it has no end."""
-        return [event for line in self._splitter.feed(b"\n") for event in self._reader.take(line, now_s)]
+        return [event for data in iter(self._link.receive, b"") for event in self._told(data, now_s)]
 
 
-class VehicleLink(_LinkSource):
-    """An autopilot on a link, which is asked for what is needed."""
+class VehicleLink(Source[MavlinkStream]):
+    """An autopilot on a link, which is asked for what is needed; half a frame at the end tells nothing."""
 
     def __init__(self, name: str, link: Link) -> None:
-        super().__init__(name, link)
-        self._stream = MavlinkStream()
+        super().__init__(name, MavlinkStream())
+        self._link = link
         self._codec = Codec(system_id=255, component_id=0)
         self._beat_s = self._request_s = -float("inf")
 
-    @property
-    def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
-        return self._stream.refused
+    def fileno(self) -> int:
+        return self._link.fileno()
 
     def poll(self, now_s: float) -> list[Event]:
-        """Return what has come, and send what is due."""
         if now_s - self._beat_s >= HEARTBEAT_PERIOD_US * 1e-6:
             self._beat_s = now_s
-            self._link.send(
-                self._codec.encode(HEARTBEAT(MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
-            )
+            self._link.send(self._codec.encode(COMPANION_HEARTBEAT))
         if now_s - self._request_s >= _REQUEST_PERIOD_S:
             self._request_s = now_s
             for request in stream_requests(RATES_HZ):
                 self._link.send(self._codec.encode(request))
-        return [event for data in self._received() for event in self._stream.feed(data, now_s)]
-
-    def finish(self, now_s: float) -> list[Event]:
-        """Return nothing: half a frame tells nothing."""
-        return []
+        return [event for data in iter(self._link.receive, b"") for event in self._reader.feed(data, now_s)]
 
 
-class WholeFile:
+class WholeFile(Source[FileReader]):
     """A file that is read once, from its beginning to its end."""
 
-    def __init__(self, name: str, reader: FileReader) -> None:
-        self.name = name
-        self.is_over = False
-        self._reader = reader
-
-    @property
-    def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
-        return self._reader.refused
-
-    def fileno(self) -> int:
-        """Return -1: there is nothing to wait for."""
-        return -1
-
     def poll(self, now_s: float) -> list[Event]:
-        """Return all of it, the first time."""
         if self.is_over:
             return []
         self.is_over = True
@@ -219,32 +181,16 @@ class WholeFile:
         except InputFileError as error:
             raise InputError(str(error)) from error
 
-    def finish(self, now_s: float) -> list[Event]:
-        """Return nothing more."""
-        return []
 
-
-class Snapshots:
+class Snapshots(Source[Dump1090Reader]):
     """A snapshot of dump1090 that is written anew again and again."""
 
     def __init__(self, path: Path) -> None:
-        self.name = str(path)
-        self.is_over = False
+        super().__init__(str(path), Dump1090Reader())
         self._path = path
-        self._reader = Dump1090Reader()
         self._last: tuple[int, int, int] | None = None
 
-    @property
-    def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
-        return self._reader.refused
-
-    def fileno(self) -> int:
-        """Return -1: a file cannot be waited on."""
-        return -1
-
     def poll(self, now_s: float) -> list[Event]:
-        """Return what is new, if the file has changed."""
         try:
             now = self._path.stat()
             mark = now.st_ino, now.st_mtime_ns, now.st_size
@@ -255,10 +201,6 @@ class Snapshots:
             return []
         self._last = mark
         return self._reader.take(text, now_s)
-
-    def finish(self, now_s: float) -> list[Event]:
-        """Return nothing more."""
-        return []
 
 
 class Live:
@@ -284,7 +226,7 @@ class Live:
     ) -> None:
         self._now_s = now_s
         self._stack = ExitStack()
-        self._sources: list[Source] = []
+        self._sources: list[Source[Any]] = []
         with ExitStack() as undo:
             undo.callback(self._stack.close)
             self._sources += [self._opened(name, options, standard_input) for name in names]
@@ -329,7 +271,7 @@ class Live:
         descriptors = [source.fileno() for source in self._sources]
         select.select([descriptor for descriptor in descriptors if descriptor >= 0], [], [], LONGEST_WAIT_S)
 
-    def _opened(self, name: str, options: InputOptions, standard_input: Callable[[], int]) -> Source:
+    def _opened(self, name: str, options: InputOptions, standard_input: Callable[[], int]) -> Source[Any]:
         if name == STANDARD_INPUT:
             return LineSource(name, standard_input(), options.utc_offset_s)
         if name.startswith(SBS_SCHEME):
@@ -344,7 +286,7 @@ class Live:
         self._stack.callback(link.close)
         return link
 
-    def _file(self, name: str, options: InputOptions) -> Source:
+    def _file(self, name: str, options: InputOptions) -> Source[Any]:
         path = Path(name)
         try:
             if path.is_file() and not path.stat().st_size:
@@ -361,7 +303,7 @@ class Live:
             return Snapshots(path)
         return WholeFile(name, reader) if _is_one_record(text) else self._lines(path, options)
 
-    def _lines(self, path: Path, options: InputOptions) -> Source:
+    def _lines(self, path: Path, options: InputOptions) -> Source[Any]:
         try:
             descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         except OSError as error:

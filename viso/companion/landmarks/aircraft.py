@@ -140,7 +140,6 @@ def state_vectors_record(
     origin: GeodeticPoint,
     vehicle: VehiclePose,
     states: Sequence[AircraftState],
-    vehicle_vel_enu: Array | None = None,
 ) -> dict[str, Any] | None:
     """Return the state vectors of vehicle and aircraft as a record for JSON; None without a fix.
 
@@ -149,12 +148,10 @@ def state_vectors_record(
         origin: as the states were made with.
         vehicle: its pose; an unknown height is told as 0.
         states: of the aircraft; an altitude that is not known becomes null.
-        vehicle_vel_enu: [3] in m/s; 0 where it is not known.
     """
     if not origin.is_fix:
         return None
     sec, nanosec = divmod(round(t_s * 1e9), 1_000_000_000)
-    velocity = np.zeros(3) if vehicle_vel_enu is None else vehicle_vel_enu
     orientation = quat_wxyz_from_rotation(world_R_body(vehicle))
     return {
         "header": {
@@ -164,7 +161,7 @@ def state_vectors_record(
         },
         "vehicle": {
             "pose": _pose(vehicle.x_m, vehicle.y_m, vehicle.z_m or 0.0, orientation),
-            "twist": _twist(velocity, 0.0),
+            "twist": _twist(np.zeros(3), 0.0),  # not known
         },
         "aircraft": [_aircraft(state) for state in states],
     }

@@ -67,12 +67,6 @@ class PoseErrors:
     rejected: int
     rms_px: float | None
 
-    @property
-    def untold(self) -> tuple[str, ...]:
-        """Names of what the data do not tell, as of ``yaw_offset``, ``pitch_trim`` and ``delay``."""
-        named = {"yaw_offset": self.yaw_offset_rad, "pitch_trim": self.pitch_trim_rad, "delay": self.delay_s}
-        return tuple(name for name, value in named.items() if value is None)
-
 
 def fit_pose_errors(
     camera: Camera, poses: Sequence[VehiclePose], landmarks: Sequence[Landmark], pictures: Sequence[Detections]

@@ -133,8 +133,3 @@ def rays(camera: Camera, uv_px: npt.ArrayLike) -> Array:
     directions = np.column_stack([across, np.ones(len(pixels))])
     unit: Array = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     return unit
-
-
-def horizon_v_px(camera: Camera) -> float:
-    """Return the row of the horizon for a level vehicle: a point far ahead at the camera's height lands on it."""
-    return camera.cy_px + camera.fy_px * math.tan(camera.pitch_trim_rad)

@@ -22,7 +22,6 @@ MISSING_EXTRA: Final = "the receiver's position is filtered with filterpy: pip i
 PERIOD_S: Final = 5.0
 """How often to estimate."""
 FEWEST_AIRCRAFT: Final = 4
-UNKNOWN_RADIO_QUALITY: Final = 0.5
 _AGE_SCALE_S: Final = 30.0
 _UNKNOWN_ALTITUDE_FT: Final = 35_000.0
 _LOW_FT: Final = 15_000.0
@@ -185,15 +184,9 @@ class ReceiverFilter:
         self._origin: GeodeticPoint | None = None
         self._t_s = 0.0
 
-    def update(self, estimate: ReceiverEstimate, radio_quality: float = UNKNOWN_RADIO_QUALITY) -> FilteredPosition:
-        """Take an estimate.
-
-        Args:
-            estimate: the next one.
-            radio_quality: 0 to 1, how well the aircraft are heard.
-        """
-        factor = min(max(1.30 - 0.60 * radio_quality, 0.70), 1.30)
-        variance = max(_LEAST_SIGMA_M, estimate.sigma_major_m * factor) ** 2
+    def update(self, estimate: ReceiverEstimate) -> FilteredPosition:
+        """Take the next estimate."""
+        variance = max(_LEAST_SIGMA_M, estimate.sigma_major_m) ** 2
         nis = None
         accepted = True
         if self._origin is None:

@@ -38,6 +38,8 @@ from viso.companion.vio.se3 import Array
 
 Pixel = tuple[float, float]
 """Right and down of the picture's corner."""
+ODOMETRY_LABEL: Final = "odom"
+ESTIMATED_LABEL: Final = "estimated"
 _UPRIGHT: Final = 1e-9  # of a horizon from the top of the picture to its bottom
 
 
@@ -79,7 +81,6 @@ class Situation:
         camera: that looks.
         pose: that predicts.
         odometry: as it was told.
-        label: which of the two predicts.
         landmarks: each id once.
         states: the aircraft.
         origin: that the states count from; None without a fix.
@@ -89,7 +90,6 @@ class Situation:
     camera: Camera
     pose: VehiclePose
     odometry: VehiclePose
-    label: str
     landmarks: tuple[Landmark, ...] = ()
     states: tuple[AircraftState, ...] = ()
     origin: GeodeticPoint | None = None
@@ -99,6 +99,11 @@ class Situation:
     def is_estimated(self) -> bool:
         """Whether another pose than the odometry predicts."""
         return self.pose is not self.odometry
+
+    @property
+    def label(self) -> str:
+        """Which of the two predicts."""
+        return ESTIMATED_LABEL if self.is_estimated else ODOMETRY_LABEL
 
     @property
     def view_yaw_rad(self) -> float:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from viso.companion.landmarks.aircraft import STALE_AFTER_S, AircraftTracker
 from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
-from viso.companion.landmarks.pose_choice import choose_pose, reference_of
+from viso.companion.landmarks.pose_choice import choose_pose
 from viso.companion.landmarks.receiver import (
     PERIOD_S,
     ReceiverFilter,
@@ -184,7 +184,7 @@ class Session:
             self.dropped["no fix: (0, 0)"] += 1
             return
         self._fix = fix
-        self._reference = reference_of(self._reference, fix)
+        self._reference = self._reference or fix.point
 
     def _take_camera(self, info: CameraInfo) -> None:
         if info.fx_px == 0:
@@ -230,12 +230,11 @@ class Session:
         self.scenes += 1
         self._scene_s = known.seen.t_s
         settings = self._settings
-        chosen = choose_pose(odometry, settings.position_source, self._estimated, self._reference, settings.mode)
+        pose = choose_pose(odometry, settings.position_source, self._estimated, self._reference, settings.mode)
         situation = Situation(
             known.camera,
-            chosen.pose,
+            pose,
             odometry,
-            chosen.label,
             known.landmarks,
             known.states,
             known.origin,

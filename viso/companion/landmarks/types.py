@@ -10,7 +10,7 @@ import math
 import re
 from collections import Counter
 from dataclasses import dataclass, fields
-from typing import Final
+from typing import Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +20,16 @@ from viso.companion.vio.se3 import Array, read_only
 _ICAO: Final = re.compile(r"[0-9A-F]{6}")
 
 
-def _finite(record: object, *names: str) -> None:
-    for field in names:
-        value = getattr(record, field)
-        if value is not None and not math.isfinite(value):
-            raise ValueError(f"{field}: {value}")
+class _Record:
+    """A record whose numbers are finite."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(cast(Any, self)):
+            value = getattr(self, field.name)
+            if isinstance(value, int | float) and not math.isfinite(value):
+                raise ValueError(f"{field.name}: {value}")
 
 
 def _on_globe(latitude_deg: float, longitude_deg: float) -> None:
@@ -35,7 +40,7 @@ def _on_globe(latitude_deg: float, longitude_deg: float) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class Camera(_Record):
     """A pinhole camera on a vehicle, looking forward.
 
     Attributes:
@@ -62,7 +67,7 @@ class Camera:
     pitch_trim_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        _finite(self, *(field.name for field in fields(self)))
+        _Record.__post_init__(self)  # slots replace the class, so the short form of super() would not find it
         for field in ("width_px", "height_px", "fx_px", "fy_px"):
             if getattr(self, field) <= 0:
                 raise ValueError(f"{field}: {getattr(self, field)}, not above 0")
@@ -79,7 +84,7 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class VehiclePose:
+class VehiclePose(_Record):
     """Where the vehicle is.
 
     Attributes:
@@ -98,13 +103,13 @@ class VehiclePose:
     world_R_body: Array | None = None
 
     def __post_init__(self) -> None:
-        _finite(self, "t_s", "x_m", "y_m", "yaw_rad", "z_m")
+        _Record.__post_init__(self)
         if self.world_R_body is not None:
             object.__setattr__(self, "world_R_body", read_only(self.world_R_body, (3, 3), "world_R_body"))
 
 
 @dataclass(frozen=True, slots=True)
-class Landmark:
+class Landmark(_Record):
     """A known point on the ground.
 
     Attributes:
@@ -117,12 +122,9 @@ class Landmark:
     y_m: float
     z_m: float = 0.0
 
-    def __post_init__(self) -> None:
-        _finite(self, "x_m", "y_m", "z_m")
-
 
 @dataclass(frozen=True, slots=True)
-class Detection:
+class Detection(_Record):
     """Where a landmark, or an aircraft by its address, was seen in a picture.
 
     Attributes:
@@ -134,12 +136,9 @@ class Detection:
     u_px: float
     v_px: float
 
-    def __post_init__(self) -> None:
-        _finite(self, "u_px", "v_px")
-
 
 @dataclass(frozen=True, slots=True)
-class Detections:
+class Detections(_Record):
     """What was seen in one picture.
 
     Attributes:
@@ -151,12 +150,9 @@ class Detections:
     landmarks: tuple[Detection, ...] = ()
     aircraft: tuple[Detection, ...] = ()
 
-    def __post_init__(self) -> None:
-        _finite(self, "t_s")
-
 
 @dataclass(frozen=True, slots=True)
-class AircraftReport:
+class AircraftReport(_Record):
     """What an aircraft has told by ADS-B, in its units.
 
     Attributes:
@@ -183,13 +179,12 @@ class AircraftReport:
     def __post_init__(self) -> None:
         if not _ICAO.fullmatch(self.icao):
             raise ValueError(f"icao: {self.icao!r}, not 6 hexadecimal digits in upper case")
-        _finite(self, "t_s", "latitude_deg", "longitude_deg", "altitude_ft")
-        _finite(self, "speed_kt", "heading_deg", "vertical_rate_ft_min")
+        _Record.__post_init__(self)
         _on_globe(self.latitude_deg, self.longitude_deg)
 
 
 @dataclass(frozen=True, slots=True)
-class GeodeticPoint:
+class GeodeticPoint(_Record):
     """A place on the globe.
 
     Attributes:
@@ -202,7 +197,7 @@ class GeodeticPoint:
     alt_m: float = 0.0
 
     def __post_init__(self) -> None:
-        _finite(self, "latitude_deg", "longitude_deg", "alt_m")
+        _Record.__post_init__(self)
         _on_globe(self.latitude_deg, self.longitude_deg)
 
     @property
@@ -212,7 +207,7 @@ class GeodeticPoint:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AircraftState:
+class AircraftState(_Record):
     """An aircraft relative to the vehicle.
 
     Attributes:
@@ -233,7 +228,7 @@ class AircraftState:
     turn_rate_rad_s: float | None = None
 
     def __post_init__(self) -> None:
-        _finite(self, "east_m", "north_m", "up_m", "turn_rate_rad_s")
+        _Record.__post_init__(self)
         object.__setattr__(self, "vel_enu", read_only(self.vel_enu, (3,), "vel_enu"))
         object.__setattr__(self, "quat_wxyz", read_only(self.quat_wxyz, (4,), "quat_wxyz"))
 
@@ -244,7 +239,7 @@ class AircraftState:
 
 
 @dataclass(frozen=True, slots=True)
-class LandmarkMap:
+class LandmarkMap(_Record):
     """All landmarks that are known from now on.
 
     Attributes:
@@ -256,7 +251,7 @@ class LandmarkMap:
     landmarks: tuple[Landmark, ...]
 
     def __post_init__(self) -> None:
-        _finite(self, "t_s")
+        _Record.__post_init__(self)
         counts = Counter(landmark.id for landmark in self.landmarks)
         twice = next((name for name, count in counts.items() if count > 1), None)
         if twice is not None:
@@ -264,7 +259,7 @@ class LandmarkMap:
 
 
 @dataclass(frozen=True, slots=True)
-class GlobalFix:
+class GlobalFix(_Record):
     """Where the vehicle is on the globe.
 
     Attributes:
@@ -275,12 +270,9 @@ class GlobalFix:
     t_s: float
     point: GeodeticPoint
 
-    def __post_init__(self) -> None:
-        _finite(self, "t_s")
-
 
 @dataclass(frozen=True, slots=True)
-class EstimatedPosition:
+class EstimatedPosition(_Record):
     """Where the receiver of ADS-B is thought to be.
 
     Attributes:
@@ -291,12 +283,9 @@ class EstimatedPosition:
     t_s: float
     point: GeodeticPoint
 
-    def __post_init__(self) -> None:
-        _finite(self, "t_s")
-
 
 @dataclass(frozen=True, slots=True)
-class CameraInfo:
+class CameraInfo(_Record):
     """The intrinsics of a camera, as a driver tells them.
 
     Attributes:
@@ -312,9 +301,6 @@ class CameraInfo:
     fy_px: float
     cx_px: float
     cy_px: float
-
-    def __post_init__(self) -> None:
-        _finite(self, *(field.name for field in fields(self)))
 
 
 Event = VehiclePose | GlobalFix | EstimatedPosition | LandmarkMap | Detections | AircraftReport | CameraInfo

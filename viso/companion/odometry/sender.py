@@ -8,18 +8,11 @@ from typing import Final
 
 from mav_handlers.links.base import Link
 from mav_handlers.wire.codec import BadData, Codec, Received
-from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, TIMESYNC, Message
+from mav_handlers.wire.messages import ODOMETRY, STATUSTEXT, TIMESYNC, Message
 from viso.companion.odometry.clock_sync import REQUEST_PERIOD_NS, ClockSync
 from viso.companion.odometry.inbound import FcInbound
-from viso.companion.sender import (
-    HEARTBEAT_PERIOD_US,
-    MAV_AUTOPILOT_INVALID,
-    MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
-    MAV_TYPE_ONBOARD_CONTROLLER,
-)
+from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 
-MAV_STATE_ACTIVE: Final = 4
-MAVLINK_VERSION: Final = 3
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 RATE_HZ: Final = 20.0
 MIN_RATE_HZ: Final = 4.0
@@ -101,8 +94,7 @@ class OdometrySender:
         self._counters[type(message).__name__] += 1
 
     def _send_heartbeat(self, now_us: int) -> None:
-        kind = MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID
-        self.send(HEARTBEAT(*kind, 0, 0, MAV_STATE_ACTIVE, MAVLINK_VERSION))
+        self.send(COMPANION_HEARTBEAT)
         if self._inbound.imu_silent(now_us * 1000):
             for request in self._stream_requests:
                 self.send(request)

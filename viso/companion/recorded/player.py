@@ -6,17 +6,10 @@ from collections import Counter
 from typing import Final, NamedTuple
 
 from mav_handlers.wire.codec import Codec, Received
-from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
+from mav_handlers.wire.messages import STATUSTEXT, Message
 from viso.companion.recorded.engine import RecordedEngine
-from viso.companion.sender import (
-    HEARTBEAT_PERIOD_US,
-    MAV_AUTOPILOT_INVALID,
-    MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
-    MAV_TYPE_ONBOARD_CONTROLLER,
-)
+from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 
-MAV_STATE_ACTIVE: Final = 4
-MAVLINK_VERSION: Final = 3
 CHUNK_LENGTH: Final = 50
 MAX_CHUNKS: Final = 6
 
@@ -73,8 +66,7 @@ class Player:
 
     def heartbeat(self) -> bytes:
         """Return a heartbeat to be sent now, beside those of ``next_frames``."""
-        beat = HEARTBEAT(MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, 0, 0, MAV_STATE_ACTIVE, MAVLINK_VERSION)
-        return self._encode(beat)
+        return self._encode(COMPANION_HEARTBEAT)
 
     def _encode(self, message: Message) -> bytes:
         self.sent[type(message).__name__] += 1

@@ -16,7 +16,6 @@ from typing import Any, Final
 from viso.companion.landmarks.inputs.base import (
     LARGEST_M,
     LARGEST_S,
-    Clock,
     InputFileError,
     Refused,
     counted,
@@ -74,7 +73,7 @@ class BagTopics:
 
 
 class BagFile:
-    """A bag.
+    """A bag; times are those of the stamps, or of the recording for messages without one.
 
     Args:
         path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
@@ -83,10 +82,7 @@ class BagFile:
 
     Attributes:
         refused: by reason.
-        clock: of the stamps; messages without one have the time at which they were recorded.
     """
-
-    clock: Final = Clock.STAMPED
 
     def __init__(self, path: Path, topics: BagTopics | None = None, *, odometry_is_ned: bool = False) -> None:
         self._path = path

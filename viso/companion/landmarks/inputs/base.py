@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all inputs share: the one error of a file, counted refusals, numbers of a record, clocks."""
+"""What all inputs share: the one error of a file, counted refusals, readers of lines, numbers of a record."""
 
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from enum import StrEnum
 from typing import Any, Final, Protocol
 
 from viso.companion.landmarks.types import Event
@@ -32,27 +32,18 @@ class Refused(Exception):
     """Carries the reason why a record, or a part of it, is of no use."""
 
 
-class Clock(StrEnum):
-    """What the times of an input count from."""
+class LineReader(ABC):
+    """Turns lines of text into events; what their times count from, each format says.
 
-    UNIX = "seconds since 1970, UTC"
-    BOOT = "seconds since the autopilot's boot"
-    ARRIVAL = "the clock of whoever says when data arrive"
-    STAMPED = "the clock of whoever stamped the records"
-
-
-class LineReader(Protocol):
-    """Turns lines of text into events.
+    Args:
+        refused: where to count; None for a counter of its own.
 
     Attributes:
         refused: how many records, or parts of them, were of no use, by reason.
-        clock: what times count from.
     """
 
-    @property
-    def refused(self) -> Counter[str]: ...
-    @property
-    def clock(self) -> Clock: ...
+    def __init__(self, refused: Counter[str] | None = None) -> None:
+        self.refused: Counter[str] = Counter() if refused is None else refused
 
     def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
         """Return what a line tells. Never raises on what it says.
@@ -61,7 +52,15 @@ class LineReader(Protocol):
             line: with or without its end; blank ones are passed over.
             arrival_s: when it arrived, on the clock of the other inputs; None if nobody knows.
         """
-        ...
+        events: list[Event] = []
+        if line.strip():
+            with counted(self.refused):
+                events = self._events(line, arrival_s)
+        return events
+
+    @abstractmethod
+    def _events(self, line: str, arrival_s: float | None) -> list[Event]:
+        """Return what a line tells that is not blank. Raises Refused, or a record's ValueError, if it is of no use."""
 
 
 class FileReader(Protocol):
@@ -69,13 +68,9 @@ class FileReader(Protocol):
 
     Attributes:
         refused: as of :class:`LineReader`, complete when all events were taken.
-        clock: what times count from.
     """
 
-    @property
-    def refused(self) -> Counter[str]: ...
-    @property
-    def clock(self) -> Clock: ...
+    refused: Counter[str]
 
     def events(self) -> Iterator[Event]:
         """Yield what the file tells. Raises InputFileError if it cannot be read."""

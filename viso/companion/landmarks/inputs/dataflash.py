@@ -20,7 +20,7 @@ from typing import Any, Final, Protocol
 
 from mav_handlers.wire.messages import ADSB_VEHICLE
 from viso.companion.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message
-from viso.companion.landmarks.inputs.base import Clock, InputFileError, Refused, counted, not_null_island
+from viso.companion.landmarks.inputs.base import InputFileError, Refused, counted, not_null_island
 from viso.companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
 from viso.companion.landmarks.types import Event, GeodeticPoint, GlobalFix
 
@@ -48,7 +48,7 @@ ReadLog = Callable[[Path, Callable[[Log], list[Event]]], list[Event]]
 
 
 class DataFlashFile:
-    """A log; its events are held in memory.
+    """A log; its events are held in memory, their times are seconds since the autopilot's boot.
 
     Args:
         path: its name.
@@ -56,11 +56,8 @@ class DataFlashFile:
 
     Attributes:
         refused: by reason.
-        clock: seconds since the autopilot's boot.
         utc_minus_boot_s: what makes these times UTC, by the GPS; None before the events, or if it had no fix.
     """
-
-    clock: Final = Clock.BOOT
 
     def __init__(self, path: Path, read_log: ReadLog) -> None:
         self._path = path

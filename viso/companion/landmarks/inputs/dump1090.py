@@ -16,8 +16,8 @@ from viso.companion.landmarks.inputs.base import (
     LARGEST_S,
     NO_POSITION,
     NO_TIME,
-    Clock,
     InputFileError,
+    LineReader,
     Refused,
     counted,
     icao_of,
@@ -32,30 +32,18 @@ SAME_POSITION_S: Final = 0.25
 """Two snapshots give the time of one position with a difference below this, as they round to 0.1 s."""
 
 
-class Dump1090Reader:
-    """Makes a report of each new position of a snapshot.
+class Dump1090Reader(LineReader):
+    """Makes a report of each new position of a snapshot: a whole one, which may have line ends inside.
 
-    Args:
-        refused: where to count; None for a counter of its own.
-
-    Attributes:
-        refused: by reason.
-        clock: UTC, by ``now`` less the age of the position; snapshots without ``now`` have the time of their arrival.
+    Times are UTC, by ``now`` less the age of the position; snapshots without ``now`` have the time of their arrival.
     """
 
-    clock: Final = Clock.UNIX
-
     def __init__(self, refused: Counter[str] | None = None) -> None:
-        self.refused: Counter[str] = Counter() if refused is None else refused
+        super().__init__(refused)
         self._last: dict[str, AircraftReport] = {}
 
-    def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return the reports of a snapshot: a whole one, which may have line ends inside."""
-        events: list[Event] = []
-        if line.strip():
-            with counted(self.refused):
-                events = self.take_snapshot(parsed_json(line), arrival_s)
-        return events
+    def _events(self, line: str, arrival_s: float | None) -> list[Event]:
+        return self.take_snapshot(parsed_json(line), arrival_s)
 
     def take_snapshot(self, snapshot: object, arrival_s: float | None = None) -> list[Event]:
         """Return the reports of a snapshot as JSON gives it.
@@ -124,14 +112,13 @@ class Dump1090Folder:
     """A folder of snapshots, a file each or one a line, which are taken in the order of their ``now``.
 
     Attributes:
-        refused, clock: as of :class:`Dump1090Reader`.
+        refused: as of :class:`Dump1090Reader`.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._reader = Dump1090Reader()
         self.refused = self._reader.refused
-        self.clock: Final = Clock.UNIX
 
     def events(self) -> Iterator[Event]:
         """Yield the reports. Raises InputFileError if a file cannot be read, or there are no snapshots."""

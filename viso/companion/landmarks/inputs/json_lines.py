@@ -19,7 +19,6 @@ The time is ``t_s`` in s, else ``stamp`` or ``stamp`` of ``header``: a number in
 0 is none. Without any of these it is the time of arrival, else that of the object before, and 0 at the start.
 """
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -27,7 +26,7 @@ from viso.companion.landmarks.inputs.base import (
     LARGEST_M,
     LARGEST_S,
     NO_POSITION,
-    Clock,
+    LineReader,
     Refused,
     counted,
     icao_of,
@@ -59,18 +58,11 @@ _ROW_KEYS: Final = ("latitude", "longitude", "altitude", "speed", "heading", "ve
 Record = Mapping[str, Any]
 
 
-class JsonReader:
-    """Reads the records that the module describes.
-
-    Attributes:
-        refused: by reason; a bad element of a list is left out, the others are not.
-        clock: of the stamps, see the module.
-    """
-
-    clock: Final = Clock.STAMPED
+class JsonReader(LineReader):
+    """Reads the records that the module describes; a bad element of a list is left out, the others are not."""
 
     def __init__(self) -> None:
-        self.refused: Counter[str] = Counter()
+        super().__init__()
         self._snapshots = Dump1090Reader(self.refused)
         self._last_s = 0.0
         self._kinds: tuple[tuple[frozenset[str], Callable[[float, Record], list[Event]]], ...] = (
@@ -84,15 +76,8 @@ class JsonReader:
             (frozenset({"observations", "aircraft_observations"}), self._detections),
         )
 
-    def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return what a line tells."""
-        events: list[Event] = []
-        if line.strip():
-            with counted(self.refused):
-                events = self._events(parsed_json(line), arrival_s)
-        return events
-
-    def _events(self, record: object, arrival_s: float | None) -> list[Event]:
+    def _events(self, line: str, arrival_s: float | None) -> list[Event]:
+        record = parsed_json(line)
         if not isinstance(record, dict):
             raise Refused("no object")
         kinds = [events_of for keys, events_of in self._kinds if keys & record.keys()]

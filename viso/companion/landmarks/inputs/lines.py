@@ -1,32 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Text, a record a line: from files, from iterators, and out of the bytes of a stream."""
+"""Text, a record a line: from files, and out of the bytes of a stream."""
 
 import gzip
 import zlib
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, TextIO
 
-from viso.companion.landmarks.inputs.base import Clock, InputFileError, LineReader
+from viso.companion.landmarks.inputs.base import InputFileError, LineReader
 from viso.companion.landmarks.types import Event
 
 LONGEST_LINE_BYTES: Final = 1 << 20
 _GZIP_MAGIC: Final = b"\x1f\x8b"
-_PROBE_BYTES: Final = 4096
-
-
-def read_lines(lines: Iterable[str], reader: LineReader, now_s: Callable[[], float] | None = None) -> Iterator[Event]:
-    """Yield what lines tell, as they come.
-
-    Args:
-        lines: of a socket, a pipe, a test.
-        reader: of their format.
-        now_s: tells when a line arrives; None if that means nothing, as with a file.
-    """
-    for line in lines:
-        yield from reader.take(line, None if now_s is None else now_s())
 
 
 class TextFile:
@@ -36,27 +22,22 @@ class TextFile:
         path: its name.
         reader: of its format.
         whole: whether the file is one record, with line ends inside.
+
+    Attributes:
+        refused: what the reader refused.
     """
 
     def __init__(self, path: Path, reader: LineReader, *, whole: bool = False) -> None:
         self._path = path
         self._reader = reader
         self._whole = whole
-
-    @property
-    def refused(self) -> Counter[str]:
-        """What the reader refused."""
-        return self._reader.refused
-
-    @property
-    def clock(self) -> Clock:
-        """What times count from."""
-        return self._reader.clock
+        self.refused = reader.refused
 
     def events(self) -> Iterator[Event]:
         """Yield what the file tells. Raises InputFileError if it cannot be read or is not text."""
         lines = file_lines(self._path)
-        yield from read_lines(["".join(lines)] if self._whole else lines, self._reader)
+        for line in ["".join(lines)] if self._whole else lines:
+            yield from self._reader.take(line)
 
 
 def file_lines(path: Path) -> Iterator[str]:
@@ -87,20 +68,14 @@ def _opened(path: Path) -> TextIO:
 
 
 class LineSplitter:
-    """Cuts the bytes of a stream into lines; what never ends is thrown away after a mebibyte.
-
-    Attributes:
-        overlong: how often that happened.
-    """
+    """Cuts the bytes of a stream into lines; what never ends is thrown away after a mebibyte."""
 
     def __init__(self) -> None:
         self._rest = b""
-        self.overlong = 0
 
     def feed(self, data: bytes) -> list[str]:
         """Return the lines that these bytes complete, without their ends."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > LONGEST_LINE_BYTES:
             self._rest = b""
-            self.overlong += 1
         return [line.decode("utf-8", "replace").rstrip("\r") for line in lines]

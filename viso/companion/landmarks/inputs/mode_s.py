@@ -9,10 +9,9 @@ of them agree.
 """
 
 import re
-from collections import Counter
 from typing import Any, Final
 
-from viso.companion.landmarks.inputs.base import LARGEST_S, NO_TIME, NOT_ICAO, Clock, InputFileError, Refused, counted
+from viso.companion.landmarks.inputs.base import LARGEST_S, NO_TIME, NOT_ICAO, InputFileError, LineReader, Refused
 from viso.companion.landmarks.inputs.held import HeldReports
 from viso.companion.landmarks.types import Event
 
@@ -31,40 +30,28 @@ _LINE: Final = re.compile(
 )
 
 
-class ModeSReader:
+class ModeSReader(LineReader):
     """Makes a report of each position, with the velocity that the aircraft told in the 15 s before.
 
-    Attributes:
-        refused: by reason; frames that make others whole, such as the first of a pair, are no refusals.
-        clock: a frame's time in the line if there is one, or else that of arrival, or else the receiver's counter,
-            which runs from its start.
+    A frame's time is that in the line if there is one, or else that of arrival, or else the receiver's counter, which
+    runs from its start. Frames that make others whole, such as the first of a pair, are no refusals.
 
     Raises:
         InputFileError: if pyModeS is missing.
     """
-
-    clock: Final = Clock.STAMPED
 
     def __init__(self) -> None:
         try:
             import pyModeS
         except ModuleNotFoundError as error:
             raise InputFileError(MISSING_EXTRA) from error
-        self.refused: Counter[str] = Counter()
+        super().__init__()
         self._frame_of: Any = pyModeS.Message
         self._decoder: Any = pyModeS.PipeDecoder()
         self._held = HeldReports()
 
-    def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return the report of a frame that tells a position."""
-        events: list[Event] = []
-        if line.strip():
-            with counted(self.refused):
-                digits, t_s = _parsed(line.strip(), arrival_s)
-                events = self._decode(digits, t_s)
-        return events
-
-    def _decode(self, digits: str, t_s: float) -> list[Event]:
+    def _events(self, line: str, arrival_s: float | None) -> list[Event]:
+        digits, t_s = _parsed(line.strip(), arrival_s)
         first = int(digits[:2], 16)
         kind, variant = first >> 3, first & 7
         if len(digits) != LONG_DIGITS or kind not in (EXTENDED_SQUITTER, NON_TRANSPONDER):

@@ -13,11 +13,10 @@ Times are those of generation. Their zone is not in the line: it is that of the 
 
 import math
 import re
-from collections import Counter
 from datetime import UTC, datetime
 from typing import Final
 
-from viso.companion.landmarks.inputs.base import NO_POSITION, NO_TIME, Clock, Refused, counted, icao_of, not_null_island
+from viso.companion.landmarks.inputs.base import NO_POSITION, NO_TIME, LineReader, Refused, icao_of, not_null_island
 from viso.companion.landmarks.inputs.held import HeldReports
 from viso.companion.landmarks.types import Event
 
@@ -30,33 +29,22 @@ _STAMP: Final = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2}) (\d{1,2}):(\d{2}):(\d{2
 _LAST_FIELD: Final = {"1": 10, "2": 15, "3": 15, "4": 16, "5": 11, "6": 11, "7": 11, "8": 4}
 
 
-class Sbs1Reader:
+class Sbs1Reader(LineReader):
     """Makes a report of each position, with the altitude and velocity that the aircraft told in the 15 s before.
+
+    Times are UTC; lines without date and time have that of their arrival.
 
     Args:
         utc_offset_s: how far the receiver's clock is ahead of UTC, by its zone.
-
-    Attributes:
-        refused: by reason.
-        clock: UTC; lines without date and time have that of their arrival.
     """
 
-    clock: Final = Clock.UNIX
-
     def __init__(self, utc_offset_s: float = 0.0) -> None:
-        self.refused: Counter[str] = Counter()
+        super().__init__()
         self._utc_offset_s = utc_offset_s
         self._held = HeldReports()
 
-    def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return the report of a line with a position."""
-        events: list[Event] = []
-        if line.strip():
-            with counted(self.refused):
-                events = self._events(line.strip().split(","), arrival_s)
-        return events
-
-    def _events(self, fields: list[str], arrival_s: float | None) -> list[Event]:
+    def _events(self, line: str, arrival_s: float | None) -> list[Event]:
+        fields = line.strip().split(",")
         if fields[0] != "MSG":
             if fields[0] in OTHER_TYPES:
                 return []

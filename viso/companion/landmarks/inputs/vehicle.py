@@ -26,7 +26,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.companion.landmarks.adsb_vehicle import from_message
-from viso.companion.landmarks.inputs.base import Clock, InputFileError, Refused, counted, not_null_island
+from viso.companion.landmarks.inputs.base import InputFileError, Refused, counted, not_null_island
 from viso.companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
 from viso.companion.landmarks.types import Event, GeodeticPoint, GlobalFix
 
@@ -64,12 +64,10 @@ class MavlinkReader:
 
     Attributes:
         refused: by reason; messages of no interest are no refusals.
-        clock: that of arrival, or of the autopilot's boot, see the module.
     """
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
-        self.clock = Clock.BOOT
         self._times = ArrivalTimes()
         self._position: LOCAL_POSITION_NED | None = None
         self._boot_s: float | None = None
@@ -81,8 +79,6 @@ class MavlinkReader:
             message: of the vehicle, or an aircraft.
             arrival_s: when it arrived; None if nobody knows, which must be so for all or for none.
         """
-        if arrival_s is not None:
-            self.clock = Clock.ARRIVAL
         events: list[Event] = []
         with counted(self.refused):
             if isinstance(message, _OfVehicle):
@@ -124,7 +120,7 @@ class MavlinkStream:
     """Makes events of the bytes of a link; of several vehicles on it, poses are those of the first that tells any.
 
     Attributes:
-        refused, clock: as of :class:`MavlinkReader`.
+        refused: as of :class:`MavlinkReader`.
     """
 
     def __init__(self) -> None:
@@ -132,11 +128,6 @@ class MavlinkStream:
         self._codec = Codec(system_id=255, component_id=0)
         self._vehicle: tuple[int, int] | None = None
         self.refused = self._reader.refused
-
-    @property
-    def clock(self) -> Clock:
-        """What times count from."""
-        return self._reader.clock
 
     def feed(self, data: bytes, arrival_s: float | None = None) -> list[Event]:
         """Return what the messages tell that these bytes complete."""
@@ -164,10 +155,7 @@ class TlogFile:
 
     Attributes:
         refused: as of :class:`MavlinkReader`, and bytes that were damaged or cut off.
-        clock: of arrival, UTC.
     """
-
-    clock: Final = Clock.UNIX
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -156,21 +156,15 @@ def test_the_first_estimate_is_taken_as_it_is() -> None:
 
 @pytest.mark.parametrize(("dt_s", "step_s"), [(5.0, 5.0), (0.0, 0.1), (-7.0, 0.1), (1000.0, 30.0)])
 def test_the_second_estimate_follows_the_equations(dt_s: float, step_s: float) -> None:
-    tracker, quality, shift_m = ReceiverFilter(MODE), 0.75, 400.0
+    tracker, shift_m = ReceiverFilter(MODE), 400.0
     tracker.update(at(0.0, 0.0))
-    second = tracker.update(at(dt_s, shift_m, sigma_major_m=2000.0), quality)
-    noise = (2000 * (1.30 - 0.60 * quality)) ** 2
+    second = tracker.update(at(dt_s, shift_m, sigma_major_m=2000.0))
+    noise = 2000.0**2
     spread = 1000.0**2 + step_s**2 * 2500 + 1.5**2 * step_s**4 / 4
     gain = spread / (spread + noise)
     assert off_m(second) == pytest.approx([gain * shift_m, 0], abs=1e-6)
     assert second.nis == pytest.approx(shift_m**2 / (spread + noise), rel=1e-6)
     assert second.radius_m == pytest.approx(max(1000.0, 2 * math.sqrt((1 - gain) * spread)), rel=1e-9)
-
-
-@pytest.mark.parametrize(("quality", "factor"), [(-1.0, 1.3), (0.0, 1.3), (0.5, 1.0), (1.0, 0.7), (2.0, 0.7)])
-def test_the_radio_quality_scales_the_noise_within_bounds(quality: float, factor: float) -> None:
-    first = ReceiverFilter(MODE).update(at(0.0, 0.0, sigma_major_m=10_000.0), quality)
-    assert first.radius_m == pytest.approx(20_000 * factor)
 
 
 def test_the_noise_and_the_radius_have_floors() -> None:
