@@ -19,8 +19,8 @@ from typing import Final
 import numpy as np
 
 from tools.measured_page import render, replace
+from tools.trial import Trial, run_trial
 from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
-from viso.companion.trials.trial import Trial, run_trial
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.types import VioState
@@ -60,12 +60,12 @@ def nadir_trial(
         height_scale=height_scale,
     )
     config = dataclasses.replace(NADIR, agl_scale_sigma=scale_sigma)
-    return run_trial(flight, config, flight.warm_start())
+    return run_trial(flight, config, flight.warm_start(), truth=flight.truth)
 
 
 def clip_trial(recording: EurocRecording, strategy: str, seed: int) -> Trial:
     """Return how a strategy did on the EuRoC clip."""
-    return run_trial(recording, VioConfig(strategy=strategy), recording.warm_start(seed))
+    return run_trial(recording, VioConfig(strategy=strategy), recording.warm_start(seed), truth=recording.truth)
 
 
 def still_drift_m(trial: Trial) -> float:

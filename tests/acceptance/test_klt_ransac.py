@@ -21,7 +21,7 @@ from tests.acceptance.trials import (
     still_end,
     trace_of,
 )
-from viso.companion.trials.trial import Trial
+from tools.trial import Trial
 from viso.companion.vio.types import VioState
 
 NAME = "klt_ransac"

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tests.places import ROOT
+from tools.trial import Trial, run_trial
 from viso.companion.trials.euroc import EurocRecording, load_euroc
-from viso.companion.trials.trial import Trial, run_trial
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import VioState
@@ -61,7 +61,7 @@ def fly_nadir_again(
         duration_s=duration_s,
     )
     config = dataclasses.replace(NADIR, agl_scale_sigma=scale_sigma, strategy=strategy)
-    return run_trial(flight, config, flight.warm_start())
+    return run_trial(flight, config, flight.warm_start(), truth=flight.truth)
 
 
 fly_nadir = functools.cache(fly_nadir_again)
@@ -75,7 +75,7 @@ def clip() -> EurocRecording:
 
 def fly_clip_again(strategy: str, seed: int) -> Trial:
     """Follow the clip from a state that is 1 degree and 0.2 m/s off."""
-    return run_trial(clip(), VioConfig(strategy=strategy), clip().warm_start(seed))
+    return run_trial(clip(), VioConfig(strategy=strategy), clip().warm_start(seed), truth=clip().truth)
 
 
 fly_clip = functools.cache(fly_clip_again)

@@ -16,8 +16,8 @@ from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioInitializingError
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.strategy import StrategyContext
-from viso.companion.vio.types import ImuSample, NavCameraFrame
-from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
+from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
+from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.texture import GroundTexture
 
 HOUR_S: Final = 3600.0
@@ -66,7 +66,7 @@ class FlownStrategy:
             self._take(event)
         return self._enlarged(event)
 
-    def _take(self, event: Event) -> None:
+    def _take(self, event: SensorEvent) -> None:
         if isinstance(event, ImuSample):
             self._imu.add(event)
         elif isinstance(event, HeightMeasurement):

@@ -7,9 +7,7 @@ import queue
 from typing import Protocol
 
 from viso.companion.sources.base import Recording
-from viso.companion.trials.trial import Event, Height
-from viso.companion.vio.types import ImuSample, NavCameraFrame
-from viso.companion.world.flight import HeightMeasurement
+from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
 
 
 class Sensors(Protocol):
@@ -18,7 +16,7 @@ class Sensors(Protocol):
     def take_imu(self, sample: ImuSample) -> None:
         """Take what the IMU measured."""
 
-    def take_height(self, height: Height) -> None:
+    def take_height(self, height: HeightMeasurement) -> None:
         """Take a height above ground."""
 
 
@@ -62,7 +60,7 @@ class RecordingFeed:
     def begin(self, start_ns: int) -> int:
         """Let the recording begin at a time; return what that adds to its stamps, in ns."""
         if self._next is not None:
-            self._shift_ns = start_ns - time_of(self._next)
+            self._shift_ns = start_ns - self._next.t_ns
         self._due_ns = start_ns
         return self._shift_ns
 
@@ -89,16 +87,11 @@ class RecordingFeed:
             self._hand(self._next)
             self._next = next(self._events, None)
 
-    def _hand(self, event: Event) -> None:
-        t_ns = time_of(event) + self._shift_ns
+    def _hand(self, event: SensorEvent) -> None:
+        t_ns = event.t_ns + self._shift_ns
         if isinstance(event, ImuSample):
             self._sensors.take_imu(dataclasses.replace(event, t_ns=t_ns))
         elif isinstance(event, NavCameraFrame):
             self._frames.hand(dataclasses.replace(event, capture_timestamp=t_ns))
         else:
-            self._sensors.take_height(HeightMeasurement(t_ns, event.height_m, event.sigma_m))
-
-
-def time_of(event: Event) -> int:
-    """Return the stamp of what arrived, in ns."""
-    return event.capture_timestamp if isinstance(event, NavCameraFrame) else event.t_ns
+            self._sensors.take_height(dataclasses.replace(event, t_ns=t_ns))

@@ -11,21 +11,18 @@ from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
 from mav_handlers.wire.messages import STATUSTEXT
 from viso.companion.odometry.clock_sync import ClockSync
-from viso.companion.odometry.inbound import FcInbound, HeightSample, stream_requests
+from viso.companion.odometry.inbound import FcInbound, stream_requests
 from viso.companion.odometry.sender import OdometrySender
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.sources.base import Recording
 from viso.companion.sources.camera import LiveCamera
-from viso.companion.trials.trial import Height
-from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
+from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.ingest import FrameSource
 from viso.companion.vio.runtime import VioRuntime
-from viso.companion.vio.types import ImuSample
-from viso.companion.world.flight import HeightMeasurement
+from viso.companion.vio.types import HeightMeasurement, ImuSample
 from viso.vio.feed import HandedFrames, RecordingFeed
 from viso.vio.log import VioLog
-from viso.vio.virtual_companion import TakesHeights
 
 NOW_NS: Final = time.monotonic_ns
 LONGEST_WAIT_S: Final = 0.1
@@ -88,7 +85,7 @@ class LiveVio:
             config.imu_noise,
             local_alignment=alignment,
             world_is_north=is_north,
-            agl_scale_sigma=0.0 if config.agl_source is AglSource.NONE else config.agl_scale_sigma,
+            agl_scale_sigma=config.scale_sigma,
             covariance_encoding=config.odometry.covariance_encoding,
             lost_send_s=config.odometry.lost_policy.send_s,
             yaw_at=inbound.yaw_at,
@@ -160,14 +157,12 @@ class LiveVio:
         self._buffer.add(sample)
         self._odometry.take_imu(sample)
 
-    def take_height(self, height: Height) -> None:
+    def take_height(self, height: HeightMeasurement) -> None:
         """Take a height above ground."""
-        strategy = self._runtime.worker._strategy
-        if isinstance(strategy, TakesHeights):
-            strategy.add_height(height.t_ns, height.height_m, height.sigma_m)
+        self._runtime.worker.strategy.add_height(height.t_ns, height.height_m, height.sigma_m)
 
-    def _take_agl(self, sample: HeightSample) -> None:
-        self.take_height(HeightMeasurement(sample.t_ns, sample.agl_m, self._config.agl_sigma_m))
+    def _take_agl(self, t_ns: int, agl_m: float) -> None:
+        self.take_height(HeightMeasurement(t_ns, agl_m, self._config.agl_sigma_m))
 
     def _is_over(self, end_ns: int | None) -> bool:
         if self._feed is not None:

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from viso.companion.odometry.composer import LocalPose, OdometryComposer
+from viso.companion.odometry.composer import OdometryComposer
 from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
-from viso.companion.vio.config import AglSource, LocalAlignment, VioConfig
+from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import VioState
 from viso.companion.vio.update import VioUpdate
@@ -62,8 +62,8 @@ class VioLog:
     """
 
     def __init__(self, config: VioConfig) -> None:
-        scale_sigma = 0.0 if config.agl_source is AglSource.NONE else config.agl_scale_sigma
-        self._composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=scale_sigma)
+        sigma = config.scale_sigma
+        self._composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=sigma)
         self.shift_ns = 0
         self.frames: list[LoggedFrame] = []
 
@@ -82,12 +82,7 @@ class VioLog:
 
     def trajectory(self) -> TimedPoses:
         """Return the poses of all frames that have one, in the strategy's world."""
-        found = [(frame.t_ns, frame.pose) for frame in self.frames if frame.pose is not None]
-        return TimedPoses(
-            np.array([t_ns for t_ns, _ in found], np.int64),
-            np.array([pose.t for _, pose in found]).reshape(-1, 3),
-            np.array([pose.quat_wxyz() for _, pose in found]).reshape(-1, 4),
-        )
+        return TimedPoses.of([(frame.t_ns, frame.pose) for frame in self.frames if frame.pose is not None])
 
     def error(self, truth: TimedPoses | None) -> AbsoluteError | None:
         """Return the error after alignment without scale; None where too little is known of the truth."""
@@ -123,16 +118,8 @@ class VioLog:
         }
 
     def _sigma_m(self, update: VioUpdate) -> float | None:
-        local = self._composed(update)
+        local = self._composer.compose_alone(update.output)
         return None if local is None else math.sqrt(float(np.trace(local.covariance_6x6[3:, 3:])) / 3)
-
-    def _composed(self, update: VioUpdate) -> LocalPose | None:
-        output = update.output
-        if output is None:
-            return None
-        if not self._composer.knows(output.keyframe_id):
-            self._composer.anchor(output)
-        return self._composer.compose(output)
 
 
 def tum_lines(trajectory: TimedPoses) -> list[str]:

@@ -15,12 +15,11 @@ from mav_handlers.links.base import LinkStats
 from mav_handlers.wire.messages import STATUSTEXT
 from viso.companion.sources.base import Recording, SourceError
 from viso.companion.sources.camera import LiveCamera
-from viso.companion.trials.trial import Event, run_trial
+from viso.companion.trials.trial import run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.json_log import JsonFormatter
-from viso.companion.vio.types import NavCameraFrame
+from viso.companion.vio.types import NavCameraFrame, SensorEvent
 from viso.errors import InputError
-from viso.vio.feed import time_of
 from viso.vio.live import NOW_NS, LiveVio
 from viso.vio.log import VioLog
 
@@ -57,7 +56,11 @@ class VioSession:
         assert isinstance(source, Recording)
         listeners = (self.log.take,)
         with _source_errors():
-            run_trial(source, self.config, source.start, clock_ns=NOW_NS, logger=self.logger, listeners=listeners)
+            updates = run_through(
+                source, self.config, source.start, clock_ns=NOW_NS, logger=self.logger, listeners=listeners
+            )
+            for _ in updates:
+                pass
 
     def run_live(
         self,
@@ -111,12 +114,12 @@ class VioSession:
         data = source.data
         return dataclasses.replace(source, data=lambda: self._wanted(data()))
 
-    def _wanted(self, events: Iterator[Event]) -> Iterator[Event]:
+    def _wanted(self, events: Iterator[SensorEvent]) -> Iterator[SensorEvent]:
         end_ns: int | None = None
         for event in events:
             if end_ns is None and self.until_s is not None and isinstance(event, NavCameraFrame):
                 end_ns = event.capture_timestamp + round(self.until_s * 1e9)
-            if self.stop() or (end_ns is not None and time_of(event) > end_ns):
+            if self.stop() or (end_ns is not None and event.t_ns > end_ns):
                 return
             yield event
 

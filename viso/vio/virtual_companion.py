@@ -5,7 +5,7 @@
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from types import MappingProxyType
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 import numpy as np
 
@@ -20,10 +20,18 @@ from viso.companion.vio.frames import enu_to_ned
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.types import ImuBias, ImuSample, NavCameraFrame, VioHealth, WarmStartPose
+from viso.companion.vio.types import (
+    HeightMeasurement,
+    ImuBias,
+    ImuSample,
+    NavCameraFrame,
+    SensorEvent,
+    VioHealth,
+    WarmStartPose,
+)
 from viso.companion.vio.update import VioUpdate
 from viso.companion.vio.worker import VioWorker
-from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight
+from viso.companion.world.flight import SyntheticFlight
 
 AUTOPILOT_STREAMS_HZ: Final = MappingProxyType({"ATTITUDE_QUATERNION": 20.0, "LOCAL_POSITION_NED": 20.0})
 MAX_POSITION_AGE_NS: Final = 200_000_000
@@ -34,14 +42,6 @@ _NS_PER_US: Final = 1000
 
 Start = Callable[[int], WarmStartPose | None]
 """Returns the state at a time, or None while it is not known."""
-
-
-@runtime_checkable
-class TakesHeights(Protocol):
-    """A strategy that makes use of heights above ground."""
-
-    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
-        """Take a height of the body above ground."""
 
 
 class AutopilotState(FcInbound):
@@ -168,13 +168,12 @@ class VirtualCompanion:
             self.sender.send(self._requests.pop(0))
         self.sender.run(now_us)
 
-    def _take(self, event: Event) -> None:
+    def _take(self, event: SensorEvent) -> None:
         if isinstance(event, ImuSample):
             self._imu.add(event)
             self.source.take_imu(event)
         elif isinstance(event, HeightMeasurement):
-            if isinstance(self._strategy, TakesHeights):
-                self._strategy.add_height(event.t_ns, event.height_m, event.sigma_m)
+            self._strategy.add_height(event.t_ns, event.height_m, event.sigma_m)
         else:
             self._take_frame(self.alter_frame(event))
 
@@ -199,7 +198,7 @@ def _make_source(config: VioConfig) -> OdometrySource:
     )
 
 
-def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, Event]]:
+def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, SensorEvent]]:
     """Yield when the companion has what, in order."""
     latency_ns = round(flight.latency_s * 1e9)
     for event in flight.events():

@@ -135,6 +135,14 @@ class OdometryComposer:
         self._L_T_W = L_T_B @ _normalised(output.world_T_body).inverse()
         return LocalPose(L_T_B, stated)
 
+    def compose_alone(self, output: VioOutput | None) -> LocalPose | None:
+        """Return the pose that an output gives; where its keyframe is not known, the local frame begins with it."""
+        if output is None:
+            return None
+        if not self.knows(output.keyframe_id):
+            self.anchor(output)
+        return self.compose(output)
+
     def _scale_covariance(self, L_T_B: SE3) -> Array:
         # The error of the scale is the same at every step: it grows with the way from the origin, not with its root,
         # and so it is added to what is stated and never to what is kept.

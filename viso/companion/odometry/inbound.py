@@ -59,19 +59,6 @@ class FcAttitude:
     R: Array
 
 
-@dataclass(frozen=True, slots=True)
-class HeightSample:
-    """A height above ground.
-
-    Attributes:
-        t_ns: when, on the companion's clock.
-        agl_m: height in m, the lean of the vehicle taken off.
-    """
-
-    t_ns: int
-    agl_m: float
-
-
 class _Refused(Exception):
     """Carries the reason why a message is of no use."""
 
@@ -82,14 +69,15 @@ class FcInbound:
     Args:
         clock: turns stamps into the companion's time.
         on_imu: gets each sample, in strictly increasing order of time.
-        on_height: gets each height.
+        on_height: gets each height above ground: when, on the companion's clock, and the height in m, the lean of the
+            vehicle taken off.
     """
 
     def __init__(
         self,
         clock: ClockSync,
         on_imu: Callable[[ImuSample], object],
-        on_height: Callable[[HeightSample], object] = lambda _sample: None,
+        on_height: Callable[[int, float], object] = lambda _t_ns, _agl_m: None,
     ) -> None:
         self._clock = clock
         self._on_imu = on_imu
@@ -166,7 +154,7 @@ class FcInbound:
         upright = float(attitude.R[2, 2])
         if upright <= 0.5:
             raise _Refused("leaning")
-        self._on_height(HeightSample(t_ns, message.current_distance * 0.01 * upright))
+        self._on_height(t_ns, message.current_distance * 0.01 * upright)
 
     def _time_ns(self, stream: str, kind: type[Message], fc_ns: int, arrival_ns: int) -> int:
         t_ns = self._clock.to_companion_ns(fc_ns, arrival_ns, self._mean_period_ns(kind, arrival_ns))

@@ -12,7 +12,6 @@ import numpy as np
 
 from viso.companion.recorded.frame_change import axes_matrix
 from viso.companion.trials.evaluation import TimedPoses
-from viso.companion.trials.trial import Event
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import flu_to_frd
@@ -23,6 +22,7 @@ from viso.companion.vio.types import (
     ImuSample,
     NavCameraFrame,
     Pixels,
+    SensorEvent,
     WarmStartPose,
     frame_uuid,
 )
@@ -86,26 +86,15 @@ class Recording:
     """
 
     calibration: CameraCalibration
-    data: Callable[[], Iterator[Event]]
+    data: Callable[[], Iterator[SensorEvent]]
     poses: TimedPoses | None = None
     start: WarmStartPose | None = None
     config: VioConfig = field(default_factory=VioConfig)
     world_is_north: bool = False
 
-    def events(self) -> Iterator[Event]:
-        """Yield the data in the order in which they arrive, from shortly before the first frame on (TrialSource)."""
+    def events(self) -> Iterator[SensorEvent]:
+        """Yield the data in the order in which they arrive, from shortly before the first frame on (EventSource)."""
         return _since_first_frame(self.data())
-
-    def truth(self, t_ns: int) -> SE3 | None:
-        """Return world_T_body at a time, interpolated, or None where it is not known (TrialSource)."""
-        poses = self.poses
-        if poses is None or not len(poses) or not poses.t_ns[0] <= t_ns <= poses.t_ns[-1]:
-            return None
-        return poses.interpolated(np.array([t_ns])).pose(0)
-
-    def truth_velocity_w(self, t_ns: int) -> Array | None:
-        """Return None: nobody has measured it (TrialSource)."""
-        return None
 
     def turned(self, body_R_imu: Array) -> "Recording":
         """Return the same data in the axes of another body with the same origin.
@@ -118,7 +107,7 @@ class Recording:
         to_body = SE3(body_R_imu, np.zeros(3))
         calibration = dataclasses.replace(self.calibration, B_T_C=to_body @ self.calibration.B_T_C)
 
-        def data() -> Iterator[Event]:
+        def data() -> Iterator[SensorEvent]:
             for event in self.data():
                 if isinstance(event, ImuSample):
                     event = ImuSample(event.t_ns, body_R_imu.dot(event.accel), body_R_imu.dot(event.gyro))
@@ -172,7 +161,7 @@ def body_rotation(letters: str, mounting: Array | None = None) -> Array:
 
 def in_order_of_arrival(
     samples: Iterable[ImuSample], frames: Iterable[NavCameraFrame], camera_offset_s: float
-) -> Iterator[Event]:
+) -> Iterator[SensorEvent]:
     """Yield both, each frame after the first sample that is not before it.
 
     Args:
@@ -198,8 +187,8 @@ def make_frame(sequence: int, t_ns: int, pixels: Pixels, camera_id: str) -> NavC
     return NavCameraFrame(frame_uuid(max(t_ns, 0) // 1_000_000, sequence, 0), sequence, t_ns, pixels, camera_id)
 
 
-def _since_first_frame(events: Iterator[Event]) -> Iterator[Event]:
-    early: list[Event] = []
+def _since_first_frame(events: Iterator[SensorEvent]) -> Iterator[SensorEvent]:
+    early: list[SensorEvent] = []
     for event in events:
         if isinstance(event, NavCameraFrame):
             first_ns = event.capture_timestamp - LEAD_NS

@@ -15,11 +15,10 @@ from viso.companion.sources.inertial_csv import read_inertial_csv
 from viso.companion.sources.video import video_frames, video_size
 from viso.companion.trials.euroc import EurocError, EurocRecording, Image, load_euroc
 from viso.companion.trials.evaluation import TimedPoses
-from viso.companion.trials.trial import Event
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.se3 import quat_wxyz_from_rotation
-from viso.companion.vio.types import CameraCalibration, WarmStartPose
+from viso.companion.vio.types import CameraCalibration, SensorEvent, WarmStartPose
 from viso.companion.world.flight import DEFAULT_FRAME_RATE_HZ, SyntheticFlight, nadir_calibration
 
 SYNTHETIC: Final = "synthetic"
@@ -41,7 +40,7 @@ def open_euroc(options: SourceOptions) -> Recording:
     images = _thinned(recording.images, options.fps)
     recording = dataclasses.replace(recording, calibration=calibration, images=images)
 
-    def data() -> Iterator[Event]:
+    def data() -> Iterator[SensorEvent]:
         try:
             yield from recording.events()
         except EurocError as error:
@@ -68,7 +67,7 @@ def open_gopro(options: SourceOptions) -> Recording:
         except ValueError as error:
             raise SourceError(f"{path}: what the drone told: {error}") from error
 
-    def data() -> Iterator[Event]:
+    def data() -> Iterator[SensorEvent]:
         frames = video_frames(path, calibration, options.fps, round(start_s * 1e9))
         return in_order_of_arrival(samples, frames, calibration.time_offset_s)
 
@@ -90,7 +89,7 @@ def open_video(options: SourceOptions) -> Recording:
         raise SourceError(f"{path}: a video without {missing}")
     samples = read_inertial_csv(options.imu, options.imu_start_s)
 
-    def data() -> Iterator[Event]:
+    def data() -> Iterator[SensorEvent]:
         return in_order_of_arrival(samples, video_frames(path, calibration, options.fps), calibration.time_offset_s)
 
     return Recording(calibration, data)

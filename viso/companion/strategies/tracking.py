@@ -138,13 +138,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         self._start_over()
 
     def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
-        """Note a height of the body above the ground, from range finder or barometer; from any thread.
-
-        Args:
-            t_ns: when, by the IMU's clock.
-            height_m: corrected for the tilt.
-            sigma_m: its standard deviation.
-        """
+        """Note a height of the body above the ground, from any thread."""
         self.heights.add(t_ns, height_m, sigma_m)
 
     @abc.abstractmethod

@@ -93,9 +93,7 @@ class EurocRecording:
 
     def truth(self, t_ns: int) -> SE3 | None:
         """Return world_T_body at a time, interpolated, or None if it is outside the true trajectory."""
-        if not self._knows(t_ns):
-            return None
-        return cast(TimedPoses, self.poses).interpolated(np.array([t_ns])).pose(0)
+        return None if self.poses is None else self.poses.at(t_ns)
 
     def truth_velocity_w(self, t_ns: int) -> Array | None:
         """Return the velocity [3] in m/s, in the world, by the positions 10 ms before and after, or None."""
@@ -126,9 +124,6 @@ class EurocRecording:
         rotation = pose.R.dot(so3_exp(rng.normal(0, angle_sigma_rad, 3)))
         velocity_w = velocity_w + rng.normal(0, velocity_sigma_m_s, 3)
         return WarmStartPose(SE3(rotation, pose.t).inverse(), rotation.T.dot(velocity_w), ImuBias.zero())
-
-    def _knows(self, t_ns: int) -> bool:
-        return self.poses is not None and bool(self.poses.t_ns[0] <= t_ns <= self.poses.t_ns[-1])
 
     def _decoded(self, image: Image) -> Pixels:
         pixels = _pixels(image.path)

@@ -7,6 +7,7 @@ Umeyama's, Least-squares estimation of transformation parameters between two poi
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,21 @@ class TimedPoses:
     def pose(self, index: int) -> SE3:
         """Return one of the poses."""
         return SE3(rotation_from_quat_wxyz(self.quats_wxyz[index]), self.positions_xyz[index])
+
+    @classmethod
+    def of(cls, poses: Sequence[tuple[int, SE3]]) -> "TimedPoses":
+        """Return poses with their times."""
+        return cls(
+            np.array([t_ns for t_ns, _ in poses], np.int64),
+            np.array([pose.t for _, pose in poses]).reshape(-1, 3),
+            np.array([pose.quat_wxyz() for _, pose in poses]).reshape(-1, 4),
+        )
+
+    def at(self, t_ns: int) -> SE3 | None:
+        """Return the pose at a time, interpolated, or None if it is outside these."""
+        if not len(self) or not self.t_ns[0] <= t_ns <= self.t_ns[-1]:
+            return None
+        return self.interpolated(np.array([t_ns])).pose(0)
 
     def path_length_m(self) -> float:
         """Return how far the body travelled, along straight lines from pose to pose."""
@@ -151,17 +167,6 @@ def in_common(estimate: TimedPoses, truth: TimedPoses) -> tuple[TimedPoses, Time
         raise EvaluationError("the truth is empty")
     estimate = estimate.within(int(truth.t_ns[0]), int(truth.t_ns[-1]))
     return estimate, truth.interpolated(estimate.t_ns)
-
-
-def nees_per_dof(errors: Array, covariances: Array) -> float:
-    """Return the mean normalised estimation error squared, divided by its degrees of freedom; 1 for an honest filter.
-
-    Args:
-        errors: [N, D].
-        covariances: [N, D, D].
-    """
-    solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
-    return float(np.mean(np.sum(errors * solved, axis=-1)) / errors.shape[-1])
 
 
 def rms(values: Array) -> float:

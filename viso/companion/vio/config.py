@@ -202,6 +202,11 @@ class VioConfig(_Section):
         if self.min_tracked > self.max_features:
             raise ValueError(f"min_tracked: {self.min_tracked} is more than max_features ({self.max_features})")
 
+    @property
+    def scale_sigma(self) -> float:
+        """Sigma of the scale, as a share: none where no height makes it."""
+        return 0.0 if self.agl_source is AglSource.NONE else self.agl_scale_sigma
+
     def effective(self) -> dict[str, Any]:
         """Return all values, defaults included, as TOML tables would hold them."""
         return dataclasses.asdict(self)

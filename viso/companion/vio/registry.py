@@ -12,7 +12,7 @@ from viso.companion.vio import build_info
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.json_log import log_event
-from viso.companion.vio.strategy import ReportingStrategy, StrategyContext
+from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import CameraCalibration
 
 
@@ -27,21 +27,21 @@ class StrategyEntry:
     """
 
     flag: str
-    loader: Callable[[StrategyContext], ReportingStrategy]
+    loader: Callable[[StrategyContext], StrategyBase]
     description: str
 
 
-def _lazy(module: str, class_name: str, extra: str | None = None) -> Callable[[StrategyContext], ReportingStrategy]:
+def _lazy(module: str, class_name: str, extra: str | None = None) -> Callable[[StrategyContext], StrategyBase]:
     """Return a loader that imports nothing before it is called, and says which extra a missing library belongs to."""
 
-    def load(context: StrategyContext) -> ReportingStrategy:
+    def load(context: StrategyContext) -> StrategyBase:
         try:
             strategy = getattr(importlib.import_module(f"viso.companion.strategies.{module}"), class_name)(context)
         except ModuleNotFoundError as error:
             if extra is None:
                 raise
             raise ImportError(f"{error}; pip install 'viso[{extra}]'") from error
-        return cast(ReportingStrategy, strategy)
+        return cast(StrategyBase, strategy)
 
     return load
 
@@ -84,7 +84,7 @@ def build_vio_strategy(
     logger: logging.Logger,
     *,
     flags: Mapping[str, bool] = build_info.FLAGS,
-) -> ReportingStrategy:
+) -> StrategyBase:
     """Build the strategy that the configuration asks for; there is no other one to fall back to.
 
     Args:

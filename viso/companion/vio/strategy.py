@@ -13,7 +13,6 @@ import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioError, VioFatalError, VioInitializingError
@@ -32,40 +31,6 @@ from viso.companion.vio.types import (
 )
 
 
-class VioStrategy(Protocol):
-    """Turns frames and inertial data into relative poses; synchronous, in memory, one instance per flight.
-
-    Attributes:
-        name: in the registry.
-    """
-
-    name: str
-
-    def process_frame(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
-        """Return the pose of the body when the frame was taken.
-
-        Args:
-            frame: a picture of the calibrated camera.
-            imu_window: the inertial data since the frame processed before.
-            calibration: of the camera.
-
-        Raises:
-            VioInitializingError: there is no state yet.
-            VioDegradedError: the output that it carries is to be used with less weight.
-            VioFatalError: there is no output; or another call is under way.
-        """
-
-    def reset_to_warm_start(self, pose: WarmStartPose) -> None:
-        """Forget all and start from a given state.
-
-        Raises:
-            VioFatalError: if the state is not finite or its rotation none; or another call is under way.
-        """
-
-    def health_snapshot(self) -> VioHealth:
-        """Return the health; from any thread, without waiting."""
-
-
 @dataclass(frozen=True, slots=True)
 class FrameReport:
     """What there is to say about the last frame besides its output and the health.
@@ -79,13 +44,6 @@ class FrameReport:
     innovation_ratio: float = 1.0
     resets: int = 0
     stage_ms: Mapping[str, float] = field(default_factory=dict)
-
-
-class ReportingStrategy(VioStrategy, Protocol):
-    """A strategy that tells more than the interface asks for."""
-
-    def frame_report(self) -> FrameReport:
-        """Return what there is to say about the last frame; for the thread that calls ``process_frame``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +64,9 @@ class StrategyContext:
 
 
 class StrategyBase(abc.ABC):
-    """A strategy without its estimator.
+    """A strategy without its estimator: it turns frames and inertial data into relative poses.
+
+    It is synchronous, in memory, one instance per flight.
 
     Args:
         context: what it is built from.
@@ -132,7 +92,18 @@ class StrategyBase(abc.ABC):
         self._stage_ms: dict[str, float] = {}
 
     def process_frame(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
-        """Return the pose of the body when the frame was taken (VioStrategy)."""
+        """Return the pose of the body when the frame was taken.
+
+        Args:
+            frame: a picture of the calibrated camera.
+            imu_window: the inertial data since the frame processed before.
+            calibration: of the camera.
+
+        Raises:
+            VioInitializingError: there is no state yet.
+            VioDegradedError: the output that it carries is to be used with less weight.
+            VioFatalError: there is no output; or another call is under way.
+        """
         with self._alone():
             self._t_ns, self._stage_ms = frame.capture_timestamp, {}
             with self._fatal_is_lost():
@@ -142,7 +113,11 @@ class StrategyBase(abc.ABC):
                 return self._process(frame, imu_window, calibration)
 
     def reset_to_warm_start(self, pose: WarmStartPose) -> None:
-        """Forget all and start from a given state (VioStrategy)."""
+        """Forget all and start from a given state.
+
+        Raises:
+            VioFatalError: if the state is not finite or its rotation none; or another call is under way.
+        """
         with self._alone():
             try:
                 checked = _checked(pose)
@@ -154,12 +129,21 @@ class StrategyBase(abc.ABC):
             self._log.warm_start_applied(checked)
 
     def health_snapshot(self) -> VioHealth:
-        """Return the health; from any thread, without waiting (VioStrategy)."""
+        """Return the health; from any thread, without waiting."""
         return self.health.snapshot()
 
     def frame_report(self) -> FrameReport:
-        """Return what there is to say about the last frame (ReportingStrategy)."""
+        """Return what there is to say about the last frame; for the thread that calls ``process_frame``."""
         return FrameReport(self._innovation_ratio, self.health.resets, dict(self._stage_ms))
+
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:  # noqa: B027  # none has to take it
+        """Note a height of the body above the ground, from any thread; not every strategy makes use of it.
+
+        Args:
+            t_ns: when, by the IMU's clock.
+            height_m: from range finder or barometer, corrected for the tilt.
+            sigma_m: its standard deviation.
+        """
 
     @abc.abstractmethod
     def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:

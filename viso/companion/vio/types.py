@@ -73,6 +73,26 @@ class NavCameraFrame:
         view.flags.writeable = False
         object.__setattr__(self, "pixels", view)
 
+    @property
+    def t_ns(self) -> int:
+        """The stamp, as of other data."""
+        return self.capture_timestamp
+
+
+@dataclass(frozen=True, slots=True)
+class HeightMeasurement:
+    """What a range finder, corrected for the tilt, or a barometer tells.
+
+    Attributes:
+        t_ns: when.
+        height_m: of the body's origin above the ground.
+        sigma_m: what it claims as its standard deviation.
+    """
+
+    t_ns: int
+    height_m: float
+    sigma_m: float
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuSample:
@@ -91,6 +111,9 @@ class ImuSample:
     def __post_init__(self) -> None:
         object.__setattr__(self, "accel", read_only(self.accel, (3,), "accel"))
         object.__setattr__(self, "gyro", read_only(self.gyro, (3,), "gyro"))
+
+
+SensorEvent = ImuSample | HeightMeasurement | NavCameraFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)

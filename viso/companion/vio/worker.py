@@ -14,7 +14,7 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.ingest import DropOldestQueue
 from viso.companion.vio.json_log import log_event
-from viso.companion.vio.strategy import ReportingStrategy
+from viso.companion.vio.strategy import StrategyBase
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuWindow,
@@ -62,11 +62,14 @@ class VioWorker:
         logger: for events.
         listeners: called with each update; what they raise is logged.
         queue: where ``run`` takes frames from; its losses go into the updates.
+
+    Attributes:
+        strategy: for its thread, but for what may be called from any.
     """
 
     def __init__(
         self,
-        strategy: ReportingStrategy,
+        strategy: StrategyBase,
         config: VioConfig,
         calibration: CameraCalibration,
         imu: ImuWindows,
@@ -76,7 +79,7 @@ class VioWorker:
         listeners: Iterable[Listener] = (),
         queue: DropOldestQueue | None = None,
     ) -> None:
-        self._strategy, self._config, self._calibration, self._imu = strategy, config, calibration, imu
+        self.strategy, self._config, self._calibration, self._imu = strategy, config, calibration, imu
         self._clock_ns, self._logger = clock_ns, logger
         self._listeners = tuple(listeners)
         self._queue = queue or DropOldestQueue(config.queue.depth)
@@ -97,7 +100,7 @@ class VioWorker:
 
     def health(self) -> VioHealth:
         """Return the strategy's health; LOST where frames are not processed or do not come."""
-        health = self._strategy.health_snapshot()
+        health = self.strategy.health_snapshot()
         reason = self._halted or self._no_frames
         if reason is None or health.state is VioState.LOST:
             return health
@@ -131,7 +134,7 @@ class VioWorker:
         output = self._process(frame, window)
         total_ms = (self._clock_ns() - begin_ns) * 1e-6
         self._last_ns = t_ns
-        report = self._strategy.frame_report()
+        report = self.strategy.frame_report()
         report = dataclasses.replace(report, stage_ms={**report.stage_ms, "total": total_ms})
         update = VioUpdate(frame.frame_id, frame.sequence, t_ns, output, self.health(), report, self._queue.dropped)
         self._publish(update)
@@ -140,7 +143,7 @@ class VioWorker:
     def _process(self, frame: NavCameraFrame, window: ImuWindow) -> VioOutput | None:
         output: VioOutput | None = None
         try:
-            output = self._strategy.process_frame(frame, window, self._calibration)
+            output = self.strategy.process_frame(frame, window, self._calibration)
             outcome = "tracking"
         except VioInitializingError:
             outcome = "initializing"
@@ -160,7 +163,7 @@ class VioWorker:
         if not self._warm_starts:
             return
         try:
-            self._strategy.reset_to_warm_start(self._warm_starts.popleft())
+            self.strategy.reset_to_warm_start(self._warm_starts.popleft())
         except VioFatalError as error:
             self._counters["warm_starts_refused"] += 1
             self._error("warm_start_refused", str(error), error)
@@ -181,7 +184,7 @@ class VioWorker:
 
     def _tell_lost(self, reason: str) -> None:
         """Tell everybody what no frame tells."""
-        self._error("vio_lost", f"VIO LOST: {reason}; strategy={self._strategy.name}")
+        self._error("vio_lost", f"VIO LOST: {reason}; strategy={self.strategy.name}")
         if self._last_update is not None:
             self._publish(dataclasses.replace(self._last_update, output=None, health=self.health()))
 
@@ -195,7 +198,7 @@ class VioWorker:
                 self._error("listener_failed", f"listener failed: {error!r}", error)
 
     def _error(self, event: str, msg: str, error: BaseException | None = None, frame: uuid.UUID | None = None) -> None:
-        log_event(self._logger, logging.ERROR, event, msg, strategy=self._strategy.name, frame=frame, error=error)
+        log_event(self._logger, logging.ERROR, event, msg, strategy=self.strategy.name, frame=frame, error=error)
 
     def start(self) -> None:
         """Begin to take frames from the queue."""

@@ -15,9 +15,10 @@ from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
+    HeightMeasurement,
     ImuBias,
-    ImuSample,
     NavCameraFrame,
+    SensorEvent,
     WarmStartPose,
 )
 from viso.companion.world.ground import generate_texture
@@ -40,24 +41,6 @@ _HEIGHT_SIGMA_M: Final = 0.3
 _GYRO_SIGMA: Final = 0.02
 _ACCEL_SIGMA: Final = 0.15
 _LEAST_SIGMA: Final = 1e-4
-
-
-@dataclass(frozen=True, slots=True)
-class HeightMeasurement:
-    """What a range finder, corrected for the tilt, tells.
-
-    Attributes:
-        t_ns: when.
-        height_m: of the body's origin above the ground.
-        sigma_m: what it claims as its standard deviation.
-    """
-
-    t_ns: int
-    height_m: float
-    sigma_m: float
-
-
-Event = ImuSample | HeightMeasurement | NavCameraFrame
 
 
 def nadir_calibration(width: int = 640, height: int = 480, focal_px: float = 500.0) -> CameraCalibration:
@@ -124,7 +107,7 @@ class SyntheticFlight:
     imu_bias: ImuBias = field(default_factory=default_bias)
     imu_rate_hz: int = DEFAULT_RATE_HZ
 
-    def events(self) -> Iterator[Event]:
+    def events(self) -> Iterator[SensorEvent]:
         """Yield what the sensors tell, as it arrives; the IMU a little longer than the rest."""
         sources = (self._imu_events(), self._height_events(), self._frame_events())
         for _, event in heapq.merge(*sources, key=lambda arrival: arrival[0]):
@@ -171,7 +154,7 @@ class SyntheticFlight:
             yield t_ns
             sequence += 1
 
-    def _imu_events(self) -> Iterator[tuple[int, Event]]:
+    def _imu_events(self) -> Iterator[tuple[int, SensorEvent]]:
         imu = SimulatedImu(
             self.trajectory, self.imu_noise, self.imu_bias, self.imu_rate_hz, self.seed, start_ns=self.start_ns
         )
@@ -181,7 +164,7 @@ class SyntheticFlight:
                 return
             yield sample.t_ns, sample
 
-    def _height_events(self) -> Iterator[tuple[int, Event]]:
+    def _height_events(self) -> Iterator[tuple[int, SensorEvent]]:
         if self.height_sigma_m is None:
             return
         rng = np.random.default_rng([self.seed, 6])
@@ -189,7 +172,7 @@ class SyntheticFlight:
             height_m = float(self.truth(t_ns).t[2]) * self.height_scale + rng.normal(0, self.height_sigma_m)
             yield t_ns, HeightMeasurement(t_ns, height_m, self.height_sigma_m)
 
-    def _frame_events(self) -> Iterator[tuple[int, Event]]:
+    def _frame_events(self) -> Iterator[tuple[int, SensorEvent]]:
         from viso.companion.world.renderer import PlaneRenderer  # wants OpenCV, which a flight without frames does not
 
         renderer = PlaneRenderer(self.texture, self.calibration, self.seed, self.pixel_sigma)

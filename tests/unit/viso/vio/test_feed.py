@@ -8,10 +8,8 @@ import numpy as np
 
 from tests.unit.viso.companion.vio.strategy_rig import make_calibration
 from viso.companion.sources.base import Recording, make_frame
-from viso.companion.trials.trial import Event, Height
-from viso.companion.vio.types import ImuSample, NavCameraFrame
-from viso.companion.world.flight import HeightMeasurement
-from viso.vio.feed import HandedFrames, RecordingFeed, time_of
+from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
+from viso.vio.feed import HandedFrames, RecordingFeed
 
 MS = 1_000_000
 
@@ -33,7 +31,7 @@ class Taken:
     def take_imu(self, sample: ImuSample) -> None:
         self.all.append(("imu", sample.t_ns // MS))
 
-    def take_height(self, height: Height) -> None:
+    def take_height(self, height: HeightMeasurement) -> None:
         self.all.append(("height", height.t_ns // MS))
 
 
@@ -49,8 +47,8 @@ class Frames(HandedFrames):
             self._taken.all.append(("frame", frame.capture_timestamp // MS))
 
 
-def feed_of(*events: Event) -> tuple[RecordingFeed, Taken]:
-    def data() -> Iterator[Event]:
+def feed_of(*events: SensorEvent) -> tuple[RecordingFeed, Taken]:
+    def data() -> Iterator[SensorEvent]:
         yield from events
 
     taken = Taken()
@@ -96,4 +94,4 @@ def test_frames_are_read_as_they_are_handed_and_end_with_the_source() -> None:
 
 
 def test_time_of_a_frame_is_its_capture() -> None:
-    assert (time_of(frame(7)), time_of(sample(8))) == (7 * MS, 8 * MS)
+    assert (frame(7).t_ns, sample(8).t_ns) == (7 * MS, 8 * MS)

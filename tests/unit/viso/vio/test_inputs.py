@@ -13,13 +13,13 @@ from tests.unit.viso.companion.vio.strategy_rig import make_calibration
 from viso.companion.sources.base import Recording, SourceOptions
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.trials.evaluation import TimedPoses
-from viso.companion.trials.trial import Event
 from viso.companion.vio.config import VioConfig
+from viso.companion.vio.types import SensorEvent
 from viso.errors import InputError
 from viso.vio.inputs import check_place, configured, known_truth, opened, rotation_of
 
 
-def nothing() -> Iterator[Event]:
+def nothing() -> Iterator[SensorEvent]:
     yield from ()
 
 

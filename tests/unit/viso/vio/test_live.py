@@ -31,12 +31,10 @@ from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.sources.recordings import open_video
 from viso.companion.strategies.klt_ransac import KltRansac
-from viso.companion.trials.trial import Event
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.runtime import VioRuntime
 from viso.companion.vio.se3 import SE3
-from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
-from viso.companion.world.flight import HeightMeasurement
+from viso.companion.vio.types import HeightMeasurement, ImuBias, SensorEvent, VioState, WarmStartPose
 from viso.vio import live as vio_live
 from viso.vio.feed import HandedFrames
 from viso.vio.live import LiveVio
@@ -264,7 +262,7 @@ def test_heights_reach_the_strategy(monkeypatch: pytest.MonkeyPatch, film: Recor
     heights: list[tuple[float, float]] = []
     monkeypatch.setattr(KltRansac, "add_height", lambda _self, _t_ns, height, sigma: heights.append((height, sigma)))
 
-    def data() -> Iterable[Event]:
+    def data() -> Iterable[SensorEvent]:
         for event in film.data():
             yield event
             if len(heights) < 2:
@@ -276,7 +274,7 @@ def test_heights_reach_the_strategy(monkeypatch: pytest.MonkeyPatch, film: Recor
 
 
 def test_recording_that_breaks_raises(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
-    def data() -> Iterable[Event]:
+    def data() -> Iterable[SensorEvent]:
         for number, event in enumerate(film.data()):
             if number == 100:
                 raise SourceError("film: broken")

@@ -17,7 +17,7 @@ from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.recordings import open_video
-from viso.companion.trials.trial import Event
+from viso.companion.vio.types import SensorEvent
 from viso.errors import InputError
 from viso.vio import session as vio_session
 from viso.vio.log import VioLog
@@ -71,7 +71,7 @@ def test_same_data_give_the_same_poses(film: Recording) -> None:
 
 
 def test_recording_that_breaks_is_an_input_error(film: Recording) -> None:
-    def data() -> Iterator[Event]:
+    def data() -> Iterator[SensorEvent]:
         raise SourceError("film.avi: broken")
         yield
 

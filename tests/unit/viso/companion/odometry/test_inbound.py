@@ -20,7 +20,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.companion.odometry.clock_sync import ClockSync
-from viso.companion.odometry.inbound import FcInbound, HeightSample, stream_requests
+from viso.companion.odometry.inbound import FcInbound, stream_requests
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.types import ImuSample
 
@@ -42,8 +42,8 @@ class Rig:
     def __init__(self, synced: bool = True) -> None:
         self.clock = ClockSync()
         self.samples: list[ImuSample] = []
-        self.heights: list[HeightSample] = []
-        self.inbound = FcInbound(self.clock, self.samples.append, self.heights.append)
+        self.heights: list[tuple[int, float]] = []
+        self.inbound = FcInbound(self.clock, self.samples.append, lambda *height: self.heights.append(height))
         if synced:
             self.clock.take(TIMESYNC(FC_NS, self.clock.request(NOW_NS).ts1), NOW_NS)
 
@@ -229,9 +229,9 @@ def test_attitude_is_the_nearest_within_a_fifth_of_a_second(rig: Rig) -> None:
 def test_height_is_the_distance_without_the_lean(rig: Rig) -> None:
     rig.take(replace(NORTHWARDS, roll=0.3, pitch=0.2))
     rig.take(RANGE)
-    (height,) = rig.heights
-    assert height.t_ns == NOW_NS
-    assert height.agl_m == pytest.approx(15.0 * math.cos(0.3) * math.cos(0.2))
+    ((t_ns, agl_m),) = rig.heights
+    assert t_ns == NOW_NS
+    assert agl_m == pytest.approx(15.0 * math.cos(0.3) * math.cos(0.2))
 
 
 def test_distance_of_a_body_on_its_side_is_no_height(rig: Rig) -> None:

@@ -20,7 +20,6 @@ from viso.companion.sources.base import (
     make_frame,
 )
 from viso.companion.trials.evaluation import TimedPoses
-from viso.companion.trials.trial import Event
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.types import (
@@ -29,6 +28,7 @@ from viso.companion.vio.types import (
     ImuBias,
     ImuSample,
     NavCameraFrame,
+    SensorEvent,
     WarmStartPose,
 )
 
@@ -49,7 +49,7 @@ def calibration() -> CameraCalibration:
 
 
 def recording() -> Recording:
-    def data() -> Iterator[Event]:
+    def data() -> Iterator[SensorEvent]:
         yield from (sample(0), frame(1), sample(2))
 
     poses = TimedPoses(np.array([0, 10]), np.array([[0, 0, 0], [2, 4, 6.0]]), np.array([[1, 0, 0, 0]] * 2))
@@ -60,7 +60,7 @@ def recording() -> Recording:
 # Order
 
 
-def times(events: Iterator[Event]) -> list[str]:
+def times(events: Iterator[SensorEvent]) -> list[str]:
     named = []
     for event in events:
         is_frame = isinstance(event, NavCameraFrame)
@@ -98,7 +98,7 @@ def test_nothing_is_lost_and_every_window_is_there(imu_ms: set[int], frame_ms: s
 
 
 def test_what_was_long_before_the_first_frame_is_left_out() -> None:
-    def data() -> Iterator[Event]:
+    def data() -> Iterator[SensorEvent]:
         yield from (sample(0), sample(899), sample(900), sample(1000), frame(1000), sample(1005))
 
     assert times(Recording(calibration(), data).events()) == ["imu 900", "imu 1000", "frame 1000", "imu 1005"]
@@ -192,21 +192,14 @@ def test_nothing_is_lost_where_there_is_nothing_to_turn() -> None:
 
 def test_turning_turns_the_true_attitude() -> None:
     turn = body_rotation("URF")
-    pose = recording().turned(turn).truth(0)
+    poses = recording().turned(turn).poses
+    assert poses is not None
+    pose = poses.at(0)
     assert pose is not None
     np.testing.assert_allclose(pose.R, turn.T, atol=1e-12)
 
 
 # Truth and errors
-
-
-def test_truth_is_interpolated_and_unknown_outside() -> None:
-    known = recording()
-    pose = known.truth(5)
-    assert pose is not None
-    np.testing.assert_allclose(pose.t, [1, 2, 3])
-    assert known.truth(11) is None
-    assert Recording(calibration(), known.data).truth(5) is None
 
 
 def test_frames_have_the_same_identifiers_each_time() -> None:

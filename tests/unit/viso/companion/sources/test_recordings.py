@@ -14,9 +14,9 @@ import pytest
 from tests.places import SHARED
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from tests.unit.viso.companion.sources.gopro_maker import movie, seconds_of_flight
+from tools.trial import run_trial
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.recordings import KARMA, open_euroc, open_gopro, open_synthetic, open_video
-from viso.companion.trials.trial import run_trial
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import AglSource
 from viso.companion.vio.types import NavCameraFrame, VioState
@@ -135,7 +135,7 @@ def test_euroc_starts_from_the_truth() -> None:
     recording = open_euroc(SourceOptions(str(CLIP)))
     assert recording.poses is not None
     assert recording.start is not None
-    first = recording.truth(min(int(path.stem) for path in (CLIP / "cam0").glob("*.png")))
+    first = recording.poses.at(min(int(path.stem) for path in (CLIP / "cam0").glob("*.png")))
     assert first is not None
     np.testing.assert_allclose(recording.start.body_T_world.inverse().t, first.t)
     assert 0.3 < np.linalg.norm(recording.start.velocity_b) < 1.0
@@ -182,7 +182,7 @@ def synthetic() -> Recording:
 def test_synthetic_flight_knows_its_truth_and_its_height(synthetic: Recording) -> None:
     recording = synthetic
     assert recording.poses is not None
-    pose = recording.truth(1_000_000_000)
+    pose = recording.poses.at(1_000_000_000)
     assert pose is not None
     assert pose.t[2] == pytest.approx(40, abs=5)
     assert recording.config.agl_source is AglSource.RANGEFINDER

@@ -15,10 +15,18 @@ from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import StrategyContext
-from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, VioHealth, VioOutput, WarmStartPose
-from viso.companion.world.flight import Event, SyntheticFlight, nadir_calibration
+from viso.companion.vio.types import (
+    CameraCalibration,
+    ImuSample,
+    NavCameraFrame,
+    SensorEvent,
+    VioHealth,
+    VioOutput,
+    WarmStartPose,
+)
+from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
@@ -37,25 +45,22 @@ class Recorded:
     """What the sensors told on a flight; changing it is replacing its ``data``."""
 
     flight: SyntheticFlight
-    data: tuple[Event, ...]
+    data: tuple[SensorEvent, ...]
 
     @property
     def calibration(self) -> CameraCalibration:
         return self.flight.calibration
 
-    def events(self) -> Iterator[Event]:
+    def events(self) -> Iterator[SensorEvent]:
         return iter(self.data)
 
     def truth(self, t_ns: int) -> SE3:
         return self.flight.truth(t_ns)
 
-    def truth_velocity_w(self, t_ns: int) -> Array:
-        return self.flight.truth_velocity_w(t_ns)
-
     def warm_start(self, t_ns: int | None = None) -> WarmStartPose:
         return self.flight.warm_start(t_ns)
 
-    def changed(self, change: Callable[[Event], Event | None]) -> "Recorded":
+    def changed(self, change: Callable[[SensorEvent], SensorEvent | None]) -> "Recorded":
         """Return the flight with some data changed, or left out where the change is None."""
         return dataclasses.replace(self, data=tuple(new for event in self.data if (new := change(event)) is not None))
 

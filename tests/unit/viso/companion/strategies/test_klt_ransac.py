@@ -13,8 +13,7 @@ from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
 from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3
-from viso.companion.vio.types import ImuSample, VioOutput, VioState
-from viso.companion.world.flight import Event
+from viso.companion.vio.types import ImuSample, SensorEvent, VioOutput, VioState
 from viso.companion.world.motion import from_ground, nadir_survey
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
@@ -108,7 +107,7 @@ class TestHealth:
     def test_inertial_data_that_contradict_the_pictures_show(self) -> None:
         """A body that is told it flies sideways: the tracks are refused, or their errors tell."""
 
-        def pushed(event: Event) -> Event:
+        def pushed(event: SensorEvent) -> SensorEvent:
             if isinstance(event, ImuSample) and 3_000_000_000 < event.t_ns < 4_000_000_000:
                 return ImuSample(event.t_ns, event.accel + 40.0 * SIDEWAYS, event.gyro)
             return event

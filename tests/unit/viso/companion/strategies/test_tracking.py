@@ -15,8 +15,7 @@ from viso.companion.vio.config import AglSource
 from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.se3 import SE3
-from viso.companion.vio.types import ImuSample, NavCameraFrame, VioState, WarmStartPose
-from viso.companion.world.flight import Event, HeightMeasurement
+from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent, VioState, WarmStartPose
 from viso.companion.world.motion import from_ground, nadir_survey
 
 QUIET = ImuNoise(gyro=2e-4, accel=2e-3)
@@ -64,7 +63,7 @@ class TestBeginning:
         assert standing.last().imu_bias.gyro == pytest.approx([0.004, -0.006, 0.003], abs=1e-3)
 
     def test_body_at_rest_is_as_high_as_the_range_finder_says(self, on_the_ground: Recorded) -> None:
-        def on_a_roof(event: Event) -> Event:
+        def on_a_roof(event: SensorEvent) -> SensorEvent:
             return dataclasses.replace(event, height_m=12.5) if isinstance(event, HeightMeasurement) else event
 
         standing = Aboard(on_the_ground.changed(on_a_roof), ground_z_m=3.0).fly()
@@ -122,7 +121,7 @@ class TestOutputs:
     def test_velocity_is_the_bodys(self, flown: Aboard) -> None:
         t_ns = round((0.0017 + 0.2 * (len(flown.outputs) - 1)) * 1e9)
         truth = survey().truth(t_ns)
-        assert flown.last().velocity_b == pytest.approx(truth.R.T @ survey().truth_velocity_w(t_ns), abs=0.4)
+        assert flown.last().velocity_b == pytest.approx(truth.R.T @ survey().flight.truth_velocity_w(t_ns), abs=0.4)
 
     def test_stages_are_measured(self, flown: Aboard) -> None:
         assert set(flown.strategy.frame_report().stage_ms) == {"grey", "propagate", "track", "filter"}
@@ -133,7 +132,7 @@ class TestBadData:
 
     @staticmethod
     def without_imu(from_ns: int, to_ns: int) -> Recorded:
-        def cut(event: Event) -> Event | None:
+        def cut(event: SensorEvent) -> SensorEvent | None:
             return None if isinstance(event, ImuSample) and from_ns < event.t_ns < to_ns else event
 
         return survey().changed(cut)
@@ -167,7 +166,7 @@ class TestBadData:
         assert flying.strategy.heights.counters()["bad"] == 3
 
     def test_wrong_height_now_and_then_does_little_harm(self, flown: Aboard) -> None:
-        def spike(event: Event) -> Event:
+        def spike(event: SensorEvent) -> SensorEvent:
             if isinstance(event, HeightMeasurement) and event.t_ns // PERIOD_NS % 6 == 5:
                 return dataclasses.replace(event, height_m=0.2)
             return event
@@ -178,7 +177,7 @@ class TestBadData:
         assert flying.last().world_T_body.t == pytest.approx(unharmed.world_T_body.t, abs=0.5)
 
     def test_height_is_made_use_of(self, flown: Aboard) -> None:
-        def higher(event: Event) -> Event:
+        def higher(event: SensorEvent) -> SensorEvent:
             if isinstance(event, HeightMeasurement):
                 return dataclasses.replace(event, height_m=event.height_m + 0.8)
             return event

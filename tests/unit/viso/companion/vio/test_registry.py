@@ -20,13 +20,13 @@ from viso.companion.vio import build_info, registry
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy, describe
-from viso.companion.vio.strategy import ReportingStrategy, StrategyContext
+from viso.companion.vio.strategy import StrategyBase, StrategyContext
 
 ALL_ON = dict.fromkeys(build_info.FLAGS, True)
 ALL_OFF = dict.fromkeys(build_info.FLAGS, False)
 
 
-def build(name: str, flags: Mapping[str, bool]) -> tuple[ReportingStrategy, EventHandler]:
+def build(name: str, flags: Mapping[str, bool]) -> tuple[StrategyBase, EventHandler]:
     logger, handler = make_logger()
     strategy = build_vio_strategy(VioConfig(strategy=name), make_calibration(), Ticks(), logger, flags=flags)
     return strategy, handler

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from viso.companion.vio.se3 import so3_log
-from viso.companion.vio.types import ImuBias, ImuSample, NavCameraFrame
-from viso.companion.world.flight import Event, HeightMeasurement, SyntheticFlight, nadir_calibration
+from viso.companion.vio.types import HeightMeasurement, ImuBias, ImuSample, NavCameraFrame, SensorEvent
+from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import from_ground, nadir_survey
 
@@ -28,11 +28,11 @@ def only(kind: type[A], flown: SyntheticFlight) -> list[A]:
     return [event for event in flown.events() if isinstance(event, kind)]
 
 
-def stamp_ns(event: Event) -> int:
+def stamp_ns(event: SensorEvent) -> int:
     return event.capture_timestamp if isinstance(event, NavCameraFrame) else event.t_ns
 
 
-def told(event: Event) -> tuple[Any, ...]:
+def told(event: SensorEvent) -> tuple[Any, ...]:
     if isinstance(event, ImuSample):
         return event.t_ns, event.gyro.tobytes(), event.accel.tobytes()
     if isinstance(event, NavCameraFrame):

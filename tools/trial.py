@@ -1,0 +1,167 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How good a strategy was on data whose truth is known: what the measured figures and the acceptance tests go by."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from viso.companion.odometry.composer import LocalPose, OdometryComposer
+from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
+from viso.companion.trials.trial import EventSource, run_through
+from viso.companion.vio.config import LocalAlignment, VioConfig
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import VioState, WarmStartPose
+from viso.companion.vio.update import VioUpdate
+
+Truth = Callable[[int], SE3 | None]
+"""Returns world_T_body at a time of the IMU's clock, None where it is not known."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrialFrame:
+    """A frame, what the strategy made of it, and the truth.
+
+    Attributes:
+        update: what the worker told; its output is None in INIT and LOST.
+        local: the composed pose, north as its alignment and the first output as its origin; None without output.
+        truth: world_T_body, None where it is not known.
+    """
+
+    update: VioUpdate
+    local: LocalPose | None
+    truth: SE3 | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """How a strategy did.
+
+    Attributes:
+        frames: those that the strategy processed.
+    """
+
+    frames: tuple[TrialFrame, ...]
+
+    def states(self) -> Counter[VioState]:
+        """Return how many frames ended in which state."""
+        return Counter(frame.update.health.state for frame in self.frames)
+
+    def estimate(self) -> TimedPoses:
+        """Return the poses of all outputs, in the strategy's world."""
+        return TimedPoses.of(
+            [(frame.update.t_ns, pose) for frame in self.frames if (pose := _estimated(frame)) is not None]
+        )
+
+    def truth(self) -> TimedPoses:
+        """Return the true poses at all frames where they are known."""
+        return TimedPoses.of([(frame.update.t_ns, frame.truth) for frame in self.frames if frame.truth is not None])
+
+    def absolute_error(self) -> AbsoluteError:
+        """Return the error of the trajectory after alignment without scale.
+
+        Raises:
+            EvaluationError: if fewer than 3 outputs are within the time of the truth.
+        """
+        return absolute_error(self.estimate(), self.truth())
+
+    def position_errors(self) -> Array:
+        """Return [N, 3] in m, estimated less true position without any alignment, of outputs whose truth is known."""
+        pairs = [(_estimated(frame), frame.truth) for frame in self.frames]
+        errors = [pose.t - truth.t for pose, truth in pairs if pose is not None and truth is not None]
+        return np.array(errors).reshape(-1, 3)
+
+    def drift_share(self) -> float:
+        """Return the last horizontal position error, without any alignment, as a share of the true path.
+
+        Raises:
+            EvaluationError: if there is no output whose truth is known, or the truth does not move.
+        """
+        errors, path_m = self.position_errors(), self.truth().path_length_m()
+        if not len(errors) or path_m == 0:
+            raise EvaluationError("no error, or no path: no drift")
+        return float(np.hypot(*errors[-1, :2])) / path_m
+
+    def relative_nees(self) -> float:
+        """Return the mean NEES per degree of freedom of the poses relative to their keyframes, all TRACKING frames.
+
+        Raises:
+            EvaluationError: if there is none whose truth is known.
+        """
+        truths = {frame.update.frame_id: frame.truth for frame in self.frames}
+        errors, covariances = [], []
+        for frame in self.frames:
+            output, truth = frame.update.output, frame.truth
+            if output is None or truth is None or frame.update.health.state is not VioState.TRACKING:
+                continue
+            keyframe = truths.get(output.keyframe_id)
+            if keyframe is not None and output.keyframe_id != output.frame_id:
+                true_relative = keyframe.inverse() @ truth
+                errors.append((true_relative.inverse() @ output.relative_pose_T).log())
+                covariances.append(output.pose_covariance_6x6)
+        return _nees(errors, covariances)
+
+    def horizontal_nees(self) -> float:
+        """Return the mean NEES per degree of freedom of x and y of the composed poses, from the second one on.
+
+        What the first pose did not know, where it was and how it was turned, is no error of the poses that begin there.
+
+        Raises:
+            EvaluationError: if there is none whose truth is known.
+        """
+        composed = [(frame.local, frame.truth) for frame in self.frames if frame.local and frame.truth]
+        errors, covariances = [], []
+        for local, truth in composed[1:]:
+            first_local, first_truth = composed[0]
+            true_place = (first_local.L_T_B @ first_truth.inverse() @ truth).t
+            errors.append((local.L_T_B.t - true_place)[:2])
+            covariance = local.L_T_B.R.dot(local.covariance_6x6[3:, 3:]).dot(local.L_T_B.R.T)
+            covariances.append(covariance[:2, :2])
+        return _nees(errors, covariances)
+
+
+def run_trial(
+    source: EventSource,
+    config: VioConfig,
+    warm_start: WarmStartPose | None = None,
+    *,
+    truth: Truth = lambda _t_ns: None,
+    **options: Any,
+) -> Trial:
+    """Return how the strategy that a configuration names does on all data of a source.
+
+    Args:
+        source: of the data.
+        config: the configuration.
+        warm_start: to begin with, at the first frame; None to wait for stillness.
+        truth: of the source.
+        options: others of ``run_through``.
+    """
+    composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=config.scale_sigma)
+    updates = run_through(source, config, warm_start, **options)
+    frames = (TrialFrame(update, composer.compose_alone(update.output), truth(update.t_ns)) for update in updates)
+    return Trial(tuple(frames))
+
+
+def _estimated(frame: TrialFrame) -> SE3 | None:
+    return None if frame.update.output is None else frame.update.output.world_T_body
+
+
+def _nees(errors: list[Array], covariances: list[Array]) -> float:
+    if not errors:
+        raise EvaluationError("no pose with its truth: no NEES")
+    return nees_per_dof(np.array(errors), np.array(covariances))
+
+
+def nees_per_dof(errors: Array, covariances: Array) -> float:
+    """Return the mean normalised estimation error squared, divided by its degrees of freedom; 1 for an honest filter.
+
+    Args:
+        errors: [N, D].
+        covariances: [N, D, D].
+    """
+    solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
+    return float(np.mean(np.sum(errors * solved, axis=-1)) / errors.shape[-1])
