@@ -77,8 +77,7 @@ def _broken(errors: PoseErrors, values: Any) -> tuple[Any, Any]:
 def _ground(axes: Any, story: _Story) -> None:
     """Draw the texture, mirrored as far as it takes, with north up."""
     texture = story.setup.flight.texture
-    grey = texture.pixels if texture.pixels.ndim == 2 else texture.pixels.mean(axis=2)
-    small = grey[::_GROUND_STEP, ::_GROUND_STEP]
+    small = texture.pixels[::_GROUND_STEP, ::_GROUND_STEP]
     rows, columns = small.shape
     mirrored = np.pad(small, ((rows, rows), (columns, columns)), mode="symmetric")
     east, north = (1.5 * extent for extent in texture.extent_m)

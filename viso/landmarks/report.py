@@ -3,7 +3,7 @@
 """What ``viso landmarks`` tells: innovations as rows, and what they amount to for people and for machines."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from rich.table import Column, Table
@@ -17,22 +17,11 @@ if TYPE_CHECKING:
 
 MOST_ROWS: Final = 20
 """Of single landmarks or aircraft in a table; machines get all."""
-CSV_COLUMNS: Final = (
-    "t_s",
-    "picture",
-    "pose",
-    "kind",
-    "id",
-    "observed_u_px",
-    "observed_v_px",
-    "predicted_u_px",
-    "predicted_v_px",
-    "du_px",
-    "dv_px",
-    "in_image",
-    "range_m",
-    "seen",
+_INNOVATION: Final = (
+    *("id", "observed_u_px", "observed_v_px", "predicted_u_px", "predicted_v_px"),
+    *("du_px", "dv_px", "in_image", "range_m"),
 )
+CSV_COLUMNS: Final = ("t_s", "picture", "pose", "kind", *_INNOVATION, "seen")
 _AGREES_SIGMAS: Final = 3.0
 _LEAST_SIGMA: Final = 1e-4
 _UNTOLD: Final = "the data do not tell"
@@ -144,35 +133,41 @@ def fit_lines(errors: "PoseErrors") -> Iterator[str]:
 
 
 def _heading(errors: "PoseErrors") -> str:
-    if errors.yaw_offset_rad is None or errors.yaw_sigma_rad is None:
-        return _UNTOLD
-    off_deg, sigma_deg = math.degrees(errors.yaw_offset_rad), math.degrees(errors.yaw_sigma_rad)
-    if abs(off_deg) <= _AGREES_SIGMAS * sigma_deg:
-        return f"right, within {sigma_deg:.1g} deg"
-    side = "left of" if off_deg > 0 else "right of"
-    makes_up = f"heading_offset_deg {_rounded(off_deg, sigma_deg):+} makes up"
-    return f"your heading is off by {_measured(off_deg, sigma_deg)} deg: the true one is {side} it ({makes_up})"
+    def sentence(off_deg: float, sigma_deg: float) -> str:
+        side = "left of" if off_deg > 0 else "right of"
+        makes_up = f"heading_offset_deg {_rounded(off_deg, sigma_deg):+} makes up"
+        return f"your heading is off by {_measured(off_deg, sigma_deg)} deg: the true one is {side} it ({makes_up})"
+
+    return _verdict(errors.yaw_offset_rad, errors.yaw_sigma_rad, math.degrees(1), "deg", sentence)
 
 
 def _mounting(errors: "PoseErrors") -> str:
-    if errors.pitch_trim_rad is None or errors.pitch_sigma_rad is None:
-        return _UNTOLD
-    off_deg, sigma_deg = math.degrees(errors.pitch_trim_rad), math.degrees(errors.pitch_sigma_rad)
-    if abs(off_deg) <= _AGREES_SIGMAS * sigma_deg:
-        return f"right, within {sigma_deg:.1g} deg"
-    side = "higher" if off_deg > 0 else "lower"
-    makes_up = f"{_rounded(off_deg, sigma_deg):+} on pitch_trim_deg makes up"
-    return f"the camera looks {_measured(off_deg, sigma_deg)} deg {side} than believed ({makes_up})"
+    def sentence(off_deg: float, sigma_deg: float) -> str:
+        side = "higher" if off_deg > 0 else "lower"
+        makes_up = f"{_rounded(off_deg, sigma_deg):+} on pitch_trim_deg makes up"
+        return f"the camera looks {_measured(off_deg, sigma_deg)} deg {side} than believed ({makes_up})"
+
+    return _verdict(errors.pitch_trim_rad, errors.pitch_sigma_rad, math.degrees(1), "deg", sentence)
 
 
 def _delay(errors: "PoseErrors") -> str:
-    if errors.delay_s is None or errors.delay_sigma_s is None:
+    def sentence(off_ms: float, sigma_ms: float) -> str:
+        side = "late" if off_ms > 0 else "early"
+        return f"the stamps of the pictures are {_measured(off_ms, sigma_ms)} ms {side}"
+
+    if errors.delay_s is None:
         return f"{_UNTOLD}: a vehicle that stands still shows no delay"
-    off_ms, sigma_ms = 1e3 * errors.delay_s, 1e3 * errors.delay_sigma_s
-    if abs(off_ms) <= _AGREES_SIGMAS * sigma_ms:
-        return f"right, within {sigma_ms:.1g} ms"
-    side = "late" if off_ms > 0 else "early"
-    return f"the stamps of the pictures are {_measured(off_ms, sigma_ms)} ms {side}"
+    return _verdict(errors.delay_s, errors.delay_sigma_s, 1e3, "ms", sentence)
+
+
+def _verdict(
+    off: float | None, sigma: float | None, scale: float, unit: str, sentence: Callable[[float, float], str]
+) -> str:
+    """Return what is said of an error with its sigma, both to be scaled to a unit."""
+    if off is None or sigma is None:
+        return _UNTOLD
+    off, sigma = off * scale, sigma * scale
+    return f"right, within {sigma:.1g} {unit}" if abs(off) <= _AGREES_SIGMAS * sigma else sentence(off, sigma)
 
 
 def _measured(value: float, sigma: float) -> str:
@@ -194,18 +189,7 @@ def _scaled(value: float | None, factor: float) -> float | None:
 
 
 def _innovation(one: Innovation, **more: Any) -> dict[str, Any]:
-    return {
-        "id": one.id,
-        "observed_u_px": one.observed_u_px,
-        "observed_v_px": one.observed_v_px,
-        "predicted_u_px": one.predicted_u_px,
-        "predicted_v_px": one.predicted_v_px,
-        "du_px": one.du_px,
-        "dv_px": one.dv_px,
-        "in_image": one.in_image,
-        "range_m": one.range_m,
-        **more,
-    }
+    return {name: getattr(one, name) for name in _INNOVATION} | more
 
 
 def _of_aircraft(scene: Scene) -> Iterator[tuple[Innovation, bool]]:

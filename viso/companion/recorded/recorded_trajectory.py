@@ -11,23 +11,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.se3 import Array
+from viso.companion.vio.se3 import Array, read_only
 
 Integers = npt.NDArray[np.int64]
 
 TIME_END_NS: Final = 1 << 62
 """Times are before this, in the year 2116 since 1970, so that a difference never overflows."""
 _SHORTEST_QUAT: Final = 1e-6
-
-
-def _frozen(value: Any, shape: tuple[int, ...], name: str, *, unknown: bool = False) -> Array:
-    array = np.array(value, dtype=np.float64, order="C")
-    if array.shape != shape:
-        raise ValueError(f"{name}: shape {array.shape}, not {shape}")
-    if not unknown and not np.isfinite(array).all():
-        raise ValueError(f"{name}: not finite")
-    array.flags.writeable = False
-    return array
 
 
 def _frozen_integers(value: Any, shape: tuple[int, ...], name: str) -> Integers:
@@ -88,21 +78,21 @@ class RecordedTrajectory:
         times_ns = _frozen_integers(self.times_ns, (count,), "times_ns")
         if not count or times_ns[0] < 0 or times_ns[-1] >= TIME_END_NS or (np.diff(times_ns) <= 0).any():
             raise ValueError("times_ns: none, or not strictly increasing from 0")
-        quats = _frozen(self.quats_wxyz, (count, 4), "quats_wxyz")
+        quats = read_only(self.quats_wxyz, (count, 4), "quats_wxyz")
         lengths = np.linalg.norm(quats, axis=1, keepdims=True)
         if (lengths < _SHORTEST_QUAT).any():
             raise ValueError("quats_wxyz: no rotation")
         values: dict[str, Any] = {
             "times_ns": times_ns,
-            "positions": _frozen(self.positions, (count, 3), "positions"),
-            "quats_wxyz": _frozen(quats / lengths, (count, 4), "quats_wxyz"),
+            "positions": read_only(self.positions, (count, 3), "positions"),
+            "quats_wxyz": read_only(quats / lengths, (count, 4), "quats_wxyz"),
             "resets": _frozen_integers(np.zeros(count) if self.resets is None else self.resets, (count,), "resets"),
             "left_out": MappingProxyType(dict(self.left_out)),
         }
         if self.velocities is not None:
-            values["velocities"] = _frozen(self.velocities, (count, 3), "velocities")
+            values["velocities"] = read_only(self.velocities, (count, 3), "velocities")
         if self.covariances is not None:
-            values["covariances"] = _frozen(self.covariances, (count, 6, 6), "covariances", unknown=True)
+            values["covariances"] = read_only(self.covariances, (count, 6, 6), "covariances", finite=False)
         for name, value in values.items():
             object.__setattr__(self, name, value)
 

@@ -62,57 +62,24 @@ class Records:
 def usable(records: Records) -> RecordedTrajectory:
     """Return the trajectory of what can be used; a record without a time has that of its arrival.
 
-    Raises:
-        TrajectoryError: see ``from_records``.
-    """
-    times_ns = records.times_ns
-    if records.arrivals_ns is not None:
-        times_ns = [time or arrival for time, arrival in zip(times_ns, records.arrivals_ns, strict=True)]
-    return from_records(
-        records.source,
-        times_ns,
-        records.positions,
-        records.quats_wxyz,
-        records.velocities,
-        records.covariances,
-        records.left_out,
-    )
-
-
-def from_records(
-    source: str,
-    times_ns: Sequence[int],
-    positions: Any,
-    quats_wxyz: Any,
-    velocities: Any = None,
-    covariances: Any = None,
-    left_out: Mapping[str, int] = MappingProxyType({}),
-) -> RecordedTrajectory:
-    """Make a trajectory of what a file holds; records that cannot be used are left out, and counted.
-
-    Velocities that are all 0 or NaN count as unknown, as do covariances whose numbers are all 0: programs that do not
-    know them write that.
-
-    Args:
-        source: the file's name, for the error.
-        times_ns: [N], in the order of the file, each from 0 to ``TIME_END_NS``.
-        positions: [N, 3] in m.
-        quats_wxyz: [N, 4].
-        velocities: [N, 3] in m/s, in the world; None if the file has none.
-        covariances: [N, 6, 6], NaN where there is none; None if the file has none.
-        left_out: what was left out already.
+    Records that cannot be used are left out, and counted. Velocities that are all 0 or NaN count as unknown, as do
+    covariances whose numbers are all 0: programs that do not know them write that.
 
     Raises:
         TrajectoryError: if fewer than 2 records can be used.
     """
+    times_ns = records.times_ns
+    if records.arrivals_ns is not None:
+        times_ns = [time or arrival for time, arrival in zip(times_ns, records.arrivals_ns, strict=True)]
     times = np.array(times_ns, dtype=np.int64)
     count = len(times)
-    position = np.array(positions, dtype=np.float64).reshape(count, 3)
-    quats = np.array(quats_wxyz, dtype=np.float64).reshape(count, 4)
+    position = np.array(records.positions, dtype=np.float64).reshape(count, 3)
+    quats = np.array(records.quats_wxyz, dtype=np.float64).reshape(count, 4)
+    velocities, covariances = records.velocities, records.covariances
     velocity = None if velocities is None else np.array(velocities, dtype=np.float64).reshape(count, 3)
     if velocity is not None and not np.nan_to_num(velocity).any():
         velocity = None
-    counts = dict(left_out)
+    counts = dict(records.left_out)
     kept = np.arange(count)
 
     def drop(bad: Any, reason: str) -> None:
@@ -130,7 +97,7 @@ def from_records(
     drop(times[kept] <= np.maximum.accumulate(np.concatenate([[-1], times[kept]]))[:-1], NOT_LATER)
     if len(kept) < 2:
         reasons = "".join(f"; {number} with {reason}" for reason, number in counts.items())
-        raise TrajectoryError(f"{source}: {len(kept)} usable records, and a trajectory needs 2{reasons}")
+        raise TrajectoryError(f"{records.source}: {len(kept)} usable records, and a trajectory needs 2{reasons}")
     covariance = None if covariances is None else _sound(np.array(covariances, dtype=np.float64)[kept], counts)
     return RecordedTrajectory(
         times[kept],

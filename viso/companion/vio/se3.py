@@ -20,16 +20,16 @@ _NEAR_PI_RAD: Final = 1e-3
 _IDENTITY: Final = np.eye(3)
 
 
-def read_only(value: Any, shape: tuple[int, ...], field: str) -> Array:
+def read_only(value: Any, shape: tuple[int, ...], field: str, *, finite: bool = True) -> Array:
     """Return a C-contiguous float64 copy that cannot be written to.
 
     Raises:
-        ValueError: if the shape differs or a number is not finite; names the field.
+        ValueError: if the shape differs or, unless told otherwise, a number is not finite; names the field.
     """
     array = np.array(value, dtype=np.float64, order="C")
     if array.shape != shape:
         raise ValueError(f"{field}: shape {array.shape}, not {shape}")
-    if not np.isfinite(array).all():
+    if finite and not np.isfinite(array).all():
         raise ValueError(f"{field}: not finite")
     array.flags.writeable = False
     return array

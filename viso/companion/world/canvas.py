@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a landscape is painted on: a tone (the brightness) and a material (the hue) for each pixel."""
+"""What a landscape is painted on: a tone (the brightness) and a material for each pixel."""
 
 import enum
 import math
@@ -37,22 +37,6 @@ class Material(enum.IntEnum):
 
 PARCELS: Final = (Material.GRASS, Material.MEADOW, Material.SOIL, Material.STUBBLE)
 TONE: Final = np.array([104, 122, 112, 146, 138, 168, 92, 112, 84, 205], np.float32)
-# Blue, green and red as shares of the tone, which is their luma.
-_HUE: Final = np.array(
-    [
-        (0.50, 1.18, 0.84),
-        (0.58, 1.12, 0.95),
-        (0.78, 0.98, 1.13),
-        (0.68, 1.01, 1.12),
-        (1.04, 1.00, 0.98),
-        (0.95, 0.99, 1.04),
-        (0.48, 1.17, 0.86),
-        (0.70, 0.86, 1.38),
-        (1.10, 1.01, 0.94),
-        (1.02, 1.00, 0.99),
-    ],
-    np.float32,
-)
 
 
 @dataclass(slots=True)
@@ -116,13 +100,6 @@ class Canvas:
     def grey(self) -> Pixels:
         """Return the picture [N, N]."""
         return to_pixels(self.tone)
-
-    def coloured(self) -> Pixels:
-        """Return the picture [N, N, 3], BGR."""
-        pixels = np.empty((self.size, self.size, 3), np.uint8)
-        for row in range(self.size):  # by rows, which takes no memory
-            pixels[row] = to_pixels(self.tone[row, :, None] * _HUE[self.material[row]])
-        return pixels
 
 
 def power_of_two(pixels: float) -> int:

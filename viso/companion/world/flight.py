@@ -3,9 +3,9 @@
 """A flight over synthetic ground: what a companion gets from its sensors, in order, and the truth about it."""
 
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from viso.companion.vio.types import (
     DistortionModel,
     HeightMeasurement,
     ImuBias,
-    NavCameraFrame,
     SensorEvent,
     WarmStartPose,
 )
@@ -26,14 +25,10 @@ from viso.companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
 
-if TYPE_CHECKING:
-    from viso.companion.world.renderer import PlaneRenderer
-
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
 CAMERA_ID: Final = "synthetic"
 _NS: Final = 1_000_000_000
 _CAMERA_PLACE_B: Final = (0.1, 0.0, -0.05)
-_BLUR_VIEWS: Final = 5
 
 # What a warm start claims to know: where it is by definition, the height and the biases hardly at all.
 _PLACE_SIGMA_M: Final = 1e-3
@@ -77,8 +72,6 @@ class SyntheticFlight:
         frame_rate_hz: of the camera, and of the height measurements.
         shutter_phase_s: from the start to the first frame.
         latency_s: from the middle of an exposure to the frame's arrival.
-        exposure_s: over which motion blurs; 0 for sharp frames.
-        gain_at: gain of the exposure at a time in s.
         covered_s: spans of time, from and to, in which the lens is covered.
         pixel_sigma: noise of a pixel in grey levels.
         height_sigma_m: noise of the height; None for no measurements.
@@ -97,8 +90,6 @@ class SyntheticFlight:
     frame_rate_hz: float = DEFAULT_FRAME_RATE_HZ
     shutter_phase_s: float = 0.0017
     latency_s: float = 0.03
-    exposure_s: float = 0.0
-    gain_at: Callable[[float], float] | None = None
     covered_s: tuple[tuple[float, float], ...] = ()
     pixel_sigma: float = DEFAULT_NOISE_SIGMA
     height_sigma_m: float | None = 0.3
@@ -182,10 +173,5 @@ class SyntheticFlight:
             if any(start <= t_s < end for start, end in self.covered_s):
                 frame = renderer.covered(sequence, stamp_ns)
             else:
-                frame = self._rendered(renderer, sequence, t_s, stamp_ns)
+                frame = renderer.render(self.trajectory.pose(t_s), sequence, stamp_ns)
             yield t_ns + round(self.latency_s * _NS), frame
-
-    def _rendered(self, renderer: "PlaneRenderer", sequence: int, t_s: float, stamp_ns: int) -> NavCameraFrame:
-        during = np.linspace(-0.5, 0.5, _BLUR_VIEWS) * self.exposure_s + t_s if self.exposure_s else np.array([t_s])
-        poses = [self.trajectory.pose(at) for at in during.tolist()]
-        return renderer.render(poses, sequence, stamp_ns, gain=1.0 if self.gain_at is None else self.gain_at(t_s))

@@ -22,7 +22,6 @@ def generate_texture(
     *,
     size_px: int = DEFAULT_SIZE_PX,
     metres_per_pixel: float = DEFAULT_METRES_PER_PIXEL,
-    colour: bool = False,
 ) -> GroundTexture:
     """Make a piece of countryside.
 
@@ -30,7 +29,6 @@ def generate_texture(
         seed: the same one gives the same picture.
         size_px: rows and columns, from 64.
         metres_per_pixel: side of a pixel on the ground, 0.01 to 0.5.
-        colour: BGR instead of grey.
 
     Raises:
         ValueError: if an argument is out of its range.
@@ -47,4 +45,4 @@ def generate_texture(
     scatter_stones(canvas)
     plant(canvas, borders)
     build(canvas)
-    return GroundTexture(canvas.coloured() if colour else canvas.grey(), metres_per_pixel, grit(seed))
+    return GroundTexture(canvas.grey(), metres_per_pixel, grit(seed))

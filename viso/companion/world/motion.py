@@ -141,54 +141,6 @@ def nadir_survey(
     return Trajectory(position, yaw, _gusts(rng, 0.05))
 
 
-def hover(height_m: float = 40.0, seed: int = 0) -> Trajectory:
-    """Return a flight on the spot, as well as a multicopter can: within about 0.3 m, its nose swinging a little."""
-    rng = np.random.default_rng([seed, 2])
-    phases, yaw_rad = rng.uniform(0, 2 * math.pi, 4), float(rng.uniform(-math.pi, math.pi))
-    rates, place = np.array([0.5, 0.63, 0.4]), np.array([0.0, 0.0, height_m])
-
-    def position(t_s: Array) -> Array:
-        swung: Array = place + (0.25, 0.2, 0.1) * np.sin(rates * t_s[..., None] + phases[:3])
-        return swung
-
-    def yaw(t_s: Array) -> Array:
-        swing: Array = yaw_rad + 0.04 * np.sin(0.45 * t_s + phases[3])
-        return swing
-
-    return Trajectory(position, yaw, _gusts(rng, 0.02))
-
-
-def from_ground(
-    flight: Trajectory, still_s: float = 10.0, climb_s: float = 10.0, ramp_s: float = 5.0, stand_m: float = 0.25
-) -> Trajectory:
-    """Return a flight that begins at rest on the ground, climbs, and then goes over into another one.
-
-    Args:
-        flight: the other one, from its time 0.
-        still_s: how long the vehicle stands.
-        climb_s: how long it climbs, straight up, to where the other flight begins.
-        ramp_s: how long it takes to be on the other flight's speed.
-        stand_m: height of the body's origin when standing.
-    """
-    cruise_s = still_s + climb_s
-
-    def warped(t_s: Array) -> Array:
-        return ramp_s * _risen((t_s - cruise_s) / ramp_s)
-
-    def position(t_s: Array) -> Array:
-        place = flight.position_w(warped(t_s))
-        place[..., 2] -= (flight.position_w(np.zeros(1))[0, 2] - stand_m) * (1 - _step((t_s - still_s) / climb_s))
-        return place
-
-    def yaw(t_s: Array) -> Array:
-        return flight.yaw_rad(warped(t_s))
-
-    def lean(t_s: Array) -> Array:
-        return flight.lean(t_s) * _step((t_s - still_s) / climb_s)[..., None]
-
-    return Trajectory(position, yaw, lean)
-
-
 def _mean_slope() -> float:
     """Return the mean speed of the figure of eight of half length 1 at a phase rate of 1."""
     phase = np.linspace(0, 2 * math.pi, 1000, endpoint=False)
@@ -211,18 +163,3 @@ def _gusts(rng: np.random.Generator, size: float) -> Curve:
         return blown
 
     return lean
-
-
-def _step(x: Array) -> Array:
-    """Return 0 below 0, 1 above 1 and between them a rise whose first four derivatives vanish at both ends."""
-    x = np.clip(x, 0.0, 1.0)
-    risen: Array = x**5 * (126 + x * (-420 + x * (540 + x * (-315 + 70 * x))))
-    return risen
-
-
-def _risen(x: Array) -> Array:
-    """Return the integral of :func:`_step` from 0."""
-    inside = np.clip(x, 0.0, 1.0)
-    area = inside**6 * (21 + inside * (-60 + inside * (67.5 + inside * (-35 + 7 * inside))))
-    risen: Array = area + np.maximum(x - 1.0, 0.0)
-    return risen

@@ -6,7 +6,6 @@ Needs OpenCV: ``pip install 'viso[vio]'``.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, cast
 
@@ -36,7 +35,7 @@ class PlaneRenderer:
     """A camera above a plane at z = 0 of the world; the same arguments give the same frame.
 
     Args:
-        texture: of the plane; frames are grey or BGR as it is.
+        texture: of the plane.
         calibration: of the camera.
         seed: of the noise and the frames' identifiers.
         noise_sigma: of a pixel, in grey levels.
@@ -58,7 +57,6 @@ class PlaneRenderer:
         rows, columns = texture.detail.shape
         sides_m = [scale * texture.metres_per_pixel for scale in DETAIL_SCALES]
         self._details = [(side, _Pyramid(texture.detail, (columns * side, rows * side))) for side in sides_m]
-        self._channels = texture.pixels.shape[2:]
         self._lens = None if calibration.distortion_model is DistortionModel.NONE else _directions(calibration)
         corners = [(u, v) for u in (0, calibration.width - 1) for v in (0, calibration.height - 1)]
         rays = np.column_stack([undistort(calibration, np.array(corners, np.float64)), np.ones(4)])
@@ -69,31 +67,22 @@ class PlaneRenderer:
         noise = np.random.default_rng([seed, 4]).standard_normal(2 * _NOISE_BLOCK, dtype=np.float32)
         self._noise = np.rint(noise_sigma * noise).astype(np.int16)
 
-    def render(
-        self, world_T_body: SE3 | Sequence[SE3], sequence: int, time_ns: int, *, gain: float = 1.0
-    ) -> NavCameraFrame:
+    def render(self, world_T_body: SE3, sequence: int, time_ns: int) -> NavCameraFrame:
         """Return the frame that the camera takes.
 
         Args:
-            world_T_body: where the body is in the middle of the exposure; for motion blur, several such poses in the
-                course of it.
+            world_T_body: where the body is in the middle of the exposure.
             sequence: of the frame.
             time_ns: its stamp.
-            gain: of the exposure, 1 for the texture's own brightness.
 
         Raises:
             ValueError: if the camera is not above the ground, or sees the horizon.
         """
-        poses = [world_T_body] if isinstance(world_T_body, SE3) else world_T_body
-        views = [self._view(pose) for pose in poses]
-        pixels = views[0] if len(views) == 1 else _mean(views)
-        if gain != 1.0:
-            cv2.convertScaleAbs(pixels, dst=pixels, alpha=gain)
-        return self._frame(pixels, sequence, time_ns)
+        return self._frame(self._view(world_T_body), sequence, time_ns)
 
     def covered(self, sequence: int, time_ns: int) -> NavCameraFrame:
         """Return the frame of a covered lens: black, but for the noise."""
-        shape = (self.calibration.height, self.calibration.width, *self._channels)
+        shape = (self.calibration.height, self.calibration.width)
         return self._frame(np.zeros(shape, np.uint8), sequence, time_ns)
 
     def _frame(self, pixels: Pixels, sequence: int, time_ns: int) -> NavCameraFrame:
@@ -194,15 +183,10 @@ def _directions(calibration: CameraCalibration) -> npt.NDArray[np.float32]:
 
 
 def _overlay(pixels: Pixels, detail: Pixels, weight: float) -> None:
-    """Add what is lighter than the mean in a grey picture, and take off what is darker."""
+    """Add what is lighter than the mean in a picture, and take off what is darker."""
     for row in range(0, len(pixels), _STRIP_ROWS):  # in strips, which takes no memory
         part, fine = pixels[row : row + _STRIP_ROWS], detail[row : row + _STRIP_ROWS]
-        fine = _bytes(cv2.merge([fine] * 3)) if pixels.ndim == 3 else fine
         cv2.addWeighted(part, 1.0, fine, weight, -128.0 * weight, dst=part)
-
-
-def _mean(views: list[Pixels]) -> Pixels:
-    return np.rint(np.mean(views, axis=0, dtype=np.float32)).astype(np.uint8)
 
 
 def _bytes(picture: npt.NDArray[Any]) -> Pixels:

@@ -25,7 +25,7 @@ class GroundTexture:
     """The ground as seen from straight above, north at the top, its middle at the world's origin.
 
     Attributes:
-        pixels: uint8, [H, W] grey or [H, W, 3] BGR.
+        pixels: uint8, [H, W] grey.
         metres_per_pixel: side of a pixel on the ground.
         detail: uint8 [D, D] grey, 128 on average: what the picture is too coarse for, in the scales of
             ``DETAIL_SCALES``; so there is something to see from the height of a landing gear, too.

@@ -8,9 +8,10 @@ import quaternion
 
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from ekf_stub.filter.inertial import quat_of_rotation
+from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import enu_to_ned, flu_to_frd
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz
-from viso.companion.world.motion import from_ground, nadir_survey
+from viso.companion.world.motion import nadir_survey
 from viso.sensors.options import ImuOptions
 from viso.sensors.world_flight import WorldFlight, WorldLeg, flight_source, rpy_of
 

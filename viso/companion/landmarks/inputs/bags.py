@@ -9,8 +9,8 @@ A topic may be missing from a bag, but not all of them. Odometry (or a stamped p
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from viso.companion.landmarks.inputs.base import (
@@ -34,42 +34,20 @@ CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
 FIX: Final = "sensor_msgs/msg/NavSatFix"
 
 
-@dataclass(frozen=True, slots=True)
-class BagTopics:
-    """The names of the topics that are read; an empty one is not.
-
-    Attributes:
-        odometry: poses of the vehicle.
-        landmarks, observations, aircraft_observations: JSON; any record may come on any of them.
-        camera_info: intrinsics.
-        aircraft: state vectors as JSON.
-        estimated_position: of the receiver, as JSON.
-        fix, raw_fix: of the vehicle, above the ellipsoid.
-    """
-
-    odometry: str = "/mavros/local_position/odom"
-    landmarks: str = "/vo/landmarks"
-    observations: str = "/vo/landmark_observations"
-    aircraft_observations: str = ""
-    camera_info: str = "/stereo/left/camera_info"
-    aircraft: str = "/adsb/adsb_aircraft_state_vectors_node/aircraft_state_vectors"
-    estimated_position: str = "/adsb/rtl_adsb_decoder_node/estimated_position"
-    fix: str = "/mavros/global_position/global"
-    raw_fix: str = "/mavros/global_position/raw/fix"
-
-    def types(self) -> Mapping[str, frozenset[str]]:
-        """Return which types are read from which topic."""
-        strings = (
-            self.landmarks,
-            self.observations,
-            self.aircraft_observations,
-            self.aircraft,
-            self.estimated_position,
-        )
-        types = {name: frozenset({STRING}) for name in strings}
-        types |= {self.odometry: POSES, self.camera_info: frozenset({CAMERA_INFO})}
-        types |= {self.fix: frozenset({FIX}), self.raw_fix: frozenset({FIX})}
-        return {name: kinds for name, kinds in types.items() if name}
+_TOPICS: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
+    {
+        "/mavros/local_position/odom": POSES,
+        "/stereo/left/camera_info": frozenset({CAMERA_INFO}),
+        "/mavros/global_position/global": frozenset({FIX}),
+        "/mavros/global_position/raw/fix": frozenset({FIX}),
+        "/vo/landmarks": frozenset({STRING}),
+        "/vo/landmark_observations": frozenset({STRING}),
+        "/adsb/adsb_aircraft_state_vectors_node/aircraft_state_vectors": frozenset({STRING}),
+        "/adsb/rtl_adsb_decoder_node/estimated_position": frozenset({STRING}),
+    }
+)
+"""Which types are read from which topic; any record of JSON may come on any topic of texts, fixes are above the
+ellipsoid."""
 
 
 class BagFile:
@@ -77,16 +55,14 @@ class BagFile:
 
     Args:
         path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
-        topics: their names; None for the usual ones.
         odometry_is_ned: whether odometry is in NED, with its body FRD.
 
     Attributes:
         refused: by reason.
     """
 
-    def __init__(self, path: Path, topics: BagTopics | None = None, *, odometry_is_ned: bool = False) -> None:
+    def __init__(self, path: Path, *, odometry_is_ned: bool = False) -> None:
         self._path = path
-        self._types = (topics or BagTopics()).types()
         self._is_ned = odometry_is_ned
         self._json = JsonReader()
         self.refused: Counter[str] = self._json.refused
@@ -113,7 +89,7 @@ class BagFile:
                     yield from events
 
     def _chosen(self, connections: list[Any]) -> list[Any]:
-        chosen = [c for c in connections if c.msgtype in self._types.get(c.topic, ())]
+        chosen = [c for c in connections if c.msgtype in _TOPICS.get(c.topic, ())]
         if not chosen:
             there = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in connections})) or "none at all"
             raise InputFileError(f"{self._path}: none of the topics that are read; there are: {there}")

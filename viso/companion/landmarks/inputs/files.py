@@ -3,12 +3,12 @@
 """Which reader a file needs, by the ending of its name or by how it begins."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from viso.companion.landmarks.inputs.bags import BagFile, BagTopics
+from viso.companion.landmarks.inputs.bags import BagFile
 from viso.companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
 from viso.companion.landmarks.inputs.dataflash import DataFlashFile, ReadLog
 from viso.companion.landmarks.inputs.dump1090 import Dump1090Folder, Dump1090Reader
@@ -33,13 +33,11 @@ class InputOptions:
     """What a file does not tell itself.
 
     Attributes:
-        topics: of a bag.
         odometry_is_ned: whether a bag's odometry is in NED.
         utc_offset_s: how far the times of BaseStation lines are ahead of UTC.
         read_log: opens DataFlash logs; None if there is nothing that can.
     """
 
-    topics: BagTopics = field(default_factory=BagTopics)
     odometry_is_ned: bool = False
     utc_offset_s: float = 0.0
     read_log: ReadLog | None = None
@@ -60,7 +58,7 @@ def open_file(path: Path, options: InputOptions | None = None) -> FileReader:
             raise InputFileError(f"{path}: there is nothing here that reads DataFlash logs")
         return DataFlashFile(path, options.read_log)
     if name.endswith(_BAGS) or (path.is_dir() and any(path.glob("metadata.yaml"))):
-        return BagFile(path, options.topics, odometry_is_ned=options.odometry_is_ned)
+        return BagFile(path, odometry_is_ned=options.odometry_is_ned)
     if path.is_dir():
         return Dump1090Folder(path)
     return _text(path, options)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from viso.companion.recorded import records
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
-from viso.companion.recorded.records import LARGEST, TrajectoryError, from_records
+from viso.companion.recorded.records import LARGEST, Records, TrajectoryError, usable
 
 COUNT = 4
 NAN = float("nan")
@@ -24,7 +24,7 @@ def make(**changes: Any) -> RecordedTrajectory:
         "positions": np.outer(np.arange(COUNT), [1.0, 1.0, 1.0]),
         "quats_wxyz": np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1)),
     }
-    return from_records("flight.tum", **{**values, **changes})
+    return usable(Records("flight.tum", **{**values, **changes}))
 
 
 def rows(row: int, value: list[float], other: list[float]) -> list[list[float]]:
@@ -98,7 +98,8 @@ def test_error_is_one_line() -> None:
 def test_every_record_is_kept_or_counted(given_records: list[tuple[int, list[float]]]) -> None:
     table = np.array([numbers for _, numbers in given_records]).reshape(-1, 10)
     try:
-        trajectory = from_records("x", [time for time, _ in given_records], table[:, :3], table[:, 3:7], table[:, 7:])
+        times_ns = [time for time, _ in given_records]
+        trajectory = usable(Records("x", times_ns, table[:, :3], table[:, 3:7], table[:, 7:]))
     except TrajectoryError:
         return
     assert len(trajectory) + sum(trajectory.left_out.values()) == len(given_records)

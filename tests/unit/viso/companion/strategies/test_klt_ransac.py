@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, aboard, begun, record, survey
+from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
 from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, SensorEvent, VioOutput, VioState
-from viso.companion.world.motion import from_ground, nadir_survey
+from viso.companion.world.motion import nadir_survey
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 

@@ -53,13 +53,6 @@ def test_shade_darkens_and_keeps_the_material(canvas: Canvas) -> None:
     assert not canvas.material.any()
 
 
-@pytest.mark.parametrize("material", list(Material))
-def test_every_hue_keeps_the_brightness(canvas: Canvas, material: Material) -> None:
-    canvas.material[:] = material
-    luma = canvas.coloured()[0, 0] @ [0.114, 0.587, 0.299]
-    assert luma == pytest.approx(canvas.grey()[0, 0], abs=3)
-
-
 @pytest.mark.parametrize(("length", "power"), [(0.3, 2), (2.0, 2), (3.0, 4), (100.0, 128), (200.0, 256)])
 def test_power_of_two_is_the_nearest(length: float, power: int) -> None:
     assert power_of_two(length) == power

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.se3 import so3_exp, so3_log, yaw_of
-from viso.companion.world.motion import Trajectory, from_ground, hover, nadir_survey
+from viso.companion.world.motion import Trajectory, nadir_survey
 
 SURVEY = nadir_survey(seed=1)
 FLIGHTS = {
     "survey": SURVEY,
     "fast": nadir_survey(20.0, 150.0, seed=2),
-    "hover": hover(seed=3),
     "from ground": from_ground(SURVEY, still_s=4.0, climb_s=8.0, ramp_s=5.0),
 }
 UP = np.array([0.0, 0.0, 1.0])
@@ -122,12 +122,6 @@ def test_survey_turns_to_all_sides_without_a_jump() -> None:
 
 def test_seed_changes_the_survey() -> None:
     assert np.linalg.norm(nadir_survey(seed=1).pose(3.0).t - nadir_survey(seed=2).pose(3.0).t) > 1
-
-
-def test_hover_stays_within_half_a_metre() -> None:
-    position = hover(10.0).motion(np.arange(0, 60, 0.1)).position_w
-    assert np.linalg.norm(position - [0, 0, 10], axis=1).max() < 0.5
-    assert np.ptp(position, axis=0).min() > 0.1
 
 
 def test_vehicle_stands_still_and_level_before_take_off() -> None:

@@ -6,6 +6,7 @@ import builtins
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from viso.companion.landmarks.inputs.bags import BagFile, BagTopics
+from viso.companion.landmarks.inputs.bags import BagFile
 from viso.companion.landmarks.inputs.base import InputFileError
 from viso.companion.landmarks.types import (
     AircraftReport,
@@ -35,7 +36,15 @@ from viso.companion.landmarks.types import (
 )
 
 STORE = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
-TOPICS = BagTopics()
+TOPICS = SimpleNamespace(
+    odometry="/mavros/local_position/odom",
+    landmarks="/vo/landmarks",
+    observations="/vo/landmark_observations",
+    camera_info="/stereo/left/camera_info",
+    aircraft="/adsb/adsb_aircraft_state_vectors_node/aircraft_state_vectors",
+    estimated_position="/adsb/rtl_adsb_decoder_node/estimated_position",
+    fix="/mavros/global_position/global",
+)
 ODOMETRY, STRING = "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
@@ -173,7 +182,7 @@ def test_every_topic_is_read_from_every_kind_of_bag(tmp_path: Path, what: str) -
     ],
 )
 def test_stamped_poses_will_do_as_odometry(tmp_path: Path, kind: str, message: Any) -> None:
-    [found] = BagFile(write(tmp_path / "a", [("/pose", kind, 1, message())]), BagTopics(odometry="/pose")).events()
+    [found] = BagFile(write(tmp_path / "a", [(TOPICS.odometry, kind, 1, message())])).events()
     assert isinstance(found, VehiclePose)
     assert (found.t_s, found.x_m, found.y_m) == (5.5, 1, 2)
 
@@ -194,14 +203,6 @@ def test_odometry_in_ned_is_turned_with_its_yaw(tmp_path: Path) -> None:
 
 def test_message_without_a_stamp_has_the_time_of_the_bag(tmp_path: Path) -> None:
     assert only_pose(tmp_path / "a", odometry(0)).t_s == 1.0
-
-
-def test_topics_are_chosen_by_name_and_an_empty_name_is_none(tmp_path: Path) -> None:
-    seen = {"aircraft_observations": [{"icao": "3C6DD1", "u": 1, "v": 2}]}
-    path = write(tmp_path / "a", [*every_topic(2), ("/seen", STRING, 20, text(seen))])
-    names = dict.fromkeys(("odometry", "camera_info", "observations", "aircraft", "estimated_position", "fix"), "")
-    events = list(BagFile(path, BagTopics(**names, aircraft_observations="/seen")).events())
-    assert events == [EVERY_EVENT[1], Detections(20.0, (), (Detection("3C6DD1", 1.0, 2.0),))]
 
 
 def test_what_is_of_no_use_is_counted(tmp_path: Path) -> None:
