@@ -82,13 +82,7 @@ class LiveVio:
             streams = {} if is_north else _NORTH_STREAMS
         inbound = FcInbound(self._sync, on_imu, self._take_agl)
         self._odometry = OdometrySource(
-            config.imu_noise,
-            local_alignment=alignment,
-            world_is_north=is_north,
-            agl_scale_sigma=config.scale_sigma,
-            covariance_encoding=config.odometry.covariance_encoding,
-            lost_send_s=config.odometry.lost_policy.send_s,
-            yaw_at=inbound.yaw_at,
+            config, local_alignment=alignment, world_is_north=is_north, yaw_at=inbound.yaw_at
         )
         self._runtime = VioRuntime(
             config,
@@ -110,10 +104,8 @@ class LiveVio:
             self._odometry.message,
             self._sync,
             inbound,
+            odometry,
             stream_requests=stream_requests(streams, odometry.system_id),
-            rate_hz=odometry.rate_hz,
-            system_id=odometry.system_id,
-            component_id=odometry.component_id,
             start_us=self._now_ns() // 1000,
         )
 

@@ -117,7 +117,7 @@ class VirtualCompanion:
         self._imu = ImuBuffer(wait=lambda _changed, _is_there, _wait_s: None)  # what has not come will not come
         self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger)
         self.autopilot = AutopilotState(clock, flight.truth(flight.start_ns).t)
-        self.source = _make_source(config)
+        self.source = OdometrySource(config, local_alignment=config.odometry.local_alignment, world_is_north=True)
         self._worker = VioWorker(
             self._strategy,
             config,
@@ -132,9 +132,7 @@ class VirtualCompanion:
             self.source.message,
             clock,
             self.autopilot,
-            rate_hz=config.odometry.rate_hz,
-            system_id=config.odometry.system_id,
-            component_id=config.odometry.component_id,
+            config.odometry,
             start_us=flight.start_ns // _NS_PER_US,
         )
         self._requests = list(stream_requests(AUTOPILOT_STREAMS_HZ))
@@ -184,18 +182,6 @@ class VirtualCompanion:
             self._worker.request_warm_start(pose)
         if self._has_world:  # else it would begin in one of its own, without a north
             self._worker.process_one(frame)
-
-
-def _make_source(config: VioConfig) -> OdometrySource:
-    odometry = config.odometry
-    return OdometrySource(
-        config.imu_noise,
-        local_alignment=odometry.local_alignment,
-        world_is_north=True,
-        agl_scale_sigma=config.agl_scale_sigma,
-        covariance_encoding=odometry.covariance_encoding,
-        lost_send_s=odometry.lost_policy.send_s,
-    )
 
 
 def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, SensorEvent]]:

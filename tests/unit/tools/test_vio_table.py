@@ -217,7 +217,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[Any, VioConfig,
     """Return what is run, source, configuration and start, without running it."""
     calls: list[tuple[Any, VioConfig, Any]] = []
     monkeypatch.setattr(vio_table, "generate_texture", lambda: None)
-    monkeypatch.setattr(vio_table, "run_trial", lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(vio_table, "run_trial", lambda *arguments, truth: calls.append(arguments))
     vio_table.nadir_trial.cache_clear()
     yield calls
     vio_table.nadir_trial.cache_clear()
@@ -241,7 +241,7 @@ def test_same_survey_is_flown_once(runs: list[tuple[Any, VioConfig, Any]]) -> No
 
 
 def test_clip_is_followed_by_the_strategy_from_the_start(runs: list[tuple[Any, VioConfig, Any]]) -> None:
-    clip: Any = SimpleNamespace(warm_start=lambda seed: f"start {seed}")
+    clip: Any = SimpleNamespace(warm_start=lambda seed: f"start {seed}", truth=None)
     vio_table.clip_trial(clip, "fixed_lag", 4)
     assert runs == [(clip, VioConfig(strategy="fixed_lag"), "start 4")]
 

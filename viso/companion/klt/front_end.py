@@ -11,6 +11,7 @@ import numpy.typing as npt
 from viso.companion.klt.grid import FeatureGrid, Mask, Points
 from viso.companion.klt.outliers import Agreement, Model, check, rotated
 from viso.companion.klt.tracker import KltTracker
+from viso.companion.vio.config import Scene, VioConfig
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import CameraCalibration, Pixels
 from viso.companion.vio.undistortion import distort, undistort
@@ -51,26 +52,16 @@ class FrontEnd:
 
     Args:
         calibration: of the working image.
-        max_features: tracked at a time.
-        fb_threshold_px, ransac_threshold_px: see the tracker and the geometric check.
-        planar: whether the scene is known to be a plane.
+        config: max_features, fb_threshold_px, ransac_threshold_px and whether the scene is known to be a plane.
     """
 
-    def __init__(
-        self,
-        calibration: CameraCalibration,
-        *,
-        max_features: int,
-        fb_threshold_px: float,
-        ransac_threshold_px: float,
-        planar: bool,
-    ) -> None:
+    def __init__(self, calibration: CameraCalibration, config: VioConfig) -> None:
         self._calibration = calibration
-        self._max_features = max_features
-        self._threshold_px = ransac_threshold_px
-        self._planar = planar
-        self._grid = FeatureGrid(calibration.width, calibration.height, max_features)
-        self._tracker = KltTracker(calibration.width, calibration.height, fb_threshold_px)
+        self._max_features = config.max_features
+        self._threshold_px = config.ransac_threshold_px
+        self._planar = config.scene is Scene.PLANAR
+        self._grid = FeatureGrid(calibration.width, calibration.height, config.max_features)
+        self._tracker = KltTracker(calibration.width, calibration.height, config.fb_threshold_px)
         self.forget()
 
     @property

@@ -41,19 +41,6 @@ class MotionState:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Correction:
-    """What a camera frame changed at the newest instant.
-
-    Attributes:
-        moved_m: the change of position, local frame.
-        covariance: [3, 3] of the position as it was before, m^2, local frame.
-    """
-
-    moved_m: Array
-    covariance: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Motion:
     """Attitude, velocity and position, P of their errors in this order, the first in the body, the others local."""
 
@@ -92,7 +79,7 @@ class OdometryPropagator:
 
     def correct(
         self, t_ns: int, pose: LocalPose, velocity_b: Array, bias: ImuBias, up: Array = UP
-    ) -> Correction | None:
+    ) -> tuple[Array, Array] | None:
         """Start anew from a camera frame.
 
         Args:
@@ -103,7 +90,8 @@ class OdometryPropagator:
             up: the vertical in the local frame, of length 1.
 
         Returns:
-            What that changed; None for the first frame.
+            The change of position [3] in m at the newest instant, and the covariance [3, 3] of the position as it was
+            before, both in the local frame; None for the first frame.
 
         Raises:
             ValueError: if the frame is not newer than the last one.
@@ -173,7 +161,7 @@ def _moved(motion: _Motion, delta: PreintegratedDelta, t_ns: int) -> _Motion:
     )
 
 
-def _change(before: _Motion, after: _Motion) -> Correction:
+def _change(before: _Motion, after: _Motion) -> tuple[Array, Array]:
     # A frame newer than all inertial data is compared with where the old velocity would have led.
     position = before.p + before.v * ((after.t_ns - before.t_ns) * 1e-9)
-    return Correction(after.p - position, before.P[6:, 6:])
+    return after.p - position, before.P[6:, 6:]

@@ -11,11 +11,10 @@ from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import ODOMETRY, STATUSTEXT, TIMESYNC, Message
 from viso.companion.odometry.clock_sync import REQUEST_PERIOD_NS, ClockSync
 from viso.companion.odometry.inbound import FcInbound
-from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US
+from viso.companion.vio.config import OdometryConfig
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
-RATE_HZ: Final = 20.0
-MIN_RATE_HZ: Final = 4.0
 LOST_PERIOD_US: Final = 250_000
 TEXTS: Final = 100
 REQUEST_PERIOD_US: Final = REQUEST_PERIOD_NS // 1000
@@ -29,17 +28,12 @@ class OdometrySender:
         odometry: returns the message to be sent at a time in us, or None.
         clock: gets the TIMESYNC messages.
         inbound: gets all others of the autopilot.
+        config: the rate, and the ids of the sender; the autopilot has the same system id.
         stream_requests: sent with each heartbeat for as long as no inertial data come.
-        rate_hz: odometry messages a second, from 4.
-        system_id: ours, and the autopilot's.
-        component_id: ours.
         start_us: when the companion is up.
 
     Attributes:
         texts: the last that the autopilot has said.
-
-    Raises:
-        ValueError: if the rate is too low: ArduPilot takes the sensor for dead after 300 ms.
     """
 
     def __init__(
@@ -48,22 +42,18 @@ class OdometrySender:
         odometry: Callable[[int], ODOMETRY | None],
         clock: ClockSync,
         inbound: FcInbound,
+        config: OdometryConfig,
         *,
         stream_requests: Sequence[Message] = (),
-        rate_hz: float = RATE_HZ,
-        system_id: int = 1,
-        component_id: int = MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
         start_us: int = 0,
     ) -> None:
-        if not rate_hz >= MIN_RATE_HZ:
-            raise ValueError(f"rate_hz: {rate_hz:g}, below {MIN_RATE_HZ:g}")
         self._link = link
         self._odometry = odometry
         self._clock = clock
         self._inbound = inbound
         self._stream_requests = tuple(stream_requests)
-        self._period_us = round(1e6 / rate_hz)
-        self._codec = Codec(system_id, component_id)
+        self._period_us = round(1e6 / config.rate_hz)
+        self._codec = Codec(config.system_id, config.component_id)
         self._next_heartbeat_us = self._next_request_us = self._next_odometry_us = start_us
         self._counters: Counter[str] = Counter()
         self.texts: deque[STATUSTEXT] = deque(maxlen=TEXTS)

@@ -9,18 +9,16 @@ from threading import Lock
 from typing import Final
 
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.odometry.composer import AGL_SCALE_SIGMA, LocalPose, OdometryComposer
+from viso.companion.odometry.composer import LocalPose, OdometryComposer
 from viso.companion.odometry.message import odometry_message
-from viso.companion.odometry.propagation import VELOCITY_SIGMA_M_S, MotionState, OdometryPropagator
+from viso.companion.odometry.propagation import MotionState, OdometryPropagator
 from viso.companion.odometry.quality import quality_of
 from viso.companion.odometry.reset_counter import ResetCounter
-from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
+from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.health import WARM_START
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
 from viso.companion.vio.update import VioUpdate
 
-LOST_SEND_S: Final = 3.0
 DEGRADED_AFTER_NS: Final = 1_000_000_000
 LOST_AFTER_NS: Final = 3_000_000_000
 
@@ -48,34 +46,26 @@ class OdometrySource:
     the state counts as degraded, after 3 s as lost.
 
     Args:
-        noise: of the IMU; None for the default densities.
+        config: of the odometry.
         local_alignment: of the local frame; None for north if known at the first pose, else the first heading.
         world_is_north: whether the strategy's world has an absolute yaw.
-        agl_scale_sigma: relative error of the scale.
-        velocity_sigma_m_s: of each axis of a frame's velocity.
-        covariance_encoding: of the message.
-        lost_send_s: how long the last pose is sent once it is lost.
         yaw_at: returns the autopilot's ENU yaw in rad at a time, None while unknown; asked until there is a pose.
     """
 
     def __init__(
         self,
-        noise: ImuNoise | None = None,
+        config: VioConfig,
         *,
         local_alignment: LocalAlignment | None = None,
         world_is_north: bool = False,
-        agl_scale_sigma: float = AGL_SCALE_SIGMA,
-        velocity_sigma_m_s: float = VELOCITY_SIGMA_M_S,
-        covariance_encoding: CovarianceEncoding = CovarianceEncoding.VARIANCE,
-        lost_send_s: float = LOST_SEND_S,
         yaw_at: Callable[[int], float | None] = lambda _t_ns: None,
     ) -> None:
         self._composer = OdometryComposer(
-            local_alignment, world_is_north=world_is_north, agl_scale_sigma=agl_scale_sigma
+            local_alignment, world_is_north=world_is_north, agl_scale_sigma=config.scale_sigma
         )
-        self._propagator = OdometryPropagator(noise or ImuNoise(), velocity_sigma_m_s=velocity_sigma_m_s)
-        self._encoding = covariance_encoding
-        self._lost_send_us = round(lost_send_s * 1e6)
+        self._propagator = OdometryPropagator(config.imu_noise)
+        self._encoding = config.odometry.covariance_encoding
+        self._lost_send_us = round(config.odometry.lost_policy.send_s * 1e6)
         self._yaw_at = yaw_at
         self._resets = ResetCounter()
         self._lock = Lock()
@@ -143,7 +133,7 @@ class OdometrySource:
         if self._initialising:
             self._resets.start()
         elif correction is not None:
-            self._resets.correct(correction.moved_m, correction.covariance)
+            self._resets.correct(*correction)
         self._frame, self._initialising = frame, False
         return "frames"
 

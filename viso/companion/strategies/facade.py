@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A strategy around a native engine: its records, its health and its failures in the terms of this project."""
 
+import dataclasses
 import uuid
 from typing import Final
 
@@ -155,12 +156,4 @@ class NativeFacade(StrategyBase):
 
 
 def _quality(features: NativeFeatures) -> FeatureQuality:
-    return FeatureQuality(
-        tracked=features.tracked,
-        lost=features.lost,
-        new=features.new,
-        inliers=features.inliers,
-        mean_parallax_px=features.mean_parallax_px,
-        mre_px=features.mre_px,
-        coverage=features.coverage,
-    )
+    return FeatureQuality(**{field.name: getattr(features, field.name) for field in dataclasses.fields(FeatureQuality)})

@@ -18,7 +18,7 @@ from viso.companion.msckf.imu_period import ImuPeriod
 from viso.companion.msckf.stillness import Stillness, level_rotation
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
 from viso.companion.vio.calibration import scaled
-from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.config import AglSource
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.health import FrameFacts
 from viso.companion.vio.imu_window import steps_of
@@ -27,11 +27,6 @@ from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.threads import limit_threads
 from viso.companion.vio.types import (
-    DEFAULT_ACCEL_BIAS_SIGMA_M_S2,
-    DEFAULT_GYRO_BIAS_SIGMA_RAD_S,
-    DEFAULT_TILT_SIGMA_RAD,
-    DEFAULT_VELOCITY_SIGMA_M_S,
-    DEFAULT_YAW_SIGMA_RAD,
     CameraCalibration,
     FeatureQuality,
     ImuBias,
@@ -44,8 +39,10 @@ from viso.companion.vio.types import (
 LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
 _LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)
 
-_REST_TILT_RAD, _REST_YAW_RAD, _REST_VELOCITY_M_S = 0.02, 1e-6, 0.02
-_REST_GYRO_BIAS_RAD_S, _REST_ACCEL_BIAS_M_S2 = 0.003, 0.1
+# Of tilt and yaw in rad, velocity in m/s, gyro bias in rad/s, accelerometer bias in m/s^2: of a state that is told
+# without a covariance, and at rest.
+_TOLD_SIGMAS: Final = (0.03, 0.1, 0.3, 0.02, 0.2)
+_REST_SIGMAS: Final = (0.02, 1e-6, 0.02, 0.003, 0.1)
 _UNKNOWN_HEIGHT_M: Final = 100.0
 
 
@@ -126,13 +123,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         limit_threads(config.threads)
         divisor = shrink_factor(calibration.width, config.working_width_px)
         self._images = WorkingImages(divisor, clahe=config.clahe)
-        self._front = FrontEnd(
-            scaled(calibration, divisor),
-            max_features=config.max_features,
-            fb_threshold_px=config.fb_threshold_px,
-            ransac_threshold_px=config.ransac_threshold_px,
-            planar=config.scene is Scene.PLANAR,
-        )
+        self._front = FrontEnd(scaled(calibration, divisor), config)
         self._B_T_C = calibration.B_T_C
         self.heights = Heights(config.agl_sigma_m)
         self._start_over()
@@ -159,23 +150,13 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
     def _warm_start(self, pose: WarmStartPose) -> None:
         self._start_over()
         world_T_body = pose.body_T_world.inverse()
-        default = default_cov(
-            DEFAULT_TILT_SIGMA_RAD,
-            DEFAULT_YAW_SIGMA_RAD,
-            DEFAULT_VELOCITY_SIGMA_M_S,
-            DEFAULT_GYRO_BIAS_SIGMA_RAD_S,
-            DEFAULT_ACCEL_BIAS_SIGMA_M_S2,
-            world_T_body.R,
-        )
-        cov = default if pose.covariance is None else pose.covariance
+        cov = default_cov(*_TOLD_SIGMAS, world_T_body.R) if pose.covariance is None else pose.covariance
         self._begin(world_T_body, world_T_body.R.dot(pose.velocity_b), pose.bias, cov)
 
     def _begin_at_rest(self) -> None:
         gyro, accel = self._stillness.means()
         start = SE3(level_rotation(accel), np.zeros(3))
-        cov = default_cov(
-            _REST_TILT_RAD, _REST_YAW_RAD, _REST_VELOCITY_M_S, _REST_GYRO_BIAS_RAD_S, _REST_ACCEL_BIAS_M_S2, start.R
-        )
+        cov = default_cov(*_REST_SIGMAS, start.R)
         if self.context.config.agl_source is not AglSource.NONE:  # it will tell
             cov[5, 5] = _UNKNOWN_HEIGHT_M**2
         self._begin(start, np.zeros(3), ImuBias(np.zeros(3), gyro), cov)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from viso.companion.vio.config import VioConfig
 from viso.companion.vio.imu_window import IMU_EMPTY
 from viso.companion.vio.types import VioHealth, VioState
 
@@ -41,21 +42,6 @@ CLEAR: Final = "all clear"
 AUTO_REINIT: Final = "auto_reinit"
 
 OnTransition = Callable[[VioState, VioState, str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class HealthLimits:
-    """What the configuration says about health.
-
-    Attributes:
-        min_tracked: inliers below which a frame is degraded.
-        lost_frames_fatal: consecutive lost frames that end in LOST.
-        auto_reinit_s: from LOST to INIT without a warm start; 0 for never.
-    """
-
-    min_tracked: int = 30
-    lost_frames_fatal: int = 9
-    auto_reinit_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +82,12 @@ class HealthMachine:
     """The health of a strategy: fed by one thread, read by any.
 
     Args:
-        limits: from the configuration.
+        config: min_tracked, lost_frames_fatal and auto_reinit_s are what it says about health.
         on_transition: called with the old state, the new one and the reason, after each change.
     """
 
-    def __init__(self, limits: HealthLimits, on_transition: OnTransition = lambda old, new, reason: None) -> None:
-        self._limits = limits
+    def __init__(self, config: VioConfig, on_transition: OnTransition = lambda old, new, reason: None) -> None:
+        self._config = config
         self._on_transition = on_transition
         self._traces: deque[float] = deque(maxlen=TRACE_FRAMES)
         self._warm = False
@@ -153,7 +139,7 @@ class HealthMachine:
 
     def auto_reinit(self, t_ns: int) -> bool:
         """Go from LOST to INIT if that is due; tell whether it was."""
-        after_s = self._limits.auto_reinit_s
+        after_s = self._config.auto_reinit_s
         due = self.state is VioState.LOST and after_s > 0 and t_ns - self._lost_since_ns >= round(after_s * 1e9)
         if due:
             self._restart(AUTO_REINIT, warm=False)
@@ -165,7 +151,7 @@ class HealthMachine:
         self._set(VioState.INIT, reason, lost=0, streak=0)
 
     def _leave_init(self, facts: FrameFacts) -> None:
-        good = facts.inliers >= self._limits.min_tracked and self._lost_reason(facts) is None
+        good = facts.inliers >= self._config.min_tracked and self._lost_reason(facts) is None
         self._streak = self._streak + 1 if good else 0
         if facts.initialised or (self._warm and self._streak >= GOOD_FRAMES):
             self._times_left_init += 1
@@ -178,7 +164,7 @@ class HealthMachine:
         problem = lost or self._degraded_reason(facts)
         count = self._health.consecutive_lost + 1 if lost else 0
         was_degraded = self.state is VioState.DEGRADED
-        if lost and count >= self._limits.lost_frames_fatal:
+        if lost and count >= self._config.lost_frames_fatal:
             self._lost_since_ns = t_ns
             self._set(VioState.LOST, lost, lost=count)
         elif problem:
@@ -203,7 +189,7 @@ class HealthMachine:
 
     def _degraded_reason(self, facts: FrameFacts) -> str | None:
         # Each is asked for what it should be, so that a NaN is a problem too.
-        if facts.inliers < self._limits.min_tracked:
+        if facts.inliers < self._config.min_tracked:
             return FEW_INLIERS
         if not facts.coverage >= MIN_COVERAGE:
             return LOW_COVERAGE

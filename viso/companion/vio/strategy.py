@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioError, VioFatalError, VioInitializingError
-from viso.companion.vio.health import FrameFacts, HealthLimits, HealthMachine
+from viso.companion.vio.health import FrameFacts, HealthMachine
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy_log import StrategyLog
 from viso.companion.vio.types import (
@@ -80,11 +80,8 @@ class StrategyBase(abc.ABC):
     name: str
 
     def __init__(self, context: StrategyContext) -> None:
-        config = context.config
         self.context = context
-        self.health = HealthMachine(
-            HealthLimits(config.min_tracked, config.lost_frames_fatal, config.auto_reinit_s), self._on_transition
-        )
+        self.health = HealthMachine(context.config, self._on_transition)
         self._log = StrategyLog(self.name, context.logger, context.clock_ns)
         self._busy = threading.Lock()
         self._t_ns = 0

@@ -20,12 +20,6 @@ from viso.companion.vio.se3 import SE3, Array, read_only
 
 Pixels = npt.NDArray[np.uint8]
 
-DEFAULT_TILT_SIGMA_RAD: Final = 0.03
-DEFAULT_YAW_SIGMA_RAD: Final = 0.1
-DEFAULT_VELOCITY_SIGMA_M_S: Final = 0.3
-DEFAULT_ACCEL_BIAS_SIGMA_M_S2: Final = 0.2
-DEFAULT_GYRO_BIAS_SIGMA_RAD_S: Final = 0.02
-
 
 def frame_uuid(time_ms: int, sequence: int, random: int) -> uuid.UUID:
     """Return a time-ordered identifier (version 7 layout, RFC 9562).

@@ -21,6 +21,7 @@ from tests.unit.viso.companion.klt.pictures import (
 from viso.companion.klt.front_end import FrontEnd, Sighting, common_points
 from viso.companion.klt.grid import FeatureGrid
 from viso.companion.klt.outliers import Model
+from viso.companion.vio.config import Scene, VioConfig
 from viso.companion.vio.health import MIN_COVERAGE
 from viso.companion.vio.se3 import so3_exp
 from viso.companion.vio.types import DistortionModel, Pixels
@@ -33,9 +34,7 @@ DARK: Pixels = np.zeros_like(IMAGE)
 
 
 def front_end(**changed: Any) -> FrontEnd:
-    return FrontEnd(
-        calibration(**changed), max_features=MOST, fb_threshold_px=0.7, ransac_threshold_px=1.0, planar=True
-    )
+    return FrontEnd(calibration(**changed), VioConfig(max_features=MOST, scene=Scene.PLANAR))
 
 
 def seen(*images: Pixels) -> list[Sighting]:

@@ -18,6 +18,7 @@ from viso.companion.odometry.clock_sync import ClockSync
 from viso.companion.odometry.inbound import FcInbound, stream_requests
 from viso.companion.odometry.sender import OdometrySender
 from viso.companion.odometry.source import OdometrySource
+from viso.companion.vio.config import AglSource, OdometryConfig, VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.strategy import FrameReport
@@ -41,7 +42,8 @@ class Rig:
         self.clock = ClockSync()
         self.samples: list[ImuSample] = []
         self.inbound = FcInbound(self.clock, self.samples.append)
-        self.sender = OdometrySender(near, odometry, self.clock, self.inbound, **options)
+        config = OdometryConfig(**{name: options.pop(name) for name in ("rate_hz", "system_id") if name in options})
+        self.sender = OdometrySender(near, odometry, self.clock, self.inbound, config, **options)
         self._codec = Codec(1, 1)
         self.frames: list[tuple[int, Received]] = []
 
@@ -221,7 +223,7 @@ class Flight:
 
     def __init__(self, strategy: Any, **options: Any) -> None:
         self.strategy = strategy
-        self.source = OdometrySource(world_is_north=True, **options)
+        self.source = OdometrySource(VioConfig(agl_source=AglSource.RANGEFINDER), world_is_north=True, **options)
         self.rig = Rig(self.source.message)
         self.strategy.restart(self.truth(0))
 

@@ -12,7 +12,7 @@ import pytest
 from mav_handlers.covariance import pose_errors
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.odometry.source import OdometrySource
-from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
+from viso.companion.vio.config import CovarianceEncoding, LocalAlignment, LostPolicy, OdometryConfig, VioConfig
 from viso.companion.vio.health import WAITING, WARM_START
 from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.strategy import FrameReport
@@ -29,9 +29,9 @@ FRAME_MS = 300
 class Rig:
     """A source fed frames 300 ms apart and, before each, an IMU at rest; time goes on with every frame."""
 
-    def __init__(self, strategy: Any, at_rest: AtRest, **options: Any) -> None:
+    def __init__(self, strategy: Any, at_rest: AtRest, config: VioConfig | None = None, **options: Any) -> None:
         self.strategy = strategy
-        self.source = OdometrySource(**{"world_is_north": True, "agl_scale_sigma": 0.0, **options})
+        self.source = OdometrySource(config or VioConfig(), **{"world_is_north": True, **options})
         self._at_rest = at_rest
         self.now_ms = 0
 
@@ -121,7 +121,7 @@ def test_lost_pose_stands_still_with_a_stamp_that_goes_on(rig: Rig) -> None:
 
 
 def test_lost_pose_is_sent_for_a_while_only(strategy: Any, at_rest: AtRest) -> None:
-    rig = Rig(strategy, at_rest, lost_send_s=2.0)
+    rig = Rig(strategy, at_rest, VioConfig(odometry=OdometryConfig(lost_policy=LostPolicy(2.0))))
     rig.track()
     rig.say(VioState.LOST)
     rig.sent()
@@ -259,7 +259,11 @@ def test_first_heading_is_ahead(make_strategy: Make, at_rest: AtRest) -> None:
 
 
 def test_encoding_is_the_one_asked_for(make_strategy: Make, at_rest: AtRest) -> None:
-    rig = Rig(make_strategy(), at_rest, covariance_encoding=CovarianceEncoding.ARDUPILOT_ERROR)
+    rig = Rig(
+        make_strategy(),
+        at_rest,
+        VioConfig(odometry=OdometryConfig(covariance_encoding=CovarianceEncoding.ARDUPILOT_ERROR)),
+    )
     rig.strategy.pose_covariance = np.diag([0.01] * 3 + [0.25] * 3)
     rig.track()
     pos_err, ang_err = pose_errors(rig.sent().pose_covariance)

@@ -12,7 +12,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from viso.companion.vio.health import TRACE_FRAMES, FrameFacts, HealthLimits, HealthMachine
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.health import TRACE_FRAMES, FrameFacts, HealthMachine
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import VioState
 
@@ -49,9 +50,9 @@ LOSING: dict[str, dict[str, Any]] = {
 class Rig:
     """A machine and its transitions."""
 
-    def __init__(self, limits: HealthLimits | None = None) -> None:
+    def __init__(self, limits: VioConfig | None = None) -> None:
         self.transitions: list[tuple[VioState, VioState, str]] = []
-        self.machine = HealthMachine(limits or HealthLimits(), lambda *change: self.transitions.append(change))
+        self.machine = HealthMachine(limits or VioConfig(), lambda *change: self.transitions.append(change))
 
     def feed(self, *frames: FrameFacts, t_ns: int = 0) -> VioState:
         for facts in frames:
@@ -59,7 +60,7 @@ class Rig:
         return self.machine.state
 
 
-def tracking(limits: HealthLimits | None = None) -> Rig:
+def tracking(limits: VioConfig | None = None) -> Rig:
     rig = Rig(limits)
     rig.feed(INITIAL)
     rig.transitions.clear()
@@ -73,7 +74,7 @@ def degraded() -> Rig:
     return rig
 
 
-def lost(limits: HealthLimits | None = None, *, at_ns: int = 0) -> Rig:
+def lost(limits: VioConfig | None = None, *, at_ns: int = 0) -> Rig:
     rig = tracking(limits)
     rig.feed(*[NO_MODEL] * 9, t_ns=at_ns)
     rig.transitions.clear()
@@ -229,7 +230,7 @@ def test_lost_frames_must_follow_each_other() -> None:
 
 
 def test_lost_frames_fatal_is_a_limit() -> None:
-    assert tracking(HealthLimits(lost_frames_fatal=1)).feed(NO_MODEL) is LOST
+    assert tracking(VioConfig(lost_frames_fatal=1)).feed(NO_MODEL) is LOST
 
 
 def test_nothing_but_a_warm_start_ends_lost() -> None:
@@ -245,13 +246,13 @@ def test_auto_reinit_is_off() -> None:
 
 @pytest.mark.parametrize(("after_ns", "due"), [(1_999_999_999, False), (2_000_000_000, True)])
 def test_auto_reinit_when_due(after_ns: int, due: bool) -> None:
-    rig = lost(HealthLimits(auto_reinit_s=2.0), at_ns=5_000)
+    rig = lost(VioConfig(auto_reinit_s=2.0), at_ns=5_000)
     assert rig.machine.auto_reinit(5_000 + after_ns) is due
     assert rig.machine.state is (INIT if due else LOST)
 
 
 def test_auto_reinit_wants_stillness() -> None:
-    rig = Rig(HealthLimits(auto_reinit_s=2.0))
+    rig = Rig(VioConfig(auto_reinit_s=2.0))
     rig.machine.warm_start()
     rig.machine.fail("broken", 0)
     rig.machine.auto_reinit(2_000_000_000)
@@ -259,7 +260,7 @@ def test_auto_reinit_wants_stillness() -> None:
 
 
 def test_auto_reinit_only_from_lost() -> None:
-    rig = tracking(HealthLimits(auto_reinit_s=2.0))
+    rig = tracking(VioConfig(auto_reinit_s=2.0))
     assert not rig.machine.auto_reinit(10**18)
 
 
@@ -328,7 +329,7 @@ class AnyFlight(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.rig = Rig(HealthLimits(lost_frames_fatal=3, auto_reinit_s=1.0))
+        self.rig = Rig(VioConfig(lost_frames_fatal=3, auto_reinit_s=1.0))
         self.state = INIT
         self.t_ns = 0
 
