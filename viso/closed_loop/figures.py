@@ -88,7 +88,7 @@ def figures_of(loop: CompanionLoop) -> LoopFigures:
         estimate=accuracy_of(estimate_errors(setup, record.estimates).in_flight()),
         states=_total((span.state.value, span.end_us - span.start_us) for span in states),
         aiding=_total((span.mode.value, span.end_us - span.start_us) for span in loop.watch.aiding()),
-        sent=loop.companion.sender.counters().get("ODOMETRY", 0),
+        sent=loop.companion.sender.counters["ODOMETRY"],
         accepted=sum(count for outcome, _, count in verdicts if outcome is Outcome.ACCEPTED),
         withheld={code: count for outcome, code, count in verdicts if outcome is not Outcome.ACCEPTED},
         fused=fates[Fate.FUSED] + fates[Fate.RESET],

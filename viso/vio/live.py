@@ -141,7 +141,7 @@ class LiveVio:
 
     def sent(self) -> dict[str, int]:
         """Return how many messages of which kind were sent."""
-        counters = {} if self._sender is None else self._sender.counters()
+        counters = {} if self._sender is None else self._sender.counters
         return {name: count for name, count in sorted(counters.items()) if not name.startswith("received")}
 
     def take_imu(self, sample: ImuSample) -> None:

@@ -4,27 +4,19 @@
 
 import math
 import threading
-from collections import Counter, deque
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections import deque
 from typing import Final
 
 from viso.companion.msckf.aiding import take_height
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.vio.se3 import Array
+from viso.companion.vio.types import HeightMeasurement
 
 MAX_AGE_NS: Final = 200_000_000
 SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller
 GATE: Final = 25.0  # 5 sigma
 MOST_REFUSED: Final = 3  # in a row: what says the same again is no outlier, but ground at another height
 _CAPACITY: Final = 64
-
-
-@dataclass(frozen=True, slots=True)
-class _Height:
-    t_ns: int
-    height_m: float
-    sigma_m: float
 
 
 class Heights:
@@ -36,13 +28,12 @@ class Heights:
 
     def __init__(self, least_sigma_m: float) -> None:
         self._least_sigma_m = least_sigma_m
-        self._heights: deque[_Height] = deque()
+        self._heights: deque[HeightMeasurement] = deque(maxlen=_CAPACITY)
         self._lock = threading.Lock()
-        self._counters = Counter(taken=0, refused=0, bad=0, passed_over=0)
         self._disagreeing = 0  # in a row
 
     def add(self, t_ns: int, height_m: float, sigma_m: float) -> bool:
-        """Note a height; return False, and count it as ``bad``, if it is none. From any thread.
+        """Note a height; return False, and leave it out, if it is none. From any thread.
 
         Args:
             t_ns: when, by the IMU's clock.
@@ -50,14 +41,10 @@ class Heights:
             sigma_m: its standard deviation.
         """
         good = math.isfinite(height_m) and math.isfinite(sigma_m) and height_m >= 0 and sigma_m >= 0
-        with self._lock:
-            if not good:
-                self._counters["bad"] += 1
-                return False
-            self._heights.append(_Height(t_ns, height_m, sigma_m))
-            if len(self._heights) > _CAPACITY:
-                self._drop_first()
-            return True
+        if good:
+            with self._lock:
+                self._heights.append(HeightMeasurement(t_ns, height_m, sigma_m))
+        return good
 
     def take(self, t_ns: int, ground_m: float, velocity_w: Array) -> tuple[float, float] | None:
         """Return how high the body is at a time, and the sigma, both in m, by the nearest height; each is taken once.
@@ -90,30 +77,11 @@ class Heights:
         self._disagreeing = 0 if agrees else self._disagreeing + 1
         if self._disagreeing > MOST_REFUSED:
             take_height(state, *taken, math.inf)
-        elif not agrees:
-            with self._lock:
-                self._counters["refused"] += 1
 
-    def counters(self) -> Mapping[str, int]:
-        """Return how many heights met which fate.
-
-        ``taken`` ones met a frame, of which ``refused`` were too far off; ``bad`` ones were no heights; ``passed_over``
-        had no frame within 0.2 s, or one nearer to it.
-        """
-        with self._lock:
-            return dict(self._counters)
-
-    def _nearest(self, t_ns: int) -> _Height | None:
+    def _nearest(self, t_ns: int) -> HeightMeasurement | None:
         with self._lock:
             near = [height for height in self._heights if abs(height.t_ns - t_ns) <= MAX_AGE_NS]
             nearest = min(near, key=lambda height: abs(height.t_ns - t_ns), default=None)
-            if nearest is not None:
-                while self._heights[0] is not nearest:
-                    self._drop_first()
-                self._heights.popleft()
-                self._counters["taken"] += 1
+            while nearest is not None and self._heights.popleft() is not nearest:
+                pass
             return nearest
-
-    def _drop_first(self) -> None:
-        self._heights.popleft()
-        self._counters["passed_over"] += 1

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The flight controller's clock against the companion's, by TIMESYNC (MAVLink common.xml, message 111)."""
 
-from collections import Counter, deque
-from collections.abc import Mapping
+from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,28 +31,12 @@ class ClockSync:
     def __init__(self) -> None:
         self._outstanding: deque[int] = deque(maxlen=OUTSTANDING)
         self._samples: deque[_Sample] = deque(maxlen=SAMPLES)
-        self._counters: Counter[str] = Counter()
-
-    @property
-    def synced(self) -> bool:
-        """Whether there is an offset."""
-        return bool(self._samples)
 
     @property
     def offset_ns(self) -> int | None:
         """What to add to the autopilot's time to get the companion's, or None before the first good answer."""
         best = self._best()
         return None if best is None else best.offset_ns
-
-    @property
-    def round_trip_ns(self) -> int | None:
-        """The round trip of the answer that gave the offset; the offset is wrong by half of it at most."""
-        best = self._best()
-        return None if best is None else best.round_trip_ns
-
-    def counters(self) -> Mapping[str, int]:
-        """Return how often what happened to TIMESYNC messages, refusals by their reason."""
-        return dict(self._counters)
 
     def request(self, now_ns: int) -> TIMESYNC:
         """Return a request to be sent at once."""
@@ -63,10 +46,8 @@ class ClockSync:
     def take(self, message: TIMESYNC, arrival_ns: int) -> TIMESYNC | None:
         """Take in a message; return the answer to be sent at once if it is a request."""
         if message.tc1 == 0:
-            self._counters["requests_answered"] += 1
             return TIMESYNC(max(arrival_ns, 1), message.ts1)  # with 0 it would be a request
         if message.ts1 not in self._outstanding:
-            self._counters["refused_not_ours"] += 1
             return None
         self._outstanding.remove(message.ts1)
         self._take_answer(message, arrival_ns)
@@ -89,16 +70,13 @@ class ClockSync:
     def _take_answer(self, message: TIMESYNC, arrival_ns: int) -> None:
         round_trip_ns = arrival_ns - message.ts1
         if not 0 <= round_trip_ns <= MAX_ROUND_TRIP_NS:
-            self._counters["refused_round_trip"] += 1
             return
         sample = _Sample(round_trip_ns, message.ts1 + round_trip_ns // 2 - message.tc1)
         best = self._best()
         if best is not None and _disagree(sample, best):
             # One of the clocks has been set or begun anew, as a rebooted autopilot's has.
-            self._counters["clock_steps"] += 1
             self._samples.clear()
         self._samples.append(sample)
-        self._counters["answers"] += 1
 
 
 def _disagree(one: _Sample, other: _Sample) -> bool:

@@ -71,6 +71,9 @@ class FcInbound:
         on_imu: gets each sample, in strictly increasing order of time.
         on_height: gets each height above ground: when, on the companion's clock, and the height in m, the lean of the
             vehicle taken off.
+
+    Attributes:
+        counters: how many messages of which kind were taken, and how many refused for which reason.
     """
 
     def __init__(
@@ -82,16 +85,12 @@ class FcInbound:
         self._clock = clock
         self._on_imu = on_imu
         self._on_height = on_height
-        self._counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()
         self._arrivals: dict[type[Message], deque[int]] = {}
         self._last_ns: dict[str, int] = {}
         self._imu_source: type[Message] | None = None
         self._imu_arrival_ns: int | None = None
         self._attitudes: deque[FcAttitude] = deque(maxlen=ATTITUDE_HISTORY)
-
-    def counters(self) -> Mapping[str, int]:
-        """Return how many messages of which kind were taken, and how many refused for which reason."""
-        return dict(self._counters)
 
     def imu_silent(self, now_ns: int) -> bool:
         """Tell whether no inertial message has been taken for half a second."""
@@ -110,9 +109,9 @@ class FcInbound:
             else:
                 return
         except _Refused as refusal:
-            self._counters[f"{name}_refused_{refusal}"] += 1
+            self.counters[f"{name}_refused_{refusal}"] += 1
         else:
-            self._counters[name] += 1
+            self.counters[name] += 1
 
     def attitude_at(self, t_ns: int) -> FcAttitude | None:
         """Return the attitude nearest to a time, at most 0.2 s off, or None."""

@@ -3,7 +3,7 @@
 """The companion as a MAVLink component that does odometry: when it sends what, and that it listens."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from mav_handlers.links.base import Link
@@ -33,6 +33,7 @@ class OdometrySender:
         start_us: when the companion is up.
 
     Attributes:
+        counters: how many messages of which kind were sent, and what was received in vain.
         texts: the last that the autopilot has said.
     """
 
@@ -55,12 +56,8 @@ class OdometrySender:
         self._period_us = round(1e6 / config.rate_hz)
         self._codec = Codec(config.system_id, config.component_id)
         self._next_heartbeat_us = self._next_request_us = self._next_odometry_us = start_us
-        self._counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()
         self.texts: deque[STATUSTEXT] = deque(maxlen=TEXTS)
-
-    def counters(self) -> Mapping[str, int]:
-        """Return how many messages of which kind were sent, and what was received in vain."""
-        return dict(self._counters)
 
     def next_due_us(self) -> int:
         """Return when ``run`` has something to send next; what arrives before is taken in then."""
@@ -81,7 +78,7 @@ class OdometrySender:
     def send(self, message: Message) -> None:
         """Send a message now."""
         self._link.send(self._codec.encode(message))
-        self._counters[type(message).__name__] += 1
+        self.counters[type(message).__name__] += 1
 
     def _send_heartbeat(self, now_us: int) -> None:
         self.send(COMPANION_HEARTBEAT)
@@ -106,11 +103,11 @@ class OdometrySender:
 
     def _take(self, received: Received | BadData, arrival_ns: int) -> None:
         if isinstance(received, BadData):
-            self._counters["received_bad_data"] += 1
+            self.counters["received_bad_data"] += 1
             return
         header, message = received.header, received.message
         if (header.system_id, header.component_id) != (self._codec.system_id, MAV_COMP_ID_AUTOPILOT1):
-            self._counters["received_from_others"] += 1
+            self.counters["received_from_others"] += 1
         elif isinstance(message, TIMESYNC):
             answer = self._clock.take(message, arrival_ns)
             if answer is not None:

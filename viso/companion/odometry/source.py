@@ -3,7 +3,7 @@
 """What there is to tell the autopilot, from what the strategy and the IMU have said so far."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
 from typing import Final
@@ -50,6 +50,9 @@ class OdometrySource:
         local_alignment: of the local frame; None for north if known at the first pose, else the first heading.
         world_is_north: whether the strategy's world has an absolute yaw.
         yaw_at: returns the autopilot's ENU yaw in rad at a time, None while unknown; asked until there is a pose.
+
+    Attributes:
+        counters: how many frames were used, and how many not for which reason.
     """
 
     def __init__(
@@ -69,23 +72,18 @@ class OdometrySource:
         self._yaw_at = yaw_at
         self._resets = ResetCounter()
         self._lock = Lock()
-        self._counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()
         self._health = VioState.INIT
         self._frame: _Frame | None = None
         self._loss: _Loss | None = None
         self._initialising = True
         self._warm = False
 
-    def counters(self) -> Mapping[str, int]:
-        """Return how many frames were used, and how many not for which reason."""
-        with self._lock:
-            return dict(self._counters)
-
     def take_imu(self, sample: ImuSample) -> None:
         """Carry the state on to an inertial sample."""
         with self._lock:
             if not self._propagator.add_imu(sample):
-                self._counters["imu_refused_not_later"] += 1
+                self.counters["imu_refused_not_later"] += 1
 
     def take_update(self, update: VioUpdate) -> None:
         """Take what a strategy made of a frame, whether there is an output or not (a listener of the worker)."""
@@ -95,12 +93,12 @@ class OdometrySource:
             if state is VioState.INIT:
                 self._initialising, self._warm = True, update.health.reason == WARM_START
             if output is None or state in (VioState.INIT, VioState.LOST):
-                self._counters[f"frames_{state.value.lower()}"] += 1
+                self.counters[f"frames_{state.value.lower()}"] += 1
             elif self._frame is not None and update.t_ns <= self._frame.t_ns:
-                self._counters["frames_refused_not_later"] += 1
+                self.counters["frames_refused_not_later"] += 1
             else:
                 frame = _Frame(update.t_ns, output.feature_quality, update.report.innovation_ratio)
-                self._counters[self._take_output(frame, output)] += 1
+                self.counters[self._take_output(frame, output)] += 1
 
     def message(self, now_us: int) -> ODOMETRY | None:
         """Return the message to be sent at a time, or None if there is nothing to say."""

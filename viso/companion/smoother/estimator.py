@@ -12,13 +12,12 @@ from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.multi_state import Plane
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
-from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError
+from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
 from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import bracketed, steps_between
-from viso.companion.vio.preintegration import ImuPreintegrator
 from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.types import ImuWindow
+from viso.companion.vio.types import ImuSample, ImuWindow
 
 EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
 EARLY_PASSES: Final = 4
@@ -90,8 +89,8 @@ class SmootherEstimator:
         self._sigma = sigma
         self._smoother: LagSmoother | None = None
         self._book = LandmarkBook(B_T_C, sigma)
-        self._since = ImuPreintegrator(noise, state.bias)
-        self._since_ns = -1
+        self._noise = noise
+        self._restart_imu()
         self._times_ns: dict[int, int] = {}
         self._poses: dict[int, SE3] = {}
         self._nodes_with_landmarks = 0
@@ -109,9 +108,8 @@ class SmootherEstimator:
         if not samples or unmeasured_s > 0:
             self._smoother = None
         for sample in samples:
-            if sample.t_ns > self._since_ns:
-                self._since.add(sample)
-                self._since_ns = sample.t_ns
+            if not self._since or sample.t_ns > self._since[-1].t_ns:
+                self._since.append(sample)
 
     def add_node(self, node: Node) -> NodeFacts:
         """Take in a frame.
@@ -151,7 +149,8 @@ class SmootherEstimator:
         state, keyframe = self.state, self.state.clones[-1].number
         expected, expected_cov = motion_of(state), state.cov
         self._remember(node, expected.pose)
-        smoother.add_node(node.number, (node.t_ns - self._begin_ns) * 1e-9, expected, self._since)
+        since = preintegrated(self._since, self._noise, self._since_bias)
+        smoother.add_node(node.number, (node.t_ns - self._begin_ns) * 1e-9, expected, since)
         if node.is_still:
             smoother.add_stillness()
         if node.height is not None:
@@ -192,8 +191,8 @@ class SmootherEstimator:
         return EARLY_PASSES if self._nodes_with_landmarks <= EARLY_NODES else 1
 
     def _restart_imu(self) -> None:
-        self._since.reset(self.state.bias)
-        self._since_ns = -1
+        self._since: list[ImuSample] = []
+        self._since_bias = self.state.bias
 
     def _judge(self, smoother: LagSmoother, seen: list[Seen]) -> NodeFacts:
         """Compare landmarks with where they should be seen now, and forget those that are elsewhere."""

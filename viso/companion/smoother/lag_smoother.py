@@ -7,15 +7,17 @@ gtsam's poses err by right perturbations, rotation first, as ours do; its biases
 """
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from viso.companion.vio.preintegration import ImuPreintegrator
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.imu_window import steps_between
 from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.types import ImuBias
+from viso.companion.vio.types import ImuBias, ImuSample
 
 try:
     import gtsam
@@ -29,6 +31,7 @@ MOTION: Final = 15
 _HUBER: Final = 1.345  # sigmas up to which an error counts in full
 _RELINEARIZE: Final = 0.01  # m, rad, m/s: about a pixel near by
 _ANYWHERE_M: Final = 1e4
+_TINY_M2_S: Final = 1e-20  # integrating adds no error of its own
 _NORMALISED: Final = gtsam.Cal3_S2(1.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -97,18 +100,18 @@ class LagSmoother:
         prior = gtsam.JacobianFactor(X(number), pose, V(number), velocity, B(number), bias, np.zeros(MOTION), unit)
         self._graph.add(gtsam.LinearContainerFactor(prior, self._values))
 
-    def add_node(self, number: int, t_s: float, motion: Motion, since: ImuPreintegrator) -> None:
+    def add_node(self, number: int, t_s: float, motion: Motion, since: Any) -> None:
         """Add a node after the last one.
 
         Args:
             number, t_s: of the node.
             motion: there, as expected.
-            since: the inertial data from the last node to this one.
+            since: the motion from the last node to this one, as :func:`preintegrated` has it.
         """
         last = self._last
         self._expect(number, t_s, motion)
         keys = X(last), V(last), X(number), V(number), B(last), B(number)
-        self._graph.add(gtsam.GalileanCombinedImuFactor(*keys, since.as_gtsam()))
+        self._graph.add(gtsam.GalileanCombinedImuFactor(*keys, since))
 
     def add_stillness(self) -> None:
         """Add that the body does not move at the last node."""
@@ -201,6 +204,26 @@ class LagSmoother:
         self._graph: Any = gtsam.NonlinearFactorGraph()
         self._values: Any = gtsam.Values()
         self._stamps: dict[Any, Any] = {}  # s, by key
+
+
+def preintegrated(samples: Sequence[ImuSample], noise: ImuNoise, bias: ImuBias) -> Any:
+    """Return the motion from the first sample to the last for a ``gtsam.GalileanCombinedImuFactor``.
+
+    It is that class because it integrates as :func:`~viso.companion.vio.preintegration.preintegrate` does. The older
+    ``gtsam.PreintegratedCombinedMeasurements`` takes the acceleration at the attitude that a step begins with: 0.02 m/s
+    off after a second of turning at 1.5 rad/s.
+    """
+    params, unit = gtsam.PreintegrationCombinedParams.MakeSharedU(GRAVITY_MSS), np.eye(3)
+    params.setGyroscopeCovariance(noise.gyro**2 * unit)
+    params.setAccelerometerCovariance(noise.accel**2 * unit)
+    params.setIntegrationCovariance(_TINY_M2_S * unit)
+    params.setBiasOmegaCovariance(noise.gyro_walk**2 * unit)
+    params.setBiasAccCovariance(noise.accel_walk**2 * unit)
+    motion = gtsam.PreintegratedCombinedMeasurementsG(params, gtsam.imuBias.ConstantBias(bias.accel, bias.gyro))
+    steps = steps_between(samples)
+    for dt_s, gyro, accel in zip(steps.dt_s.tolist(), steps.gyro, steps.accel, strict=True):
+        motion.integrateMeasurement(accel, gyro, dt_s)
+    return motion
 
 
 def _robust(noise: Any) -> Any:

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which strategies this build has: flags that are read once and hold for the whole run.
 
-The environment has no say in them. A test that wants other flags makes its own with :func:`read_flags` and hands them
-to the factory.
+The environment has no say in them. A test that wants other flags makes its own and hands them to the factory.
 """
 
 import importlib.util
@@ -16,29 +15,17 @@ BUILD_FIXED_LAG: Final = "BUILD_FIXED_LAG"
 BUILD_OKVIS2: Final = "BUILD_OKVIS2"
 BUILD_VINS_MONO: Final = "BUILD_VINS_MONO"
 
-_VALUES: Final = {"0": False, "1": True}
 
-
-def read_flags(environment: Mapping[str, str] = MappingProxyType({})) -> Mapping[str, bool]:
-    """Return the flags of this build.
-
-    Args:
-        environment: values (0 or 1) that override a flag; for tests only.
-
-    Raises:
-        ValueError: if such a value is neither 0 nor 1.
-    """
-    flags = {
-        BUILD_KLT_RANSAC: True,
-        BUILD_FIXED_LAG: importlib.util.find_spec("gtsam") is not None,
-        BUILD_OKVIS2: False,
-        BUILD_VINS_MONO: False,
-    }
-    for name in flags.keys() & environment.keys():
-        if environment[name] not in _VALUES:
-            raise ValueError(f"{name}: {environment[name]!r} is neither 0 nor 1")
-        flags[name] = _VALUES[environment[name]]
-    return MappingProxyType(flags)
+def read_flags() -> Mapping[str, bool]:
+    """Return the flags of this build."""
+    return MappingProxyType(
+        {
+            BUILD_KLT_RANSAC: True,
+            BUILD_FIXED_LAG: importlib.util.find_spec("gtsam") is not None,
+            BUILD_OKVIS2: False,
+            BUILD_VINS_MONO: False,
+        }
+    )
 
 
 FLAGS: Final = read_flags()

@@ -3,8 +3,8 @@
 """The newest inertial data: written by the thread that reads the link, read by the one that works on frames."""
 
 from bisect import bisect_left, bisect_right
-from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable
 from operator import attrgetter
 from threading import Condition
 from typing import Final
@@ -37,15 +37,12 @@ class ImuBuffer:
         self._samples: deque[ImuSample] = deque(maxlen=capacity)
         self._changed = Condition()
         self._wait = wait
-        self._counters: Counter[str] = Counter(accepted=0, refused_not_later=0, windows=0, windows_late=0)
 
     def add(self, sample: ImuSample) -> bool:
-        """Append a sample; return False, and count why, if its time is not later than the last one's."""
+        """Append a sample; return False, and leave it out, if its time is not later than the last one's."""
         with self._changed:
             if self._samples and sample.t_ns <= self._samples[-1].t_ns:
-                self._counters["refused_not_later"] += 1
                 return False
-            self._counters["accepted"] += 1
             self._samples.append(sample)
             self._changed.notify_all()
             return True
@@ -65,21 +62,10 @@ class ImuBuffer:
         """
         with self._changed:
             self._wait(self._changed, lambda: self._reaches(t1_ns), wait_s)
-            self._counters["windows"] += 1
-            self._counters["windows_late"] += not self._reaches(t1_ns)
             samples = list(self._samples)
         first = max(bisect_right(samples, t0_ns, key=_TIME) - 1, 0)
         last = bisect_left(samples, t1_ns, key=_TIME) + 1
         return ImuWindow(t0_ns, t1_ns, tuple(samples[first:last]))
-
-    def counters(self) -> Mapping[str, int]:
-        """Return how often what happened.
-
-        ``accepted`` and ``refused_not_later`` count samples; ``windows`` counts windows, ``windows_late`` those whose
-        end no sample had reached when the wait was over.
-        """
-        with self._changed:
-            return dict(self._counters)
 
     def _reaches(self, t_ns: int) -> bool:
         return bool(self._samples) and self._samples[-1].t_ns >= t_ns

@@ -5,7 +5,6 @@
 import logging
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping
 from typing import Final, Protocol
 
 from viso.companion.vio.json_log import log_event
@@ -105,6 +104,9 @@ class CameraIngest:
         source: read by this thread alone.
         queue: closed when the source ends.
         logger: for events.
+
+    Attributes:
+        counters: ``frames`` read, ``failed`` and ``ended`` sources.
     """
 
     def __init__(self, source: FrameSource, queue: DropOldestQueue, logger: logging.Logger) -> None:
@@ -112,7 +114,7 @@ class CameraIngest:
         self._queue = queue
         self._logger = logger
         self._stop = threading.Event()
-        self._counters = Counter(frames=0, failed=0, ended=0)
+        self.counters = Counter(frames=0, failed=0, ended=0)
         self._thread = threading.Thread(target=self.run, name="vio-camera", daemon=True)
 
     def start(self) -> None:
@@ -133,10 +135,6 @@ class CameraIngest:
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
-    def counters(self) -> Mapping[str, int]:
-        """Return how often what happened: ``frames`` read, ``failed`` and ``ended`` sources."""
-        return dict(self._counters)
-
     def run(self) -> None:
         """Read until the source ends or fails or ``stop`` is called (what the thread does)."""
         while not self._stop.is_set() and self._read_one():
@@ -153,20 +151,20 @@ class CameraIngest:
         if frame is None:
             self._end()
             return False
-        self._counters["frames"] += 1
+        self.counters["frames"] += 1
         self._queue.put(frame)
         return True
 
     def _fail(self, reason: str) -> None:
         if not self._stop.is_set():
-            self._counters["failed"] += 1
+            self.counters["failed"] += 1
             self._queue.close(f"camera failed: {reason}")
             self._camera_event(logging.ERROR, "camera_failed", f"camera failed: {reason}")
 
     def _end(self) -> None:
         if not self._stop.is_set():
-            self._counters["ended"] += 1
+            self.counters["ended"] += 1
             self._camera_event(logging.INFO, "camera_ended", "the camera has no more frames")
 
     def _camera_event(self, level: int, event: str, msg: str) -> None:
-        log_event(self._logger, level, event, msg, self.counters())
+        log_event(self._logger, level, event, msg, self.counters)

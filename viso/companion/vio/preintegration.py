@@ -10,21 +10,16 @@ Preintegration for Real-Time Visual-Inertial Odometry, 2017.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
-from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_noise import ImuNoise
-from viso.companion.vio.imu_window import ImuSteps, steps_between
+from viso.companion.vio.imu_window import ImuSteps
 from viso.companion.vio.se3 import Array, read_only
-from viso.companion.vio.types import ImuBias, ImuSample
-
-if TYPE_CHECKING:
-    import gtsam
+from viso.companion.vio.types import ImuBias
 
 _IDENTITY: Final = np.eye(3)
-_TINY_M2_S: Final = 1e-20  # integrating adds no error of its own
 _SMALL_SQUARE: Final = 1e-2  # of an angle in rad, below which series are more exact than differences
 
 
@@ -55,68 +50,6 @@ class PreintegratedDelta:
     def __post_init__(self) -> None:
         for field, shape in (("dR", (3, 3)), ("dv", (3,)), ("dp", (3,)), ("cov", (9, 9)), ("jac_bias", (9, 6))):
             object.__setattr__(self, field, read_only(getattr(self, field), shape, field))
-
-
-class ImuPreintegrator:
-    """Collects samples; what :meth:`delta` and :meth:`as_gtsam` return goes from the first one to the last."""
-
-    def __init__(self, noise: ImuNoise, bias: ImuBias) -> None:
-        """Begin with no sample.
-
-        Args:
-            noise: of the IMU.
-            bias: taken off every sample.
-        """
-        self._noise = noise
-        self.reset(bias)
-
-    def reset(self, bias: ImuBias) -> None:
-        """Forget all samples, and take off this bias from now on."""
-        self._bias = bias
-        self._samples: list[ImuSample] = []
-
-    def add(self, sample: ImuSample) -> None:
-        """Go on to a sample; the first one only starts the time.
-
-        Raises:
-            ValueError: if it is not later than the last one.
-        """
-        if self._samples and sample.t_ns <= self._samples[-1].t_ns:
-            raise ValueError("t_ns: not later than the last sample's")
-        self._samples.append(sample)
-
-    def delta(self) -> PreintegratedDelta:
-        """Return the motion so far, computed anew; none, and certainly so, before the second sample."""
-        return preintegrate(steps_between(self._samples), self._noise, self._bias)
-
-    def as_gtsam(self, gravity_mss: float = GRAVITY_MSS) -> "gtsam.PreintegratedCombinedMeasurementsG":
-        """Return the same motion for a ``gtsam.GalileanCombinedImuFactor``.
-
-        It is that class because it integrates as we do. The older ``gtsam.PreintegratedCombinedMeasurements`` takes the
-        acceleration at the attitude that a step begins with: 0.02 m/s off after a second of turning at 1.5 rad/s.
-
-        Args:
-            gravity_mss: magnitude of gravity in m/s^2; the world's z points up.
-
-        Raises:
-            ImportError: if gtsam is not installed.
-        """
-        try:
-            import gtsam
-        except ImportError as error:
-            raise ImportError("gtsam is missing; install it with: pip install 'viso[gtsam]'") from error
-        noise, params = self._noise, gtsam.PreintegrationCombinedParams.MakeSharedU(gravity_mss)
-        params.setGyroscopeCovariance(noise.gyro**2 * _IDENTITY)
-        params.setAccelerometerCovariance(noise.accel**2 * _IDENTITY)
-        params.setIntegrationCovariance(_TINY_M2_S * _IDENTITY)
-        params.setBiasOmegaCovariance(noise.gyro_walk**2 * _IDENTITY)
-        params.setBiasAccCovariance(noise.accel_walk**2 * _IDENTITY)
-        bias = gtsam.imuBias.ConstantBias(self._bias.accel, self._bias.gyro)
-        measurements = gtsam.PreintegratedCombinedMeasurementsG(params, bias)
-        steps = steps_between(self._samples)
-        for dt_s, gyro, accel in zip(steps.dt_s.tolist(), steps.gyro, steps.accel, strict=True):
-            measurements.integrateMeasurement(accel, gyro, dt_s)
-        return measurements
 
 
 def preintegrate(steps: ImuSteps, noise: ImuNoise, bias: ImuBias) -> PreintegratedDelta:

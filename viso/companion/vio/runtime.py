@@ -3,11 +3,9 @@
 """The composition root: a source of frames, a queue, a worker with its strategy, and whoever listens."""
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable, Iterable
 from typing import Self
 
-from viso.companion.vio import build_info
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
 from viso.companion.vio.json_log import log_event
@@ -30,7 +28,6 @@ class VioRuntime:
         clock_ns: the companion's monotonic clock.
         logger: for events.
         listeners: called, in the worker's thread, with each update.
-        flags: of the build; for tests only.
 
     Attributes:
         worker: owns the strategy.
@@ -50,9 +47,8 @@ class VioRuntime:
         clock_ns: Callable[[], int],
         logger: logging.Logger,
         listeners: Iterable[Listener] = (),
-        flags: Mapping[str, bool] = build_info.FLAGS,
     ) -> None:
-        strategy = build_vio_strategy(config, calibration, clock_ns, logger, flags=flags)
+        strategy = build_vio_strategy(config, calibration, clock_ns, logger)
         self._logger = logger
         self._queue = DropOldestQueue(config.queue.depth)
         self._ingest = CameraIngest(source, self._queue, logger)
@@ -116,7 +112,3 @@ class VioRuntime:
     def health(self) -> VioHealth:
         """Return the health; from any thread, without waiting."""
         return self.worker.health()
-
-    def counters(self) -> Mapping[str, int]:
-        """Return what the camera, the queue (``dropped``) and the worker have counted."""
-        return MappingProxyType({**self._ingest.counters(), "dropped": self._queue.dropped, **self.worker.counters()})

@@ -7,7 +7,7 @@ import logging
 import threading
 import uuid
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Final, Protocol
 
 from viso.companion.vio.config import VioConfig
@@ -27,18 +27,6 @@ from viso.companion.vio.types import (
 from viso.companion.vio.update import Listener, VioUpdate
 
 STALL_S: Final = 3.0  # as long as the frames that are fatal when lost take at 3 Hz
-COUNTERS: Final = (
-    "tracking",
-    "degraded",
-    "initializing",
-    "fatal",
-    "skipped",
-    "not_later",
-    "stalled",
-    "warm_starts",
-    "warm_starts_refused",
-    "listener_errors",
-)
 
 
 class ImuWindows(Protocol):
@@ -51,7 +39,7 @@ class ImuWindows(Protocol):
 class VioWorker:
     """Gives each frame, with its inertial data, to the strategy, and hands on what comes out.
 
-    All but ``request_warm_start``, ``health``, ``counters``, ``stop`` and ``join`` belong to one thread.
+    All but ``request_warm_start``, ``health``, ``stop`` and ``join`` belong to one thread.
 
     Args:
         strategy: owned from now on.
@@ -65,6 +53,9 @@ class VioWorker:
 
     Attributes:
         strategy: for its thread, but for what may be called from any.
+        counters: ``tracking``, ``degraded``, ``initializing`` and ``fatal`` count processed frames by how that ended,
+            ``skipped`` those not processed because of LOST, ``not_later`` those whose stamp was not later than the one
+            before; and warm starts, stalls and errors of listeners.
     """
 
     def __init__(
@@ -90,7 +81,7 @@ class VioWorker:
         self._halted: str | None = None  # why no frame is processed before a warm start
         self._no_frames: str | None = None  # why there are none
         self._warm_starts: deque[WarmStartPose] = deque(maxlen=1)
-        self._counters = Counter(dict.fromkeys(COUNTERS, 0))
+        self.counters = Counter[str]()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self.run, name="vio-worker", daemon=True)
 
@@ -106,14 +97,6 @@ class VioWorker:
             return health
         return dataclasses.replace(health, state=VioState.LOST, reason=reason)
 
-    def counters(self) -> Mapping[str, int]:
-        """Return how often what happened.
-
-        ``tracking``, ``degraded``, ``initializing`` and ``fatal`` count processed frames by how that ended, ``skipped``
-        those not processed because of LOST, ``not_later`` those whose stamp was not later than the one before.
-        """
-        return dict(self._counters)
-
     def process_one(self, frame: NavCameraFrame) -> VioUpdate | None:
         """Process a frame and tell everybody.
 
@@ -127,7 +110,7 @@ class VioWorker:
         if not self._is_later(t_ns):
             return None
         if self._halted is not None and self._config.auto_reinit_s == 0:
-            self._counters["skipped"] += 1
+            self.counters["skipped"] += 1
             return None
         window = self._imu.window(t_ns if self._last_ns is None else self._last_ns, t_ns)
         begin_ns = self._clock_ns()
@@ -150,12 +133,12 @@ class VioWorker:
         except VioDegradedError as error:
             output, outcome = error.output, "degraded"
         except VioFatalError as error:
-            self._counters["fatal"] += 1
+            self.counters["fatal"] += 1
             if self._halted is None:
                 self._halted = str(error)
                 self._error("vio_fatal", str(error), error, frame.frame_id)
             return None
-        self._counters[outcome] += 1
+        self.counters[outcome] += 1
         self._halted = None
         return output
 
@@ -165,17 +148,17 @@ class VioWorker:
         try:
             self.strategy.reset_to_warm_start(self._warm_starts.popleft())
         except VioFatalError as error:
-            self._counters["warm_starts_refused"] += 1
+            self.counters["warm_starts_refused"] += 1
             self._error("warm_start_refused", str(error), error)
             return
-        self._counters["warm_starts"] += 1
+        self.counters["warm_starts"] += 1
         self._halted, self._last_ns, self._not_later = None, None, 0
 
     def _is_later(self, t_ns: int) -> bool:
         if self._last_ns is None or t_ns > self._last_ns:
             self._not_later = 0
             return True
-        self._counters["not_later"] += 1
+        self.counters["not_later"] += 1
         self._not_later += 1
         if self._not_later == self._config.lost_frames_fatal:  # such a clock does not come back
             self._halted = "stamps of frames do not increase"
@@ -194,7 +177,7 @@ class VioWorker:
             try:
                 listener(update)
             except Exception as error:
-                self._counters["listener_errors"] += 1
+                self.counters["listener_errors"] += 1
                 self._error("listener_failed", f"listener failed: {error!r}", error)
 
     def _error(self, event: str, msg: str, error: BaseException | None = None, frame: uuid.UUID | None = None) -> None:
@@ -242,7 +225,7 @@ class VioWorker:
                 self._tell_lost(self._no_frames)
             return False
         if self._no_frames is None:
-            self._counters["stalled"] += 1
+            self.counters["stalled"] += 1
             self._no_frames = f"no frame for {STALL_S:g} s"
             self._tell_lost(self._no_frames)
         return True

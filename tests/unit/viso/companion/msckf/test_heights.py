@@ -62,7 +62,6 @@ def test_nearest_height_is_taken_and_each_once() -> None:
     assert made.take(100 * MS, 0.0, STILL) == (3.0, 0.3)
     assert made.take(100 * MS, 0.0, STILL) == (4.0, 0.3)
     assert made.take(100 * MS, 0.0, STILL) is None
-    assert made.counters() == {"taken": 3, "refused": 0, "bad": 0, "passed_over": 1}
 
 
 def test_climb_since_then_is_added() -> None:
@@ -75,16 +74,15 @@ def test_climb_since_then_is_added() -> None:
     ("height_m", "sigma_m"),
     [(math.nan, 0.1), (math.inf, 0.1), (-0.1, 0.1), (10.0, math.nan), (10.0, math.inf), (10.0, -1.0)],
 )
-def test_what_is_no_height_is_counted(height_m: float, sigma_m: float) -> None:
+def test_what_is_no_height_is_left_out(height_m: float, sigma_m: float) -> None:
     made = Heights(0.3)
     assert not made.add(0, height_m, sigma_m)
-    assert made.counters()["bad"] == 1
     assert made.take(0, 0.0, STILL) is None
 
 
 def test_heights_that_nobody_wants_give_way() -> None:
     made = heights(*range(0, 100_000, 100))
-    assert made.counters()["passed_over"] == 1000 - 64
+    assert made.take((1000 - 65) * 100 * MS, 0.0, STILL) is None
     assert made.take(99_900 * MS, 0.0, STILL) is not None
 
 
@@ -92,7 +90,6 @@ def test_filter_takes_the_height() -> None:
     made, filter_ = heights(0), state(34.0)
     made.use(filter_, 0, GROUND_M)
     assert 34.2 < filter_.p[2] < 35.0
-    assert made.counters() == {"taken": 1, "refused": 0, "bad": 0, "passed_over": 0}
 
 
 def test_filter_without_a_height_is_left_alone() -> None:
@@ -105,7 +102,6 @@ def test_single_outlier_is_refused() -> None:
     made, filter_ = heights(0, height_m=600.0), state()
     made.use(filter_, 0, GROUND_M)
     assert filter_.p[2] == 35.0
-    assert made.counters()["refused"] == 1
 
 
 def test_outliers_that_go_on_are_believed() -> None:
@@ -118,7 +114,6 @@ def test_outliers_that_go_on_are_believed() -> None:
     assert places[MOST_REFUSED - 1] == 35.0
     assert places[MOST_REFUSED] > 36
     assert places[-1] > 45
-    assert made.counters()["refused"] == MOST_REFUSED
 
 
 def test_good_height_makes_outliers_outliers_again() -> None:
@@ -140,6 +135,4 @@ def test_heights_come_from_any_thread() -> None:
         made.use(filter_, index * MS, GROUND_M)
     for thread in threads:
         thread.join(10)
-    counts = made.counters()
-    assert counts["taken"] + counts["passed_over"] + 64 >= 4000
     assert np.isfinite(filter_.p).all()

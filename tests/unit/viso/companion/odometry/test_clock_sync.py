@@ -26,13 +26,13 @@ def test_request_carries_the_companions_time() -> None:
 def test_there_is_no_offset_before_an_answer() -> None:
     clock = ClockSync()
     clock.request(0)
-    assert (clock.synced, clock.offset_ns, clock.round_trip_ns) == (False, None, None)
+    assert clock.offset_ns is None
 
 
 def test_offset_turns_the_autopilots_time_into_the_companions() -> None:
     clock = ClockSync()
     ask(clock, 10**12)
-    assert clock.synced
+    assert clock.offset_ns is not None
     assert clock.to_companion_ns(10**12 - OFFSET_NS, arrival_ns=0, mean_period_ns=0) == 10**12
 
 
@@ -40,52 +40,51 @@ def test_smallest_round_trip_gives_the_offset() -> None:
     clock = ClockSync()
     for number, (there_ms, back_ms) in enumerate([(9, 1), (1, 1), (1, 9)]):
         ask(clock, 10**12 + number * 200 * MS, there_ms * MS, back_ms * MS)
-    assert (clock.offset_ns, clock.round_trip_ns) == (OFFSET_NS, 2 * MS)
+    assert clock.offset_ns == OFFSET_NS
 
 
 def test_only_the_last_32_count() -> None:
     clock = ClockSync()
-    ask(clock, 0, MS // 2, MS // 2)
+    ask(clock, 0, MS, 0)
     for number in range(1, SAMPLES):
         ask(clock, number * 200 * MS)
-    assert clock.round_trip_ns == MS
+    assert clock.offset_ns == OFFSET_NS - MS // 2
     ask(clock, SAMPLES * 200 * MS)
-    assert clock.round_trip_ns == 2 * MS
+    assert clock.offset_ns == OFFSET_NS
 
 
 @pytest.mark.parametrize(("back_ns", "taken"), [(MAX_ROUND_TRIP_NS - MS, True), (MAX_ROUND_TRIP_NS - MS + 1, False)])
 def test_round_trip_above_20_ms_is_refused(back_ns: int, taken: bool) -> None:
     clock = ClockSync()
     ask(clock, 0, MS, back_ns)
-    assert clock.synced is taken
-    assert clock.counters() == ({"answers": 1} if taken else {"refused_round_trip": 1})
+    assert (clock.offset_ns is not None) is taken
 
 
 def test_answer_that_arrives_before_its_request_is_refused() -> None:
     clock = ClockSync()
     clock.request(100)
     clock.take(TIMESYNC(5, 100), 99)
-    assert clock.counters() == {"refused_round_trip": 1}
+    assert clock.offset_ns is None
 
 
 def test_answer_to_another_is_refused() -> None:
     clock = ClockSync()
     clock.request(100)
     clock.take(TIMESYNC(5, 101), 200)
-    assert clock.counters() == {"refused_not_ours": 1}
+    assert clock.offset_ns is None
 
 
 def test_answer_counts_once() -> None:
     clock = ClockSync()
     ask(clock, 100)
-    clock.take(TIMESYNC(5, 100), 200)
-    assert clock.counters() == {"answers": 1, "refused_not_ours": 1}
+    offset_ns = clock.offset_ns
+    clock.take(TIMESYNC(5, 100), 101)  # a better one
+    assert clock.offset_ns == offset_ns
 
 
 def test_autopilots_request_is_answered_with_our_time_and_its_stamp() -> None:
     clock = ClockSync()
     assert clock.take(TIMESYNC(0, 777), 555) == TIMESYNC(555, 777)
-    assert clock.counters() == {"requests_answered": 1}
 
 
 def test_answer_is_never_taken_for_a_request() -> None:
@@ -108,7 +107,6 @@ def test_rebooted_autopilots_new_clock_counts_at_once() -> None:
         ask(clock, number * 200 * MS, MS // 2, MS // 2)
     ask(clock, 10**9, offset_ns=OFFSET_NS + 10**10)
     assert clock.offset_ns == OFFSET_NS + 10**10
-    assert clock.counters()["clock_steps"] == 1
 
 
 @given(st.lists(st.tuples(st.integers(0, 12 * MS), st.integers(0, 12 * MS)), min_size=1, max_size=40))
@@ -116,6 +114,7 @@ def test_uneven_ways_are_no_step_of_the_clock(ways: list[tuple[int, int]]) -> No
     clock = ClockSync()
     for number, (there_ns, back_ns) in enumerate(ways):
         ask(clock, number * 200 * MS, there_ns, back_ns)
-    assert "clock_steps" not in clock.counters()
-    if clock.offset_ns is not None and clock.round_trip_ns is not None:
-        assert abs(clock.offset_ns - OFFSET_NS) <= clock.round_trip_ns / 2 + 1
+    taken_ns = [there_ns + back_ns for there_ns, back_ns in ways if there_ns + back_ns <= MAX_ROUND_TRIP_NS]
+    assert (clock.offset_ns is not None) == bool(taken_ns)
+    if clock.offset_ns is not None:  # that of the shortest of the last: none of them was forgotten
+        assert abs(clock.offset_ns - OFFSET_NS) <= min(taken_ns[-SAMPLES:]) / 2 + 1

@@ -52,7 +52,7 @@ class Rig:
 
     @property
     def counters(self) -> dict[str, int]:
-        return dict(self.inbound.counters())
+        return dict(self.inbound.counters)
 
 
 @pytest.fixture

@@ -176,7 +176,7 @@ def test_messages_of_others_are_counted_and_left_alone() -> None:
     rig.say(RAW_IMU(1, 0, 0, -1000, 0, 0, 0, 0, 0, 0), component_id=100)
     rig.run(0)
     assert rig.samples == []
-    assert rig.sender.counters()["received_from_others"] == 1
+    assert rig.sender.counters["received_from_others"] == 1
 
 
 def test_message_that_is_none_of_ours_is_passed_over() -> None:
@@ -193,7 +193,7 @@ def test_noise_on_the_wire_is_counted_and_passed_over() -> None:
     rig.far.send(b"\x00noise")
     rig.say(STATUSTEXT(6, "here"))
     rig.run(0)
-    assert rig.sender.counters()["received_bad_data"] > 0
+    assert rig.sender.counters["received_bad_data"] > 0
     assert len(rig.sender.texts) == 1
 
 
@@ -210,7 +210,7 @@ def test_closed_wire_does_not_stop_the_sender() -> None:
     rig = Rig()
     rig.far.close()
     rig.sender.run(0)
-    assert rig.sender.counters()["ODOMETRY"] == 1
+    assert rig.sender.counters["ODOMETRY"] == 1
 
 
 class Flight:

@@ -224,20 +224,20 @@ def test_frame_not_later_than_the_last_is_refused_and_counted(rig: Rig) -> None:
     rig.now_ms -= FRAME_MS
     rig.say(VioState.TRACKING, rig.strategy.move(SE3(np.eye(3), np.array([9.0, 0.0, 0.0]))))
     assert rig.sent().y == pytest.approx(0.0)
-    assert rig.source.counters()["frames_refused_not_later"] == 1
+    assert rig.source.counters["frames_refused_not_later"] == 1
 
 
 def test_inertial_sample_not_later_than_the_last_is_counted(rig: Rig, at_rest: AtRest) -> None:
     rig.source.take_imu(at_rest(5))
     rig.source.take_imu(at_rest(5))
-    assert rig.source.counters() == {"imu_refused_not_later": 1}
+    assert rig.source.counters == {"imu_refused_not_later": 1}
 
 
 def test_frames_are_counted_by_what_became_of_them(rig: Rig) -> None:
     rig.say(VioState.INIT)
     rig.track(0.0, 0.0)
     rig.say(VioState.LOST)
-    assert rig.source.counters() == {"frames_init": 1, "frames": 2, "frames_lost": 1}
+    assert rig.source.counters == {"frames_init": 1, "frames": 2, "frames_lost": 1}
 
 
 def test_north_is_waited_for(make_strategy: Make, at_rest: AtRest) -> None:
@@ -245,7 +245,7 @@ def test_north_is_waited_for(make_strategy: Make, at_rest: AtRest) -> None:
     rig = Rig(make_strategy(), at_rest, world_is_north=False, local_alignment=LocalAlignment.NORTH, yaw_at=yaws.get)
     rig.track()
     assert rig.message() is None
-    assert rig.source.counters() == {"frames_waiting_for_north": 1}
+    assert rig.source.counters == {"frames_waiting_for_north": 1}
     rig.track()
     assert rig.sent().q == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=1e-9)
     assert rig.sent().reset_counter == 0
@@ -275,4 +275,4 @@ def test_unsound_covariance_leaves_the_last_pose(rig: Rig, monkeypatch: pytest.M
     monkeypatch.setattr("viso.companion.odometry.composer.sound_covariance", lambda _covariance: None)
     rig.track(0.2)
     assert rig.sent().y == pytest.approx(0.2, abs=1e-6)
-    assert rig.source.counters()["frames_refused_covariance"] == 1
+    assert rig.source.counters["frames_refused_covariance"] == 1

@@ -11,9 +11,8 @@ pytest.importorskip("gtsam")
 from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, start, window
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
-from viso.companion.smoother.lag_smoother import LagSmoother
+from viso.companion.smoother.lag_smoother import LagSmoother, preintegrated
 from viso.companion.vio.imu_window import steps_of
-from viso.companion.vio.preintegration import ImuPreintegrator
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuBias
 
@@ -35,9 +34,7 @@ def relative(cov: Array, reference: Array) -> Array:
 
 def carried_by_smoother(state: WindowFilter) -> WindowFilter:
     """Return what a smoother makes of a state by inertial data alone."""
-    since = ImuPreintegrator(NOISE, state.bias)
-    for sample in window(0, PERIOD_NS).samples:
-        since.add(sample)
+    since = preintegrated(window(0, PERIOD_NS).samples, NOISE, state.bias)
     smoother = LagSmoother(B_T_C, 0, 0.0, motion_of(state), smoother_cov(state))
     smoother.add_node(1, PERIOD_NS * 1e-9, motion_of(state), since)
     smoother.solve(passes=5)

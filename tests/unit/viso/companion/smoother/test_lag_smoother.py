@@ -4,6 +4,7 @@
 
 import importlib
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,7 @@ pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
 from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, SIGMA, WALL, pose_at, velocity_at, window
-from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Motion, Seen, SmootherError
-from viso.companion.vio.preintegration import ImuPreintegrator
+from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Motion, Seen, SmootherError, preintegrated
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuBias
 
@@ -26,12 +26,9 @@ def motion_at(number: int) -> Motion:
     return Motion(pose_at(number * PERIOD_NS), velocity_at(number * PERIOD_NS), ImuBias.zero())
 
 
-def inertial(number: int) -> ImuPreintegrator:
-    """Return the inertial data of the period before a node."""
-    preintegrator = ImuPreintegrator(NOISE, ImuBias.zero())
-    for sample in window((number - 1) * PERIOD_NS, number * PERIOD_NS).samples:
-        preintegrator.add(sample)
-    return preintegrator
+def inertial(number: int) -> Any:
+    """Return the motion in the period before a node, by inertial data."""
+    return preintegrated(window((number - 1) * PERIOD_NS, number * PERIOD_NS).samples, NOISE, ImuBias.zero())
 
 
 def begin() -> LagSmoother:

@@ -26,17 +26,6 @@ def test_process_environment_has_no_say(monkeypatch: pytest.MonkeyPatch) -> None
     assert read_flags()["BUILD_OKVIS2"] is False
 
 
-def test_tests_may_override() -> None:
-    flags = read_flags({"BUILD_OKVIS2": "1", "BUILD_KLT_RANSAC": "0", "PATH": "/bin"})
-    assert (flags["BUILD_OKVIS2"], flags["BUILD_KLT_RANSAC"]) == (True, False)
-    assert "PATH" not in flags
-
-
-def test_override_is_0_or_1() -> None:
-    with pytest.raises(ValueError, match="BUILD_OKVIS2: 'yes' is neither 0 nor 1"):
-        read_flags({"BUILD_OKVIS2": "yes"})
-
-
 def test_flags_are_read_once_and_cannot_be_set() -> None:
     with pytest.raises(TypeError):
         build_info.FLAGS["BUILD_OKVIS2"] = True  # type: ignore[index]  # that is the test

@@ -168,7 +168,7 @@ def frozen() -> Iterator[tuple[Rig, EventHandler]]:
 def test_frames_reach_the_queue_and_the_end_closes_it() -> None:
     rig = Rig(Film(3))
     rig.ingest.run()
-    assert rig.ingest.counters() == {"frames": 3, "failed": 0, "ended": 1}
+    assert rig.ingest.counters == {"frames": 3, "failed": 0, "ended": 1}
     assert (sequence_of(rig.queue.get()), rig.queue.closed, rig.queue.failure) == (2, True, None)
 
 
@@ -181,7 +181,7 @@ def test_end_is_logged() -> None:
 def test_failure_is_counted_and_logged_and_closes_the_queue() -> None:
     rig = Rig(Film(2, OSError("no such device")))
     rig.ingest.run()
-    assert rig.ingest.counters() == {"frames": 2, "failed": 1, "ended": 0}
+    assert rig.ingest.counters == {"frames": 2, "failed": 1, "ended": 0}
     (record,) = rig.log.events("camera_failed")
     assert (record.levelno, record.getMessage()) == (logging.ERROR, "camera failed: OSError: no such device")
     assert rig.queue.failure == "camera failed: OSError: no such device"
@@ -191,7 +191,7 @@ def test_thread_reads() -> None:
     rig = Rig(Film(3))
     rig.ingest.start()
     assert rig.ingest.join(10)
-    assert rig.ingest.counters()["frames"] == 3
+    assert rig.ingest.counters["frames"] == 3
 
 
 def test_stop_closes_the_source_and_ends_a_read(frozen: tuple[Rig, EventHandler]) -> None:
@@ -205,7 +205,7 @@ def test_what_a_read_says_once_closed_is_no_failure(frozen: tuple[Rig, EventHand
     rig, log = frozen
     rig.ingest.stop()
     rig.ingest.join(10)
-    assert rig.ingest.counters() == {"frames": 0, "failed": 0, "ended": 0}
+    assert rig.ingest.counters == {"frames": 0, "failed": 0, "ended": 0}
     assert log.records == []
 
 
@@ -222,7 +222,7 @@ def test_end_once_stopped_is_no_end() -> None:
 
     rig = Rig(Closing(0))
     rig.ingest.run()
-    assert rig.ingest.counters()["ended"] == 0
+    assert rig.ingest.counters["ended"] == 0
 
 
 def test_source_that_cannot_be_closed_is_logged() -> None:
@@ -240,4 +240,4 @@ def test_nothing_is_read_once_stopped() -> None:
     rig = Rig(Film(3))
     rig.ingest.stop()
     rig.ingest.run()
-    assert rig.ingest.counters()["frames"] == 0
+    assert rig.ingest.counters["frames"] == 0
