@@ -5,7 +5,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -182,8 +182,3 @@ def _course_rows(figures: LoopFigures) -> Iterable[tuple[str, str, str]]:
     yield "quality: least, median, most", qualities, ""
     resets = "\n".join(f"{moved_m:.2f} m at {time_s:.2f} s" for time_s, moved_m in figures.position_resets)
     yield "resets: counter; position", str(figures.reset_counter or 0), resets or "-"
-
-
-def figures_row(figures: LoopFigures) -> dict[str, object]:
-    """Return the same for machine-readable output."""
-    return asdict(figures)

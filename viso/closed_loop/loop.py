@@ -13,7 +13,7 @@ from typing import Final
 
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import COMMAND_LONG
-from viso.closed_loop.record import AUTOPILOT, COMPANION, LoopRecorder
+from viso.closed_loop.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.world.flight import SyntheticFlight
 from viso.fates.watch import FilterWatch
@@ -28,7 +28,6 @@ from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 from viso.vio.virtual_companion import VirtualCompanion
 
-LOOK_PERIOD_US: Final = 50_000
 PARAMS: Final = MappingProxyType(
     {
         "VISO_TYPE": 1,
@@ -106,8 +105,8 @@ class CompanionLoop:
         self.setup = setup
         self.vehicle = _make_vehicle(setup, open_log)
         self.watch = FilterWatch(self.vehicle)
-        self._recorder = LoopRecorder(self.vehicle, self.watch)
-        self.record = self._recorder.record
+        self.record = LoopRecord()
+        self._recorder = LoopRecorder(self.vehicle, self.watch, self.record)
         self._scheduler = Scheduler(self.vehicle)
         self._wire, companion_wire = make_pair((AUTOPILOT, COMPANION))
         self._channel = self.vehicle.endpoint.open_channel(COMPANION)

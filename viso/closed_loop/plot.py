@@ -146,7 +146,7 @@ def _quality(axes: Any, story: _Story) -> None:
 def _bands(axes: Any, story: _Story) -> None:
     _mark(axes, story)
     estimates = story.record.estimates
-    times_s = [one.time_us * 1e-6 for one in estimates]
+    times_s = [one.time_s for one in estimates]
     rows = {
         "camera healthy": [one.is_camera_healthy and one.time_us >= story.setup.companion_us for one in estimates],
         "aiding": [one.mode is not AidingMode.NONE for one in estimates],

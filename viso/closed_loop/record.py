@@ -23,6 +23,7 @@ from viso.vehicle.vehicle import Vehicle
 
 AUTOPILOT: Final = "autopilot"
 COMPANION: Final = "companion"
+LOOK_PERIOD_US: Final = 50_000
 DEGRADED_EVENT: Final = "vio_degraded"
 _SEVERITIES: Final = {logging.ERROR: 3, logging.WARNING: 4, logging.INFO: 6}
 
@@ -80,6 +81,11 @@ class Estimate(NamedTuple):
     is_armed: bool
     is_camera_healthy: bool
 
+    @property
+    def time_s(self) -> float:
+        """When, in s since the autopilot's boot."""
+        return self.time_us * 1e-6
+
 
 @dataclass
 class LoopRecord:
@@ -111,14 +117,12 @@ class LoopRecorder(logging.Handler):
     Args:
         vehicle: fresh.
         watch: follows its filter.
-
-    Attributes:
-        record: what has happened.
+        record: where to note what happens.
     """
 
-    def __init__(self, vehicle: Vehicle, watch: FilterWatch) -> None:
+    def __init__(self, vehicle: Vehicle, watch: FilterWatch, record: LoopRecord) -> None:
         super().__init__(logging.INFO)
-        self.record = LoopRecord()
+        self.record = record
         self._vehicle, self._watch = vehicle, watch
         vehicle.texts.on_text.append(lambda severity, text: self._note(AUTOPILOT, severity, text))
         vehicle.endpoint.on_event = self._take_event

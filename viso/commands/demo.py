@@ -5,7 +5,7 @@
 import importlib.util
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final
@@ -13,6 +13,7 @@ from typing import Annotated, Final
 import typer
 from rich.table import Table
 
+from viso.closed_loop.record import LoopRecord
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.demo import tracking_camera as simulated
 from viso.errors import InputError, file_errors, told_errors
@@ -66,6 +67,10 @@ def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[]
         yield lambda time_s: bar.update(bar.task_ids[0], completed=time_s), lambda: bool(signals)
 
 
+def _texts(record: LoopRecord) -> list[tuple[float, str, int, str]]:
+    return [(said.time_us * 1e-6, said.who, said.severity, said.text) for said in record.said]
+
+
 def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     run = simulated.Demo(seed, lambda: log_file, firmware)
     with _flying(simulated.END_S) as (on_progress, stop):
@@ -77,14 +82,13 @@ def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
         save_plot(result, path)
 
     counts, filter_counts = run.vehicle.endpoint.verdict_counts(), run.vehicle.ahrs.ext_nav_counts
-    texts = [(time_s, "autopilot", severity, text) for time_s, severity, text in result.texts]
     rows = {"aiding": aiding_rows(result.aiding)}
-    return _Flown(simulated.END_S, run.vehicle, texts, rows, tables_of(counts, filter_counts), save_plot)
+    return _Flown(simulated.END_S, run.vehicle, _texts(result), rows, tables_of(counts, filter_counts), save_plot)
 
 
 def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     # These need OpenCV, without which the rest of the command line works.
-    from viso.closed_loop.figures import figures_of, figures_row, figures_table
+    from viso.closed_loop.figures import figures_of, figures_table
     from viso.demo import odometry as demo_vio
 
     with told_errors(StrategyNotAvailableError):
@@ -98,9 +102,8 @@ def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
         save_plot(run.loop, path)
 
     figures, vehicle = figures_of(run.loop), run.loop.vehicle
-    texts = [(said.time_us * 1e-6, said.who, said.severity, said.text) for said in run.loop.record.said]
-    rows = {"loop": figures_row(figures), "aiding": aiding_rows(run.loop.watch.aiding())}
-    return _Flown(demo_vio.END_S, vehicle, texts, rows, [figures_table(figures)], save_plot)
+    rows = {"loop": asdict(figures), "aiding": aiding_rows(run.loop.watch.aiding())}
+    return _Flown(demo_vio.END_S, vehicle, _texts(run.loop.record), rows, [figures_table(figures)], save_plot)
 
 
 _FLIGHTS: Final = {Camera.VIO: _fly_vio, Camera.SIMULATED: _fly_simulated}

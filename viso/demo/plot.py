@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
-from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult, Estimate
+from viso.closed_loop.record import Estimate
+from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult
 from viso.estimators.series import spans_of
 from viso.fates.labels import Fate, fate_of
 
@@ -29,7 +30,7 @@ _SHADES: Final = (
     (FAULTS.mismatch, "wrong place", "#e5d4ef"),
 )
 _FLAGS: Final[dict[str, Callable[[Estimate], bool]]] = {
-    "armed": lambda estimate: estimate.armed,
+    "armed": lambda estimate: estimate.is_armed,
     "attitude": lambda estimate: bool(estimate.flags & FilterFlag.ATTITUDE),
     "velocity": lambda estimate: bool(estimate.flags & FilterFlag.HORIZ_VEL),
     "position": lambda estimate: bool(estimate.flags & FilterFlag.HORIZ_POS_ABS),
@@ -86,8 +87,8 @@ def _plan(axes: Any, result: DemoResult, times: Any) -> None:
 def _over_time(axes: Any, result: DemoResult, times: Any, axis: int, label: str) -> None:
     _shade(axes)
     axes.plot(times, [FLIGHT.position_ned(t)[axis] for t in times], color=_TRUTH, lw=4, alpha=0.5, label="true")
-    raw_times, raw = zip(*result.raw, strict=True)
-    axes.plot(raw_times, [position[axis] for position in raw], color=_RAW, lw=0.8, label="as the camera sent it")
+    raw = [(one.time_us * 1e-6, (one.message.x, one.message.y, one.message.z)[axis]) for one in result.arrived]
+    axes.plot(*zip(*raw, strict=True), color=_RAW, lw=0.8, label="as the camera sent it")
     for name, colour, pose_times, positions in _poses(result):
         axes.plot(pose_times, positions[:, axis], ".", color=colour, ms=3, label=name)
     estimate_times, estimates = _estimates(result)

@@ -11,17 +11,15 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
-from ekf_stub.reports.filter_status import FilterFlag
-from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+from viso.closed_loop.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
 from viso.companion.clock import OffsetClock
 from viso.companion.sender import Companion
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from viso.companion.trials.scripted_flight import Flight
 from viso.demo.flight import flight_source
-from viso.fates.labels import is_final
-from viso.fates.watch import AidingSpan, FilterWatch, SampleTest
+from viso.fates.watch import AidingSpan, FilterWatch
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
 from viso.running.virtual_time import Scheduler
@@ -65,7 +63,6 @@ PARAMS: Final = {
 
 _RUN_PREARM_CHECKS: Final = 401
 _ARM_DISARM: Final = 400
-_LOOK_PERIOD_US: Final = 50_000
 
 
 class PoseSample(NamedTuple):
@@ -77,24 +74,11 @@ class PoseSample(NamedTuple):
     ignored: bool
 
 
-class Estimate(NamedTuple):
-    """What the filter said: metres NED or None while it does not navigate, and its flags; is the vehicle armed?"""
-
-    time_s: float
-    pos_ned: tuple[float, float, float] | None
-    flags: FilterFlag
-    armed: bool
-
-
 @dataclass
-class DemoResult:
-    """What happened: texts with their times in seconds and severities, poses, what the filter did with them."""
+class DemoResult(LoopRecord):
+    """What happened: also the poses as they were logged, and by what the filter navigated."""
 
-    texts: list[tuple[float, int, str]] = field(default_factory=list)
     poses: list[PoseSample] = field(default_factory=list)
-    raw: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
-    estimates: list[Estimate] = field(default_factory=list)
-    fates: list[SampleTest] = field(default_factory=list)
     aiding: list[AidingSpan] = field(default_factory=list)
 
 
@@ -123,11 +107,11 @@ class Demo:
     def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:
         self.vehicle = make_vehicle(seed, open_log, firmware)
         self.watch = FilterWatch(self.vehicle)
-        self.watch.listeners.append(self._take_fate)
         self.result = DemoResult()
+        self._recorder = LoopRecorder(self.vehicle, self.watch, self.result)
         self._scheduler = Scheduler(self.vehicle)
-        self._wire, companion_wire = make_pair(("autopilot", "companion"))
-        self._channel = self.vehicle.endpoint.open_channel("companion")
+        self._wire, companion_wire = make_pair((AUTOPILOT, COMPANION))
+        self._channel = self.vehicle.endpoint.open_channel(COMPANION)
         camera = SimulatedCamera(
             FLIGHT,
             seed,
@@ -138,39 +122,14 @@ class Demo:
         self.companion = Companion(
             companion_wire, camera.report, latency_us=40_000, start_us=int(COMPANION_START_S * 1e6)
         )
-        self.vehicle.texts.on_text.append(self._take_text)
         self.vehicle.logger.on_write = self._take_record
-        self.vehicle.endpoint.on_event = self._take_event
-
-    def _now_s(self) -> float:
-        return self.vehicle.clock.micros64() * 1e-6
-
-    def _take_text(self, severity: int, text: str) -> None:
-        self.result.texts.append((self._now_s(), severity, text))
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         if structure is VISP:
             observed_ms = int(values[2]) - int(PARAMS["VISO_DELAY_MS"]) - HALF_FILTER_STEP_MS
             x, y, z = (float(value) for value in values[3:6])
-            self.result.poses.append(PoseSample(self._now_s(), observed_ms, (x, y, z), bool(values[12])))
-
-    def _take_event(self, event: MessageEvent) -> None:
-        message = event.message
-        if event.name == "ODOMETRY" and message is not None:
-            position = (float(getattr(message, axis)) for axis in ("x", "y", "z"))
-            x, y, z = position
-            self.result.raw.append((self._now_s(), (x, y, z)))
-
-    def _take_fate(self, test: SampleTest) -> None:
-        if is_final(test.outcome.rule):
-            self.result.fates.append(test)
-
-    def _look(self) -> None:
-        ahrs = self.vehicle.ahrs
-        position, status = ahrs.get_relative_position_NED_origin_float(), ahrs.get_filter_status()
-        pos_ned = None if position is None else (float(position.x), float(position.y), float(position.z))
-        flags = FilterFlag.UNINITIALISED if status is None else status.flags
-        self.result.estimates.append(Estimate(self._now_s(), pos_ned, flags, self.vehicle.is_armed()))
+            time_s = self.vehicle.clock.micros64() * 1e-6
+            self.result.poses.append(PoseSample(time_s, observed_ms, (x, y, z), bool(values[12])))
 
     def _script(self) -> list[tuple[float, Callable[[], None]]]:
         send = self.companion.send
@@ -201,8 +160,8 @@ class Demo:
             while now_us <= end_us:
                 self._scheduler.run_until(now_us)
                 self.watch.look()
-                if now_us % _LOOK_PERIOD_US == 0:
-                    self._look()
+                if now_us % LOOK_PERIOD_US == 0:
+                    self._recorder.look()
                 while script and script[0][0] * 1e6 <= now_us:
                     script.pop(0)[1]()
                 self.companion.run(now_us)

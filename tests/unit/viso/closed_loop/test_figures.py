@@ -3,6 +3,7 @@
 """A closed loop in figures: from made-up errors, and from a short flight."""
 
 import json
+from dataclasses import asdict
 from io import StringIO
 
 import numpy as np
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from tests.unit.viso.closed_loop.hops import COMPANION_S, HOP_END_S, hop, make_setup
 from viso.closed_loop.errors import PoseErrors
-from viso.closed_loop.figures import LoopFigures, accuracy_of, figures_of, figures_row, figures_table
+from viso.closed_loop.figures import LoopFigures, accuracy_of, figures_of, figures_table
 from viso.closed_loop.loop import CompanionLoop
 from viso.companion.vio.se3 import Array
 from viso.logs.sink import MemoryLog
@@ -111,7 +112,7 @@ def test_table_tells_it_all_on_a_narrow_terminal(figures: LoopFigures) -> None:
 
 
 def test_rows_for_machines_are_json(figures: LoopFigures) -> None:
-    row = json.loads(json.dumps(figures_row(figures)))
+    row = json.loads(json.dumps(asdict(figures)))
     assert row["sent"] == figures.sent
     assert figures.odometry is not None
     assert row["odometry"]["horizontal_rms_m"] == figures.odometry.horizontal_rms_m

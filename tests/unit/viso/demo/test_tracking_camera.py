@@ -13,8 +13,9 @@ import pytest
 from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
+from viso.closed_loop.record import AUTOPILOT, Estimate
 from viso.demo.plot import save_plot
-from viso.demo.tracking_camera import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, Estimate
+from viso.demo.tracking_camera import COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult
 from viso.ekf_runs.comparison import compare
 from viso.ekf_runs.run import EkfRun
 from viso.fates.labels import Fate, fate_of
@@ -54,7 +55,7 @@ def test_another_seed_gives_another_log(ran: Callable[[int], Ran]) -> None:
 
 
 def test_autopilot_says_what_is_expected_in_order(ran: Callable[[int], Ran]) -> None:
-    texts = [text for _, _, text in ran(1).result.texts]
+    texts = ran(1).result.texts(AUTOPILOT)
     assert [text for text in texts if "yaw" not in text and "initial " not in text] == [
         "ArduPilot Ready",
         "AHRS: DCM active",
@@ -75,7 +76,7 @@ def test_autopilot_says_what_is_expected_in_order(ran: Callable[[int], Ran]) -> 
 
 
 def test_yaw_differs_until_it_is_aligned(ran: Callable[[int], Ran]) -> None:
-    said = [(time_s, text) for time_s, _, text in ran(1).result.texts if "VisOdom: yaw" in text]
+    said = [(one.time_us * 1e-6, one.text) for one in ran(1).result.said if "VisOdom: yaw" in one.text]
     assert [text.split(":")[0] for _, text in said] == ["PreArm", "VisOdom"]
     assert said[0][1].startswith("PreArm: VisOdom: yaw diff 7")
     assert said[1][1] in ("VisOdom: yaw shifted 74 to 30 deg", "VisOdom: yaw shifted 75 to 30 deg")
@@ -117,7 +118,7 @@ def test_aligned_positions_follow_the_flight(ran: Callable[[int], Ran]) -> None:
 
 def test_raw_positions_are_those_of_every_odometry_message(ran: Callable[[int], Ran]) -> None:
     result = ran(1).result
-    assert len(result.raw) == len(result.poses)
+    assert len(result.arrived) == len(result.poses)
 
 
 def test_progress_goes_to_the_end(ran: Callable[[int], Ran]) -> None:
@@ -225,7 +226,7 @@ def test_flags_and_arming_over_time(ran: Callable[[int], Ran]) -> None:
         FilterFlag.ATTITUDE | FilterFlag.CONST_POS_MODE
     )
     assert flags[3] & FilterFlag.HORIZ_POS_ABS
-    assert [at(result, time_s).armed for time_s in (25.9, 26.2, 61.9, 62.2)] == [False, True, True, False]
+    assert [at(result, time_s).is_armed for time_s in (25.9, 26.2, 61.9, 62.2)] == [False, True, True, False]
 
 
 @pytest.mark.slow
