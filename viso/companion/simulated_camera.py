@@ -10,11 +10,8 @@ import quaternion
 
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.clock import OffsetClock
+from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from viso.companion.trials.scripted_flight import Flight, Vector
-
-MAV_FRAME_BODY_FRD = 12
-MAV_FRAME_LOCAL_FRD = 20
-ESTIMATOR_VIO = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +127,7 @@ class SimulatedCamera:
             pose_covariance=_covariance(self.position_noise_m, self.angle_noise_rad),
             velocity_covariance=_covariance(self.velocity_noise_m_s, self.angle_noise_rad),
             reset_counter=int(self._has_reset(time_s)),
-            estimator_type=ESTIMATOR_VIO,
+            estimator_type=MAV_ESTIMATOR_TYPE_VIO,
             quality=self._quality(time_s),
         )
 

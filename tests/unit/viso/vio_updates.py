@@ -41,7 +41,6 @@ class Flight:
                 COVARIANCE,
                 ImuBias.zero(),
                 FeatureQuality(100, 3, 5, 90, 12.5, 0.4, 0.7),
-                0,
                 frame_uuid(number - 1, 0, 0),
                 True,
                 np.array([1.0, 0.0, 0.0]),

@@ -9,10 +9,8 @@ from enum import IntEnum, IntFlag
 from typing import Final
 
 from mav_handlers.wire.messages import ADSB_VEHICLE
-from viso.companion.landmarks.types import AircraftReport
+from viso.companion.landmarks.types import M_PER_FT, M_S_PER_KT, AircraftReport
 
-M_PER_FT: Final = 0.3048
-M_S_PER_KT: Final = 0.514444
 MAX_ICAO: Final = 0xFFFFFF
 MAX_HEADING_CDEG: Final = 36000
 MAX_SPEED_CM_S: Final = 0xFFFF

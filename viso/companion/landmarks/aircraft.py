@@ -15,13 +15,18 @@ import numpy as np
 
 from viso.companion.landmarks.local_frame import FrameMode, to_enu
 from viso.companion.landmarks.observation import world_R_body
-from viso.companion.landmarks.types import AircraftReport, AircraftState, GeodeticPoint, VehiclePose
+from viso.companion.landmarks.types import (
+    M_PER_FT,
+    M_S_PER_FT_MIN,
+    M_S_PER_KT,
+    AircraftReport,
+    AircraftState,
+    GeodeticPoint,
+    VehiclePose,
+)
 from viso.companion.vio.frames import yaw_of_heading
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
-M_PER_FT: Final = 0.3048
-M_S_PER_KT: Final = 0.514444
-M_S_PER_FT_MIN: Final = 0.3048 / 60
 STALE_AFTER_S: Final = 15.0
 NEAREST_DRAWN_M: Final = 50.0
 FARTHEST_DRAWN_M: Final = 8000.0
@@ -39,29 +44,22 @@ class _Track:
 class AircraftTracker:
     """The last report of every aircraft, and how fast it turns."""
 
-    def __init__(
-        self,
-        mode: FrameMode = FrameMode.WGS84,
-        qnh_offset_m: float | None = None,
-        stale_after_s: float = STALE_AFTER_S,
-    ) -> None:
-        """Start without aircraft.
+    def __init__(self, mode: FrameMode = FrameMode.WGS84, qnh_offset_m: float | None = None) -> None:
+        """Start without aircraft; one whose report is 15 s from now, also if it is later, is not there.
 
         Args:
             mode: of the local frame.
             qnh_offset_m: what to add to pressure altitudes; None if that is not known.
-            stale_after_s: an aircraft whose report is further from now, also if it is later, is not there.
         """
         self._mode = mode
         self._qnh_offset_m = qnh_offset_m
-        self._stale_after_s = stale_after_s
         self._tracks: dict[str, _Track] = {}
 
     def add(self, report: AircraftReport) -> None:
         """Take a report; one that is a little older than the last of its aircraft is passed over."""
         track = self._tracks.get(report.icao)
         # Far apart, either way, is a new start: long silence, or a clock that was set.
-        if track is None or abs(report.t_s - track.report.t_s) > self._stale_after_s:
+        if track is None or abs(report.t_s - track.report.t_s) > STALE_AFTER_S:
             self._tracks[report.icao] = _Track(report)
         elif report.t_s >= track.report.t_s:
             self._tracks[report.icao] = _Track(report, _turn_rate_rad_s(track, report))
@@ -79,7 +77,7 @@ class AircraftTracker:
         return tuple(self._state(track, origin) for track in self._fresh(now_s))
 
     def _fresh(self, now_s: float) -> list[_Track]:
-        fresh = [track for track in self._tracks.values() if abs(now_s - track.report.t_s) <= self._stale_after_s]
+        fresh = [track for track in self._tracks.values() if abs(now_s - track.report.t_s) <= STALE_AFTER_S]
         return sorted(fresh, key=lambda track: track.report.icao)
 
     def _state(self, track: _Track, origin: GeodeticPoint) -> AircraftState:

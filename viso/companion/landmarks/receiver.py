@@ -25,7 +25,6 @@ FEWEST_AIRCRAFT: Final = 4
 _AGE_SCALE_S: Final = 30.0
 _UNKNOWN_ALTITUDE_FT: Final = 35_000.0
 _LOW_FT: Final = 15_000.0
-_LEAST_RADIUS_M, _LARGEST_RADIUS_M = 5e3, 200e3
 _ACCELERATION_M_S2: Final = 1.5
 _SHORTEST_S, _LONGEST_S = 0.1, 30.0
 _LEAST_SIGMA_M: Final = 100.0
@@ -43,7 +42,6 @@ class ReceiverEstimate:
         point: the weighted middle, at height 0.
         sigma_major_m, sigma_minor_m: spread of the aircraft along and across their cloud.
         confidence: 0 to 1.
-        radius_m: in which the receiver may be.
         used_icaos: in the order of the addresses.
         rejected_outliers: how many aircraft were too far from the others.
     """
@@ -53,7 +51,6 @@ class ReceiverEstimate:
     sigma_major_m: float
     sigma_minor_m: float
     confidence: float
-    radius_m: float
     used_icaos: tuple[str, ...]
     rejected_outliers: int
 
@@ -96,15 +93,12 @@ def estimate_receiver(
     east_m, north_m = centre.tolist()
     minor_m, major_m = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0)).tolist()
     used = [one for one, keep in zip(heard, kept.tolist(), strict=True) if keep]
-    confidence = _confidence(used, len(heard), major_m)
-    radius_m = 2 * major_m + (1 - confidence) * 20e3
     return ReceiverEstimate(
         now_s,
         to_geodetic(mode, middle, east_m, north_m, 0.0),
         major_m,
         minor_m,
-        confidence,
-        min(max(radius_m, _LEAST_RADIUS_M), _LARGEST_RADIUS_M),
+        _confidence(used, len(heard), major_m),
         tuple(one.icao for one in used),
         len(heard) - len(used),
     )

@@ -18,6 +18,9 @@ from viso.companion.landmarks.aircraft import AircraftTracker
 from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
 from viso.companion.landmarks.residuals import Innovation, aircraft_residuals, landmark_residuals
 from viso.companion.landmarks.types import (
+    M_PER_FT,
+    M_S_PER_FT_MIN,
+    M_S_PER_KT,
     AircraftReport,
     Camera,
     Detection,
@@ -37,9 +40,6 @@ HEIGHT_M: Final = 3.0
 REFERENCE: Final = GeodeticPoint(47.3977, 8.5456, 488.0)
 LANDMARKS: Final = tuple(Landmark(str(index), 10.0 + 5 * index, 5.0 + 3 * index) for index in range(5))
 """East and north of where the vehicle is at the start."""
-_M_PER_FT: Final = 0.3048
-_M_S_PER_KT: Final = 0.514444
-_M_S_PER_FT_MIN: Final = 0.3048 / 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,10 +168,10 @@ class SyntheticFlight:
                 one.icao,
                 point.latitude_deg,
                 point.longitude_deg,
-                point.alt_m / _M_PER_FT if one.tells_altitude else None,
-                one.speed_m_s / _M_S_PER_KT,
+                point.alt_m / M_PER_FT if one.tells_altitude else None,
+                one.speed_m_s / M_S_PER_KT,
                 math.degrees(one.heading_rad(t_s)) % 360,
-                one.climb_m_s / _M_S_PER_FT_MIN,
+                one.climb_m_s / M_S_PER_FT_MIN,
             )
 
     def _pictures(self) -> Iterator[Detections]:

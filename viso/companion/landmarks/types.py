@@ -17,6 +17,9 @@ import numpy.typing as npt
 
 from viso.companion.vio.se3 import Array, read_only
 
+M_PER_FT: Final = 0.3048
+M_S_PER_KT: Final = 0.514444
+M_S_PER_FT_MIN: Final = 0.3048 / 60
 _ICAO: Final = re.compile(r"[0-9A-F]{6}")
 
 

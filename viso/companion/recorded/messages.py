@@ -17,12 +17,10 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
+from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from viso.companion.recorded.recorded_trajectory import Pose
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log
 
-MAV_FRAME_BODY_FRD: Final = 12
-MAV_FRAME_LOCAL_FRD: Final = 20
-MAV_ESTIMATOR_TYPE_VIO: Final = 3
 MAX_DELTA_US: Final = 1_000_000
 """A change over a longer time says nothing of the velocity at its end, and is not sent."""
 

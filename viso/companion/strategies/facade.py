@@ -125,7 +125,6 @@ class NativeFacade(StrategyBase):
             pose_covariance_6x6=self._covariance,
             imu_bias=ImuBias(bias.accel, bias.gyro),
             feature_quality=_quality(features),
-            emitted_at=self.context.clock_ns(),
             keyframe_id=keyframe_id,
             is_keyframe=bool(pose.is_keyframe),
             velocity_b=world_T_body.R.T.dot(read_only(pose.velocity_world, (3,), "velocity_world")),

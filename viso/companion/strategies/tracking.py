@@ -7,7 +7,9 @@ import math
 from dataclasses import dataclass
 from typing import Final, Generic, Protocol, TypeVar
 
+import cv2
 import numpy as np
+import threadpoolctl
 
 from viso.companion.klt.front_end import FrontEnd, Sighting
 from viso.companion.klt.keyframes import Keyframe
@@ -25,7 +27,6 @@ from viso.companion.vio.imu_window import steps_of
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
-from viso.companion.vio.threads import limit_threads
 from viso.companion.vio.types import (
     CameraCalibration,
     FeatureQuality,
@@ -120,7 +121,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
     def __init__(self, context: StrategyContext) -> None:
         super().__init__(context)
         config, calibration = context.config, context.calibration
-        limit_threads(config.threads)
+        _limit_threads(config.threads)
         divisor = shrink_factor(calibration.width, config.working_width_px)
         self._images = WorkingImages(divisor, clahe=config.clahe)
         self._front = FrontEnd(scaled(calibration, divisor), config)
@@ -243,9 +244,18 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             pose_covariance_6x6=cov,
             imu_bias=state.bias,
             feature_quality=quality,
-            emitted_at=self.context.clock_ns(),
             keyframe_id=outcome.reference.frame_id,
             is_keyframe=outcome.is_keyframe,
             velocity_b=state.R.T.dot(state.v),
             world_T_body=SE3(state.pose.R, state.p + self._origin),
         )
+
+
+def _limit_threads(count: int) -> None:
+    """Let the libraries for pictures and for linear algebra use so many threads, in all of this process.
+
+    The matrices of a filter are small: two threads take longer for them than one, and eight times as long where
+    another program keeps the second core busy.
+    """
+    cv2.setNumThreads(count)
+    threadpoolctl.threadpool_limits(limits=count, user_api="blas")

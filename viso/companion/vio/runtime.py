@@ -10,7 +10,7 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.registry import build_vio_strategy
-from viso.companion.vio.types import CameraCalibration, VioHealth, WarmStartPose
+from viso.companion.vio.types import CameraCalibration, WarmStartPose
 from viso.companion.vio.update import Listener
 from viso.companion.vio.worker import ImuWindows, VioWorker
 
@@ -108,7 +108,3 @@ class VioRuntime:
     def warm_start(self, pose: WarmStartPose) -> None:
         """Let the strategy start from a state before its next frame; from any thread."""
         self.worker.request_warm_start(pose)
-
-    def health(self) -> VioHealth:
-        """Return the health; from any thread, without waiting."""
-        return self.worker.health()

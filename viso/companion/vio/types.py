@@ -317,7 +317,6 @@ class VioOutput:
         pose_covariance_6x6: of it, right perturbation, (rx, ry, rz, tx, ty, tz).
         imu_bias: the estimate.
         feature_quality: what the front end made of the frame.
-        emitted_at: when this was ready.
         keyframe_id: of K, the keyframe that the pose refers to.
         is_keyframe: whether this frame is the keyframe of the outputs after it.
         velocity_b: in m/s, in the body (FLU).
@@ -329,7 +328,6 @@ class VioOutput:
     pose_covariance_6x6: Array
     imu_bias: ImuBias
     feature_quality: FeatureQuality
-    emitted_at: int
     keyframe_id: uuid.UUID
     is_keyframe: bool
     velocity_b: Array

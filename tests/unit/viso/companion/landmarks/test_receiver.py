@@ -51,7 +51,7 @@ def off_m(estimate: ReceiverEstimate | FilteredPosition, middle: GeodeticPoint =
 
 def at(t_s: float, east_m: float, sigma_major_m: float = 1000.0) -> ReceiverEstimate:
     point = to_geodetic(MODE, MIDDLE, east_m, 0.0, 0.0)
-    return ReceiverEstimate(t_s, point, sigma_major_m, 500.0, 0.5, 12_000.0, ("000000",), 0)
+    return ReceiverEstimate(t_s, point, sigma_major_m, 500.0, 0.5, ("000000",), 0)
 
 
 def test_a_cross_of_aircraft_has_its_middle_and_its_spread() -> None:
@@ -63,19 +63,12 @@ def test_a_cross_of_aircraft_has_its_middle_and_its_spread() -> None:
     assert estimate.rejected_outliers == 0
 
 
-def test_the_confidence_and_the_radius_are_their_formulas() -> None:
+def test_the_confidence_is_its_formula() -> None:
     high, low = estimated(heard(CROSS)), estimated(heard(CROSS, altitude_ft=14_999.0))
     major_m = math.sqrt(50e6)
     expected = 0.30 * 4 / 20 + 0.25 * math.exp(-major_m / 40e3) + 0.15
     assert high.confidence == pytest.approx(expected, rel=1e-6)
     assert low.confidence == pytest.approx(expected + 0.30 * 4 / 6, rel=1e-6)
-    assert high.radius_m == pytest.approx(2 * major_m + (1 - expected) * 20e3, rel=1e-6)
-
-
-@pytest.mark.parametrize(("scale", "radius_m"), [(0.0, 5e3), (100.0, 200e3)])
-def test_the_radius_has_bounds(scale: float, radius_m: float) -> None:
-    many = [(scale * east, scale * north) for east, north in CROSS * 6]
-    assert estimated(heard(many, altitude_ft=5000.0)).radius_m == radius_m
 
 
 def test_low_and_fresh_aircraft_count_more() -> None:

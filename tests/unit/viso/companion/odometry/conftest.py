@@ -54,7 +54,6 @@ class Strategy:
             self.pose_covariance,
             bias or ImuBias.zero(),
             GOOD,
-            0,
             self.keyframe_id,
             is_keyframe,
             np.array(velocity_b),

@@ -78,7 +78,6 @@ def make_output(frame: NavCameraFrame, **changed: Any) -> VioOutput:
         "pose_covariance_6x6": np.diag([1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4]),
         "imu_bias": ImuBias(np.array([0.1, 0.0, 0.2]), np.array([0.01, 0.02, 0.0])),
         "feature_quality": FeatureQuality(120, 3, 5, 100, 4.5, 0.5, 0.8),
-        "emitted_at": frame.capture_timestamp + 1_000_000,
         "keyframe_id": frame.frame_id,
         "is_keyframe": True,
         "velocity_b": np.array([1.0, 2.0, 3.0]),

@@ -23,7 +23,6 @@ def output() -> VioOutput:
         pose_covariance_6x6=np.eye(6),
         imu_bias=ImuBias.zero(),
         feature_quality=FeatureQuality(0, 0, 0, 0, 0.0, 0.0, 0.0),
-        emitted_at=0,
         keyframe_id=frame_uuid(1, 1, 1),
         is_keyframe=False,
         velocity_b=np.zeros(3),

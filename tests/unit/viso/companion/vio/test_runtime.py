@@ -101,7 +101,7 @@ def test_runs_until_the_source_ends(monkeypatch: pytest.MonkeyPatch) -> None:
         assert runtime.wait(LIMIT_S)
     assert runtime.worker.counters["tracking"] + rig.updates[-1].dropped == 20
     assert rig.updates[-1].sequence == 20
-    assert runtime.health().state is VioState.TRACKING
+    assert runtime.worker.health().state is VioState.TRACKING
 
 
 @pytest.mark.parametrize("depth", [1, 3])
@@ -175,7 +175,7 @@ def test_failing_camera_ends_in_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig(monkeypatch, Camera(5, fail))
     with rig.runtime as runtime:
         assert runtime.wait(LIMIT_S)
-    assert runtime.health().state is VioState.LOST
+    assert runtime.worker.health().state is VioState.LOST
     assert rig.updates[-1].health.state is VioState.LOST
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from viso.companion.vio.threads import limit_threads
+from viso.companion.strategies.tracking import _limit_threads
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,7 @@ def _as_it_was() -> Iterator[None]:
 @pytest.mark.parametrize("count", [1, 2])
 def test_both_libraries_take_as_many_as_they_may(count: int) -> None:
     np.linalg.inv(np.eye(3))
-    limit_threads(count)
+    _limit_threads(count)
     pools = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
     assert pools
     assert {pool["num_threads"] for pool in pools} == {count}
