@@ -25,10 +25,9 @@ from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
 from viso.errors import InputError
 from viso.files.text_files import write_text
-from viso.landmarks.aircraft import AircraftSender
 from viso.landmarks.camera import KEYS, camera_of
 from viso.landmarks.inputs import STANDARD_INPUT, Merged, is_live
-from viso.landmarks.live import Live, standard_lines
+from viso.landmarks.live import AircraftSender, Live, standard_lines
 from viso.landmarks.report import drops, fit_lines, oddities, refusals, summary_table
 from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink, write_bytes
 from viso.logs.recorded import read_log

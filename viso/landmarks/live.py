@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The inputs of ``viso landmarks`` that go on: links, standard input, and files that are still written to."""
+"""The inputs of ``viso landmarks`` that go on: links, standard input, and files that grow; and what passes aircraft on."""
 
 import json
 import os
@@ -17,13 +17,14 @@ from typing import Any, Final, Generic, TypeVar
 from mav_handlers.links import open_link
 from mav_handlers.links.base import Link
 from mav_handlers.wire.codec import Codec
+from viso.companion.landmarks.adsb_vehicle import to_message
 from viso.companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
 from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader
 from viso.companion.landmarks.inputs.files import InputOptions, open_file
 from viso.companion.landmarks.inputs.lines import LineSplitter, TextFile
 from viso.companion.landmarks.inputs.sbs1 import Sbs1Reader
 from viso.companion.landmarks.inputs.vehicle import MavlinkStream
-from viso.companion.landmarks.types import Event
+from viso.companion.landmarks.types import AircraftReport, Event
 from viso.companion.odometry.inbound import stream_requests
 from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US
 from viso.errors import InputError
@@ -35,6 +36,7 @@ LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""
 CHUNK_BYTES: Final = 1 << 16
 RATES_HZ: Final = {"ATTITUDE": 20.0, "LOCAL_POSITION_NED": 20.0, "GLOBAL_POSITION_INT": 5.0}
+MAV_COMP_ID_ADSB: Final = 156
 _REQUEST_PERIOD_S: Final = 5.0
 
 
@@ -328,3 +330,28 @@ def _record(text: str) -> object:
     except (ValueError, RecursionError):
         return None
     return record
+
+
+class AircraftSender:
+    """Passes the aircraft that a receiver hears on to an autopilot, as that receiver would (ADSB_VEHICLE).
+
+    Args:
+        link: to the autopilot.
+        system_id: of the vehicle that carries the receiver.
+
+    Attributes:
+        sent: how many reports were sent.
+    """
+
+    def __init__(self, link: Link, system_id: int = 1) -> None:
+        self._link = link
+        self._codec = Codec(system_id, MAV_COMP_ID_ADSB)
+        self.sent = 0
+
+    def take(self, event: Event) -> None:
+        """Take what happened; all but reports of aircraft is passed over, and so is what the autopilot answers."""
+        while self._link.receive():
+            pass
+        if isinstance(event, AircraftReport):
+            self._link.send(self._codec.encode(to_message(event, event.t_s)))
+            self.sent += 1

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array
 from viso.companion.world.motion import Trajectory as WorldTrajectory
 from viso.sensors.options import ImuOptions
@@ -34,8 +34,8 @@ class WorldFlight:
 
     def at(self, t_s: Array) -> tuple[Array, Array, Array]:
         """Return positions [N, 3] in m, velocities [N, 3] in m/s and attitudes [N, 3, 3], body to NED, at times [N]."""
-        motion, to_ned = self._trajectory.motion(t_s), enu_to_ned()
-        rotation = np.einsum("ij,njk,kl->nil", to_ned, motion.rotation_wb, flu_to_frd())
+        motion, to_ned = self._trajectory.motion(t_s), ENU_TO_NED
+        rotation = np.einsum("ij,njk,kl->nil", to_ned, motion.rotation_wb, FLU_TO_FRD)
         return (motion.position_w - self._start_w).dot(to_ned.T), motion.velocity_w.dot(to_ned.T), rotation
 
 

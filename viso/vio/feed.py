@@ -4,20 +4,10 @@
 
 import dataclasses
 import queue
-from typing import Protocol
+from collections.abc import Callable
 
 from viso.companion.sources.base import Recording
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
-
-
-class Sensors(Protocol):
-    """Who takes what is no picture."""
-
-    def take_imu(self, sample: ImuSample) -> None:
-        """Take what the IMU measured."""
-
-    def take_height(self, height: HeightMeasurement) -> None:
-        """Take a height above ground."""
 
 
 class HandedFrames:
@@ -46,13 +36,20 @@ class RecordingFeed:
 
     Args:
         recording: what to hand over.
-        sensors: gets what is no picture.
+        take_imu: gets what the IMU measured.
+        take_height: gets heights above ground.
         frames: gets the pictures.
     """
 
-    def __init__(self, recording: Recording, sensors: Sensors, frames: HandedFrames) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        take_imu: Callable[[ImuSample], object],
+        take_height: Callable[[HeightMeasurement], object],
+        frames: HandedFrames,
+    ) -> None:
         self._events = recording.events()
-        self._sensors, self._frames = sensors, frames
+        self._take_imu, self._take_height, self._frames = take_imu, take_height, frames
         self._next = next(self._events, None)
         self._due_ns: int | None = None  # it has not begun
         self._shift_ns = 0
@@ -90,8 +87,8 @@ class RecordingFeed:
     def _hand(self, event: SensorEvent) -> None:
         t_ns = event.t_ns + self._shift_ns
         if isinstance(event, ImuSample):
-            self._sensors.take_imu(dataclasses.replace(event, t_ns=t_ns))
+            self._take_imu(dataclasses.replace(event, t_ns=t_ns))
         elif isinstance(event, NavCameraFrame):
             self._frames.hand(dataclasses.replace(event, capture_timestamp=t_ns))
         else:
-            self._sensors.take_height(dataclasses.replace(event, t_ns=t_ns))
+            self._take_height(dataclasses.replace(event, t_ns=t_ns))

@@ -77,7 +77,7 @@ class LiveVio:
         if isinstance(source, LiveCamera):
             frames, streams, is_north = source.open(now_ns), _CAMERA_STREAMS, False
         else:
-            self._feed = RecordingFeed(source, self, self._handed)
+            self._feed = RecordingFeed(source, self.take_imu, self.take_height, self._handed)
             on_imu, is_north = _leave_out, source.world_is_north
             streams = {} if is_north else _NORTH_STREAMS
         inbound = FcInbound(self._sync, on_imu, self._take_agl)

@@ -16,7 +16,7 @@ from viso.companion.odometry.inbound import FcInbound, stream_requests
 from viso.companion.odometry.sender import OdometrySender
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.frames import enu_to_ned
+from viso.companion.vio.frames import ENU_TO_NED
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import SE3, Array
@@ -79,9 +79,9 @@ class AutopilotState(FcInbound):
         told_ns, at = self._place
         if abs(t_ns - told_ns) > MAX_POSITION_AGE_NS:
             return None
-        velocity = enu_to_ned().T.dot([at.vx, at.vy, at.vz])
+        velocity = ENU_TO_NED.T.dot([at.vx, at.vy, at.vz])
         since_s = (t_ns - told_ns) * 1e-9
-        return self._origin_w + enu_to_ned().T.dot([at.x, at.y, at.z]) + velocity * since_s, velocity
+        return self._origin_w + ENU_TO_NED.T.dot([at.x, at.y, at.z]) + velocity * since_s, velocity
 
 
 class VirtualCompanion:

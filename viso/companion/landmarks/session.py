@@ -93,6 +93,7 @@ class Session:
         settings: how to look.
 
     Attributes:
+        camera: as it is now believed to be.
         dropped: events that were of no use, by reason.
         poses: the newest 200 000.
         pictures: those of the newest 20 000 that had a pose.
@@ -101,7 +102,7 @@ class Session:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._camera = settings.camera
+        self.camera = settings.camera
         self._tracker = AircraftTracker(settings.mode, settings.qnh_offset_m)
         self._reference = settings.reference
         self._fix: GlobalFix | None = None
@@ -114,11 +115,6 @@ class Session:
         self.poses: deque[VehiclePose] = deque(maxlen=MOST_POSES)
         self.pictures: deque[Detections] = deque(maxlen=MOST_PICTURES)
         self.scenes = 0
-
-    @property
-    def camera(self) -> Camera:
-        """As it is now believed to be."""
-        return self._camera
 
     @property
     def landmarks(self) -> tuple[Landmark, ...]:
@@ -192,14 +188,14 @@ class Session:
         elif not self._settings.keeps_intrinsics:
             names = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
             try:
-                self._camera = replace(self._camera, **{name: getattr(info, name) for name in names})
+                self.camera = replace(self.camera, **{name: getattr(info, name) for name in names})
             except ValueError:
                 self.dropped["a camera that cannot be"] += 1
 
     def _with_what_is_known(self, seen: Detections) -> _Waiting:
         origin = self._origin()
         states = () if origin is None else self._tracker.states(seen.t_s, origin)
-        return _Waiting(seen, self._camera, self._landmarks, states, origin)
+        return _Waiting(seen, self.camera, self._landmarks, states, origin)
 
     def _origin(self) -> GeodeticPoint | None:
         """Return where the vehicle is, with the altitude of the reference."""

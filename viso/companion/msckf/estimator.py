@@ -8,14 +8,13 @@ from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.multi_state import Plane, TracksUsed, use_tracks
 from viso.companion.msckf.tracks import RIPE, TrackBook, padded
 from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
-from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.imu_window import bracketed
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuWindow
 
 UNSURE_VELOCITY_M_S: Final = 0.1
 UNSURE_PASSES: Final = 3
 _RATIO_KEPT: Final = 0.9
-_LONG_STEP_S: Final = 0.1  # between two inertial samples: anything may have happened
 
 
 class WindowEstimator:
@@ -45,14 +44,7 @@ class WindowEstimator:
 
     def propagate(self, window: ImuWindow) -> None:
         """Move on by inertial data or, where there are none, as the body moved last."""
-        steps = steps_of(window)
-        if not len(steps.dt_s):
-            self.state.propagate_blind((window.end_t_ns - window.start_t_ns) * 1e-9)
-            return
-        self.state.propagate(steps)
-        unmeasured_s = float(steps.dt_s[steps.dt_s > _LONG_STEP_S].sum())
-        if unmeasured_s > 0:
-            self.state.blur(unmeasured_s)
+        self.state.carry_on(window, bracketed(window))
 
     def add_frame(self, number: int, sighting: Sighting, plane: Plane | None, keep: int | None) -> TracksUsed:
         """Take in a frame in motion: keep its pose, and use the tracks whose turn it is.

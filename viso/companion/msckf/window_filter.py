@@ -11,6 +11,7 @@ filters, and a bad first estimate does no lasting harm.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,10 +19,10 @@ import numpy as np
 
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_noise import ImuNoise
-from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.imu_window import ImuSteps, steps_between
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.se3 import SE3, Array, right_jacobian, skew, so3_exp
-from viso.companion.vio.types import ImuBias
+from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 
 # Of the error vector: attitude (rad), position (m), velocity (m/s), all in the world, gyro bias (rad/s) and
 # accelerometer bias (m/s^2) in the body; then attitude and position of each past pose.
@@ -37,6 +38,7 @@ CLONE: Final = 6
 # What may happen to a body while nothing is measured.
 UNNOTICED_RAD_S: Final = 0.5
 UNNOTICED_M_S2: Final = 3.0
+LONG_STEP_S: Final = 0.1  # between two inertial samples: anything may have happened
 
 GRAVITY_ENU: Final = np.array([0.0, 0.0, -GRAVITY_MSS])
 _IDENTITY: Final = np.eye(3)
@@ -104,6 +106,22 @@ class WindowFilter:
         transition[POS, VEL] = _IDENTITY * dt_s
         transition[:9, 9:] = into_world.dot(delta.jac_bias)
         self._propagate_cov(transition, into_world.dot(delta.cov).dot(into_world.T), dt_s)
+
+    def carry_on(self, window: ImuWindow, samples: Sequence[ImuSample]) -> bool:
+        """Move on over a window; tell whether all of it was measured.
+
+        Args:
+            window: the inertial data between two frames.
+            samples: those in it from stamp to stamp; without any, the body moves as it did last.
+        """
+        steps = steps_between(samples)
+        self.propagate(steps)
+        unmeasured_s = float(steps.dt_s[steps.dt_s > LONG_STEP_S].sum())
+        if not samples:
+            self.propagate_blind((window.end_t_ns - window.start_t_ns) * 1e-9)
+        elif unmeasured_s > 0:
+            self.blur(unmeasured_s)
+        return bool(samples) and unmeasured_s == 0
 
     def propagate_blind(self, dt_s: float) -> None:
         """Move on without inertial data: as the body moved last, which is far from certain."""

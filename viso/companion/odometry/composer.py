@@ -14,7 +14,7 @@ import numpy as np
 
 from viso.companion.vio.config import LocalAlignment
 from viso.companion.vio.covariance import sound_covariance
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import SE3, Array, so3_exp, yaw_of
 from viso.companion.vio.types import VioOutput
 
@@ -23,7 +23,7 @@ AGL_SCALE_SIGMA: Final = 0.02
 
 def local_to_frd(alignment: LocalAlignment) -> Array:
     """Return the matrix from L to the axes of the message: NED, or x along the first heading, y right, z down."""
-    return enu_to_ned() if alignment is LocalAlignment.NORTH else flu_to_frd()
+    return ENU_TO_NED if alignment is LocalAlignment.NORTH else FLU_TO_FRD
 
 
 @dataclass(frozen=True, slots=True, eq=False)

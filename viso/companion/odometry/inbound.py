@@ -22,7 +22,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.companion.odometry.clock_sync import ClockSync
-from viso.companion.vio.frames import GRAVITY_MSS, enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
 from viso.companion.vio.types import ImuSample
 
@@ -133,12 +133,12 @@ class FcInbound:
         fc_ns = message.time_boot_ms * 1_000_000 if isinstance(message, SCALED_IMU) else message.time_usec * 1000
         t_ns = self._time_ns("imu", kind, fc_ns, arrival_ns)
         self._imu_source, self._imu_arrival_ns = kind, arrival_ns
-        self._on_imu(ImuSample(t_ns, flu_to_frd().dot(accel_frd), flu_to_frd().dot(gyro_frd)))
+        self._on_imu(ImuSample(t_ns, FLU_TO_FRD.dot(accel_frd), FLU_TO_FRD.dot(gyro_frd)))
 
     def _take_attitude(self, message: _Attitude, arrival_ns: int) -> None:
         ned_R_frd = _ned_R_frd(message)
         t_ns = self._time_ns("attitude", type(message), message.time_boot_ms * 1_000_000, arrival_ns)
-        self._attitudes.append(FcAttitude(t_ns, enu_to_ned().T.dot(ned_R_frd).dot(flu_to_frd())))
+        self._attitudes.append(FcAttitude(t_ns, ENU_TO_NED.T.dot(ned_R_frd).dot(FLU_TO_FRD)))
 
     def _take_distance(self, message: DISTANCE_SENSOR, arrival_ns: int) -> None:
         if message.orientation != MAV_SENSOR_ROTATION_PITCH_270:

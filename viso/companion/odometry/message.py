@@ -12,7 +12,7 @@ from viso.companion.odometry.composer import local_to_frd
 from viso.companion.odometry.encoding import edge_covariance, encoded
 from viso.companion.odometry.propagation import MotionState
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
-from viso.companion.vio.frames import flu_to_frd
+from viso.companion.vio.frames import FLU_TO_FRD
 from viso.companion.vio.se3 import quat_wxyz_from_rotation
 
 MAV_FRAME_BODY_FRD: Final = 12
@@ -43,7 +43,7 @@ def odometry_message(
         encoding: of the covariance.
         time_us: to stamp the message with, on the companion's clock; None for the state's own time.
     """
-    to_frd, body_to_frd = local_to_frd(alignment), flu_to_frd()
+    to_frd, body_to_frd = local_to_frd(alignment), FLU_TO_FRD
     L_T_B = state.pose.L_T_B
     x, y, z = to_frd.dot(L_T_B.t).tolist()
     vx, vy, vz = body_to_frd.dot(state.velocity_b).tolist()

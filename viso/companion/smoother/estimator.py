@@ -15,13 +15,12 @@ from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smo
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
 from viso.companion.vio.imu_noise import ImuNoise
-from viso.companion.vio.imu_window import bracketed, steps_between
+from viso.companion.vio.imu_window import bracketed
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuSample, ImuWindow
 
 EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
 EARLY_PASSES: Final = 4
-LONG_STEP_S: Final = 0.1  # between two inertial samples: anything may have happened
 _RATIO_KEPT: Final = 0.9
 _SIGHTINGS_LAG_NS: Final = round((LAG_S - 0.5) * 1e9)  # none from a node that is about to be forgotten
 
@@ -98,14 +97,7 @@ class SmootherEstimator:
     def propagate(self, window: ImuWindow) -> None:
         """Move on by inertial data; where they are missing, the smoother has to begin anew."""
         samples = bracketed(window)
-        steps = steps_between(samples)
-        self.state.propagate(steps)
-        unmeasured_s = float(steps.dt_s[steps.dt_s > LONG_STEP_S].sum())
-        if not samples:
-            self.state.propagate_blind((window.end_t_ns - window.start_t_ns) * 1e-9)
-        elif unmeasured_s > 0:
-            self.state.blur(unmeasured_s)
-        if not samples or unmeasured_s > 0:
+        if not self.state.carry_on(window, samples):
             self._smoother = None
         for sample in samples:
             if not self._since or sample.t_ns > self._since[-1].t_ns:

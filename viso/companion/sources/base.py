@@ -14,7 +14,7 @@ from viso.companion.recorded.frame_change import axes_matrix
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.frames import flu_to_frd
+from viso.companion.vio.frames import FLU_TO_FRD
 from viso.companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -155,7 +155,7 @@ def body_rotation(letters: str, mounting: Array | None = None) -> Array:
     to_frd = axes_matrix(letters)
     if np.linalg.det(to_frd) < 0:
         raise ValueError(f"{letters!r} are left-handed")
-    rotation: Array = flu_to_frd().dot(to_frd if mounting is None else mounting.dot(to_frd))
+    rotation: Array = FLU_TO_FRD.dot(to_frd if mounting is None else mounting.dot(to_frd))
     return rotation
 
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.trials.evaluation import TimedPoses
-from viso.companion.vio.frames import GRAVITY_MSS, enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
 from viso.companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
 from viso.companion.vio.types import ImuBias, ImuSample, WarmStartPose
 
@@ -96,8 +96,8 @@ def drone_track(attitudes: Array, positions: Array, spans: Sequence[tuple[float,
     quats = [_quat_wxyz(*rpy) for rpy in zip(*(angle.tolist() for angle in angles), strict=True)]
     return DroneTrack(
         boot_s - _boot_of_video_s(spans) - DELAY_S,
-        positions[:, 1:4] @ enu_to_ned(),
-        positions[:, 4:7] @ enu_to_ned(),
+        positions[:, 1:4] @ ENU_TO_NED,
+        positions[:, 4:7] @ ENU_TO_NED,
         0.5 * math.pi - angles[2],
         np.array(quats),
     )
@@ -115,4 +115,4 @@ def _boot_of_video_s(spans: Sequence[tuple[float, float, float, float]]) -> floa
 
 def _quat_wxyz(roll: float, pitch: float, yaw: float) -> Array:
     ned_R_frd = so3_exp(yaw * _Z).dot(so3_exp(pitch * _Y)).dot(so3_exp(roll * _X))
-    return quat_wxyz_from_rotation(enu_to_ned().T.dot(ned_R_frd).dot(flu_to_frd()))
+    return quat_wxyz_from_rotation(ENU_TO_NED.T.dot(ned_R_frd).dot(FLU_TO_FRD))

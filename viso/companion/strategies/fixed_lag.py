@@ -5,11 +5,9 @@
 from typing import Final
 
 from viso.companion.klt.keyframes import Keyframe
-from viso.companion.msckf.aiding import stand_still
-from viso.companion.msckf.stillness import SPAN_NS
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
-from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy, translation_trace
 from viso.companion.vio.config import AglSource
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
@@ -57,9 +55,7 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
 
     def _add_node(self, estimator: SmootherEstimator, seen: Seen) -> NodeFacts:
         state, t_ns = estimator.state, seen.window.end_t_ns
-        # Inertial data count once, though each node looks back over the same span.
-        share = min(1.0, (t_ns - self._node_ns) / SPAN_NS)
-        self._rests = self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
+        self._rests = self._takes_rest(state, t_ns - self._node_ns)
         height = None
         if self.context.config.agl_source is not AglSource.NONE:
             height = self.heights.take(t_ns, self._ground.z_m, state.v)
@@ -84,13 +80,8 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
             is_keyframe,
             PIXEL_SIGMA * last.mre_sigmas,
             estimator.innovation_ratio,
-            covariance_trace=_trace(state, reference.number, last.depth_m) if is_next else None,
+            covariance_trace=translation_trace(state, reference.number, last.depth_m) if is_next else None,
             is_refused=node is not None and node.landmarks >= FEWEST_REFUSED and node.agreeing == 0,
             has_failed=node is not None and node.failed,
             leaves_scale_open=floats or self._ground.leaves_scale_open(state),
         )
-
-
-def _trace(state: WindowFilter, number: int, depth_m: float) -> float:
-    """Return the trace of the covariance of the translation since a node, in units of the scene's depth."""
-    return float(state.relative_to(number)[1][3:, 3:].trace()) / depth_m**2

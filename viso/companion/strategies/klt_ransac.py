@@ -5,14 +5,11 @@
 from typing import Final
 
 from viso.companion.klt.keyframes import Keyframe
-from viso.companion.msckf.aiding import stand_still
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.multi_state import TracksUsed
-from viso.companion.msckf.stillness import SPAN_NS
 from viso.companion.msckf.window_filter import WindowFilter
-from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy, translation_trace
 from viso.companion.vio.config import AglSource, Scene
-from viso.companion.vio.types import ImuWindow
 
 PIXEL_SIGMA: Final = 0.5
 MIN_CLONE_INTERVAL_NS: Final = 80_000_000
@@ -48,7 +45,7 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
     def _update(self, estimator: WindowEstimator, seen: Seen) -> Outcome:
         state, keyframe, t_ns = estimator.state, self._keyframe, seen.window.end_t_ns
         self._number += 1
-        rests = keyframe is not None and self._take_rest(state, seen.window)
+        rests = keyframe is not None and self._takes_rest(state, t_ns - seen.window.start_t_ns)
         is_cloned = keyframe is None or (not rests and self._is_due(seen))
         used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
         if self.context.config.agl_source is not AglSource.NONE:
@@ -71,12 +68,6 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
             leaves_scale_open=self._ground.leaves_scale_open(state),
         )
 
-    def _take_rest(self, state: WindowFilter, window: ImuWindow) -> bool:
-        """Take in that nothing moves, if that is so; such a frame tells no more."""
-        # Inertial data count once, though each frame looks back over the same span.
-        share = min(1.0, (window.end_t_ns - window.start_t_ns) / SPAN_NS)
-        return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
-
     def _is_due(self, seen: Seen) -> bool:
         """Tell whether to keep the pose of a frame."""
         return seen.sighting.model is not None and seen.window.end_t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
@@ -98,5 +89,4 @@ def _last_trace(state: WindowFilter, depth_m: float) -> float | None:
     """
     if len(state.clones) < 2:
         return None
-    translation = state.relative_to(state.clones[-2].number)[1][3:, 3:]
-    return float(translation.trace()) / depth_m**2
+    return translation_trace(state, state.clones[-2].number, depth_m)

@@ -14,10 +14,11 @@ import threadpoolctl
 from viso.companion.klt.front_end import FrontEnd, Sighting
 from viso.companion.klt.keyframes import Keyframe
 from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.msckf.aiding import stand_still
 from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.imu_period import ImuPeriod
-from viso.companion.msckf.stillness import Stillness, level_rotation
+from viso.companion.msckf.stillness import SPAN_NS, Stillness, level_rotation
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource
@@ -190,6 +191,12 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             outcome = self._update(self._estimator, seen)
         return self._answer(self._estimator.state, seen, outcome)
 
+    def _takes_rest(self, state: WindowFilter, span_ns: int) -> bool:
+        """Take in that nothing has moved for a while, if that is so; tell whether."""
+        # Inertial data count once, though each frame looks back over the same span.
+        share = min(1.0, span_ns / SPAN_NS)
+        return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
+
     def _move(self, window: ImuWindow) -> tuple[Array, Array]:
         """Propagate; return the rotation of the camera since the last frame, and where directions should have gone."""
         estimator, B_R_C = self._estimator, self._B_T_C.R
@@ -249,6 +256,11 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             velocity_b=state.R.T.dot(state.v),
             world_T_body=SE3(state.pose.R, state.p + self._origin),
         )
+
+
+def translation_trace(state: WindowFilter, number: int, depth_m: float) -> float:
+    """Return the trace of the covariance of the translation since a frame, in units of the scene's depth."""
+    return float(state.relative_to(number)[1][3:, 3:].trace()) / depth_m**2
 
 
 def _limit_threads(count: int) -> None:

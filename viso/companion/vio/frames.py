@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frames of the companion's side, and the only functions that change handedness.
+"""The frames of the companion's side, and the only matrices that change handedness.
 
 World: ENU (x east, y north, z up). Body: FLU (x forward, y left, z up), its origin in the IMU. Camera: x right, y down,
 z along the view. At the MAVLink edge the body is FRD and the local frame NED or LOCAL_FRD.
@@ -23,8 +23,9 @@ def _fixed(rows: list[list[float]]) -> Array:
     return matrix
 
 
-_FLU_TO_FRD: Final = _fixed([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
-_ENU_TO_NED: Final = _fixed([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+# From a body's FLU axes to its FRD axes, and from ENU to NED; each is its own inverse.
+FLU_TO_FRD: Final = _fixed([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
+ENU_TO_NED: Final = _fixed([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 # B_R_C of a camera that looks ahead, and of one that looks down with the top of its image forward.
 MOUNTINGS: Final = MappingProxyType(
@@ -33,16 +34,6 @@ MOUNTINGS: Final = MappingProxyType(
         "nadir": _fixed([[0, -1, 0], [-1, 0, 0], [0, 0, -1]]),
     }
 )
-
-
-def flu_to_frd() -> Array:
-    """Return the matrix from a body's FLU axes to its FRD axes; it is its own inverse."""
-    return _FLU_TO_FRD
-
-
-def enu_to_ned() -> Array:
-    """Return the matrix from ENU to NED axes; it is its own inverse."""
-    return _ENU_TO_NED
 
 
 def yaw_of_heading(heading_rad: float) -> float:

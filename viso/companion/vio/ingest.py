@@ -32,6 +32,11 @@ class DropOldestQueue:
 
     Args:
         depth: frames that may wait.
+
+    Attributes:
+        dropped: how many frames gave way to newer ones.
+        closed: whether no more frames come.
+        failure: why no more frames come, if that is a fault.
     """
 
     def __init__(self, depth: int = 1) -> None:
@@ -40,14 +45,9 @@ class DropOldestQueue:
         self._frames: deque[NavCameraFrame] = deque()
         self._depth = depth
         self._changed = threading.Condition()
-        self._closed = False
-        self._failure: str | None = None
-        self._dropped = 0
-
-    @property
-    def dropped(self) -> int:
-        """How many frames gave way to newer ones."""
-        return self._dropped
+        self.closed = False
+        self.failure: str | None = None
+        self.dropped = 0
 
     def put(self, frame: NavCameraFrame) -> None:
         """Append a frame; never waits for room."""
@@ -66,7 +66,7 @@ class DropOldestQueue:
             The frame, or None if there was none in time, or the queue is closed and empty.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._frames or self._closed, timeout_s)
+            self._changed.wait_for(lambda: self._frames or self.closed, timeout_s)
             self._drop_all_but(1)
             return self._frames.popleft() if self._frames else None
 
@@ -77,24 +77,14 @@ class DropOldestQueue:
             failure: why no more frames come, if that is a fault.
         """
         with self._changed:
-            self._failure = self._failure or failure
-            self._closed = True
+            self.failure = self.failure or failure
+            self.closed = True
             self._changed.notify_all()
-
-    @property
-    def closed(self) -> bool:
-        """Whether no more frames come."""
-        return self._closed
-
-    @property
-    def failure(self) -> str | None:
-        """Why no more frames come, if that is a fault."""
-        return self._failure
 
     def _drop_all_but(self, count: int) -> None:
         while len(self._frames) > count:
             self._frames.popleft()
-            self._dropped += 1
+            self.dropped += 1
 
 
 class CameraIngest:

@@ -16,7 +16,7 @@ from mav_handlers.wire.messages import ODOMETRY
 from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.closed_loop.loop import LoopSetup
 from viso.closed_loop.record import Arrived, Estimate
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 from viso.companion.world.ground import generate_texture
 from viso.demo.survey_flight import SurveyPlan, survey_flight
@@ -33,7 +33,7 @@ def true_pose(time_us: int) -> tuple[Array, Array]:
     """Return where the vehicle is, straight from the world's."""
     start = SETUP.flight.truth(SETUP.flight.start_ns)
     pose = SETUP.flight.truth(SETUP.flight.start_ns + (time_us - SETUP.companion_us) * 1000)
-    return enu_to_ned().dot(pose.t - start.t), enu_to_ned().dot(pose.R).dot(flu_to_frd())
+    return ENU_TO_NED.dot(pose.t - start.t), ENU_TO_NED.dot(pose.R).dot(FLU_TO_FRD)
 
 
 def wrong_pose(time_us: int) -> tuple[Any, Any]:

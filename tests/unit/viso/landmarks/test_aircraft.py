@@ -8,7 +8,7 @@ from mav_handlers.wire.messages import ADSB_VEHICLE
 from viso.companion.landmarks.adsb_vehicle import from_message
 from viso.companion.landmarks.synthetic import SyntheticFlight
 from viso.companion.landmarks.types import AircraftReport, Camera
-from viso.landmarks.aircraft import MAV_COMP_ID_ADSB, AircraftSender
+from viso.landmarks.live import MAV_COMP_ID_ADSB, AircraftSender
 
 
 def test_reports_of_aircraft_are_sent_and_nothing_else() -> None:

@@ -9,7 +9,7 @@ import quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from ekf_stub.filter.inertial import quat_of_rotation
 from tests.unit.viso.companion.world.from_ground import from_ground
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz
 from viso.companion.world.motion import nadir_survey
 from viso.sensors.options import ImuOptions
@@ -24,7 +24,7 @@ def true_ned(t_s: float) -> tuple[Array, Array]:
     """Return position from the start and attitude, straight from the world's."""
     pose = FLIGHT.pose(t_s)
     start = FLIGHT.position_w(np.zeros(1))[0]
-    return enu_to_ned().dot(pose.t - start), enu_to_ned().dot(pose.R).dot(flu_to_frd())
+    return ENU_TO_NED.dot(pose.t - start), ENU_TO_NED.dot(pose.R).dot(FLU_TO_FRD)
 
 
 @pytest.mark.parametrize("time_s", [2.0, 4.25, 8.0013, 15.0])
@@ -32,7 +32,7 @@ def test_truth_is_the_worlds(time_s: float) -> None:
     truth = flight_source(FLIGHT, START_S, ImuOptions()).truth(round(time_s * 1e6))
     position, rotation = true_ned(time_s - START_S)
     assert truth.pos_ned == pytest.approx(position, abs=1e-9)
-    assert truth.vel_ned == pytest.approx(enu_to_ned().dot(FLIGHT.velocity_w(time_s - START_S)), abs=1e-6)
+    assert truth.vel_ned == pytest.approx(ENU_TO_NED.dot(FLIGHT.velocity_w(time_s - START_S)), abs=1e-6)
     assert rotation_from_quat_wxyz(truth.quat_wxyz) == pytest.approx(rotation, abs=1e-9)
 
 

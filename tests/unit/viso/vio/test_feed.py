@@ -52,7 +52,7 @@ def feed_of(*events: SensorEvent) -> tuple[RecordingFeed, Taken]:
         yield from events
 
     taken = Taken()
-    return RecordingFeed(Recording(make_calibration(), data), taken, Frames(taken)), taken
+    return RecordingFeed(Recording(make_calibration(), data), taken.take_imu, taken.take_height, Frames(taken)), taken
 
 
 def test_nothing_is_handed_over_before_the_beginning() -> None:

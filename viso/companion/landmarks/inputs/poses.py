@@ -8,7 +8,7 @@ import numpy as np
 
 from viso.companion.landmarks.inputs.base import LARGEST_M, Refused
 from viso.companion.landmarks.types import VehiclePose
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
 
 _UNIT_LENGTH = 0.05
@@ -57,4 +57,4 @@ def pose_from_ned(t_s: float, position_ned: tuple[float, float, float], attitude
         Refused: as :func:`pose_from_enu`.
     """
     north_m, east_m, down_m = position_ned
-    return pose_from_enu(t_s, (east_m, north_m, -down_m), enu_to_ned().T.dot(attitude).dot(flu_to_frd()))
+    return pose_from_enu(t_s, (east_m, north_m, -down_m), ENU_TO_NED.T.dot(attitude).dot(FLU_TO_FRD))

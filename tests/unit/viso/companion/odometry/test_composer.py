@@ -11,7 +11,7 @@ import pytest
 
 from viso.companion.odometry.composer import LocalPose, OdometryComposer, local_to_frd
 from viso.companion.vio.config import LocalAlignment
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import SE3, Array, so3_exp, yaw_of
 from viso.companion.vio.types import VioOutput
 
@@ -90,8 +90,8 @@ def test_without_a_choice_the_first_heading_serves_when_north_is_not_known(strat
 
 
 def test_alignments_name_the_axes_of_the_message() -> None:
-    assert local_to_frd(LocalAlignment.NORTH) is enu_to_ned()
-    assert local_to_frd(LocalAlignment.HEADING0) is flu_to_frd()
+    assert local_to_frd(LocalAlignment.NORTH) is ENU_TO_NED
+    assert local_to_frd(LocalAlignment.HEADING0) is FLU_TO_FRD
 
 
 def test_unknown_keyframe_gives_nothing(make_strategy: Make) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mav_handlers.covariance import pose_errors
 from viso.companion.odometry.encoding import edge_covariance, encoded
 from viso.companion.vio.config import CovarianceEncoding
-from viso.companion.vio.frames import enu_to_ned, flu_to_frd
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import SE3, Array, so3_exp, so3_log
 
 DIAGONAL = (0, 6, 11, 15, 18, 20)
@@ -25,14 +25,14 @@ def some_covariance(seed: int = 3) -> Array:
     return covariance
 
 
-@pytest.mark.parametrize("local_to_frd", [flu_to_frd(), enu_to_ned()])
+@pytest.mark.parametrize("local_to_frd", [FLU_TO_FRD, ENU_TO_NED])
 def test_errors_are_those_of_position_and_of_rotation_about_the_local_axes(local_to_frd: Array) -> None:
     """The change of the message's position and attitude with each element of the tangent, by differences."""
     pose, h = SE3(LEANING, np.array([5.0, -3.0, 2.0])), 1e-6
 
     def edge(tangent: Array) -> tuple[Array, Array]:
         moved = pose @ SE3.exp(tangent)
-        return local_to_frd.dot(moved.t), local_to_frd.dot(moved.R).dot(flu_to_frd().T)
+        return local_to_frd.dot(moved.t), local_to_frd.dot(moved.R).dot(FLU_TO_FRD.T)
 
     columns = []
     for error in h * np.eye(6):
@@ -45,7 +45,7 @@ def test_errors_are_those_of_position_and_of_rotation_about_the_local_axes(local
 
 
 def test_cross_terms_with_one_flipped_axis_change_sign() -> None:
-    elements = encoded(edge_covariance(some_covariance(), np.eye(3), flu_to_frd()), CovarianceEncoding.VARIANCE)
+    elements = encoded(edge_covariance(some_covariance(), np.eye(3), FLU_TO_FRD), CovarianceEncoding.VARIANCE)
     flipped = [1, -1, -1, 1, -1, -1]
     rotation_first = some_covariance()
     order = [3, 4, 5, 0, 1, 2]
@@ -57,13 +57,13 @@ def test_drift_of_the_heading_stands_in_the_last_element_however_the_body_leans(
     up_in_body = LEANING.T.dot([0.0, 0.0, 1.0])
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = 0.04 * np.outer(up_in_body, up_in_body)
-    elements = encoded(edge_covariance(covariance, LEANING, enu_to_ned()), CovarianceEncoding.VARIANCE)
+    elements = encoded(edge_covariance(covariance, LEANING, ENU_TO_NED), CovarianceEncoding.VARIANCE)
     assert [elements[index] for index in DIAGONAL] == pytest.approx([0, 0, 0, 0, 0, 0.04], abs=1e-12)
 
 
 def test_north_comes_first_when_aligned_to_it() -> None:
     uncertain_north = np.diag([0.0, 0.0, 0.0, 0.0, 9.0, 0.0])
-    elements = encoded(edge_covariance(uncertain_north, np.eye(3), enu_to_ned()), CovarianceEncoding.VARIANCE)
+    elements = encoded(edge_covariance(uncertain_north, np.eye(3), ENU_TO_NED), CovarianceEncoding.VARIANCE)
     assert [elements[index] for index in DIAGONAL[:3]] == [9.0, 0.0, 0.0]
 
 

@@ -20,7 +20,7 @@ from viso.companion.odometry.composer import LocalPose
 from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
-from viso.companion.vio.frames import enu_to_ned
+from viso.companion.vio.frames import ENU_TO_NED
 from viso.companion.vio.se3 import SE3, so3_exp
 
 ROTATION = so3_exp(np.array([0.0, 0.0, 2.0])).dot(so3_exp(np.array([0.2, -0.1, 0.0])))
@@ -75,7 +75,7 @@ def test_heading_of_the_quaternion(yaw_rad: float, alignment: str, heading_rad: 
 def test_velocity_turned_by_the_quaternion_is_that_of_the_world() -> None:
     message = message_of()
     turned = Quaternion(*message.q).rotate_vector(Vector3f(message.vx, message.vy, message.vz))
-    expected = enu_to_ned().dot(ROTATION).dot(STATE.velocity_b)
+    expected = ENU_TO_NED.dot(ROTATION).dot(STATE.velocity_b)
     assert [float(value) for value in turned.to_tuple()] == pytest.approx(expected.tolist(), abs=1e-5)
 
 

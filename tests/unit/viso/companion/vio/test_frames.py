@@ -9,29 +9,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.vio.frames import MOUNTINGS, enu_to_ned, flu_to_frd, yaw_of_heading
+from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, MOUNTINGS, yaw_of_heading
 from viso.companion.vio.se3 import Array
 
 X, Y, Z = np.eye(3)
 
 
 def test_frd_points_forward_right_and_down() -> None:
-    forward, left, up = flu_to_frd().T
+    forward, left, up = FLU_TO_FRD.T
     assert (forward.tolist(), left.tolist(), up.tolist()) == ([1, 0, 0], [0, -1, 0], [0, 0, -1])
 
 
 def test_ned_points_north_east_and_down() -> None:
-    east, north, up = enu_to_ned().T
+    east, north, up = ENU_TO_NED.T
     assert (east.tolist(), north.tolist(), up.tolist()) == ([0, 1, 0], [1, 0, 0], [0, 0, -1])
 
 
-@pytest.mark.parametrize("change", [flu_to_frd(), enu_to_ned()])
+@pytest.mark.parametrize("change", [FLU_TO_FRD, ENU_TO_NED])
 def test_change_of_frame_undoes_itself_and_mirrors_nothing(change: Array) -> None:
     assert (change @ change).tolist() == np.eye(3).tolist()
     assert np.linalg.det(change) == pytest.approx(1)
 
 
-@pytest.mark.parametrize("fixed", [flu_to_frd(), enu_to_ned(), *MOUNTINGS.values()])
+@pytest.mark.parametrize("fixed", [FLU_TO_FRD, ENU_TO_NED, *MOUNTINGS.values()])
 def test_fixed_matrices_cannot_be_written_to(fixed: Array) -> None:
     with pytest.raises(ValueError, match="read-only"):
         fixed[0, 0] = 5
