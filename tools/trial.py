@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from viso.companion.odometry.composer import LocalPose, OdometryComposer
+from viso.companion.trials.euroc import EurocError, EurocRecording
 from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
-from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.types import VioState, WarmStartPose
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
+from viso.companion.vio.worker import VioUpdate
 
 Truth = Callable[[int], SE3 | None]
 """Returns world_T_body at a time of the IMU's clock, None where it is not known."""
@@ -165,3 +166,19 @@ def nees_per_dof(errors: Array, covariances: Array) -> float:
     """
     solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
     return float(np.mean(np.sum(errors * solved, axis=-1)) / errors.shape[-1])
+
+
+def disturbed_start(recording: EurocRecording, seed: int) -> WarmStartPose:
+    """Return the true state at the first picture of a recording with errors: 1 degree and 0.2 m/s on each axis.
+
+    Raises:
+        EurocError: if the truth is not known there.
+    """
+    image = recording.images[0]
+    pose, velocity_w = recording.truth(image.t_ns), recording.truth_velocity_w(image.t_ns)
+    if pose is None or velocity_w is None:
+        raise EurocError(f"{image.path}: no ground truth at the first picture, so no warm start")
+    rng = np.random.default_rng(seed)
+    rotation = pose.R.dot(so3_exp(rng.normal(0, np.radians(1.0), 3)))
+    velocity_w = velocity_w + rng.normal(0, 0.2, 3)
+    return WarmStartPose(SE3(rotation, pose.t).inverse(), rotation.T.dot(velocity_w), ImuBias.zero())

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from tools.measured_page import render, replace
-from tools.trial import Trial, run_trial
+from tools.trial import Trial, disturbed_start, run_trial
 from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
@@ -65,7 +65,7 @@ def nadir_trial(
 
 def clip_trial(recording: EurocRecording, strategy: str, seed: int) -> Trial:
     """Return how a strategy did on the EuRoC clip."""
-    return run_trial(recording, VioConfig(strategy=strategy), recording.warm_start(seed), truth=recording.truth)
+    return run_trial(recording, VioConfig(strategy=strategy), disturbed_start(recording, seed), truth=recording.truth)
 
 
 def still_drift_m(trial: Trial) -> float:

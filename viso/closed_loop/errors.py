@@ -62,10 +62,6 @@ class PoseErrors:
         """Return those at whose time the vehicle is in the air."""
         return self.chosen(-self.true_ned[:, 2] > IN_FLIGHT_M)
 
-    def between(self, start_s: float, end_s: float) -> "PoseErrors":
-        """Return those within a span of time."""
-        return self.chosen((self.t_s >= start_s) & (self.t_s < end_s))
-
 
 def odometry_errors(setup: LoopSetup, arrived: Sequence[Arrived]) -> PoseErrors:
     """Return the errors of the poses that are no repetition of a lost one, at the times that they are for."""

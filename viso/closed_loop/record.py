@@ -16,7 +16,7 @@ from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.vio.types import FeatureQuality, VioState
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 from viso.fates.labels import is_final
 from viso.fates.watch import FilterWatch, SampleTest
 from viso.vehicle.vehicle import Vehicle

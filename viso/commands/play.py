@@ -14,13 +14,13 @@ from rich.live import Live
 from rich.table import Column, Table
 
 from mav_handlers.links import open_link
-from viso.companion.clock import OffsetClock
 from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.frame_change import PRESETS, FrameChange, parse_rotation
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.player import Player, Text
 from viso.companion.recorded.readers import FORMATS, Source
+from viso.companion.sender import OffsetClock
 from viso.errors import InputError
 from viso.options.checks import within
 from viso.running.playing import LinkPlay, write_telemetry_log

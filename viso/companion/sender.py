@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The companion computer as a MAVLink component: what it sends and when."""
+"""The companion computer as a MAVLink component: what it sends and when, and by which clock, not the autopilot's."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from mav_handlers.links.base import Link
@@ -13,6 +14,23 @@ MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY: Final = 197
 HEARTBEAT_PERIOD_US: Final = 1_000_000
 COMPANION_HEARTBEAT: Final = HEARTBEAT(18, 8, 0, 0, 4, 3)
 """Of an onboard controller (MAV_TYPE 18), no autopilot (MAV_AUTOPILOT 8), active (MAV_STATE 4), protocol version 3."""
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetClock:
+    """A clock with its own epoch and its own rate.
+
+    Attributes:
+        offset_us: what it shows when the autopilot boots.
+        drift_ppm: how much faster it runs, in parts per million.
+    """
+
+    offset_us: int = 0
+    drift_ppm: float = 0.0
+
+    def time_us(self, true_us: int) -> int:
+        """Return what it shows ``true_us`` after the autopilot's boot."""
+        return self.offset_us + true_us + int(true_us * self.drift_ppm * 1e-6)
 
 
 class Companion:

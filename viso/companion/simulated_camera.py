@@ -9,8 +9,8 @@ import numpy as np
 import quaternion
 
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.clock import OffsetClock
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
+from viso.companion.sender import OffsetClock
 from viso.companion.trials.scripted_flight import Flight, Vector
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import ImuBias
 from viso.companion.world.flight import SyntheticFlight

@@ -14,8 +14,7 @@ from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 from viso.closed_loop.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
-from viso.companion.clock import OffsetClock
-from viso.companion.sender import Companion
+from viso.companion.sender import Companion, OffsetClock
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from viso.companion.trials.scripted_flight import Flight
 from viso.demo.flight import flight_source

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The inputs of ``viso landmarks`` that go on: links, standard input, and files that grow; and what passes aircraft on."""
+"""The inputs of ``viso landmarks`` that go on: links, standard input, and files that grow; and aircraft passed on."""
 
 import json
 import os

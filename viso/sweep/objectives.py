@@ -15,7 +15,7 @@ from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.body_odometry import GATE_SIGMAS
-from viso.companion.faults.vision import VISION_NAMES
+from viso.companion.faults.poses import VISION_NAMES
 from viso.companion.trials.evaluation import EvaluationError, TimedPoses, absolute_error
 from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts
 from viso.fates.watch import UNITS, AidingSpan, FilterWatch, SampleTest

@@ -15,7 +15,7 @@ from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, Tim
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import VioState
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 
 TOTAL: Final = "total"
 

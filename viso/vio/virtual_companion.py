@@ -26,11 +26,9 @@ from viso.companion.vio.types import (
     ImuSample,
     NavCameraFrame,
     SensorEvent,
-    VioHealth,
     WarmStartPose,
 )
-from viso.companion.vio.update import VioUpdate
-from viso.companion.vio.worker import VioWorker
+from viso.companion.vio.worker import VioUpdate, VioWorker
 from viso.companion.world.flight import SyntheticFlight
 
 AUTOPILOT_STREAMS_HZ: Final = MappingProxyType({"ATTITUDE_QUATERNION": 20.0, "LOCAL_POSITION_NED": 20.0})
@@ -101,6 +99,7 @@ class VirtualCompanion:
         autopilot: what is known of its state.
         source: of the messages.
         sender: on the link.
+        worker: has the strategy.
         alter_frame: may be set to what is done to each frame before anybody sees it.
     """
 
@@ -118,7 +117,7 @@ class VirtualCompanion:
         self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger)
         self.autopilot = AutopilotState(clock, flight.truth(flight.start_ns).t)
         self.source = OdometrySource(config, local_alignment=config.odometry.local_alignment, world_is_north=True)
-        self._worker = VioWorker(
+        self.worker = VioWorker(
             self._strategy,
             config,
             flight.calibration,
@@ -141,10 +140,6 @@ class VirtualCompanion:
         self._start: Start | None = self.autopilot.start_at
         self._has_world = False
         self.alter_frame: Callable[[NavCameraFrame], NavCameraFrame] = lambda frame: frame
-
-    def health(self) -> VioHealth:
-        """Return how the odometry is."""
-        return self._worker.health()
 
     def start_from(self, start: Start | None = None) -> None:
         """Begin anew with the next frame at whose time a state is known.
@@ -179,9 +174,9 @@ class VirtualCompanion:
         pose = None if self._start is None else self._start(frame.capture_timestamp)
         if pose is not None:
             self._start, self._has_world = None, True
-            self._worker.request_warm_start(pose)
+            self.worker.request_warm_start(pose)
         if self._has_world:  # else it would begin in one of its own, without a north
-            self._worker.process_one(frame)
+            self.worker.process_one(frame)
 
 
 def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, SensorEvent]]:

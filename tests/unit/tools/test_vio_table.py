@@ -240,8 +240,11 @@ def test_same_survey_is_flown_once(runs: list[tuple[Any, VioConfig, Any]]) -> No
     assert [flight.seed for flight, _, _ in runs] == [1, 2]
 
 
-def test_clip_is_followed_by_the_strategy_from_the_start(runs: list[tuple[Any, VioConfig, Any]]) -> None:
-    clip: Any = SimpleNamespace(warm_start=lambda seed: f"start {seed}", truth=None)
+def test_clip_is_followed_by_the_strategy_from_the_start(
+    monkeypatch: pytest.MonkeyPatch, runs: list[tuple[Any, VioConfig, Any]]
+) -> None:
+    clip: Any = SimpleNamespace(truth=None)
+    monkeypatch.setattr(vio_table, "disturbed_start", lambda recording, seed: f"start {seed}")
     vio_table.clip_trial(clip, "fixed_lag", 4)
     assert runs == [(clip, VioConfig(strategy="fixed_lag"), "start 4")]
 

@@ -10,7 +10,7 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import FrameReport
 from viso.companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, VioState, frame_uuid
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 from viso.vio.log import VioLog
 
 SECOND_NS = 10**9

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final, cast
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA
 from viso.companion.faults.fault import ContentFault, Moment
 from viso.companion.faults.parameters import parameter
-from viso.companion.faults.vision import VISION_TYPES
+from viso.companion.faults.poses import VISION_TYPES
 
 _COVARIANCES: Final = ("covariance", "pose_covariance", "velocity_covariance")
 # An upper triangle of 6 x 6 row by row, or all of 3 x 3.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Position, attitude and velocity in the messages of external navigation, and how to turn them.
+"""The messages of external navigation, position, attitude and velocity in them, and how to turn those.
 
 Quaternions are w, x, y, z and turn the body into the local frame; angles are in rad. Numbers need not be finite.
 """
@@ -14,10 +14,22 @@ from mav_handlers.wire.messages import (
     GLOBAL_VISION_POSITION_ESTIMATE,
     ODOMETRY,
     VICON_POSITION_ESTIMATE,
+    VISION_POSITION_DELTA,
     VISION_POSITION_ESTIMATE,
     VISION_SPEED_ESTIMATE,
+    Message,
 )
 
+VISION_TYPES: Final[tuple[type[Message], ...]] = (
+    ODOMETRY,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+    VISION_POSITION_DELTA,
+    VICON_POSITION_ESTIMATE,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    ATT_POS_MOCAP,
+)
+VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_TYPES)
 Vector = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 

@@ -14,7 +14,7 @@ from mav_handlers.wire.codec import message_id
 from viso.companion.faults.fault import Fault
 from viso.companion.faults.kinds import FAULTS
 from viso.companion.faults.parameters import as_number, parameters_of
-from viso.companion.faults.vision import VISION_NAMES
+from viso.companion.faults.poses import VISION_NAMES
 
 ALL: Final = "all"
 LATEST_S: Final = 1e9

@@ -17,8 +17,8 @@ from typing import Final
 
 import numpy as np
 
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import ImuSteps, steps_between
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.se3 import SE3, Array, right_jacobian, skew, so3_exp

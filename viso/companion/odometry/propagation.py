@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from viso.companion.odometry.composer import LocalPose
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import steps_of
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
 from viso.companion.vio.se3 import SE3, Array, skew

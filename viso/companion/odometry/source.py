@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What there is to tell the autopilot, from what the strategy and the IMU have said so far."""
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +13,17 @@ from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.odometry.composer import LocalPose, OdometryComposer
 from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState, OdometryPropagator
-from viso.companion.odometry.quality import quality_of
-from viso.companion.odometry.reset_counter import ResetCounter
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.health import WARM_START
+from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 
+QUALITY_LOST: Final = -1
+FULL_INLIERS: Final = 100
+FULL_COVERAGE: Final = 0.6
+JUMP_SIGMAS: Final = 3.0
+JUMP_M: Final = 0.5
 DEGRADED_AFTER_NS: Final = 1_000_000_000
 LOST_AFTER_NS: Final = 3_000_000_000
 
@@ -36,6 +41,37 @@ class _Frame:
 class _Loss:
     since_us: int
     state: MotionState
+
+
+class ResetCounter:
+    """Counts modulo 256 what the autopilot must not take for movement; starts at 0."""
+
+    def __init__(self) -> None:
+        self.value = 0
+        self._started = False
+
+    def start(self) -> None:
+        """Note an initialisation, static or by warm start; the first one is none of the autopilot's business."""
+        if self._started:
+            self._step()
+        self._started = True
+
+    def correct(self, moved_m: Array, covariance: Array) -> None:
+        """Note a correction: it counts if it moves the pose by more than 3 sigma and 0.5 m at once.
+
+        Args:
+            moved_m: from where the pose was to where it is now, at the same instant.
+            covariance: [3, 3] of the position as it was stated before, in m^2, in the same axes.
+        """
+        distance_m = math.sqrt(moved_m.dot(moved_m))
+        if distance_m <= JUMP_M:
+            return
+        along = moved_m / distance_m
+        if distance_m > JUMP_SIGMAS * math.sqrt(along.dot(covariance).dot(along)):
+            self._step()
+
+    def _step(self) -> None:
+        self.value = (self.value + 1) % 256
 
 
 class OdometrySource:
@@ -160,3 +196,28 @@ class OdometrySource:
             return newest
         self._loss = self._loss or _Loss(now_us, newest)
         return None if now_us - self._loss.since_us > self._lost_send_us else self._loss.state
+
+
+def quality_of(state: VioState, features: FeatureQuality, innovation_ratio: float) -> int | None:
+    """Return what goes into the message: 50..100 tracking, 1..49 degraded, -1 lost; None if none may be sent.
+
+    Never 0, which the message defines as unknown.
+
+    Args:
+        state: the strategy's.
+        features: of its last output.
+        innovation_ratio: running mean of NIS per degree of freedom; anything but a number from 0 counts as the worst.
+    """
+    if state is VioState.INIT:
+        return None
+    if state is VioState.LOST:
+        return QUALITY_LOST
+    share = _share(features, innovation_ratio)
+    return 50 + round(50 * share) if state is VioState.TRACKING else 1 + round(48 * share)
+
+
+def _share(features: FeatureQuality, innovation_ratio: float) -> float:
+    if not innovation_ratio >= 0:
+        return 0.0
+    consistency = 1.0 / max(innovation_ratio, 1.0)
+    return min(1.0, features.inliers / FULL_INLIERS) * min(1.0, features.coverage / FULL_COVERAGE) * consistency

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mav_handlers.wire.messages import Message
-from viso.companion.clock import OffsetClock
 from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.companion.recorded.messages import FORMS, Form, Report
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
+from viso.companion.sender import OffsetClock
 
 
 @dataclass(frozen=True)

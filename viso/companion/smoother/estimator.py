@@ -14,7 +14,7 @@ from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu_window import bracketed
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuSample, ImuWindow

@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import steps_between
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuBias, ImuSample

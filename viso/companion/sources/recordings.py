@@ -13,12 +13,12 @@ from viso.companion.sources.base import Recording, SourceError, SourceOptions, T
 from viso.companion.sources.gopro import read_telemetry
 from viso.companion.sources.inertial_csv import read_inertial_csv
 from viso.companion.sources.video import video_frames, video_size
-from viso.companion.trials.euroc import EurocError, EurocRecording, Image, load_euroc
+from viso.companion.trials.euroc import EurocError, Image, load_euroc
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.se3 import quat_wxyz_from_rotation
-from viso.companion.vio.types import CameraCalibration, SensorEvent, WarmStartPose
+from viso.companion.vio.types import CameraCalibration, SensorEvent
 from viso.companion.world.flight import DEFAULT_FRAME_RATE_HZ, SyntheticFlight, nadir_calibration
 
 SYNTHETIC: Final = "synthetic"
@@ -46,7 +46,7 @@ def open_euroc(options: SourceOptions) -> Recording:
         except EurocError as error:
             raise SourceError(str(error)) from error
 
-    return Recording(calibration, data, recording.poses, _true_start(recording))
+    return Recording(calibration, data, recording.poses, recording.start())
 
 
 def open_gopro(options: SourceOptions) -> Recording:
@@ -119,13 +119,6 @@ def _thinned(images: tuple[Image, ...], fps: float | None) -> tuple[Image, ...]:
     periods_ns = np.diff([image.t_ns for image in images])
     thinning = Thinning(fps, float(np.median(periods_ns)) if len(periods_ns) else 0.0)
     return tuple(image for image in images if thinning.wants(image.t_ns))
-
-
-def _true_start(recording: EurocRecording) -> WarmStartPose | None:
-    try:
-        return recording.warm_start(0, angle_sigma_rad=0.0, velocity_sigma_m_s=0.0)
-    except EurocError:  # it does not know the truth then
-        return None
 
 
 def _known_calibration(path: Path) -> CameraCalibration:

@@ -20,7 +20,7 @@ from viso.companion.recorded.records import TrajectoryError
 from viso.companion.recorded.text_formats import EUROC, TUM, Row, read_table, read_text, rows_of
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
-from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
@@ -30,9 +30,6 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
-
-WARM_ANGLE_RAD: Final = float(np.radians(1.0))
-WARM_VELOCITY_M_S: Final = 0.2
 
 _CAMERAS: Final = ("cam0/data", "cam0")
 _CALIBRATIONS: Final = ("cam0/sensor.yaml", "cam0_sensor.yaml")
@@ -103,27 +100,13 @@ class EurocRecording:
         velocity: Array = (after.t - before.t) / (2e-9 * _VELOCITY_NS)
         return velocity
 
-    def warm_start(
-        self, seed: int, *, angle_sigma_rad: float = WARM_ANGLE_RAD, velocity_sigma_m_s: float = WARM_VELOCITY_M_S
-    ) -> WarmStartPose:
-        """Return the true state at the first picture, with errors; the biases are not known.
-
-        Args:
-            seed: of the errors.
-            angle_sigma_rad: of each of the attitude's three errors.
-            velocity_sigma_m_s: of each of the velocity's three errors.
-
-        Raises:
-            EurocError: if the truth is not known there.
-        """
+    def start(self) -> WarmStartPose | None:
+        """Return the true state at the first picture, None if it is not known; the biases are not known."""
         t_ns = self.images[0].t_ns
         pose, velocity_w = self.truth(t_ns), self.truth_velocity_w(t_ns)
         if pose is None or velocity_w is None:
-            raise EurocError(f"{self.images[0].path}: no ground truth at the first picture, so no warm start")
-        rng = np.random.default_rng(seed)
-        rotation = pose.R.dot(so3_exp(rng.normal(0, angle_sigma_rad, 3)))
-        velocity_w = velocity_w + rng.normal(0, velocity_sigma_m_s, 3)
-        return WarmStartPose(SE3(rotation, pose.t).inverse(), rotation.T.dot(velocity_w), ImuBias.zero())
+            return None
+        return WarmStartPose(pose.inverse(), pose.R.T.dot(velocity_w), ImuBias.zero())
 
     def _decoded(self, image: Image) -> Pixels:
         pixels = _pixels(image.path)

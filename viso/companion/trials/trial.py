@@ -13,8 +13,7 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, SensorEvent, WarmStartPose
-from viso.companion.vio.update import Listener, VioUpdate
-from viso.companion.vio.worker import VioWorker
+from viso.companion.vio.worker import Listener, VioUpdate, VioWorker
 
 _LOGGER: Final = logging.getLogger(__name__)
 

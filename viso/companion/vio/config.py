@@ -6,13 +6,12 @@ import dataclasses
 import enum
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
-
-from viso.companion.vio.imu_noise import ImuNoise
 
 _T = TypeVar("_T")
 
@@ -103,6 +102,32 @@ def _read(kind: type[_T], table: Any, path: str) -> _T:
         return kind(**{key: _checked(fields[key], value) for key, value in values.items()})
     except ValueError as error:
         raise ConfigError(f"{path}.{error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class ImuNoise:
+    """The four densities of an IMU's noise, the same for all axes.
+
+    Attributes:
+        gyro: white noise of the rotation rate in rad/s/sqrt(Hz).
+        accel: white noise of the specific force in m/s^2/sqrt(Hz).
+        gyro_walk: random walk of the gyro bias in rad/s^2/sqrt(Hz).
+        accel_walk: random walk of the accelerometer bias in m/s^3/sqrt(Hz).
+
+    Raises:
+        ValueError: if one is not positive and finite; names the field.
+    """
+
+    gyro: float = 1.7e-3
+    accel: float = 2e-2
+    gyro_walk: float = 2e-5
+    accel_walk: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            density = getattr(self, field.name)
+            if not (density > 0 and math.isfinite(density)):
+                raise ValueError(f"{field.name}: not positive and finite")
 
 
 @dataclass(frozen=True, slots=True)

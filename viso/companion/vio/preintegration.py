@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu_window import ImuSteps
 from viso.companion.vio.se3 import Array, read_only
 from viso.companion.vio.types import ImuBias

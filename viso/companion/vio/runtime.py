@@ -11,8 +11,7 @@ from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, Fra
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.types import CameraCalibration, WarmStartPose
-from viso.companion.vio.update import Listener
-from viso.companion.vio.worker import ImuWindows, VioWorker
+from viso.companion.vio.worker import ImuWindows, Listener, VioWorker
 
 
 class VioRuntime:

@@ -8,13 +8,14 @@ import threading
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.ingest import DropOldestQueue
 from viso.companion.vio.json_log import log_event
-from viso.companion.vio.strategy import StrategyBase
+from viso.companion.vio.strategy import FrameReport, StrategyBase
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuWindow,
@@ -24,9 +25,35 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.companion.vio.update import Listener, VioUpdate
 
 STALL_S: Final = 3.0  # as long as the frames that are fatal when lost take at 3 Hz
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VioUpdate:
+    """What there is to know about a frame.
+
+    Where frames stop coming, the last one is told again, without its output and with the health LOST.
+
+    Attributes:
+        frame_id, sequence: of the frame.
+        t_ns: of the frame, in the IMU's time.
+        output: to be used with less weight in DEGRADED; None in INIT and LOST.
+        health: after the frame.
+        report: what else the strategy says.
+        dropped: frames that gave way to newer ones, since the start.
+    """
+
+    frame_id: uuid.UUID
+    sequence: int
+    t_ns: int
+    output: VioOutput | None
+    health: VioHealth
+    report: FrameReport
+    dropped: int
+
+
+Listener = Callable[[VioUpdate], None]
 
 
 class ImuWindows(Protocol):

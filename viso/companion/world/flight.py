@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import (
     CameraCalibration,

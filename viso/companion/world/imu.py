@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.types import ImuBias, ImuSample
 from viso.companion.world.motion import Trajectory
 

@@ -8,6 +8,7 @@ from functools import cache
 from typing import Final
 
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
+from viso.closed_loop.errors import PoseErrors
 from viso.closed_loop.loop import CompanionLoop, LoopSetup
 from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.ground import generate_texture
@@ -71,3 +72,8 @@ def hop() -> CompanionLoop:
     """A few seconds in the air, the lens covered for one, then begun anew."""
     setup = make_setup(HOP_END_S, covered_s=[HOP_COVERED_S], plan=HOP)
     return play(setup, HOP_END_S, [(HOP_RESTART_S, lambda loop: loop.companion.start_from())])
+
+
+def between(errors: PoseErrors, start_s: float, end_s: float) -> PoseErrors:
+    """Return the errors within a span of time."""
+    return errors.chosen((errors.t_s >= start_s) & (errors.t_s < end_s))

@@ -13,6 +13,7 @@ import quaternion
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.wire.messages import ODOMETRY
+from tests.unit.viso.closed_loop.hops import between
 from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.closed_loop.loop import LoopSetup
 from viso.closed_loop.record import Arrived, Estimate
@@ -105,7 +106,7 @@ def test_flight_is_what_is_above_the_ground() -> None:
 
 def test_span_of_time_has_its_begin_and_not_its_end() -> None:
     errors = odometry_errors(SETUP, [message(time_us) for time_us in (2_500_000, 8_000_000, TIME_US)])
-    assert errors.between(8.0, 11.0).t_s == pytest.approx([8.0])
+    assert between(errors, 8.0, 11.0).t_s == pytest.approx([8.0])
 
 
 def test_vehicle_stands_in_its_origin_before_the_companion_comes_up() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tests.unit.viso.closed_loop.hops import COMPANION_S, HOP_END_S, hop, make_setup
+from tests.unit.viso.closed_loop.hops import COMPANION_S, HOP_END_S, between, hop, make_setup
 from viso.closed_loop.errors import PoseErrors
 from viso.closed_loop.figures import LoopFigures, accuracy_of, figures_of, figures_table
 from viso.closed_loop.loop import CompanionLoop
@@ -40,7 +40,7 @@ def test_accuracy_is_that_of_the_errors() -> None:
 
 
 def test_nothing_has_no_accuracy() -> None:
-    assert accuracy_of(errors([(0.0, 0.0, 0.0)], 1.0).between(5.0, 6.0)) is None
+    assert accuracy_of(between(errors([(0.0, 0.0, 0.0)], 1.0), 5.0, 6.0)) is None
 
 
 @pytest.fixture(scope="module")

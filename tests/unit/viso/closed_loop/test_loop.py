@@ -11,7 +11,7 @@ import pytest
 
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
-from tests.unit.viso.closed_loop.hops import ARM_S, Script, make_setup, play
+from tests.unit.viso.closed_loop.hops import ARM_S, Script, between, make_setup, play
 from viso.closed_loop.errors import estimate_errors, odometry_errors
 from viso.closed_loop.loop import CompanionLoop
 from viso.closed_loop.record import AUTOPILOT, COMPANION, Arrived, Estimate
@@ -91,8 +91,8 @@ def test_nothing_is_dropped() -> None:
 
 def test_odometry_and_estimate_keep_to_the_truth() -> None:
     loop = covered()
-    odometry = odometry_errors(loop.setup, loop.record.arrived).between(ARM_S, LONG_S[0])
-    estimate = estimate_errors(loop.setup, loop.record.estimates).between(ARM_S, LONG_S[0])
+    odometry = between(odometry_errors(loop.setup, loop.record.arrived), ARM_S, LONG_S[0])
+    estimate = between(estimate_errors(loop.setup, loop.record.estimates), ARM_S, LONG_S[0])
     for errors in (odometry, estimate):
         assert len(errors) > 200
         assert errors.horizontal_m.max() < 0.5
@@ -231,7 +231,7 @@ def back_s(loop: CompanionLoop) -> float:
 def jump_m(loop: CompanionLoop, before_s: float, after_s: float) -> float:
     """Return by how much the estimate's error changed from one time to another."""
     errors = estimate_errors(loop.setup, loop.record.estimates)
-    before, after = (errors.between(at_s, at_s + 0.2).errors_ned.mean(axis=0) for at_s in (before_s, after_s))
+    before, after = (between(errors, at_s, at_s + 0.2).errors_ned.mean(axis=0) for at_s in (before_s, after_s))
     return float(np.hypot(*(after - before)[:2]))
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.clock import OffsetClock
+from viso.companion.sender import OffsetClock
 
 
 def test_clock_without_offset_and_drift_shows_the_true_time() -> None:

@@ -11,7 +11,7 @@ import pytest
 import quaternion
 
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.clock import OffsetClock
+from viso.companion.sender import OffsetClock
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from viso.companion.trials.scripted_flight import Flight
 

@@ -19,7 +19,7 @@ from viso.companion.odometry.clock_sync import ClockSync
 from viso.companion.vio.frames import yaw_of_heading
 from viso.companion.vio.se3 import yaw_of
 from viso.companion.vio.types import NavCameraFrame, VioState
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 from viso.vio.virtual_companion import AutopilotState, VirtualCompanion
 
 ORIGIN_W = np.array([5.0, -3.0, 0.25])
@@ -132,7 +132,7 @@ def test_odometry_begins_with_the_second_frame_and_its_latency() -> None:
 
 def test_without_an_autopilot_nothing_begins() -> None:
     lonely = Lonely().run(1300, says_attitude=False)
-    assert lonely.companion.health().state is VioState.INIT
+    assert lonely.companion.worker.health().state is VioState.INIT
     assert "ODOMETRY" not in {type(message).__name__ for message in lonely.sent}
 
 
@@ -141,7 +141,7 @@ def test_frames_are_altered_before_anybody_sees_them() -> None:
     lonely.companion.alter_frame = rename_camera
     start_us = lonely.setup.flight.start_ns // 1000
     lonely.companion.run(start_us + 1_000_000)
-    assert lonely.companion.health().state is VioState.LOST
+    assert lonely.companion.worker.health().state is VioState.LOST
 
 
 def rename_camera(frame: NavCameraFrame) -> NavCameraFrame:

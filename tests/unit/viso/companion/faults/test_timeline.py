@@ -9,7 +9,7 @@ import pytest
 
 from viso.companion.faults import FAULTS, Timeline, TimelineError, load_timeline, parse_timeline
 from viso.companion.faults.motion import PositionGlitch
-from viso.companion.faults.vision import VISION_NAMES
+from viso.companion.faults.poses import VISION_NAMES
 
 
 def one(text: str) -> str:

@@ -12,8 +12,8 @@ import numpy as np
 from viso.companion.klt.front_end import Sighting
 from viso.companion.klt.outliers import Model
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import ImuSteps
 from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow

@@ -14,7 +14,7 @@ from tests.unit.viso.companion.msckf.point_world import B_T_C, SIGMA
 from viso.companion.msckf.multi_state import Plane, TracksUsed, use_tracks
 from viso.companion.msckf.tracks import Tracks, padded
 from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias
 

@@ -10,8 +10,8 @@ import pytest
 
 from viso.companion.odometry.composer import LocalPose
 from viso.companion.odometry.propagation import HISTORY_NS, MotionState, OdometryPropagator
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias, ImuSample
 

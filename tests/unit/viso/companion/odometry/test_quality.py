@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.odometry.quality import quality_of
+from viso.companion.odometry.source import quality_of
 from viso.companion.vio.types import FeatureQuality, VioState
 
 

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from viso.companion.odometry.reset_counter import ResetCounter
+from viso.companion.odometry.source import ResetCounter
 
 SIGMA_01 = np.eye(3) * 0.01
 

@@ -23,7 +23,7 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.strategy import FrameReport
 from viso.companion.vio.types import ImuSample, VioHealth, VioState
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 
 AtRest = Callable[[int], ImuSample]
 

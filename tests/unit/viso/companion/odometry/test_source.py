@@ -17,7 +17,7 @@ from viso.companion.vio.health import WAITING, WARM_START
 from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.strategy import FrameReport
 from viso.companion.vio.types import ImuSample, VioHealth, VioOutput, VioState, frame_uuid
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 
 Make = Callable[..., Any]
 AtRest = Callable[[int], ImuSample]

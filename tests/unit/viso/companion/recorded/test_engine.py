@@ -9,9 +9,9 @@ import pytest
 
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA
 from tests.unit.viso.companion.recorded.conftest import MakeTrajectory
-from viso.companion.clock import OffsetClock
 from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.messages import FORMS
+from viso.companion.sender import OffsetClock
 
 
 def played(engine: RecordedEngine, count: int = 99) -> list[tuple[int, Any]]:

@@ -7,8 +7,8 @@ import numpy as np
 from viso.companion.klt.front_end import Ids, Sighting
 from viso.companion.klt.outliers import Model
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS, MOUNTINGS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 

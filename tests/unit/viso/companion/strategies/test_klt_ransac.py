@@ -10,9 +10,8 @@ import pytest
 
 from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, aboard, begun, record, survey
 from tests.unit.viso.companion.world.from_ground import from_ground
-from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.config import AglSource, ImuNoise, Scene
 from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, SensorEvent, VioOutput, VioState
 from viso.companion.world.motion import nadir_survey

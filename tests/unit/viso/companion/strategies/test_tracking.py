@@ -12,8 +12,7 @@ import pytest
 from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, Recorded, aboard, begun, record, survey
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.strategies.tracking import LEAST_VARIANCE_M2
-from viso.companion.vio.config import AglSource
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import AglSource, ImuNoise
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent, VioState, WarmStartPose

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tools.trial import disturbed_start
 from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
 from viso.companion.vio.se3 import so3_log
 from viso.companion.vio.types import ImuSample, NavCameraFrame
@@ -143,13 +144,14 @@ def test_velocity_is_that_of_the_true_positions(recording: EurocRecording) -> No
 
 
 def test_warm_start_without_errors_is_the_truth_at_the_first_picture(recording: EurocRecording) -> None:
-    pose = recording.warm_start(0, angle_sigma_rad=0.0, velocity_sigma_m_s=0.0)
+    pose = recording.start()
+    assert pose is not None
     assert pose.body_T_world.inverse().t == pytest.approx([x_at(50), 1.0, 2.0])
     assert pose.velocity_b == pytest.approx([2.0, 0.0, 0.0])
 
 
 def test_warm_start_has_the_errors_of_its_seed(recording: EurocRecording) -> None:
-    first, again, other = (recording.warm_start(seed) for seed in (1, 1, 2))
+    first, again, other = (disturbed_start(recording, seed) for seed in (1, 1, 2))
     assert first.velocity_b.tolist() == again.velocity_b.tolist()
     assert first.velocity_b.tolist() != other.velocity_b.tolist()
     assert 0 < np.linalg.norm(so3_log(first.body_T_world.R)) < np.radians(6)
@@ -160,7 +162,8 @@ def test_recording_may_lack_the_truth(folder: Path) -> None:
     recording = load_euroc(folder)
     assert recording.truth(at_ms(100)) is None
     with pytest.raises(EurocError, match=r"50000000\.png: no ground truth at the first picture"):
-        recording.warm_start(0)
+        disturbed_start(recording, 0)
+    assert recording.start() is None
 
 
 @pytest.mark.parametrize("part", ["sensor", "imu"])

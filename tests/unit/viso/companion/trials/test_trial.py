@@ -42,7 +42,7 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 
 FRAMES = 10
 VELOCITY_W = np.array([3.0, 0.0, 0.0])

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 
 FIELDS = [field.name for field in dataclasses.fields(ImuNoise)]
 

@@ -3,7 +3,6 @@
 """Preintegration: against exact motions, numerical derivatives, drawn noise, and gtsam."""
 
 import math
-import sys
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import ImuSteps, steps_between
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
 from viso.companion.vio.se3 import Array, so3_log
@@ -203,9 +202,3 @@ def test_gtsam_predicts_with_gravity_down() -> None:
     predicted = still.as_gtsam().predict(gtsam.NavState(), gtsam.imuBias.ConstantBias())
     assert np.allclose(predicted.velocity(), 0, atol=1e-9)
     assert np.allclose(predicted.position(), 0, atol=1e-9)
-
-
-def test_missing_gtsam_tells_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "gtsam", None)
-    with pytest.raises(ImportError, match=r"pip install 'viso\[gtsam\]'$"):
-        shaken(samples=2).as_gtsam()

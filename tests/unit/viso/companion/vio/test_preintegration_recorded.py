@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.places import ROOT
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.imu_noise import ImuNoise
 from viso.companion.vio.imu_window import steps_of
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz, so3_log

@@ -31,7 +31,7 @@ from viso.companion.vio.registry import StrategyEntry
 from viso.companion.vio.runtime import VioRuntime
 from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioOutput, VioState
-from viso.companion.vio.update import VioUpdate
+from viso.companion.vio.worker import VioUpdate
 
 LIMIT_S = 10
 

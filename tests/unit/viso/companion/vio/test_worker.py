@@ -24,8 +24,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 from viso.companion.vio import worker as worker_module
 from viso.companion.vio.ingest import DropOldestQueue
 from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioState
-from viso.companion.vio.update import VioUpdate
-from viso.companion.vio.worker import VioWorker
+from viso.companion.vio.worker import VioUpdate, VioWorker
 
 
 class Imu:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from viso.companion.vio.imu_noise import ImuNoise
+from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.types import ImuBias
 from viso.companion.world.imu import SimulatedImu
 from viso.companion.world.motion import nadir_survey
