@@ -2,15 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a handler gets along with its message."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
+from mav_handlers.ports import EndpointPort, VehiclePort
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import Message
-
-if TYPE_CHECKING:
-    from mav_handlers.endpoint import MavEndpoint
 
 
 class Context(NamedTuple):
@@ -19,7 +16,7 @@ class Context(NamedTuple):
     ``now_us`` is the time of handling, ``read_us`` the time when the link was last read, both in us since boot.
     """
 
-    endpoint: "MavEndpoint"
+    endpoint: EndpointPort
     vehicle: VehiclePort
     channel: Channel
     header: Header

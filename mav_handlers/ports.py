@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the endpoint asks of the vehicle behind it."""
+"""What the endpoint asks of the vehicle behind it, and what handlers ask of the endpoint."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -12,21 +12,34 @@ import numpy as np
 from ap_core.internal_error import InternalErrors
 from ap_core.location import Location
 from ap_core.log_field import LogValue
-from ap_core.param import ParamTable
+from ap_core.param import ParamEcho, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterStatus
+from mav_handlers.channel import Channel
 from mav_handlers.mission import Mission
-from mav_handlers.release import EndpointRelease
-from mav_handlers.signing.state import KeyStore
+from mav_handlers.params.reads import ParamReads
+from mav_handlers.radio import RadioLink
+from mav_handlers.release import EndpointRelease, OriginSender
+from mav_handlers.signing.state import KeyStore, SigningState
 from mav_handlers.statustext import StatusTextQueue
+from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.transfers.ftp_ports import FtpFiles
-from mav_handlers.transfers.log_transfer import LogLibrary
+from mav_handlers.transfers.log_transfer import LogLibrary, LogTransfer
 from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
-__all__ = ["AhrsPort", "AvailableMode", "CopterPort", "Location", "LogPort", "OriginResult", "VehiclePort"]
+__all__ = [
+    "AhrsPort",
+    "AvailableMode",
+    "CopterPort",
+    "EndpointPort",
+    "Location",
+    "LogPort",
+    "OriginResult",
+    "VehiclePort",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,3 +264,29 @@ class VehiclePort(Protocol):
 
     def set_utc_us(self, utc_us: int) -> None:
         """Take a time of day from SYSTEM_TIME, subject to BRD_RTC_TYPES."""
+
+
+class EndpointPort(OriginSender, Protocol):
+    """The endpoint as its handlers see it: its links, what they share, and what is sent besides an answer."""
+
+    channels: list[Channel]
+    ftp: FtpServer
+    log_transfer: LogTransfer
+    param_reads: ParamReads
+    radio: RadioLink
+    signing: SigningState
+
+    def request_message(self, channel: Channel, name: str) -> None:
+        """Queue a message to be sent once at the next poll."""
+
+    def send_banner(self, channel: Channel) -> None:
+        """Introduce the vehicle in texts to one link."""
+
+    def send_ftp_replies(self, replies: Iterable[FtpReply]) -> None:
+        """Send replies of the file server, each to whom it is for."""
+
+    def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
+        """Send the next part of a listing or of a log on a link, as far as it takes any."""
+
+    def echo_parameters(self, echoes: Iterable[ParamEcho]) -> None:
+        """Queue the echoes of a changed parameter for every active link."""

@@ -20,7 +20,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
-from ekf_stub.core.reporting import run_report_of, three
+from ekf_stub.core.reporting import report_of, run_report_of, three
 from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter.error_state import euler_of
 from ekf_stub.filter.kernel import PLAIN, Kernel
@@ -235,7 +235,7 @@ class Ekf3Ahrs(AhrsBase):
     def report(self) -> CoreReport | None:
         """Return what the filter says of itself; None before it has a state."""
         core = self.core
-        return core.report(self._now_ms()) if core is not None and core.initialised else None
+        return report_of(core, self._now_ms()) if core is not None and core.initialised else None
 
     def _attitude(self) -> Quaternion:
         if self._active and self.core is not None:

@@ -25,7 +25,6 @@ from ap_core.location import Location
 from ekf_stub.core.frame import Frame as Frame
 from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.core.mode_control import ModeControl
-from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.error_state import EARTH_RATE, ErrorState, ProcessNoise, quat_of_euler
 from ekf_stub.filter.inertial import Array, InertialDelta, InertialStep, limited
 from ekf_stub.filter.inertial_pass import StillnessAnswer
@@ -44,7 +43,6 @@ from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.sources import EkfSources, SourceYaw
-from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
 BOOTSTRAP_MS: Final = 1000
@@ -375,10 +373,6 @@ class Ekf3Core:
     def dt_ekf_avg(self) -> float:
         """The average interval of the steps, s."""
         return self._pass.dt_ekf_avg
-
-    def report(self, now_ms: int) -> CoreReport:
-        """Return what it says of itself, once it has a state."""
-        return report_of(self, now_ms)
 
     def origin_alt_m(self) -> float:
         """Return the height of the origin above mean sea level, 0 without one."""

@@ -7,25 +7,30 @@ Source: AP_NavEKF3/AP_NavEKF3_Control.cpp (controlFilterModes, setAidingMode, up
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from ap_core.cint import u32
 from ap_core.fmath import f32
+from ap_core.location import Location
 from ekf_stub.core.frame import Frame
-from ekf_stub.filter.error_state import GYRO
+from ekf_stub.filter.error_state import GYRO, ErrorState
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.nominal_state import down_of
-from ekf_stub.fusion.aiding import AidingMode, Ready
+from ekf_stub.fusion.aiding import Aiding, AidingMode, Ready
+from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.filter_flags import FilterState, filter_flags
-from ekf_stub.fusion.height_source import Vehicle
-from ekf_stub.inputs.sources import SourceXY, SourceYaw, SourceZ
+from ekf_stub.fusion.height_source import HeightSource, Vehicle
+from ekf_stub.fusion.measurements import Delayed
+from ekf_stub.fusion.resets import Resets
+from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
+from ekf_stub.fusion.yaw_fusion import YawFusion
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceYaw, SourceZ
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 from ekf_stub.reports.filter_status import FilterFlag
-
-if TYPE_CHECKING:
-    from ekf_stub.core.ekf3_core import Ekf3Core
 
 HEALTHY_AFTER_MS: Final = 1000
 TILT_ALIGNED_VAR: Final = math.radians(5.0) ** 2
@@ -51,6 +56,24 @@ _YAW_NONE: Final = SourceYaw.NONE
 _Z_GPS: Final = SourceZ.GPS
 
 
+class ControlledCore(Protocol):
+    """The core as its modes see it: whether the last frame has made a step, and the parts that they look at."""
+
+    stepped: bool
+    origin: Location | None
+    sources: EkfSources
+    ingest: ExtNavIngest
+    gps: GpsReading
+    state: ErrorState
+    aiding: Aiding
+    delayed: Delayed
+    resets: Resets
+    height: HeightSource
+    fusion: VelPosFusion
+    yaw: YawFusion
+    odometry: BodyOdometry
+
+
 class ModeControl:
     """Decides, once a frame, how the core navigates; and, once a step, what it says of itself.
 
@@ -66,7 +89,7 @@ class ModeControl:
         flags: bits of nav_filter_status.
     """
 
-    def __init__(self, core: "Ekf3Core") -> None:
+    def __init__(self, core: ControlledCore) -> None:
         self._core = core
         self._initialised_ms: int | None = None
         self.vehicle = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)

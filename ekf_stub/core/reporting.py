@@ -3,15 +3,13 @@
 """Puts together what a core says of itself (AP_NavEKF3/AP_NavEKF3_Logging.cpp, AP_NavEKF3_Outputs.cpp)."""
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.filter.error_state import euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.states import STATES
 from ekf_stub.reports.core_report import CoreReport, RunReport, Three
-
-if TYPE_CHECKING:
-    from ekf_stub.core.ekf3_core import Ekf3Core
 
 _NOT_ESTIMATED: Final = (0.0,) * (24 - STATES)  # of the firmware's states: wind
 _BAD_QUAT, _BAD_VEL = 1 << 0, 1 << 1
@@ -23,12 +21,12 @@ def three(vector: Array) -> Three:
     return x, y, z
 
 
-def run_report_of(core: "Ekf3Core") -> RunReport:
+def run_report_of(core: Ekf3Core) -> RunReport:
     """Return what a core that has a state says of itself as it runs: a tenth of the work of all that it knows."""
     return RunReport(math.sqrt(core.state.predicted_tilt_variance), core.stillness.report)
 
 
-def report_of(core: "Ekf3Core", now_ms: int) -> CoreReport:
+def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
     """Return what a core that has a state knows at a time."""
     output, state, innovations, yaw = core.output, core.state, core.fusion.innovations, core.yaw
     now, moved = output.now, core.resets.moved_ne

@@ -25,7 +25,7 @@ def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
         return OriginResult.INVALID
     result = ctx.vehicle.set_origin(location)
     if result is OriginResult.SET:
-        ctx.vehicle.release.tell_origin(ctx)
+        ctx.vehicle.release.tell_origin(ctx.endpoint, ctx.channel, ctx.now_us)
     return result
 
 

@@ -19,6 +19,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.reporting import report_of
 from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
@@ -180,7 +181,7 @@ class Flight:
             layout = LAYOUTS[name]
             self._logger.write(layout, (now_us, *[0] * (len(layout.fields) - 1)))
         self.log.note_logged()
-        report = self.core.report(now_us // 1000)
+        report = report_of(self.core, now_us // 1000)
         estimates = (*report.vel_ned, *report.pos_ned, *report.vel_innovation, *report.pos_innovation)
         ratios = map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio))
         self.rows.append((*estimates, *ratios, report.timeouts, report.flags))

@@ -18,6 +18,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.reporting import report_of
 from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter import covariance
 from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
@@ -238,7 +239,7 @@ class CoreRig:
         core = self.core
         if not core.initialised:
             return
-        report = core.report(self.now_us // 1000)
+        report = report_of(core, self.now_us // 1000)
         assert all(map(math.isfinite, numbers_of(report))), report
         assert abs(math.hypot(*report.quat_wxyz) - 1.0) < 1e-9
         assert 0 <= report.flags <= _KNOWN_FLAGS
@@ -272,5 +273,5 @@ class CoreRig:
         said = "\n".join(self.texts).encode()
         if not core.initialised:
             return said
-        numbers = np.array(list(numbers_of(core.report(self.now_us // 1000))), dtype=np.float64)
+        numbers = np.array(list(numbers_of(report_of(core, self.now_us // 1000))), dtype=np.float64)
         return said + numbers.tobytes() + core.state.cov.tobytes() + repr(sorted(core.refused.items())).encode()

@@ -15,6 +15,7 @@ import pytest
 from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.reporting import report_of
 from ekf_stub.fusion.aiding import AidingMode
 from tests.property.core_rig import DELAY_MS, CoreRig, numbers_of
 from viso.sensors.options import ImuOptions
@@ -88,7 +89,7 @@ class Voyage:
         self.texts += [(self.time_us, text) for text in rig.texts[self._told :]]
         self._told = len(rig.texts)
         if core.initialised and self.time_us % SAMPLE_US == 0:
-            report = core.report(rig.now_us // 1000)
+            report = report_of(core, rig.now_us // 1000)
             numbers = tuple(numbers_of(report))
             self.samples.append(Sample(self.time_us, report.flags, report.timeouts, core.aiding.mode, numbers))
 

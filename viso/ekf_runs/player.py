@@ -18,6 +18,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.sinks import TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.reporting import report_of
 from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
@@ -94,7 +95,7 @@ class EkfPlayer:
         """Return what the filter says at present."""
         if self.core is None or not self.core.initialised:
             return UNINITIALISED
-        return self.core.report(self.time_us // 1000)
+        return report_of(self.core, self.time_us // 1000)
 
     def take(self, record: Any) -> None:
         """Take the next record of the log, whatever it is. Raises RecordError if the filter cannot go on with it."""

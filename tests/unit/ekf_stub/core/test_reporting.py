@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ap_core.location import Location
-from ekf_stub.core.reporting import run_report_of, three
+from ekf_stub.core.reporting import report_of, run_report_of, three
 from ekf_stub.filter.inertial import GRAVITY_MSS
 from ekf_stub.reports.core_report import CoreReport
 
@@ -35,7 +35,7 @@ def rig(make_core: MakeCore) -> "CoreRig":
 
 @pytest.fixture
 def report(rig: "CoreRig") -> CoreReport:
-    return rig.core.report(rig.now_ms)
+    return report_of(rig.core, rig.now_ms)
 
 
 def test_attitude_is_that_of_the_outputs(rig: "CoreRig", report: CoreReport) -> None:
@@ -105,14 +105,14 @@ def test_report_of_a_running_core_is_part_of_the_whole(rig: "CoreRig", report: C
 def test_height_of_the_origin_is_told(make_core: MakeCore) -> None:
     rig = make_core()
     rig.core.set_origin(HOME)
-    assert rig.core.report(rig.now_ms).origin_height_m == 584
+    assert report_of(rig.core, rig.now_ms).origin_height_m == 584
 
 
 def test_test_for_stillness_that_rests_is_not_told(make_core: MakeCore) -> None:
     rig = make_core()
     rig.frame["armed"] = True
     rig.run_for(0.01)
-    assert rig.core.report(rig.now_ms).stillness is None
+    assert report_of(rig.core, rig.now_ms).stillness is None
 
 
 def test_vector_becomes_plain_numbers() -> None:

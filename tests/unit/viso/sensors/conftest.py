@@ -15,6 +15,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.reporting import report_of
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.obs_ring import ring_sizes
 from ekf_stub.inputs.sensors import SensorSource
@@ -97,7 +98,7 @@ class FilterLoop:
             )
         )
         if self.core.initialised and self.now_us % 100_000 == 0:
-            self.reports.append((1e-6 * self.now_us, self.core.report(self.now_us // 1000)))
+            self.reports.append((1e-6 * self.now_us, report_of(self.core, self.now_us // 1000)))
         return True
 
     def tell_pose(

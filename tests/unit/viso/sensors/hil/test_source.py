@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from tests.unit.viso.sensors.conftest import LOOP_US
@@ -428,4 +429,4 @@ def test_filter_rests_while_the_simulator_is_silent(make_loop: "MakeLoop", hil: 
         hil.take_hil_sensor(after(REST, time_us), time_us)
         loop.run_pass()
     assert not loop.run_pass()
-    assert np.abs(loop.core.report(12_000).vel_ned).max() < 0.05
+    assert np.abs(report_of(loop.core, 12_000).vel_ned).max() < 0.05
