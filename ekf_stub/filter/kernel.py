@@ -5,7 +5,8 @@
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from ekf_stub.filter import quaternions as quaternion
+import quaternion
+
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.inertial_pass import InertialPass

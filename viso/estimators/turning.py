@@ -13,8 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-
-from viso.estimators import quaternion_arrays as quaternion
+import quaternion
 
 Array = npt.NDArray[np.float64]
 

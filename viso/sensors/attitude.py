@@ -8,7 +8,8 @@ A quaternion turns vectors from the body (FRD) to the earth (NED).
 import math
 from collections.abc import Iterable
 
-from ekf_stub.filter import quaternions as quaternion
+import quaternion
+
 from ekf_stub.filter.inertial import Array
 from viso.sensors.vectors import Three
 

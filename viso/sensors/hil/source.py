@@ -10,8 +10,8 @@ from collections import Counter
 from typing import Final
 
 import numpy as np
+import quaternion
 
-from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
-from ekf_stub.filter import quaternions as quaternion
+import quaternion
+
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.script.legs import Leg, Motion

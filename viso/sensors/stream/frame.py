@@ -6,7 +6,8 @@ import math
 from collections import Counter
 from typing import Final, NamedTuple
 
-from ekf_stub.filter import quaternions as quaternion
+import quaternion
+
 from ekf_stub.filter.error_state import euler_of
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.stream.imagined_vehicle import Movement
