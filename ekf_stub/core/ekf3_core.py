@@ -33,6 +33,7 @@ from ekf_stub.fusion.aiding import Aiding, AidingMode
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.height_source import HeightSource
 from ekf_stub.fusion.measurements import BaroSample, Delayed, MagSample
+from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.fusion.resets import POS_NE, Resets
 from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
@@ -180,27 +181,25 @@ class Ekf3Core:
         return state
 
     def _make_fusion(self) -> None:
-        get, sources, sizes = self._get_float, self.sources, self._sizes
         self.delayed = Delayed(self.ingest)
-        self.resets = Resets(self.state, self.output, self.aiding, sources, self.delayed, self.ingest, self.gps, get)
-        self.height = HeightSource(
-            self.state, self.aiding, sources, self.delayed, self.ingest, self.gps, get, sizes.slow
+        parts = FilterParts(
+            state=self.state,
+            output=self.output,
+            aiding=self.aiding,
+            sources=self.sources,
+            delayed=self.delayed,
+            ingest=self.ingest,
+            gps=self.gps,
+            texts=self._texts,
+            get_float=self._get_float,
+            has_compass=self._has_compass,
+            ring_size=self._sizes.slow,
         )
-        self.fusion = VelPosFusion(
-            self.state, self.resets, self.aiding, sources, self.delayed, self.ingest, self.gps, self.height, get
-        )
-        self.yaw = YawFusion(
-            self.state,
-            self.output,
-            sources,
-            self.ingest,
-            self.gps,
-            self._texts,
-            get,
-            self._has_compass,
-            sizes.slow,
-        )
-        self.odometry = BodyOdometry(self.state, self.aiding, sources, self.ingest, self._texts)
+        self.resets = Resets(parts)
+        self.height = HeightSource(parts)
+        self.fusion = VelPosFusion(parts, self.resets, self.height)
+        self.yaw = YawFusion(parts)
+        self.odometry = BodyOdometry(parts)
         self.control = ModeControl(self)
         self._fusion_waits = False
         self._densities: list[float] = []

@@ -7,14 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter.error_state import ATT, STATES, VEL, ErrorState
+from ekf_stub.filter.error_state import ATT, STATES, VEL
 from ekf_stub.filter.inertial import Array, InertialStep
-from ekf_stub.fusion.aiding import Aiding
+from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.inputs import ingest_rules as rules
-from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, OdometrySample
-from ekf_stub.inputs.sources import EkfSources, SourceXY
+from ekf_stub.inputs.ext_nav_ingest import OdometrySample
+from ekf_stub.inputs.sources import SourceXY
 from ekf_stub.reports.core_report import OdometryReport
-from ekf_stub.reports.core_texts import CoreTexts
 
 GATE_SIGMAS: Final = 5.0
 _MIN_DT: Final = 1e-3
@@ -24,24 +23,18 @@ class BodyOdometry:
     """Tests and fuses body odometry, axis after axis.
 
     Args:
-        state: the filter.
-        aiding: the mode and the times.
-        sources: the source sets.
-        ingest: where samples wait.
-        texts: what the ground station is told.
+        parts: what it shares with the other fusions.
 
     Attributes:
         is_fused: whether an axis was fused since aiding ended last.
     """
 
-    def __init__(
-        self, state: ErrorState, aiding: Aiding, sources: EkfSources, ingest: ExtNavIngest, texts: CoreTexts
-    ) -> None:
-        self._state = state
-        self._aiding = aiding
-        self._sources = sources
-        self._ingest = ingest
-        self._texts = texts
+    def __init__(self, parts: FilterParts) -> None:
+        self._state = parts.state
+        self._aiding = parts.aiding
+        self._sources = parts.sources
+        self._ingest = parts.ingest
+        self._texts = parts.texts
         self._recalled = 0
         self._innovation: Array = np.zeros(3)
         self._variance: Array = np.zeros(3)

@@ -2,19 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which sensor gives the height, and what it says (AP_NavEKF3_PosVelFusion.cpp, selectHeightForFusion)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u32
-from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import limited
-from ekf_stub.fusion.aiding import Aiding
-from ekf_stub.fusion.measurements import BaroSample, Delayed
-from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
-from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL, GpsReading
+from ekf_stub.fusion.measurements import BaroSample
+from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL
 from ekf_stub.inputs.obs_ring import ObsRing
-from ekf_stub.inputs.sources import EkfSources, SourceZ
+from ekf_stub.inputs.sources import SourceZ
 
 FRESH_MS: Final = 500
 GPS_LOST_MS: Final = 2000
@@ -60,14 +57,7 @@ class HeightSource:
     """Chooses the source of height, and measures by it.
 
     Args:
-        state: the filter.
-        aiding: the mode and the timeouts.
-        sources: the source sets.
-        delayed: external navigation at the horizon.
-        ingest: where it waits.
-        gps: what the GPS says.
-        get_float: returns a parameter by its name after ``EK3_``.
-        ring_size: how many barometric heights wait.
+        parts: what it shares with the other fusions.
 
     Attributes:
         active: the source.
@@ -78,25 +68,15 @@ class HeightSource:
         baro_height: the last that came due.
     """
 
-    def __init__(
-        self,
-        state: ErrorState,
-        aiding: Aiding,
-        sources: EkfSources,
-        delayed: Delayed,
-        ingest: ExtNavIngest,
-        gps: GpsReading,
-        get_float: Callable[[str], float],
-        ring_size: int,
-    ) -> None:
-        self._state = state
-        self._aiding = aiding
-        self._sources = sources
-        self._delayed = delayed
-        self._ingest = ingest
-        self._gps = gps
-        self._get_float = get_float
-        self.baro: ObsRing[BaroSample] = ObsRing(ring_size)
+    def __init__(self, parts: FilterParts) -> None:
+        self._state = parts.state
+        self._aiding = parts.aiding
+        self._sources = parts.sources
+        self._delayed = parts.delayed
+        self._ingest = parts.ingest
+        self._gps = parts.gps
+        self._get_float = parts.get_float
+        self.baro: ObsRing[BaroSample] = ObsRing(parts.ring_size)
         self.baro_height = 0.0
         self.active = BARO
         self._fused = BARO

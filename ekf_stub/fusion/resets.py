@@ -2,20 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Resets of position, velocity and height (AP_NavEKF3/AP_NavEKF3_PosVelFusion.cpp)."""
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from ap_core.cint import i32, u32
-from ekf_stub.filter.error_state import POS, VEL, ErrorState
+from ekf_stub.filter.error_state import POS, VEL
 from ekf_stub.filter.inertial import Array
-from ekf_stub.filter.output_predictor import OutputState
-from ekf_stub.fusion.aiding import Aiding, AidingMode
-from ekf_stub.fusion.measurements import Delayed
-from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
-from ekf_stub.inputs.gps_reading import GpsReading
-from ekf_stub.inputs.sources import EkfSources, SourceXY
+from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.inputs.sources import SourceXY
 
 FRESH_VELOCITY_MS: Final = 250
 LOST_VELOCITY_VAR: Final = 25.0**2
@@ -30,39 +26,22 @@ class Resets:
     """Puts state, covariance and outputs where a measurement says, and tells the aiding that all is well again.
 
     Args:
-        state: the filter.
-        output: what follows it.
-        aiding: the mode and the timeouts.
-        sources: the source sets.
-        delayed: external navigation at the horizon.
-        ingest: where it waits.
-        gps: what the GPS says.
-        get_float: returns a parameter by its name after ``EK3_``.
+        parts: what it shares with the other fusions.
 
     Attributes:
         moved_ne: by how much the last reset of position moved, m north and east (posResetNE).
         last_known_ne: where the vehicle counts as being without aiding.
     """
 
-    def __init__(
-        self,
-        state: ErrorState,
-        output: OutputState,
-        aiding: Aiding,
-        sources: EkfSources,
-        delayed: Delayed,
-        ingest: ExtNavIngest,
-        gps: GpsReading,
-        get_float: Callable[[str], float],
-    ) -> None:
-        self._state = state
-        self._output = output
-        self._aiding = aiding
-        self._sources = sources
-        self._delayed = delayed
-        self._ingest = ingest
-        self._gps = gps
-        self._get_float = get_float
+    def __init__(self, parts: FilterParts) -> None:
+        self._state = parts.state
+        self._output = parts.output
+        self._aiding = parts.aiding
+        self._sources = parts.sources
+        self._delayed = parts.delayed
+        self._ingest = parts.ingest
+        self._gps = parts.gps
+        self._get_float = parts.get_float
         self.moved_ne: Array = np.zeros(2)
         self.last_known_ne: Array = np.zeros(2)
 

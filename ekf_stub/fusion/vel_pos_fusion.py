@@ -3,23 +3,22 @@
 """Fusion of velocity, position and height, with their gates (AP_NavEKF3_PosVelFusion.cpp, SelectVelPosFusion)."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from ap_core.verdict import Rule
-from ekf_stub.filter.error_state import POS, VEL, ErrorState
+from ekf_stub.filter.error_state import POS, VEL
 from ekf_stub.filter.inertial import Array, limited
-from ekf_stub.fusion.aiding import Aiding, AidingMode
+from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import BARO, EXT_NAV, HeightSource, Vehicle
-from ekf_stub.fusion.measurements import Delayed, Velocity
+from ekf_stub.fusion.measurements import Velocity
+from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.fusion.resets import NORTH_EAST, POS_NE, Resets
 from ekf_stub.inputs import ingest_rules as rules
-from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
-from ekf_stub.inputs.gps_reading import GpsFix, GpsReading
-from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceZ
+from ekf_stub.inputs.gps_reading import GpsFix
+from ekf_stub.inputs.sources import SourceXY, SourceZ
 
 DISARMED_NOISE: Final = 0.5
 MAX_RATIO_ON_GROUND: Final = 3.0
@@ -71,43 +70,26 @@ class VelPosFusion:
     """Chooses what to fuse in a step, tests it, and fuses it or resets to it.
 
     Args:
-        state: the filter.
-        resets: what resets it.
-        aiding: the mode and the timeouts.
-        sources: the source sets.
-        delayed: external navigation at the horizon.
-        ingest: where it waits.
-        gps: what the GPS says.
+        parts: what it shares with the other fusions.
+        resets: what resets the filter.
         height: where height comes from.
-        get_float: returns a parameter by its name after ``EK3_``.
 
     Attributes:
         innovations: as they were at the last test, velocities as they were when last fused.
     """
 
-    def __init__(
-        self,
-        state: ErrorState,
-        resets: Resets,
-        aiding: Aiding,
-        sources: EkfSources,
-        delayed: Delayed,
-        ingest: ExtNavIngest,
-        gps: GpsReading,
-        height: HeightSource,
-        get_float: Callable[[str], float],
-    ) -> None:
-        self._state = state
+    def __init__(self, parts: FilterParts, resets: Resets, height: HeightSource) -> None:
+        self._state = parts.state
         self._resets = resets
-        self._aiding = aiding
-        self._sources = sources
-        self._delayed = delayed
-        self._ingest = ingest
-        self._gps = gps
+        self._aiding = parts.aiding
+        self._sources = parts.sources
+        self._delayed = parts.delayed
+        self._ingest = parts.ingest
+        self._gps = parts.gps
         self._height = height
-        self._get_float = get_float
+        self._get_float = parts.get_float
         self.innovations = Innovations()
-        self._pos_source = sources.pos_xy()
+        self._pos_source = parts.sources.pos_xy()
         self._pos_source_changed = False
         self._velocity_was_reset = False
 

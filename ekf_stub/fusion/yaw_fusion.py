@@ -3,22 +3,21 @@
 """Alignment and fusion of yaw (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, SelectMagFusion)."""
 
 import math
-from collections.abc import Callable
 from typing import Final
 
-from ekf_stub.filter.error_state import MIN_NOISE_VAR, ErrorState
+from ekf_stub.filter.error_state import MIN_NOISE_VAR
 from ekf_stub.filter.inertial import InertialStep, limited
-from ekf_stub.filter.output_predictor import OutputState
 from ekf_stub.fusion.compass_yaw import ALWAYS, CompassAlignment
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.mag_fusion import MagFusion
 from ekf_stub.fusion.measurements import MagSample
+from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.inputs import ingest_rules as rules
-from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, YawSample
-from ekf_stub.inputs.gps_reading import MIN_YAW_ERR, GpsReading
+from ekf_stub.inputs.ext_nav_ingest import YawSample
+from ekf_stub.inputs.gps_reading import MIN_YAW_ERR
 from ekf_stub.inputs.obs_ring import ObsRing
-from ekf_stub.inputs.sources import EkfSources, SourceYaw
-from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
+from ekf_stub.inputs.sources import SourceYaw
+from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 
 SYNTHETIC_PERIOD_MS: Final = 140
 IN_USE_MS: Final = 5000
@@ -46,15 +45,7 @@ class YawFusion:
     """Where yaw comes from, and what becomes of it.
 
     Args:
-        state: the filter.
-        output: what follows it.
-        sources: the source sets.
-        ingest: where external navigation waits.
-        gps: what the GPS says.
-        texts: what the ground station is told.
-        get_float: returns a parameter by its name after ``EK3_``.
-        has_compass: that attribute.
-        mag_ring_size: how many magnetic fields wait.
+        parts: what it shares with the other fusions.
 
     Attributes:
         has_compass: tells whether a compass is in use.
@@ -67,34 +58,23 @@ class YawFusion:
         field_was_fused: whether they took up this step, so that other measurements wait for the next.
     """
 
-    def __init__(
-        self,
-        state: ErrorState,
-        output: OutputState,
-        sources: EkfSources,
-        ingest: ExtNavIngest,
-        gps: GpsReading,
-        texts: CoreTexts,
-        get_float: Callable[[str], float],
-        has_compass: Callable[[], bool],
-        mag_ring_size: int,
-    ) -> None:
-        self._state = state
-        self._output = output
-        self._sources = sources
-        self._ingest = ingest
-        self._gps = gps
-        self._texts = texts
-        self._get_float = get_float
-        self.has_compass = has_compass
+    def __init__(self, parts: FilterParts) -> None:
+        self._state = parts.state
+        self._output = parts.output
+        self._sources = parts.sources
+        self._ingest = parts.ingest
+        self._gps = parts.gps
+        self._texts = parts.texts
+        self._get_float = parts.get_float
+        self.has_compass = parts.has_compass
         self.aligned = False
         self.resets = 0
         self.innovation = self.ratio = 0.0
-        self.mag: ObsRing[MagSample] = ObsRing(mag_ring_size)
-        self.field = MagFusion(state, get_float)
+        self.mag: ObsRing[MagSample] = ObsRing(parts.ring_size)
+        self.field = MagFusion(parts.state, parts.get_float)
         self.field_was_fused = False
         self.mag_fusion = 0
-        self._alignment = CompassAlignment(state)
+        self._alignment = CompassAlignment(parts.state)
         self._ext_nav_ms = self._synthetic_ms = self._gps_ms = 0
         self._look_at_sources()
         self._source = self.source()

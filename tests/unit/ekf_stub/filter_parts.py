@@ -13,6 +13,7 @@ from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.filter.error_state import ErrorState, quat_of_euler
 from ekf_stub.filter.output_predictor import OutputPredictor
+from ekf_stub.fusion import parts
 from ekf_stub.fusion.aiding import Aiding
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.height_source import HeightSource
@@ -63,14 +64,24 @@ class FilterParts:
         self.output = OutputPredictor(self.state, 6)
         self.aiding = Aiding()
         self.delayed = Delayed(self.ingest)
-        shared = self.aiding, self.sources, self.delayed, self.ingest, self.gps
-        self.resets = Resets(self.state, self.output, *shared, get)
-        self.height = HeightSource(self.state, *shared, get, 3)
-        self.fusion = VelPosFusion(self.state, self.resets, *shared, self.height, get)
-        self.yaw = YawFusion(
-            self.state, self.output, self.sources, self.ingest, self.gps, self.texts, get, lambda: self.has_compass, 3
+        shared = parts.FilterParts(
+            state=self.state,
+            output=self.output,
+            aiding=self.aiding,
+            sources=self.sources,
+            delayed=self.delayed,
+            ingest=self.ingest,
+            gps=self.gps,
+            texts=self.texts,
+            get_float=get,
+            has_compass=lambda: self.has_compass,
+            ring_size=3,
         )
-        self.odometry = BodyOdometry(self.state, self.aiding, self.sources, self.ingest, self.texts)
+        self.resets = Resets(shared)
+        self.height = HeightSource(shared)
+        self.fusion = VelPosFusion(shared, self.resets, self.height)
+        self.yaw = YawFusion(shared)
+        self.odometry = BodyOdometry(shared)
 
     def send_text(self, severity: int, text: str) -> None:
         """Remember a text (TextSink)."""

@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the fusions of a filter share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.output_predictor import OutputState
+from ekf_stub.fusion.aiding import Aiding
+from ekf_stub.fusion.measurements import Delayed
+from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.reports.core_texts import CoreTexts
+
+
+@dataclass(frozen=True, slots=True)
+class FilterParts:
+    """A filter from its first state on.
+
+    Attributes:
+        state: the filter.
+        output: what follows it.
+        aiding: the mode and the timeouts.
+        sources: the source sets.
+        delayed: external navigation at the horizon.
+        ingest: where it waits.
+        gps: what the GPS says.
+        texts: what the ground station is told.
+        get_float: returns a parameter by its name after ``EK3_``.
+        has_compass: tells whether a compass is in use.
+        ring_size: how many barometric heights, and how many magnetic fields, wait.
+    """
+
+    state: ErrorState
+    output: OutputState
+    aiding: Aiding
+    sources: EkfSources
+    delayed: Delayed
+    ingest: ExtNavIngest
+    gps: GpsReading
+    texts: CoreTexts
+    get_float: Callable[[str], float]
+    has_compass: Callable[[], bool]
+    ring_size: int
