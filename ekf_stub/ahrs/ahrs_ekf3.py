@@ -13,26 +13,27 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import u32
-from ap_core.clock import Clock
 from ap_core.fmath import f32
 from ap_core.location import Location
+from ap_core.param_cache import FromParams, Numbers
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of, run_report_of, three
-from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter.error_state import euler_of
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.inputs.gps_sample import FIX_3D
 from ekf_stub.inputs.sensors import Sensors, SensorSource
-from ekf_stub.inputs.source_check import VISUAL_ODOM, source_failure
-from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.inputs.source_check import source_failure
+from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, ReplayLog
+from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1
 from ekf_stub.log.replay_vehicle import VehicleFrame
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
@@ -52,38 +53,26 @@ class Ekf3Ahrs(AhrsBase):
     """The AHRS with the filter in it.
 
     Args:
-        clock: time since boot.
-        sources: the EKF's source sets.
-        log: where inputs are logged.
+        parts: the vehicle around it.
         source: where inertial data and other measurements come from.
-        has_compass: tells whether a compass is in use; without one DCM's yaw is never initialised.
-        around: the vehicle around it.
-        estimates: where estimates are logged, if anywhere.
         kernel: what the filter's arithmetic runs on.
+        start_us: when the AHRS starts.
 
     Attributes:
         core: the filter, once it has been set up; None also when no core is wanted.
     """
 
     def __init__(
-        self,
-        clock: Clock,
-        sources: EkfSources,
-        log: ReplayLog,
-        source: SensorSource,
-        *,
-        has_compass: Callable[[], bool] = lambda: True,
-        around: Surroundings | None = None,
-        estimates: EkfLog | None = None,
-        kernel: Kernel = PLAIN,
-        start_us: int = AHRS_START_US,
+        self, parts: AhrsParts, source: SensorSource, *, kernel: Kernel = PLAIN, start_us: int = AHRS_START_US
     ) -> None:
-        super().__init__(clock, sources, log, start_us=start_us)
-        self._replay_log = log
+        super().__init__(parts.clock, parts.sources, parts.log, start_us=start_us)
+        self._parts = parts
+        self._replay_log = parts.log
         self.source = self._source = source
-        self._has_compass = has_compass
-        self._around = around or Surroundings()
-        self._estimates = estimates
+        self._has_compass = FromParams(parts.params, parts.has_compass)
+        self._place_of_imu = FromParams(parts.params, parts.imu_pos)
+        get_int = parts.params.get_int
+        self._estimates = EkfLog(parts.logger, get_int, lambda: cores_of_mask(get_int("EK3_IMU_MASK")))
         self._kernel = kernel
         self._camera: VisualOdomFrame | None = None
         self._camera_pos: Vector3f | None = None
@@ -93,7 +82,7 @@ class Ekf3Ahrs(AhrsBase):
         self._baro_zero_m = 0.0
         self._is_set_up = self._active = self._has_camera = False
         self._yaw_resets = 0
-        self._source_set = sources.active_set
+        self._source_set = parts.sources.active_set
         self._quat: Quaternion | None = None
         self._reset_ms = 0
         self.core: Ekf3Core | None = None
@@ -106,7 +95,7 @@ class Ekf3Ahrs(AhrsBase):
         """Run one frame."""
         self._camera = camera
         now_us = self._clock.micros64()
-        armed = self._around.is_armed()
+        armed = self._parts.is_armed()
         self._source.set_armed(armed)
         sensors = self._source.sense(now_us)
         if sensors is not None:
@@ -126,33 +115,34 @@ class Ekf3Ahrs(AhrsBase):
         was_initialised = core.initialised
         if was_initialised and not self._active:
             self._active = True
-            self._around.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
+            self._parts.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
         core.run(frame)
         self._replay_log.note_run(was_initialised=was_initialised)
         self._log_tests(core, now_us)
         if core.yaw_resets != self._yaw_resets:
             self._yaw_resets = core.yaw_resets
-            self._around.on_yaw_reset()
+            self._parts.on_yaw_reset()
         if self._origin is None and core.origin is not None:
             self._origin = core.origin
 
     def _log_tests(self, core: Ekf3Core, now_us: int) -> None:
         still = core.is_still() if core.initialised else None
-        if self._estimates is not None and self._estimates.is_due(now_us, still, is_step=core.stepped):
+        if self._estimates.is_due(now_us, still, is_step=core.stepped):
             self._estimates.update(run_report_of(core), now_us, is_step=core.stepped)
 
     def _set_up(self) -> None:
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
         self._is_set_up = True
-        self._has_camera = self._around.is_fitted(VISUAL_ODOM)
-        cores = cores_of_mask(self._around.imu_mask())
+        parts = self._parts
+        self._has_camera = parts.visual_odom_enabled()
+        cores = cores_of_mask(parts.imu_mask())
         if not cores:
             return
         self.core = Ekf3Core(
             self._sources,
-            self._around.ekf3_number,
-            self._around.buffer_sizes(self._sources, has_camera=self._has_camera),
-            CoreTexts(self._around.texts, cores),
+            Numbers(parts.params, "EK3_").__getitem__,
+            buffer_sizes(parts.params.get_int, self._sources, has_camera=self._has_camera),
+            CoreTexts(parts.texts, cores),
             self.ext_nav_counts,
             self._has_compass,
             self._kernel,
@@ -182,7 +172,7 @@ class Ekf3Ahrs(AhrsBase):
             self._source_set = self._sources.active_set
             log.event(SOURCE_SET_1 + self._source_set)
         if log.start_frame(frame.time_us, frame.flying_ms):
-            log.vehicle(VehicleFrame(frame.armed, home=self._around.home()))
+            log.vehicle(VehicleFrame(frame.armed, home=self._parts.home()))
             log.sensors(self._with_zeroed_baro(sensors), frame.gps)
         if self._camera is not None:
             log.frame(self._camera)
@@ -194,18 +184,18 @@ class Ekf3Ahrs(AhrsBase):
         return Sensors(sensors.delta, (sensors.baro[0], height), sensors.mag, sensors.declination)
 
     def _frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> Frame:
-        around = self._around
-        home = around.home()
+        parts = self._parts
+        home = parts.home()
         return Frame(  # by position, which takes half the time
             now_us,
             sensors.delta,
             armed,
-            around.flying_ms(),
+            parts.flying_ms(),
             False,  # takeoff_expected
             False,  # touchdown_expected
             self._with_zeroed_baro(sensors).baro if self._baro_zero_m else sensors.baro,
             sensors.mag,
-            around.gps(),
+            parts.gps(),
             sensors.declination,
             None,  # place_declination
             self._lever_arm(),
@@ -217,7 +207,7 @@ class Ekf3Ahrs(AhrsBase):
         camera = self._camera
         if not self._has_camera or camera is None:
             return (0.0, 0.0, 0.0)
-        place, imu_pos = camera.pos_offset, self._around.imu_pos()
+        place, imu_pos = camera.pos_offset, self._place_of_imu()
         if place is not self._camera_pos or imu_pos is not self._imu_pos:
             self._camera_pos, self._imu_pos = place, imu_pos
             x, y, z = (float(value) for value in (place - imu_pos).to_tuple())
@@ -228,7 +218,7 @@ class Ekf3Ahrs(AhrsBase):
 
     def log_estimates(self) -> None:
         """Log what the filter says at the moment."""
-        if self._estimates is not None and self.core is not None:
+        if self.core is not None:
             self._estimates.write_streaming(self.report() or UNINITIALISED, self._clock.micros64())
             self._replay_log.note_logged()
 
@@ -304,7 +294,7 @@ class Ekf3Ahrs(AhrsBase):
         position = None if origin is None else self.get_relative_position_NED_origin_float()
         if origin is not None and position is not None and self._flags() & _HORIZ_POS:
             return origin.offset(position)
-        fix = self._around.gps()
+        fix = self._parts.gps()
         has_fix = self._active and fix is not None and fix.fix_type >= FIX_3D
         return fix.location if has_fix and fix is not None else None
 
@@ -354,10 +344,10 @@ class Ekf3Ahrs(AhrsBase):
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
         if not self._active or self.core is None:
             return "not using configured AHRS type" if self._has_compass() else "EKF3 not started"
-        failure = source_failure(self._sources, self._around.is_fitted, requires_position=requires_position)
+        failure = source_failure(self._sources, self._parts.is_fitted, requires_position=requires_position)
         if failure is not None:
             return failure
-        if self._around.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:
+        if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
         if self.healthy():
             return None
@@ -395,5 +385,5 @@ class Ekf3Ahrs(AhrsBase):
         posOffset: Vector3f,
     ) -> None:
         """Log a body odometry sample and hand it to the filter, its place counted from the IMU."""
-        place = posOffset - self._around.imu_pos()
+        place = posOffset - self._place_of_imu()
         super().writeBodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, place)

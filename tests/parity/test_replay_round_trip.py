@@ -18,9 +18,9 @@ from ap_core.param import ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of
-from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.inputs.sources import EkfSources
@@ -100,7 +100,7 @@ class Flight:
         self.core = Ekf3Core(
             sources,
             lambda name: values[f"EK3_{name}"],
-            Surroundings(get_int=params.get_int).buffer_sizes(sources, has_camera=True),
+            buffer_sizes(params.get_int, sources, has_camera=True),
             CoreTexts(_Texts(self.clock, self.texts), (0,)),
             Counter(),
             lambda: True,

@@ -17,9 +17,9 @@ from ap_core.param_cache import Numbers
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of
-from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter import covariance
 from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
 from ekf_stub.filter.kernel import PLAIN, Kernel
@@ -94,7 +94,7 @@ class CoreRig:
         self.core = Ekf3Core(
             self.sources,
             self._get_number,
-            Surroundings(get_int=self.params.get_int).buffer_sizes(self.sources, has_camera=True),
+            buffer_sizes(self.params.get_int, self.sources, has_camera=True),
             CoreTexts(self, (0,)),
             Counter(),
             self._has_compass,

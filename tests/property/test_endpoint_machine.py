@@ -52,6 +52,7 @@ from ap_core.verdict import Outcome
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
+from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
@@ -77,7 +78,7 @@ from mav_handlers.wire.messages import (
 from viso.logs.sink import MemoryLog
 from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
-from viso.vehicle.vehicle import LOOP_PERIOD_US, AhrsParts, Vehicle, VehicleConfig
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 WRAP_US = (1 << 32) * 1000
 LONGEST_BURST_BYTES = 7 * 280
@@ -147,7 +148,7 @@ class SpyAhrs(Ekf3Ahrs):
 
     def __init__(self, parts: AhrsParts) -> None:
         sensors = BenchSource(ImuOptions(has_compass=parts.has_compass))
-        super().__init__(parts.clock, parts.sources, parts.log, sensors, has_compass=parts.has_compass)
+        super().__init__(parts, sensors)
         self.spy = SettableAhrs()
 
     def writeExtNavData(self, *args: Any) -> None:

@@ -17,9 +17,9 @@ from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import TextSink
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of
-from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
 from ekf_stub.reports.core_report import CoreReport
@@ -170,11 +170,11 @@ class EkfPlayer:
         return x, y, z
 
     def _make_core(self) -> Ekf3Core:
-        around = Surroundings(get_int=lambda name: int(self.param(name)))
+        has_camera = self.inputs.camera_frd is not None
         return Ekf3Core(
             self._sources,
             lambda name: self.param(f"EK3_{name}"),
-            around.buffer_sizes(self._sources, has_camera=self.inputs.camera_frd is not None),
+            buffer_sizes(lambda name: int(self.param(name)), self._sources, has_camera=has_camera),
             CoreTexts(self._events, self.imus),
             Counter(),
             lambda: self.inputs.mag is not None,

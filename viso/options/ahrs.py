@@ -11,12 +11,13 @@ from typing import Annotated
 import typer
 
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
+from ekf_stub.ahrs.parts import AhrsParts
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
 from viso.sensors.errors import parse_errors
 from viso.sensors.inertial_sources import IMU_HELP, read_source
 from viso.sensors.options import ImuOptions
-from viso.vehicle.config import AhrsParts, VehicleAhrs, by_ekf3
+from viso.vehicle.config import VehicleAhrs, by_ekf3
 
 AhrsOption = Annotated[
     Path | None,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ekf_stub.ahrs.parts import AhrsParts
 from viso.fates.labels import FilterCounts
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
 from viso.firmware.releases import REFERENCE, Firmware
@@ -13,7 +14,7 @@ from viso.logs.sink import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts
-from viso.vehicle.config import AhrsParts, VehicleAhrs
+from viso.vehicle.config import VehicleAhrs
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 

@@ -11,6 +11,7 @@ from typing import Final
 
 import yaml
 
+from ekf_stub.ahrs.parts import AhrsParts
 from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.companion.trials.evaluation import TimedPoses
 from viso.errors import InputError, told_errors
@@ -23,7 +24,7 @@ from viso.streams.stream_kinds import Stream, StreamMessage, TrajectoryOptions, 
 from viso.sweep.dimensions import fault_field
 from viso.sweep.objectives import Judge, Row
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
-from viso.vehicle.config import AhrsParts, VehicleAhrs, by_ekf3
+from viso.vehicle.config import VehicleAhrs, by_ekf3
 
 _KEPT: Final = 4
 """How many files of a kind a process remembers."""

@@ -8,23 +8,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from ap_core.clock import VirtualClock
 from ap_core.location import Location
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams, Numbers
-from ap_core.sinks import RecordSink, TextSink
-from ap_core.vector3 import Vector3f
+from ap_core.param_cache import FromParams
 from ap_visualodom.ports import Ahrs
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.core.surroundings import Surroundings
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.sensors import SensorSource
-from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
-from ekf_stub.inputs.sources import EkfSources
-from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.replay_log import ReplayLog
-from ekf_stub.reports.core_texts import cores_of_mask
 from mav_handlers.ports import AhrsPort
 from mav_handlers.signing.state import KeyStore, MemoryKeyStore
 from viso.firmware.releases import REFERENCE, Firmware
@@ -71,79 +61,14 @@ class VehicleAhrs(Ahrs, AhrsPort, Protocol):
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None."""
 
 
-@dataclass(frozen=True, slots=True)
-class AhrsParts:
-    """What an AHRS is made of.
-
-    ``gps`` returns the newest solution of the GPS, ``is_armed`` and ``visual_odom_enabled`` what their names say;
-    ``on_yaw_reset`` is called as the estimator has aligned its yaw.
-    """
-
-    clock: VirtualClock
-    sources: EkfSources
-    log: ReplayLog
-    logger: RecordSink
-    params: ParamTable
-    texts: TextSink
-    gps: Callable[[], GpsSample | None]
-    is_armed: Callable[[], bool]
-    visual_odom_enabled: Callable[[], bool]
-    on_yaw_reset: Callable[[], None]
-    flying_ms: Callable[[], int]
-    home: Callable[[], Location | None]
-
-    def is_fitted(self, sensor: str) -> bool:
-        """Tell whether there is a sensor that EKF sources may need, by its name in their pre-arm check."""
-        fitted = {
-            BARO: True,
-            COMPASS: self.has_compass(),
-            GPS: self.params.get_int("GPS1_TYPE") != 0,
-            OPTICAL_FLOW: self.params.get_int("FLOW_TYPE") != 0,
-            VISUAL_ODOM: self.visual_odom_enabled(),
-        }
-        return fitted.get(sensor, False)
-
-    def imu_pos(self) -> Vector3f:
-        """Return the place of the first IMU on the vehicle, m, body (FRD)."""
-        return Vector3f(*(self.params.get_float(f"INS_POS1_{axis}") for axis in "XYZ"))
-
-    def has_compass(self) -> bool:
-        """Tell whether there is a compass, and in use."""
-        return self.params.get_int("COMPASS_ENABLE") != 0 and self.params.get_int("COMPASS_USE") != 0
-
-
 def by_ekf3(
     make_source: Callable[[ImuOptions], SensorSource], options: ImuOptions
 ) -> Callable[[AhrsParts], VehicleAhrs]:
     """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's."""
 
     def make(parts: AhrsParts) -> VehicleAhrs:
-        kernel = kernel_of(chosen_kernel())
-        has_compass = FromParams(parts.params, parts.has_compass)
-        source = make_source(replace(options, has_compass=has_compass))
-        return Ekf3Ahrs(
-            parts.clock,
-            parts.sources,
-            parts.log,
-            source,
-            has_compass=has_compass,
-            around=Surroundings(
-                parts.texts,
-                parts.params.get_int,
-                Numbers(parts.params, "EK3_").__getitem__,  # not to be copied: it would go on asking the original
-                parts.gps,
-                parts.is_armed,
-                parts.is_fitted,
-                parts.on_yaw_reset,
-                parts.flying_ms,
-                parts.home,
-                FromParams(parts.params, parts.imu_pos),
-            ),
-            estimates=EkfLog(
-                parts.logger, parts.params.get_int, lambda: cores_of_mask(parts.params.get_int("EK3_IMU_MASK"))
-            ),
-            kernel=kernel,
-        )
+        source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
+        return Ekf3Ahrs(parts, source, kernel=kernel_of(chosen_kernel()))
 
     return make
 

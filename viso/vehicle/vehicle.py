@@ -22,6 +22,7 @@ from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
+from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -40,7 +41,7 @@ from viso.parameters.conversion import carry_over
 from viso.parameters.table import make_groups
 from viso.sensors.hil.source import HilSource
 from viso.vehicle.banner import banner
-from viso.vehicle.config import AhrsParts, VehicleAhrs, VehicleConfig, bench
+from viso.vehicle.config import VehicleAhrs, VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter, CopterParts
 from viso.vehicle.copter.modes import AVAILABLE_MODES
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
@@ -49,7 +50,7 @@ from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.rtc import Rtc, RtcSource
 
-__all__ = ["LOOP_PERIOD_US", "AhrsParts", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
+__all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
 
 LOOP_PERIOD_US: Final = 2500
 ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30

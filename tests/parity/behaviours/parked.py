@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
+from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -22,7 +23,7 @@ from mav_handlers.wire.messages import (
 from tests.parity.behaviours.logs import Log
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 

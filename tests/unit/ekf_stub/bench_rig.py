@@ -12,16 +12,14 @@ from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
-from ap_core.param_cache import Numbers
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.ekf3_core import Ekf3Core
-from ekf_stub.core.surroundings import Surroundings
 from ekf_stub.filter.error_state import GYRO
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.source_check import SENSORS
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
@@ -33,6 +31,13 @@ from viso.sensors.standing import BenchSource
 LOOP_US = 2500
 HOME = Location(-353632610, 1491652300, 58400)
 SOURCES = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
+
+
+class SilentLog:
+    """A log that keeps nothing."""
+
+    def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
+        """Take a record (RecordSink)."""
 
 
 class BenchRig:
@@ -48,8 +53,8 @@ class BenchRig:
         place: where it stands.
         gps: the GPS's newest solution.
         armed, flying_ms, home: what they say.
-        fitted: the sensors that there are.
-        camera_pos, imu_pos: the places of camera and IMU on the vehicle, m, body.
+        has_camera: whether there is visual odometry.
+        camera_pos: the place of the camera on the vehicle, m, body.
     """
 
     def __init__(self, sources: str, *, has_compass: bool, options: ImuOptions, params: dict[str, float]) -> None:
@@ -57,6 +62,8 @@ class BenchRig:
         self.params = ParamTable(make_groups(0, make_params()))
         for name, value in params.items():
             self.params.set(name, value)
+        self.params.set("COMPASS_ENABLE", int(has_compass))
+        self.params.set("GPS1_TYPE", 1)
         self.use_sources(sources)
         self.texts: list[tuple[int, int, str]] = []
         self.statuses: list[tuple[int, int | None]] = []
@@ -68,29 +75,26 @@ class BenchRig:
         self.armed = False
         self.flying_ms = 0
         self.home: Location | None = None
-        self.fitted = set(SENSORS)
+        self.has_camera = True
         self.camera_pos = Vector3f()
-        self.imu_pos = Vector3f()
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
         source = BenchSource(replace(options, has_compass=lambda: has_compass))
         self.ahrs = Ekf3Ahrs(
-            self.clock,
-            self.sources,
-            ReplayLog(self, lambda: self.is_logged),
-            source,
-            has_compass=lambda: has_compass,
-            around=Surroundings(
-                self,
-                self.params.get_int,
-                Numbers(self.params, "EK3_").__getitem__,
-                lambda: self.gps,
-                lambda: self.armed,
-                lambda sensor: sensor in self.fitted,
-                lambda: self.yaw_resets.append(self.now_ms),
-                lambda: self.flying_ms,
-                lambda: self.home,
-                lambda: self.imu_pos,
+            AhrsParts(
+                clock=self.clock,
+                sources=self.sources,
+                log=ReplayLog(self, lambda: self.is_logged),
+                logger=SilentLog(),
+                params=self.params,
+                texts=self,
+                gps=lambda: self.gps,
+                is_armed=lambda: self.armed,
+                visual_odom_enabled=lambda: self.has_camera,
+                on_yaw_reset=lambda: self.yaw_resets.append(self.now_ms),
+                flying_ms=lambda: self.flying_ms,
+                home=lambda: self.home,
             ),
+            source,
         )
         self._next_us = 0
 

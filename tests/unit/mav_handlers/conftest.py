@@ -13,6 +13,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
 from ekf_stub.ahrs.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
+from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
@@ -22,7 +23,7 @@ from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import bench
-from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 

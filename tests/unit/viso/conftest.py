@@ -19,6 +19,7 @@ from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
@@ -35,7 +36,7 @@ from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter, CopterParts
-from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig, bench
+from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
 

@@ -15,12 +15,7 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
-from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.replay_log import ReplayLog
-from viso.sensors.options import ImuOptions
-from viso.sensors.standing import BenchSource
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -43,17 +38,6 @@ START_BY_EXT_NAV = "is using external nav data"
 def test_it_is_what_the_port_asks_for(make_bench: MakeBench) -> None:
     ahrs: Ahrs = make_bench().ahrs
     assert ahrs.get_yaw_rad() == f32(0)
-
-
-def test_it_needs_nothing_but_a_clock_its_sources_a_log_and_sensors(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    sensors = BenchSource(ImuOptions(heading_rad=2.0))
-    ahrs = Ekf3Ahrs(bench.clock, EkfSources(lambda _name: 0), ReplayLog(bench, lambda: False), sensors)
-    for time_us in range(0, 7_000_000, 2500):
-        bench.clock.set_us(time_us)
-        ahrs.update(VisualOdomFrame(Vector3f(), 10, False, False))
-    assert ahrs.healthy()
-    assert bench.texts == []
 
 
 def test_boot_is_told_as_in_the_recordings(make_bench: MakeBench) -> None:
@@ -415,9 +399,8 @@ def test_odometry_of_no_source_is_not_used(make_bench: MakeBench, sources: str) 
 
 @pytest.mark.parametrize(("yaw", "told"), [(0.0, "0.5,0.0,0.0"), (math.pi / 2, "1.0,-0.5,0.0")])
 def test_lever_arm_of_the_camera_is_taken_off(make_bench: MakeBench, yaw: float, told: str) -> None:
-    bench = make_bench()
+    bench = make_bench(INS_POS1_X=0.25)
     bench.camera_pos = Vector3f(0.75, 0, 0)
-    bench.imu_pos = Vector3f(0.25, 0, 0)
     bench.run_to(6)
     bench.stream(6.2, lambda: bench.pose(1, 0, 0, yaw=yaw))
     [said] = [text for text in bench.said() if text.startswith("EKF3 IMU0 initial pos")]

@@ -50,7 +50,7 @@ def test_sources_are_checked_before_arming(make_bench: MakeBench) -> None:
 
 def test_sensors_are_checked_before_arming(make_bench: MakeBench) -> None:
     bench = make_bench()
-    bench.fitted.discard("VisualOdom")
+    bench.has_camera = False
     bench.run_to(6)
     assert bench.ahrs.pre_arm_failure(requires_position=False) == "EK3 sources require VisualOdom"
 

@@ -15,6 +15,7 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.log_structure import FMT, FMTU, MSG, MULT, PARM, UNIT, LogStructure
 from ap_visualodom.log_structure import VISO, VISP, VISV
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
+from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     PARAM_SET,
@@ -30,7 +31,7 @@ from viso.logs.recorded import read_log, read_recorded_states
 from viso.logs.sink import MemoryLog
 from viso.replay.feed import Replay
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
-from viso.vehicle.config import AhrsParts, VehicleAhrs
+from viso.vehicle.config import VehicleAhrs
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 LOGS = DATA / "logs"

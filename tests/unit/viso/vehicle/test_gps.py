@@ -17,11 +17,12 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS, OF
 from viso.parameters.table import make_groups
 from viso.vehicle.gps import MavlinkGps
-from viso.vehicle.vehicle import AhrsParts, VehicleAhrs
+from viso.vehicle.vehicle import VehicleAhrs
 from viso.vehicle.vehicle import bench as bench_ahrs
 
 if TYPE_CHECKING:

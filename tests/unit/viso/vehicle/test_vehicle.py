@@ -15,11 +15,12 @@ from ap_core.clock import VirtualClock
 from ap_core.internal_error import InternalError
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
+from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
 from mav_handlers.ports import Location, OriginResult
 from mav_handlers.wire.messages import ATTITUDE, COMMAND_LONG, HEARTBEAT, SET_GPS_GLOBAL_ORIGIN, SYSTEM_TIME, TIMESYNC
 from viso.vehicle.rtc import OLDEST_VALID_UTC_US
-from viso.vehicle.vehicle import AhrsParts, Vehicle, VehicleAhrs, VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
 from viso.vehicle.vehicle import bench as bench_ahrs
 
 if TYPE_CHECKING:

@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an AHRS is made of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ap_core.clock import Clock
+from ap_core.location import Location
+from ap_core.param import ParamTable
+from ap_core.sinks import RecordSink, TextSink
+from ap_core.vector3 import Vector3f
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
+from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.replay_log import ReplayLog
+
+
+@dataclass(frozen=True, slots=True)
+class AhrsParts:
+    """The vehicle around an AHRS.
+
+    Attributes:
+        clock: time since boot.
+        sources: the EKF's source sets.
+        log: where inputs are logged.
+        logger: where estimates are logged.
+        params: all parameters.
+        texts: where texts for the ground station go.
+        gps: returns the newest solution of the GPS.
+        is_armed: tells whether the vehicle is armed.
+        visual_odom_enabled: tells whether there is visual odometry.
+        on_yaw_reset: is called as the estimator has aligned its yaw.
+        flying_ms: for how long the vehicle has been flying, 0 on the ground.
+        home: returns home, None while it is unset.
+    """
+
+    clock: Clock
+    sources: EkfSources
+    log: ReplayLog
+    logger: RecordSink
+    params: ParamTable
+    texts: TextSink
+    gps: Callable[[], GpsSample | None]
+    is_armed: Callable[[], bool]
+    visual_odom_enabled: Callable[[], bool]
+    on_yaw_reset: Callable[[], None]
+    flying_ms: Callable[[], int]
+    home: Callable[[], Location | None]
+
+    def is_fitted(self, sensor: str) -> bool:
+        """Tell whether there is a sensor that EKF sources may need, by its name in ``source_check.SENSORS``."""
+        fitted = {
+            BARO: True,
+            COMPASS: self.has_compass(),
+            GPS: self.params.get_int("GPS1_TYPE") != 0,
+            OPTICAL_FLOW: self.params.get_int("FLOW_TYPE") != 0,
+            VISUAL_ODOM: self.visual_odom_enabled(),
+        }
+        return fitted.get(sensor, False)
+
+    def has_compass(self) -> bool:
+        """Tell whether there is a compass, and in use."""
+        return self.params.get_int("COMPASS_ENABLE") != 0 and self.params.get_int("COMPASS_USE") != 0
+
+    def imu_pos(self) -> Vector3f:
+        """Return the place of the first IMU on the vehicle, m, body (FRD)."""
+        return Vector3f(*(self.params.get_float(f"INS_POS1_{axis}") for axis in "XYZ"))
+
+    def imu_mask(self) -> int:
+        """Return which IMUs get a core; none when EK3_ENABLE is off."""
+        return self.params.get_int("EK3_IMU_MASK") if self.params.get_int("EK3_ENABLE") else 0

@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How long the estimator's buffers become."""
+
+import pytest
+
+from ekf_stub.core.buffers import buffer_sizes
+from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.sources import EkfSources
+
+DELAYS = {"EK3_HGT_DELAY": 60, "EK3_FLOW_DELAY": 10, "EK3_BCN_DELAY": 50, "VISO_DELAY_MS": 10}
+
+
+def sources(value: int) -> EkfSources:
+    return EkfSources(lambda name: value if name == "SRC1_POSXY" else 0)
+
+
+@pytest.mark.parametrize(("params", "source", "has_camera", "sizes"), [
+    ({}, 6, True, RingSizes(6, 5, 2)),
+    ({"VISO_DELAY_MS": 250}, 6, True, RingSizes(21, 19, 8)),
+    ({"VISO_DELAY_MS": 250}, 6, False, RingSizes(6, 5, 2)),
+    ({"VISO_DELAY_MS": 9000}, 6, True, RingSizes(21, 19, 8)),
+    ({}, 3, True, RingSizes(17, 16, 7)),
+    ({"EK3_HGT_DELAY": 120}, 0, False, RingSizes(11, 10, 4)),
+    ({"EK3_HGT_DELAY": 0, "EK3_BCN_DELAY": 0}, 0, False, RingSizes(6, 5, 2)),
+])  # fmt: skip
+def test_buffers_are_as_long_as_the_longest_delay_takes(
+    params: dict[str, int], source: int, has_camera: bool, sizes: RingSizes
+) -> None:
+    values = {**DELAYS, **params}
+    assert buffer_sizes(values.__getitem__, sources(source), has_camera=has_camera) == sizes
