@@ -42,8 +42,9 @@ from viso.parameters.table import make_groups
 from viso.sensors.hil.source import HilSource
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleAhrs, VehicleConfig, bench
-from viso.vehicle.copter.copter import Copter, CopterParts
+from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import AVAILABLE_MODES
+from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp.files import VehicleFiles
 from viso.vehicle.ftp.uarts_text import UartCounts, UartsText

@@ -35,7 +35,8 @@ from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
 from viso.terminal import console
-from viso.vehicle.copter.copter import Copter, CopterParts
+from viso.vehicle.copter.copter import Copter
+from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig, bench
 
 BOOTED_US = 6_000_000

@@ -7,20 +7,14 @@ healthy, and none is asked for when yaw comes from elsewhere.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from ap_core.fmath import f32, norm3
-from ap_core.internal_error import InternalErrors
-from ap_core.param import ParamTable
-from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.inputs.gps_sample import GpsSample
-from viso.logs.logger import Logger
-from viso.vehicle.config import VehicleAhrs
-from viso.vehicle.copter.arming import ANY_CHECK, Check, CheckLists
+from viso.vehicle.copter.arming import ANY_CHECK, Arming, Check, CheckLists
 from viso.vehicle.copter.estimates import Estimates
-from viso.vehicle.copter.modes import Mode, ModeNumber
+from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber
+from viso.vehicle.copter.parts import CopterParts
 
 CHECK_GPS: Final = 1 << 3
 CHECK_INS: Final = 1 << 4
@@ -34,40 +28,27 @@ LEAN_LIMIT_DEG: Final = 30.0
 """ANGLE_MAX's default."""
 
 
-@dataclass(frozen=True)
-class CheckedThings:
-    """What the checks look at.
+class CheckedCopter(Protocol):
+    """The copter as the checks see it."""
 
-    Attributes:
-        is_initialised: tells whether booting is over.
-        is_downloading: tells whether a client is downloading a log.
-        is_safety_on: tells whether the safety switch keeps the motors off.
-        has_home: tells whether home is set.
-        mode: returns the flight mode.
-        gps: returns the newest solution of the GPS; None without a GPS.
-        is_enabled: tells whether the check with a bit is to be made.
-    """
-
-    params: ParamTable
-    ahrs: VehicleAhrs
     estimates: Estimates
-    logger: Logger
-    visual_odom: AP_VisualOdom
-    internal_errors: InternalErrors
-    is_initialised: Callable[[], bool]
-    is_downloading: Callable[[], bool]
-    is_safety_on: Callable[[], bool]
-    has_home: Callable[[], bool]
-    mode: Callable[[], Mode]
-    gps: Callable[[], GpsSample | None]
-    is_enabled: Callable[[int], bool]
+    modes: FlightModes
+    arming: Arming
+    safety_on: bool
+
+    def has_home(self) -> bool:
+        """Tell whether home is set."""
 
 
 class ArmingChecks:
     """Each method looks at one thing and returns what is wrong with it, or None."""
 
-    def __init__(self, things: CheckedThings) -> None:
-        self._things = things
+    def __init__(self, parts: CopterParts, copter: CheckedCopter) -> None:
+        self._parts = parts
+        self._copter = copter
+
+    def _mode(self) -> Mode:
+        return self._copter.modes.current
 
     def lists(self) -> CheckLists:
         """Return all checks in the firmware's order."""
@@ -95,26 +76,25 @@ class ArmingChecks:
 
     def system_initialised(self) -> str | None:
         """Booting is over."""
-        return None if self._things.is_initialised() else "System not initialised"
+        return None if self._parts.is_initialised() else "System not initialised"
 
     def altitude(self) -> str | None:
         """A mode that holds height needs to know it (alt_checks)."""
-        things = self._things
-        return None if things.mode().manual_throttle or things.estimates.alt_ok() else "Need Alt Estimate"
+        return None if self._mode().manual_throttle or self._copter.estimates.alt_ok() else "Need Alt Estimate"
 
     def hardware_safety_switch(self) -> str | None:
         """The safety switch lets motors run (hardware_safety_check)."""
-        return "Hardware safety switch" if self._things.is_safety_on() else None
+        return "Hardware safety switch" if self._copter.safety_on else None
 
     def attitude(self) -> str | None:
         """The estimator has an attitude (ins_checks)."""
-        return None if self._things.estimates.attitude_ok() else "EKF attitude is bad"
+        return None if self._copter.estimates.attitude_ok() else "EKF attitude is bad"
 
     def gps(self) -> str | None:
         """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
-        if not (self._things.mode().requires_position and self._things.is_enabled(CHECK_GPS)):
+        if not (self._mode().requires_position and self._copter.arming.is_enabled(CHECK_GPS)):
             return self.position()
-        solution = self._things.gps()
+        solution = self._parts.gps()
         return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
 
     def _gps_failure(self, solution: GpsSample | None) -> str | None:
@@ -123,9 +103,9 @@ class ArmingChecks:
             return "GPS 1: Bad fix"
         if solution is not None and not solution.is_healthy:
             return "GPS 1: not healthy"
-        if not self._things.has_home():
+        if not self._copter.has_home():
             return "AHRS: waiting for home"
-        place = self._things.ahrs.get_location()
+        place = self._parts.ahrs.get_location()
         if solution is None or place is None:
             return None
         way = solution.location.distance_ned(place)
@@ -133,59 +113,58 @@ class ArmingChecks:
         return f"GPS and AHRS differ by {distance_m:4.1f}m" if distance_m > AHRS_GPS_ERROR_MAX_M else None
 
     def _dilution_failure(self, solution: GpsSample | None) -> str | None:
-        limit = self._things.params.get_int("GPS_HDOP_GOOD")
+        limit = self._parts.params.get_int("GPS_HDOP_GOOD")
         return "High GPS HDOP" if solution is not None and solution.hdop > limit else None
 
     def position(self) -> str | None:
         """The AHRS is ready and, in a mode that needs it, has a position (mandatory_gps_checks)."""
-        things = self._things
-        needs_position = things.mode().requires_position
-        failure = things.ahrs.pre_arm_failure(requires_position=needs_position)
+        needs_position = self._mode().requires_position
+        failure = self._parts.ahrs.pre_arm_failure(requires_position=needs_position)
         if failure is not None:
             return f"AHRS: {failure}"
         return self._position_failure() if needs_position else None
 
     def _position_failure(self) -> str | None:
-        estimates = self._things.estimates
+        estimates = self._copter.estimates
         if not estimates.position_ok():
             return "Need Position Estimate"
         if estimates.is_gps_glitching():
             return "GPS glitching"
-        variance = estimates.failing_variance(float(self._things.params.get_float("FS_EKF_THRESH")))
+        variance = estimates.failing_variance(float(self._parts.params.get_float("FS_EKF_THRESH")))
         return None if variance is None else f"EKF {variance} variance"
 
     def logging(self) -> str | None:
         """Logs can be written, and nobody is downloading one (logging_checks)."""
-        if self._things.logger.failure is not None:
+        if self._parts.logger.failure is not None:
             return "Logging failed"
-        return "Downloading logs" if self._things.is_downloading() else None
+        return "Downloading logs" if self._parts.is_downloading() else None
 
     def mission(self) -> str | None:
         """AUTO has a mission; there is none here (mission_checks)."""
-        return "Mode requires mission" if self._things.mode().number == ModeNumber.AUTO else None
+        return "Mode requires mission" if self._mode().number == ModeNumber.AUTO else None
 
     def internal_errors(self) -> str | None:
         """Nothing happened that should not be possible (system_checks)."""
-        errors = self._things.internal_errors
+        errors = self._parts.internal_errors
         return f"Internal errors 0x{errors.mask:x} l:{errors.last_line} {errors.describe()}" if errors.mask else None
 
     def visual_odom(self) -> str | None:
         """Visual odometry works (visodom_checks)."""
-        failure = self._things.visual_odom.pre_arm_check()
+        failure = self._parts.visual_odom.pre_arm_check()
         return None if failure is None else f"VisOdom: {failure}"
 
     def ahrs_health(self) -> str | None:
         """The estimator is healthy."""
-        return None if self._things.ahrs.healthy() else "AHRS not healthy"
+        return None if self._parts.ahrs.healthy() else "AHRS not healthy"
 
     def mode(self) -> str | None:
         """The mode may be armed in."""
-        mode = self._things.mode()
+        mode = self._mode()
         return None if mode.arms else f"{mode.name} mode not armable"
 
     def lean_angle(self) -> str | None:
         """The vehicle is roughly level."""
-        quat = self._things.ahrs.get_quaternion()
+        quat = self._parts.ahrs.get_quaternion()
         if quat is None:
             return None
         cos_lean = math.cos(quat.get_euler_roll()) * math.cos(quat.get_euler_pitch())
@@ -193,11 +172,11 @@ class ArmingChecks:
 
     def safety_switch(self) -> str | None:
         """The safety switch lets motors run."""
-        return "Safety Switch" if self._things.is_safety_on() else None
+        return "Safety Switch" if self._copter.safety_on else None
 
     def logging_started(self) -> str | None:
         """The log of the flight can be opened; opening it comes last (AP_Arming::arm_checks)."""
-        logger = self._things.logger
-        logger.update(True, self._things.params)
+        logger = self._parts.logger
+        logger.update(True, self._parts.params)
         failed = not logger.is_open and logger.failure is not None
-        return "Logging not started" if failed and self._things.is_enabled(CHECK_LOGGING) else None
+        return "Logging not started" if failed and self._copter.arming.is_enabled(CHECK_LOGGING) else None

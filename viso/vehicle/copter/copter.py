@@ -2,59 +2,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The part of the vehicle that is ArduCopter: mode, home, arming, and whether it flies."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u8
-from ap_core.clock import Clock
-from ap_core.internal_error import InternalErrors
 from ap_core.location import Location
-from ap_core.param import ParamTable
-from ap_core.sinks import TextSink
-from ap_visualodom.ap_visualodom import AP_VisualOdom
-from ekf_stub.inputs.gps_sample import GpsSample
 from mav_handlers.mission import Mission
-from viso.logs.logger import Logger
-from viso.logs.vehicle_log import VehicleLog
-from viso.parameters.releases import REFERENCE, ParameterRelease
-from viso.vehicle.config import VehicleAhrs
 from viso.vehicle.copter.arming import Arming, ArmMethod
-from viso.vehicle.copter.arming_checks import ArmingChecks, CheckedThings
+from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeReason
+from viso.vehicle.copter.parts import CopterParts
 
 EV_EKF_ALT_RESET: Final = 60
-
-
-@dataclass(frozen=True)
-class CopterParts:
-    """What a copter is made of.
-
-    Attributes:
-        gps: returns the newest solution of the GPS; None without a GPS.
-        is_initialised: tells whether booting is over.
-        is_downloading: tells whether a client is downloading a log.
-        on_mode: called when the mode has changed.
-        release: which parameters there are.
-    """
-
-    clock: Clock
-    params: ParamTable
-    texts: TextSink
-    log: VehicleLog
-    logger: Logger
-    ahrs: VehicleAhrs
-    visual_odom: AP_VisualOdom
-    internal_errors: InternalErrors
-    gps: Callable[[], GpsSample | None]
-    is_initialised: Callable[[], bool]
-    is_downloading: Callable[[], bool]
-    on_mode: Callable[[], None]
-    release: ParameterRelease = REFERENCE
 
 
 class Copter:
@@ -66,21 +28,23 @@ class Copter:
         modes: the flight mode.
         arming: the checks, and whether the vehicle is armed.
         landing: whether it stands on the ground.
+        estimates: whether what the estimator says is good enough.
+        safety_on: the safety switch keeps the motors off.
         disarmed_us: when it was disarmed, or arming it failed; None before the first time.
     """
 
     def __init__(self, parts: CopterParts) -> None:
         self._parts = parts
-        self._estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position, self.is_in_failsafe)
+        self.estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position, self.is_in_failsafe)
         self._ekf_check = self._make_ekf_check()
-        self._safety_on = False
+        self.safety_on = False
         self.mission = Mission()
         self.home = Home(
             parts.ahrs, self.is_armed, mission=self.mission, log=parts.log, texts=parts.texts, clock=parts.clock
         )
         self.modes = FlightModes(self, parts.texts, parts.log)
         self.landing = Landing(parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current)
-        checks = ArmingChecks(self._checked_things()).lists()
+        checks = ArmingChecks(parts, self).lists()
         group = parts.params.group("ARMING_")
         self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
         self.disarmed_us: int | None = None
@@ -93,26 +57,8 @@ class Copter:
             parts.texts,
             parts.log,
             parts.clock,
-            has_position=self._estimates.has_position,
+            has_position=self.estimates.has_position,
             is_armed=self.is_armed,
-        )
-
-    def _checked_things(self) -> CheckedThings:
-        parts = self._parts
-        return CheckedThings(
-            params=parts.params,
-            ahrs=parts.ahrs,
-            estimates=self._estimates,
-            logger=parts.logger,
-            visual_odom=parts.visual_odom,
-            internal_errors=parts.internal_errors,
-            is_initialised=parts.is_initialised,
-            is_downloading=parts.is_downloading,
-            is_safety_on=lambda: self._safety_on,
-            has_home=self.has_home,
-            mode=lambda: self.modes.current,
-            gps=parts.gps,
-            is_enabled=lambda bit: self.arming.is_enabled(bit),
         )
 
     def _aids_relative_position(self) -> bool:
@@ -126,11 +72,11 @@ class Copter:
 
     def position_ok(self) -> bool:
         """Tell whether the position is good enough for a mode that requires it."""
-        return self._estimates.position_ok()
+        return self.estimates.position_ok()
 
     def alt_ok(self) -> bool:
         """Tell whether the height is known."""
-        return self._estimates.alt_ok()
+        return self.estimates.alt_ok()
 
     def has_home(self) -> bool:
         """Tell whether home is set."""
@@ -187,7 +133,7 @@ class Copter:
 
     def set_safety(self, on: bool) -> None:
         """Move the safety switch; on, it keeps the motors off."""
-        self._safety_on = on
+        self.safety_on = on
 
     def set_home(self, place: Location) -> bool:
         """Set home on behalf of a client; tell whether it was set."""

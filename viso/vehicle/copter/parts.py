@@ -1,0 +1,44 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a copter is made of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ap_core.clock import Clock
+from ap_core.internal_error import InternalErrors
+from ap_core.param import ParamTable
+from ap_core.sinks import TextSink
+from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.inputs.gps_sample import GpsSample
+from viso.logs.logger import Logger
+from viso.logs.vehicle_log import VehicleLog
+from viso.parameters.releases import REFERENCE, ParameterRelease
+from viso.vehicle.config import VehicleAhrs
+
+
+@dataclass(frozen=True)
+class CopterParts:
+    """The vehicle around a copter.
+
+    Attributes:
+        gps: returns the newest solution of the GPS; None without a GPS.
+        is_initialised: tells whether booting is over.
+        is_downloading: tells whether a client is downloading a log.
+        on_mode: called when the mode has changed.
+        release: which parameters there are.
+    """
+
+    clock: Clock
+    params: ParamTable
+    texts: TextSink
+    log: VehicleLog
+    logger: Logger
+    ahrs: VehicleAhrs
+    visual_odom: AP_VisualOdom
+    internal_errors: InternalErrors
+    gps: Callable[[], GpsSample | None]
+    is_initialised: Callable[[], bool]
+    is_downloading: Callable[[], bool]
+    on_mode: Callable[[], None]
+    release: ParameterRelease = REFERENCE
