@@ -44,6 +44,9 @@ _HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL
 _REPORTED: Final = (1 << 10) - 1  # flags that EKF_STATUS_REPORT has as they are
 _GLITCHING, _INITIALISED = 1 << 14, 1 << 16  # of nav_filter_status
 
+PoseListener = Callable[[Vector3f, Quaternion, int, bool], None]
+"""Takes the IMU's place in m NED, the attitude, when they were observed in ms since boot, and whether they jumped."""
+
 
 def _vector(values: tuple[float, float, float]) -> Vector3f:
     return Vector3f(*values)
@@ -60,6 +63,7 @@ class Ekf3Ahrs(AhrsBase):
 
     Attributes:
         core: the filter, once it has been set up; None also when no core is wanted.
+        on_pose: hears of each pose that external navigation gives.
     """
 
     def __init__(
@@ -86,6 +90,7 @@ class Ekf3Ahrs(AhrsBase):
         self._quat: Quaternion | None = None
         self._reset_ms = 0
         self.core: Ekf3Core | None = None
+        self.on_pose: PoseListener | None = None
         self._on_filter_outcome: Callable[[FilterOutcome], None] | None = None
         self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))  # refuses all until the filter is set up
 
@@ -366,13 +371,14 @@ class Ekf3Ahrs(AhrsBase):
         delay_ms: int,
         resetTime_ms: int,
     ) -> None:
-        """Log a position and attitude, hand them to the filter, and to the sensors' source that may follow them."""
+        """Log a position and attitude, hand them to the filter, and tell who listens."""
         super().writeExtNavData(pos, quat, posErr, angErr, timeStamp_ms, delay_ms, resetTime_ms)
-        is_reset = resetTime_ms != self._reset_ms
-        self._reset_ms = resetTime_ms
-        lever = self._lever_arm()
-        place = pos - quat.rotate_vector(Vector3f(*lever)) if any(lever) else pos
-        self._source.take_pose(place, quat, u32(timeStamp_ms - delay_ms), is_reset=is_reset)
+        if self.on_pose is not None:
+            is_reset = resetTime_ms != self._reset_ms
+            self._reset_ms = resetTime_ms
+            lever = self._lever_arm()
+            place = pos - quat.rotate_vector(Vector3f(*lever)) if any(lever) else pos
+            self.on_pose(place, quat, u32(timeStamp_ms - delay_ms), is_reset)
 
     def writeBodyFrameOdom(
         self,

@@ -5,8 +5,6 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import Array, InertialDelta
 
 
@@ -38,9 +36,6 @@ class SensorSource(Protocol):
 
     def set_armed(self, armed: bool) -> None:
         """Hear, before each pass, whether the vehicle is armed."""
-
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
-        """Hear of a pose that external navigation gave: m, attitude, and when it was observed, in ms since boot."""
 
     def yaw_rad(self) -> float:
         """Return the true heading as far as the source knows it, rad; what a simple estimate (DCM) starts from."""

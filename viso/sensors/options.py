@@ -5,8 +5,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors
 
 
@@ -28,7 +26,7 @@ class ImuOptions:
 
 
 class UnmovedSource:
-    """What a source does that heeds neither arming nor external navigation; ``SensorSource`` tells what it is to do."""
+    """What a source does that does not heed arming; ``SensorSource`` tells what it is to do."""
 
     def __init__(self, options: ImuOptions) -> None:
         self._options = options
@@ -36,6 +34,3 @@ class UnmovedSource:
 
     def set_armed(self, armed: bool) -> None:
         """Go on as before, armed or not."""
-
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
-        """Go on as before, whatever external navigation says."""

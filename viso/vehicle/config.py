@@ -23,6 +23,7 @@ from viso.logs.sink import LogSink
 from viso.parameters.memory import MemoryParamStore, StoredParams
 from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
+from viso.sensors.stream.follow import FollowSource
 from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 
@@ -68,7 +69,10 @@ def by_ekf3(
 
     def make(parts: AhrsParts) -> VehicleAhrs:
         source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
-        return Ekf3Ahrs(parts, source, kernel=kernel_of(chosen_kernel()))
+        ahrs = Ekf3Ahrs(parts, source, kernel=kernel_of(chosen_kernel()))
+        if isinstance(source, FollowSource):
+            ahrs.on_pose = source.take_pose
+        return ahrs
 
     return make
 

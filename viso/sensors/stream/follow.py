@@ -123,7 +123,7 @@ class FollowSource(UnmovedSource):
 
     # What the vehicle follows
 
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None:
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, is_reset: bool) -> None:
         """Follow a pose: m and attitude, observed at a time in ms since boot.
 
         It may be anything at all; what cannot be used is counted in ``ignored``.

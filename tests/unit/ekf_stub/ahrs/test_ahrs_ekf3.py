@@ -406,3 +406,15 @@ def test_lever_arm_of_the_camera_is_taken_off(make_bench: MakeBench, yaw: float,
     [said] = [text for text in bench.said() if text.startswith("EKF3 IMU0 initial pos")]
     numbers = [float(number) for number in said.split("= ")[1].removesuffix(" (m)").split(",")]
     assert numbers == pytest.approx([float(number) for number in told.split(",")], abs=0.051)
+
+
+def test_who_listens_to_poses_hears_where_the_imu_is_and_of_resets(make_bench: MakeBench) -> None:
+    bench = make_bench(INS_POS1_X=0.25)
+    bench.camera_pos = Vector3f(0.75, 0, 0)
+    heard: list[tuple[float, int, bool]] = []
+    bench.ahrs.on_pose = lambda pos, _quat, observed_ms, is_reset: heard.append((float(pos.x), observed_ms, is_reset))
+    bench.run_to(6)
+    bench.pose(1, 0, 0)
+    bench.pose(1, 0, 0, reset_ms=5990)
+    bench.pose(1, 0, 0, reset_ms=5990)
+    assert heard == [(0.5, 5990, False), (0.5, 5990, True), (0.5, 5990, False)]

@@ -7,8 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 
@@ -22,8 +20,6 @@ class Rest:
         return Sensors(REST) if now_us else None
 
     def set_armed(self, armed: bool) -> None: ...
-
-    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, *, is_reset: bool) -> None: ...
 
     def yaw_rad(self) -> float:
         return 0.5

@@ -23,6 +23,7 @@ from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import CoreTexts
 from viso.parameters.table import make_groups
+from viso.sensors.stream.follow import FollowSource
 
 LOOP_US = 2500
 LONGEST_DELAY_MS = 60
@@ -110,11 +111,12 @@ class FilterLoop:
         delay_ms: int = DELAY_MS,
         reset_ms: int = 0,
     ) -> None:
-        """Hand a pose to filter and source, as the AHRS does."""
+        """Hand a pose to the filter, and to a source that follows it, as the AHRS does."""
         stamp_ms = self.now_us // 1000 if stamp_ms is None else stamp_ms
         vector, attitude = Vector3f(*pos), Quaternion(*quat)
         self.core.ingest.write_pose(vector, attitude, (POS_ERR, ANG_ERR), stamp_ms, delay_ms, reset_ms)
-        self._source.take_pose(vector, attitude, stamp_ms - delay_ms, is_reset=reset_ms != self._reset_ms)
+        if isinstance(self._source, FollowSource):
+            self._source.take_pose(vector, attitude, stamp_ms - delay_ms, is_reset=reset_ms != self._reset_ms)
         self._reset_ms = reset_ms
 
     def tell_velocity(self, vel: Three, *, stamp_ms: int | None = None, delay_ms: int = DELAY_MS) -> None:

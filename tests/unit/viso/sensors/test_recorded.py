@@ -12,8 +12,6 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import DownSampler, InertialDelta, InertialStep
 from ekf_stub.inputs.sensors import Sensors
 from tests.places import DATA
@@ -203,7 +201,6 @@ def test_heading_is_that_of_the_logs_own_estimate(path: Path) -> None:
     sense(source, 100_000)
     assert source.yaw_rad() == 0.5
     source.set_armed(True)
-    source.take_pose(Vector3f(1, 2, 3), Quaternion(), 100, is_reset=True)
     sense(source, 102_500)
     assert source.yaw_rad() == pytest.approx(math.radians(-10))
 

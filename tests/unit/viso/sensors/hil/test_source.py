@@ -11,8 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
@@ -385,9 +383,8 @@ class TestState:
         assert hil.ignored == {reason: 1}
 
 
-def test_poses_and_arming_do_not_touch_it(hil: HilSource) -> None:
+def test_arming_does_not_touch_it(hil: HilSource) -> None:
     hil.set_armed(True)
-    hil.take_pose(Vector3f(1, 2, 3), Quaternion(), 0, is_reset=True)
     assert hil.sense(2500) is None
 
 
