@@ -64,7 +64,8 @@ def effect_of(chunks: Sequence[bytes]) -> Effect:
     vehicle = Vehicle(VehicleConfig(defaults={"VISO_TYPE": 1}))
     channel = vehicle.endpoint.open_channel("link")
     for now_us in BOOT_US:
-        vehicle.loop(now_us)
+        vehicle.clock.set_us(now_us)
+        vehicle.loop()
     channel.take_output()
     records: list[str] = []
 
@@ -73,14 +74,15 @@ def effect_of(chunks: Sequence[bytes]) -> Effect:
 
     vehicle.logger.on_write = remember
     for chunk in chunks:
-        vehicle.receive_bytes(channel, chunk, BOOT_US[-1])
+        vehicle.receive_bytes(channel, chunk)
     logged = tuple(records)
     verdicts = []
     while (event := vehicle.endpoint.next_event()) is not None:
         if event.header is not None:
             verdicts.append(event.verdict)
     for now_us in REPLIES_US:
-        vehicle.loop(now_us)
+        vehicle.clock.set_us(now_us)
+        vehicle.loop()
     return Effect(tuple(verdicts), logged, channel.take_output())
 
 

@@ -117,10 +117,11 @@ class _Run:
 
     def pass_time(self, time_us: int) -> None:
         self.now_us = time_us
-        self.vehicle.loop(time_us)
+        self.vehicle.clock.set_us(time_us)
+        self.vehicle.loop()
 
     def deliver(self, channel: Channel, data: bytes) -> None:
-        self.vehicle.receive_bytes(channel, data, self.now_us)
+        self.vehicle.receive_bytes(channel, data)
 
     def operate(self, reader: _Reader) -> None:
         """Do the next operation."""

@@ -125,7 +125,8 @@ class Trip:
         end_us = self.now_us + round(1e6 * seconds)
         while self.now_us < end_us:
             self.now_us += LOOP_PERIOD_US
-            self.vehicle.loop(self.now_us)
+            self.vehicle.clock.set_us(self.now_us)
+            self.vehicle.loop()
             if self.is_seen and self.now_us >= self._next_us:
                 self._next_us = self.now_us + PERIOD_US
                 self.send(self.seen())
@@ -133,7 +134,7 @@ class Trip:
 
     def send(self, message: Message) -> None:
         """Send a message to the vehicle."""
-        self.vehicle.receive_bytes(self.channel, self._codec.encode(message), self.now_us)
+        self.vehicle.receive_bytes(self.channel, self._codec.encode(message))
 
     def command(self, number: int, *params: float) -> None:
         """Send a command."""

@@ -331,7 +331,8 @@ class EndpointMachine(RuleBasedStateMachine):
     def pass_time(self, time_us: int) -> None:
         """Run one pass of the main loop at a time."""
         self.now_us = time_us
-        self.vehicle.loop(time_us)
+        self.vehicle.clock.set_us(time_us)
+        self.vehicle.loop()
         assert self.new_records == []
         assert len(self.calls) == self.calls_seen
 
@@ -339,7 +340,7 @@ class EndpointMachine(RuleBasedStateMachine):
         """Hand bytes to a link."""
         self.delivered[link] += len(data)
         read_us = max(0, self.now_us - read_ago_us)
-        self.vehicle.receive_bytes(self.channels[link], data, self.now_us, read_us)
+        self.vehicle.receive_bytes(self.channels[link], data, read_us)
 
     @rule(link=LINKS, message=VISION, sender=SENDERS_IDS, old=st.booleans(), read_ago_us=st.sampled_from([0, 2500]))
     def send_vision(self, link: int, message: Message, sender: tuple[int, int], old: bool, read_ago_us: int) -> None:

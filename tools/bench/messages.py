@@ -58,7 +58,8 @@ class LoggingVehicle:
         vehicle, channel, frames = self.vehicle, self._channel, self._frames.next(count)
         begin_s = time.process_time()
         for time_us, frame in frames:
-            vehicle.receive_bytes(channel, frame, time_us)
+            vehicle.clock.set_us(time_us)
+            vehicle.receive_bytes(channel, frame)
             vehicle.endpoint.bytes_to_send(channel)
         return time.process_time() - begin_s
 

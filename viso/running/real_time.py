@@ -65,7 +65,8 @@ class Pacer:
         self._read()
         now_us = self._now_us()
         if now_us >= self._next_loop_us:
-            self._powered.vehicle.loop(now_us)
+            self._powered.vehicle.clock.set_us(now_us)
+            self._powered.vehicle.loop()
             # A pass that comes late is not made up for, as on the real vehicle.
             self._next_loop_us = max(self._next_loop_us + LOOP_PERIOD_US, now_us)
             self._write()
@@ -84,7 +85,8 @@ class Pacer:
                 data = link.receive(MAX_READ_BYTES)
                 if not data:
                     break
-                self._powered.vehicle.receive_bytes(channel, data, self._now_us())
+                self._powered.vehicle.clock.set_us(self._now_us())
+                self._powered.vehicle.receive_bytes(channel, data)
 
     def _write(self) -> None:
         for link, channel in zip(self._links, self._powered.channels, strict=True):

@@ -27,10 +27,11 @@ class Scheduler:
         if time_us < self.now_us:
             raise ValueError(f"time {time_us} us has passed, it is {self.now_us} us")
         while self._next_loop_us <= time_us:
-            self._vehicle.loop(self._next_loop_us)
+            self._vehicle.clock.set_us(self._next_loop_us)
+            self._vehicle.loop()
             self._next_loop_us += LOOP_PERIOD_US
         self._vehicle.clock.set_us(time_us)
 
     def deliver(self, channel: Channel, data: bytes, *, read_us: int | None = None) -> None:
         """Hand bytes to the vehicle now; ``read_us`` tells when the link was read, if earlier."""
-        self._vehicle.receive_bytes(channel, data, self.now_us, read_us)
+        self._vehicle.receive_bytes(channel, data, read_us)

@@ -72,7 +72,7 @@ _SECOND_US: Final = 1_000_000
 class Vehicle:
     """A vehicle without motors: its parameters, external navigation, log, checks and MAVLink endpoint.
 
-    Time comes from whoever calls ``loop`` and ``receive_bytes``; a scheduler or a real-time pacer.
+    A scheduler or a real-time pacer sets the ``clock``, and calls ``loop`` and ``receive_bytes``.
 
     Raises:
         ValueError: a default that its parameter cannot take.
@@ -191,9 +191,9 @@ class Vehicle:
         for channel in self.endpoint.channels:
             self.endpoint.request_message(channel, "HEARTBEAT")
 
-    def loop(self, now_us: int) -> None:
-        """Run one pass of the main loop at ``now_us`` since boot, 400 times a second."""
-        self.clock.set_us(now_us)
+    def loop(self) -> None:
+        """Run one pass of the main loop, 400 times a second."""
+        now_us = self.clock.micros64()
         if not self._initialised and now_us >= AHRS_START_US:
             self._finish_boot()
         self._run_estimator_frame()
@@ -206,10 +206,9 @@ class Vehicle:
         self.endpoint.poll(now_us)
         self.logger.update(self._log_wanted(now_us), self.params)
 
-    def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
-        """Handle what a link delivered, at ``now_us`` since boot (``read_us`` if it was read earlier)."""
-        self.clock.set_us(now_us)
-        self.endpoint.receive_bytes(channel, data, now_us, read_us)
+    def receive_bytes(self, channel: Channel, data: bytes, read_us: int | None = None) -> None:
+        """Handle what a link delivered; ``read_us`` since boot if it was read earlier than now."""
+        self.endpoint.receive_bytes(channel, data, self.clock.micros64(), read_us)
 
     def _finish_boot(self) -> None:
         self._initialised = True

@@ -43,9 +43,9 @@ class Rig:
         self.loops: list[int] = []
         loop = Vehicle.loop
 
-        def noted(vehicle: Vehicle, now_us: int) -> None:
-            self.loops.append(now_us)
-            loop(vehicle, now_us)
+        def noted(vehicle: Vehicle) -> None:
+            self.loops.append(vehicle.clock.micros64())
+            loop(vehicle)
 
         monkeypatch.setattr(Vehicle, "loop", noted)
         ends = [make_pair((f"vehicle{number}", f"client{number}")) for number in (1, 2)]

@@ -99,7 +99,8 @@ def test_checks_fail_while_booting(make_bench: MakeBench, time_s: float, said: l
 def test_boot_does_not_wait_for_a_client() -> None:
     vehicle = Vehicle(VehicleConfig(links=0))
     for time_us in range(0, 3_000_000, 2500):
-        vehicle.loop(time_us)
+        vehicle.clock.set_us(time_us)
+        vehicle.loop()
     assert vehicle.is_initialised()
 
 
