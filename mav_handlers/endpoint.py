@@ -267,14 +267,14 @@ class MavEndpoint:
     def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
         """Send the next part of a listing or of a log on a link, as far as it takes any."""
         if channel.has_room():
-            armed, heartbeat_us = self._vehicle.is_armed(), channel.heartbeat_sent_us
+            armed, heartbeat_us = self._vehicle.copter.is_armed(), channel.heartbeat_sent_us
             channel.send(*self.log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
 
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""
         last_us, self._polled_us = self._polled_us, now_us
         generation = self._vehicle.params.generation
-        if self._vehicle.take_home_changed():
+        if self._vehicle.copter.home.take_changed():
             self._send_home()
         elif last_us <= now_us < self._rest.until_us and generation == self._polled_generation:
             return

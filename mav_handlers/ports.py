@@ -115,6 +115,9 @@ class AhrsPort(Protocol):
     def get_location(self) -> Location | None:
         """Return where the vehicle is, or None without origin or position."""
 
+    def origin(self) -> Location | None:
+        """Return the EKF origin, or None while unset."""
+
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
         """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used."""
 
@@ -122,12 +125,56 @@ class AhrsPort(Protocol):
         """Return what the estimator says of itself, or None while it does not run."""
 
 
+class ArmingPort(Protocol):
+    """The checks before arming."""
+
+    passed: bool
+
+    def pre_arm_checks(self, display: bool) -> bool:
+        """Run all checks; tell whether they passed, and failures as texts when asked to."""
+
+    def enabled_checks(self) -> int:
+        """Return the bits of the checks that are enabled."""
+
+
+class HomePort(Protocol):
+    """Where home is, None while unset."""
+
+    place: Location | None
+
+    def take_changed(self) -> bool:
+        """Tell, once, that home has changed and is to be told to all links."""
+
+
 class CopterPort(Protocol):
-    """What makes the vehicle a copter: its mode, its home, and whether it stands on the ground."""
+    """What makes the vehicle a copter: its mode, its home, arming, and whether it stands on the ground."""
 
     @property
     def mission(self) -> Mission:
         """The mission, which holds nothing but home."""
+
+    @property
+    def home(self) -> HomePort:
+        """Home."""
+
+    @property
+    def arming(self) -> ArmingPort:
+        """The checks before arming."""
+
+    def is_armed(self) -> bool:
+        """Tell whether the motors are armed."""
+
+    def arm(self, do_checks: bool) -> bool:
+        """Try to arm; tell whether it worked. Failures are told as texts."""
+
+    def disarm(self, force: bool) -> bool:
+        """Try to disarm; tell whether it worked."""
+
+    def custom_mode(self) -> int:
+        """Return the flight mode's number."""
+
+    def available_modes(self) -> Sequence[AvailableMode]:
+        """Return the flight modes in the firmware's order; AVAILABLE_MODES counts them from 1."""
 
     def set_mode(self, number: int) -> bool:
         """Enter a mode; tell whether the vehicle is in it now. A refusal is told as a text."""
@@ -154,6 +201,49 @@ class CopterPort(Protocol):
         """Start a take-off to a height above home; tell whether it was accepted."""
 
 
+class GpsPort(Protocol):
+    """The GPS."""
+
+    def sample(self) -> GpsSample | None:
+        """Return its newest solution, or None without a GPS; one that has lost its data has fix type 1."""
+
+    def take(self, packet: GPS_INPUT) -> bool:
+        """Give it a solution, whatever its ``gps_id``; tell whether there is one that takes it."""
+
+
+class FlowPort(Protocol):
+    """The flow sensor."""
+
+    def enabled(self) -> bool:
+        """Tell whether there is one."""
+
+    def healthy(self) -> bool:
+        """Tell whether it works."""
+
+    def take(self, packet: OPTICAL_FLOW) -> bool:
+        """Give it flow; tell whether there is one that takes it."""
+
+
+class HilPort(Protocol):
+    """A simulator that the vehicle's sensors come from; times in us since boot."""
+
+    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> None:
+        """Take its sensors."""
+
+    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> None:
+        """Take its truth."""
+
+
+class RtcPort(Protocol):
+    """The time of day."""
+
+    def utc_us(self) -> int:
+        """Return it in us since 1970, 0 while unknown."""
+
+    def take_system_time(self, utc_us: int) -> None:
+        """Take it from SYSTEM_TIME, subject to BRD_RTC_TYPES."""
+
+
 class VehiclePort(Protocol):
     """The vehicle as the endpoint sees it."""
 
@@ -170,6 +260,26 @@ class VehiclePort(Protocol):
     @property
     def ahrs(self) -> AhrsPort:
         """The estimates of attitude and position."""
+
+    @property
+    def copter(self) -> CopterPort:
+        """What makes it a copter."""
+
+    @property
+    def gps(self) -> GpsPort:
+        """The GPS."""
+
+    @property
+    def flow(self) -> FlowPort:
+        """The flow sensor."""
+
+    @property
+    def hil(self) -> HilPort | None:
+        """The simulator that its sensors come from, if they do."""
+
+    @property
+    def rtc(self) -> RtcPort:
+        """The time of day."""
 
     @property
     def log(self) -> LogPort:
@@ -192,36 +302,8 @@ class VehiclePort(Protocol):
     def is_initialised(self) -> bool:
         """Tell whether booting is over."""
 
-    def is_armed(self) -> bool:
-        """Tell whether the motors are armed."""
-
-    def custom_mode(self) -> int:
-        """Return the flight mode's number."""
-
-    def available_modes(self) -> Sequence[AvailableMode]:
-        """Return the flight modes in the firmware's order; AVAILABLE_MODES counts them from 1."""
-
-    @property
-    def copter(self) -> CopterPort:
-        """What clients may have it do."""
-
     def request_reboot(self) -> None:
         """Restart, once the answer to the command has left."""
-
-    def arm(self, do_checks: bool) -> bool:
-        """Try to arm; tell whether it worked. Failures are told as texts."""
-
-    def disarm(self, force: bool) -> bool:
-        """Try to disarm; tell whether it worked."""
-
-    def run_prearm_checks(self) -> None:
-        """Run all pre-arm checks and tell their failures as texts."""
-
-    def prearm_passed(self) -> bool:
-        """Tell whether the last run of the checks passed."""
-
-    def checks_enabled(self) -> bool:
-        """Tell whether any arming check is enabled."""
 
     def set_source_set(self, index: int) -> None:
         """Choose one of the three EKF source sets, 0..2."""
@@ -229,41 +311,8 @@ class VehiclePort(Protocol):
     def set_origin(self, location: Location) -> OriginResult:
         """Set the EKF origin, once."""
 
-    def origin(self) -> Location | None:
-        """Return the EKF origin, or None while unset."""
-
-    def home(self) -> Location | None:
-        """Return home, or None while unset."""
-
-    def take_home_changed(self) -> bool:
-        """Tell, once, that home has changed and is to be told to all links."""
-
     def last_location(self) -> Location | None:
         """Return where the vehicle is, or was when that was last known; None before the first time."""
-
-    def gps(self) -> GpsSample | None:
-        """Return the GPS's newest solution, or None without a GPS; one that has lost its data has fix type 1."""
-
-    def take_gps_input(self, message: GPS_INPUT) -> bool:
-        """Give a solution to the GPS, whatever its ``gps_id``; tell whether there is one that takes it."""
-
-    def take_optical_flow(self, message: OPTICAL_FLOW) -> bool:
-        """Give flow to the flow sensor; tell whether there is one that takes it."""
-
-    def take_hil_sensor(self, message: HIL_SENSOR) -> bool:
-        """Take a simulator's sensors; tell whether they are what the vehicle's sensors come from."""
-
-    def take_hil_state(self, message: HIL_STATE_QUATERNION) -> bool:
-        """Take a simulator's truth; tell whether it is what the vehicle's sensors may come from."""
-
-    def flow_sensor(self) -> tuple[bool, bool]:
-        """Tell whether a flow sensor is enabled, and whether it is healthy."""
-
-    def utc_us(self) -> int:
-        """Return the time of day in us since 1970, 0 while unknown."""
-
-    def set_utc_us(self, utc_us: int) -> None:
-        """Take a time of day from SYSTEM_TIME, subject to BRD_RTC_TYPES."""
 
 
 class EndpointPort(OriginSender, Protocol):

@@ -45,9 +45,9 @@ def timesync_due_us(channel: Channel) -> int:
 
 def handle_system_time(ctx: Context, message: SYSTEM_TIME) -> Verdict:
     """Offer a time of day to the vehicle; BRD_RTC_TYPES decides whether it is taken."""
-    known_before = ctx.vehicle.utc_us() != 0
-    ctx.vehicle.set_utc_us(message.time_unix_usec)
-    if not known_before and ctx.vehicle.utc_us():
+    known_before = ctx.vehicle.rtc.utc_us() != 0
+    ctx.vehicle.rtc.take_system_time(message.time_unix_usec)
+    if not known_before and ctx.vehicle.rtc.utc_us():
         endpoint = ctx.endpoint
-        endpoint.signing.update_timestamp(endpoint.channels, ctx.vehicle.utc_us(), u32(ctx.now_us // 1000))
+        endpoint.signing.update_timestamp(endpoint.channels, ctx.vehicle.rtc.utc_us(), u32(ctx.now_us // 1000))
     return HANDLED

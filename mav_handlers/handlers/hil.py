@@ -10,9 +10,15 @@ from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 
 def handle_hil_sensor(ctx: Context, message: HIL_SENSOR) -> Verdict:
     """Give a simulator's sensors to the vehicle that takes them."""
-    return HANDLED if ctx.vehicle.take_hil_sensor(message) else NO_HIL_INPUT
+    if ctx.vehicle.hil is None:
+        return NO_HIL_INPUT
+    ctx.vehicle.hil.take_hil_sensor(message, ctx.now_us)
+    return HANDLED
 
 
 def handle_hil_state_quaternion(ctx: Context, message: HIL_STATE_QUATERNION) -> Verdict:
     """Give a simulator's truth to the vehicle that makes its sensors of it."""
-    return HANDLED if ctx.vehicle.take_hil_state(message) else NO_HIL_INPUT
+    if ctx.vehicle.hil is None:
+        return NO_HIL_INPUT
+    ctx.vehicle.hil.take_hil_state(message, ctx.now_us)
+    return HANDLED

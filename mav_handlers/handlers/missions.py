@@ -151,7 +151,7 @@ def _has_item(message: MISSION_REQUEST | MISSION_REQUEST_INT) -> bool:
 
 
 def _home(ctx: Context) -> tuple[Location, np.float32]:
-    home = ctx.vehicle.home() or Location(0, 0, 0)
+    home = ctx.vehicle.copter.home.place or Location(0, 0, 0)
     return home, f32(f32(home.alt_cm) * _CENTI)
 
 

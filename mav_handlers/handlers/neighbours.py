@@ -31,12 +31,12 @@ def handle_gps_input(ctx: Context, message: GPS_INPUT) -> Verdict:
     """Give a solution to the GPS that takes it; the vehicle has one place for a GPS, number 0."""
     if message.gps_id != 0:
         return GPS_OTHER_INSTANCE
-    return HANDLED if ctx.vehicle.take_gps_input(message) else GPS_NOT_MAVLINK
+    return HANDLED if ctx.vehicle.gps.take(message) else GPS_NOT_MAVLINK
 
 
 def handle_optical_flow(ctx: Context, message: OPTICAL_FLOW) -> Verdict:
     """Give flow to the sensor that takes it; the time of arrival counts, not ``time_usec``."""
-    return HANDLED if ctx.vehicle.take_optical_flow(message) else NO_FLOW_SENSOR
+    return HANDLED if ctx.vehicle.flow.take(message) else NO_FLOW_SENSOR
 
 
 def handle_landing_target(ctx: Context, message: LANDING_TARGET) -> Verdict:

@@ -40,7 +40,7 @@ def handle_log_request_list(ctx: Context, message: LOG_REQUEST_LIST) -> Verdict:
         ctx.channel.index,
         message.start,
         message.end,
-        ctx.vehicle.is_armed(),
+        ctx.vehicle.copter.is_armed(),
         writes_enabled=ctx.vehicle.is_initialised(),
     )
     ctx.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
@@ -54,7 +54,7 @@ def handle_log_request_data(ctx: Context, message: LOG_REQUEST_DATA) -> Verdict:
         message.id,
         message.ofs,
         message.count,
-        ctx.vehicle.is_armed(),
+        ctx.vehicle.copter.is_armed(),
         writes_enabled=ctx.vehicle.is_initialised(),
     )
     ctx.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
@@ -65,7 +65,7 @@ def handle_log_request_end(ctx: Context, _message: LOG_REQUEST_END) -> Verdict:
     """Stop a transfer."""
     vehicle = ctx.vehicle
     return ctx.endpoint.log_transfer.request_end(
-        ctx.channel.index, vehicle.is_armed(), writes_enabled=vehicle.is_initialised()
+        ctx.channel.index, vehicle.copter.is_armed(), writes_enabled=vehicle.is_initialised()
     )
 
 
@@ -73,7 +73,7 @@ def handle_log_erase(ctx: Context, _message: LOG_ERASE) -> Verdict:
     """Delete every log."""
     vehicle = ctx.vehicle
     return ctx.endpoint.log_transfer.erase(
-        ctx.channel.index, vehicle.is_armed(), writes_enabled=vehicle.is_initialised()
+        ctx.channel.index, vehicle.copter.is_armed(), writes_enabled=vehicle.is_initialised()
     )
 
 
@@ -83,4 +83,4 @@ def handle_setup_signing(ctx: Context, message: SETUP_SIGNING) -> Verdict:
     def tell(text: str) -> None:
         ctx.vehicle.texts.send_text_to(ctx.channel.index, _MAV_SEVERITY_WARNING, text)
 
-    return ctx.endpoint.signing.setup(message, ctx.endpoint.channels, armed=ctx.vehicle.is_armed(), tell=tell)
+    return ctx.endpoint.signing.setup(message, ctx.endpoint.channels, armed=ctx.vehicle.copter.is_armed(), tell=tell)

@@ -48,9 +48,9 @@ def ahrs2(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> AHRS2 | None
     """
     if vehicle.ahrs.get_quaternion() is None:
         return None
-    home = vehicle.home()
+    home = vehicle.copter.home.place
     altitude_m = 0.0 if home is None else float(f32(home.alt_cm) * f32(0.01))
-    sample = vehicle.gps()
+    sample = vehicle.gps.sample()
     lat, lng = (0, 0) if sample is None or sample.fix_type < FIX_3D else (sample.location.lat, sample.location.lng)
     return AHRS2(*floats(euler_rad(vehicle)), altitude_m, lat, lng)
 

@@ -24,7 +24,7 @@ def available_modes(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AVA
     request = channel.modes_request
     if request is None:
         return None
-    modes = vehicle.available_modes()
+    modes = vehicle.copter.available_modes()
     index = request.index or request.next_index
     if request.index == 0 and index < len(modes):
         request.next_index += 1

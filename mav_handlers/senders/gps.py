@@ -46,7 +46,7 @@ def _yaw_cdeg(sample: GpsSample) -> int:
 @quiet_overflow
 def gps_raw_int(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> GPS_RAW_INT:
     """The GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0 (AP_GPS::send_mavlink_gps_raw)."""
-    sample = vehicle.gps()
+    sample = vehicle.gps.sample()
     if sample is None:
         return GPS_RAW_INT(0, 0, 0, 0, 0, UNKNOWN_DOP, UNKNOWN_DOP, 0, 0, 0)
     return GPS_RAW_INT(

@@ -72,7 +72,7 @@ def _relative_alt_mm(vehicle: VehiclePort) -> int:
     Source: AP_AHRS::get_relative_position_D_home.
     """
     position = vehicle.ahrs.get_relative_position_NED_origin_float()
-    home, origin = vehicle.home(), vehicle.origin()
+    home, origin = vehicle.copter.home.place, vehicle.ahrs.origin()
     if position is None or home is None or origin is None:
         return 0
     down_m = f32(position.z - f32(origin.alt_cm - home.alt_cm) * _CENTI)
@@ -93,7 +93,7 @@ def vfr_hud(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> VFR_HUD:
     velocity = vehicle.ahrs.get_velocity_NED() or Vector3f()
     place = vehicle.last_location() or NOWHERE
     return VFR_HUD(
-        airspeed=float(ground_speed_ms(vehicle.gps())),
+        airspeed=float(ground_speed_ms(vehicle.gps.sample())),
         groundspeed=float(norm3(velocity.x, velocity.y, f32(0))),
         heading=i16_of(wrap_360(degrees(euler_rad(vehicle).z))),
         throttle=0,
@@ -104,7 +104,7 @@ def vfr_hud(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> VFR_HUD:
 
 def gps_global_origin(vehicle: VehiclePort, _channel: Channel, now_us: int) -> GPS_GLOBAL_ORIGIN | None:
     """The EKF origin; nothing while unset (GCS_MAVLINK::send_gps_global_origin)."""
-    origin = vehicle.origin()
+    origin = vehicle.ahrs.origin()
     if origin is None:
         return None
     return GPS_GLOBAL_ORIGIN(origin.lat, origin.lng, i32(origin.alt_cm * 10), now_us)
@@ -112,7 +112,7 @@ def gps_global_origin(vehicle: VehiclePort, _channel: Channel, now_us: int) -> G
 
 def home_position(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HOME_POSITION | None:
     """Home, and the way to it from the EKF origin in m NED; nothing while unset (GCS_MAVLINK::send_home_position)."""
-    home, origin = vehicle.home(), vehicle.origin()
+    home, origin = vehicle.copter.home.place, vehicle.ahrs.origin()
     if home is None:
         return None
     x, y, z = (math.nan,) * 3 if origin is None else floats(origin.distance_ned(home))

@@ -47,14 +47,14 @@ def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEA
         MAV_TYPE_QUADROTOR,
         MAV_AUTOPILOT_ARDUPILOTMEGA,
         _base_mode(vehicle),
-        vehicle.custom_mode(),
+        vehicle.copter.custom_mode(),
         _system_status(vehicle),
         MAVLINK_VERSION,
     )
 
 
 def _base_mode(vehicle: VehiclePort) -> int:
-    armed = MODE_FLAG_ARMED if vehicle.is_armed() else 0
+    armed = MODE_FLAG_ARMED if vehicle.copter.is_armed() else 0
     return MODE_FLAGS | armed | (MODE_FLAG_GUIDED if vehicle.copter.is_holding_position() else 0)
 
 
@@ -70,7 +70,7 @@ def extended_sys_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) ->
     """A multicopter: on the ground, in the air, or landing (GCS_MAVLINK_Copter::landed_state)."""
     if vehicle.copter.is_landed():
         landed_state = MAV_LANDED_STATE_ON_GROUND
-    elif vehicle.custom_mode() == MODE_LAND:
+    elif vehicle.copter.custom_mode() == MODE_LAND:
         landed_state = MAV_LANDED_STATE_LANDING
     else:
         landed_state = MAV_LANDED_STATE_IN_AIR
@@ -79,7 +79,7 @@ def extended_sys_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) ->
 
 def system_time(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SYSTEM_TIME:
     """Time of day, 0 while unknown, and time since boot."""
-    return SYSTEM_TIME(u64(vehicle.utc_us()), boot_ms(now_us))
+    return SYSTEM_TIME(u64(vehicle.rtc.utc_us()), boot_ms(now_us))
 
 
 def autopilot_version(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AUTOPILOT_VERSION:

@@ -76,18 +76,18 @@ def _compass_bits(vehicle: VehiclePort) -> Bits:
 
 
 def _gps_bits(vehicle: VehiclePort) -> Bits:
-    sample = vehicle.gps()
+    sample = vehicle.gps.sample()
     there = sample is not None and sample.fix_type > 0
     return there, there, sample is not None and sample.fix_type >= FIX_3D and sample.is_healthy
 
 
 def _flow_bits(vehicle: VehiclePort) -> Bits:
-    enabled, healthy = vehicle.flow_sensor()
+    enabled, healthy = vehicle.flow.enabled(), vehicle.flow.healthy()
     return enabled, enabled, healthy
 
 
 def _logging_bits(vehicle: VehiclePort) -> Bits:
-    enabled = vehicle.is_armed() or vehicle.params.get_int("LOG_DISARMED") != 0
+    enabled = vehicle.copter.is_armed() or vehicle.params.get_int("LOG_DISARMED") != 0
     return True, enabled, not vehicle.log.failed()
 
 
@@ -97,8 +97,8 @@ def _visual_odom_bits(vehicle: VehiclePort) -> Bits:
 
 
 def _prearm_bits(vehicle: VehiclePort) -> Bits:
-    enabled = vehicle.checks_enabled()
-    return True, enabled, enabled and (vehicle.is_armed() or vehicle.prearm_passed())
+    enabled = vehicle.copter.arming.enabled_checks() != 0
+    return True, enabled, enabled and (vehicle.copter.is_armed() or vehicle.copter.arming.passed)
 
 
 _CHANGING: Final = {

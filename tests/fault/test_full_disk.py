@@ -75,4 +75,4 @@ def test_arming_is_refused_while_the_log_cannot_be_written(make_bench: "MakeBenc
     bench.run_ms(100)
     texts = [message.text for message in bench.read(0) if isinstance(message, STATUSTEXT)]
     assert "Arm: Logging failed" in texts
-    assert not bench.vehicle.is_armed()
+    assert not bench.vehicle.copter.is_armed()

@@ -143,7 +143,7 @@ class LoopRecorder(logging.Handler):
                 None if attitude is None else (w, x, y, z),
                 FilterFlag.UNINITIALISED if status is None else status.flags,
                 self._watch.mode(),
-                self._vehicle.is_armed(),
+                self._vehicle.copter.is_armed(),
                 self._vehicle.visual_odom.healthy(),
             )
         )

@@ -75,7 +75,7 @@ class PoweredVehicle:
 
     def _next_boot_utc_us(self) -> int:
         # Only a clock that was right at boot runs on; one that was set by GPS or MAVLink is lost.
-        return self.vehicle.utc_us() if self._config.boot_utc_us else 0
+        return self.vehicle.rtc.utc_us() if self._config.boot_utc_us else 0
 
     def verdict_counts(self) -> dict[CountKey, int]:
         """Return how often each message type met each verdict, over all links and restarts."""

@@ -44,6 +44,10 @@ class Rtc:
         """Return the time of day, 0 while unknown."""
         return 0 if self._source is RtcSource.NONE else self._shift_us + self._clock.micros64()
 
+    def take_system_time(self, utc_us: int) -> None:
+        """Take a time of day from SYSTEM_TIME, if BRD_RTC_TYPES admits it and no better source was there."""
+        self.set_utc_us(utc_us, RtcSource.SYSTEM_TIME)
+
     def set_utc_us(self, utc_us: int, source: RtcSource) -> None:
         """Take a time of day, unless its source is not allowed or a better one was there, or it would turn time back.
 

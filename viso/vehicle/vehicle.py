@@ -12,7 +12,6 @@ need each other, with a function that looks the other up later. The second half 
 endpoint sees it (``mav_handlers.ports``), and for the most part passes on.
 """
 
-from collections.abc import Sequence
 from typing import Final
 
 from ap_core.cint import i16
@@ -23,17 +22,13 @@ from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
-from mav_handlers.ports import AvailableMode, CopterPort, Location, OriginResult
+from mav_handlers.ports import Location, OriginResult
 from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
-from mav_handlers.transfers.ftp_ports import FtpFiles
-from mav_handlers.transfers.log_transfer import LogLibrary
-from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 from viso.logs.library import NoLogs, StoredLogs
 from viso.logs.logger import Logger, structures_with
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
@@ -43,7 +38,6 @@ from viso.sensors.hil.source import HilSource
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleAhrs, VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
-from viso.vehicle.copter.modes import AVAILABLE_MODES
 from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp.files import VehicleFiles
@@ -74,6 +68,13 @@ class Vehicle:
 
     A scheduler or a real-time pacer sets the ``clock``, and calls ``loop`` and ``receive_bytes``.
 
+    Attributes:
+        clock, params, texts, log, logger, logs, files: what all share.
+        ahrs, visual_odom, gps, flow, rtc, copter: what it is made of.
+        hil: the simulator that its sensors come from, None where they do not.
+        endpoint: its end of MAVLink.
+        reboot_requested: a client has asked for a restart.
+
     Raises:
         ValueError: a default that its parameter cannot take.
     """
@@ -96,14 +97,14 @@ class Vehicle:
         layouts = structures_with(config.firmware.log.message)
         self.logger = Logger(self.clock, open_log, self._on_log_open, layouts)
         self.log = VehicleLog(self.logger, self.clock, config.firmware)
-        self._logs = self._make_log_library()
+        self.logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
         self.texts.on_text.append(lambda _severity, text: self.log.text(text[:TEXT_FIELD_LEN]))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
         wants_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
         self._replay_log = ReplayLog(self.logger, wants_replay, event_order=config.firmware.event_order)
-        self._rtc = Rtc(self.clock, self.params, self.is_armed, config.boot_utc_us)
-        self._gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
+        self.rtc = Rtc(self.clock, self.params, lambda: self.copter.arming.armed, config.boot_utc_us)
+        self.gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
         parts = AhrsParts(
             self.clock,
             self.sources,
@@ -111,14 +112,15 @@ class Vehicle:
             self.logger,
             self.params,
             self.texts,
-            gps=self._gps.sample,
-            is_armed=self.is_armed,
+            gps=self.gps.sample,
+            is_armed=lambda: self.copter.arming.armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
-            flying_ms=lambda: self._copter.landing.flying_ms(),
-            home=self.home,
+            flying_ms=lambda: self.copter.landing.flying_ms(),
+            home=lambda: self.copter.home.place,
         )
         self.ahrs: VehicleAhrs = config.make_ahrs(parts)
+        self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,
             ahrs=self.ahrs,
@@ -132,9 +134,9 @@ class Vehicle:
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
         self._attitude_period_us = FromParams(self.params, self._find_attitude_period_us)
         self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
-        self._flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
+        self.flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
         self._initialised = False
-        self._copter = self._make_copter()
+        self.copter = self._make_copter()
         self._last_location: Location | None = None
         self._internal_errors_told = 0
         self._next_flow_us = 0
@@ -144,7 +146,7 @@ class Vehicle:
         self._next_second_us = FIRST_SECOND_US
         self.reboot_requested = False
         self.signing_store = config.signing_store
-        self._files = VehicleFiles(
+        self.files = VehicleFiles(
             self.params,
             log_directory=config.log_store.directory if config.log_store else None,
             system_texts={"uarts.txt": UartsText(self._uart_counts, self.clock.micros64)},
@@ -159,7 +161,7 @@ class Vehicle:
             clock=self.clock,
             open_number=lambda: self.logger.open_number,
             close_log=self.logger.close,
-            utc_us=self.utc_us,
+            utc_us=lambda: self.rtc.utc_us(),
         )
 
     def _uart_counts(self) -> list[UartCounts]:
@@ -180,10 +182,11 @@ class Vehicle:
                 ahrs=self.ahrs,
                 visual_odom=self.visual_odom,
                 internal_errors=self.internal_errors,
-                gps=self.gps,
+                gps=self.gps.sample,
                 is_initialised=self.is_initialised,
                 is_downloading=lambda: self.endpoint.log_transfer.is_active,
                 on_mode=self._send_heartbeat,
+                on_armed=lambda: self.endpoint.log_transfer.pause(),
             )
         )
 
@@ -197,7 +200,7 @@ class Vehicle:
         if not self._initialised and now_us >= AHRS_START_US:
             self._finish_boot()
         self._run_estimator_frame()
-        self._copter.update()
+        self.copter.update()
         if self.internal_errors.mask != self._internal_errors_told:
             self._tell_internal_errors()
         if self._initialised:
@@ -212,7 +215,7 @@ class Vehicle:
 
     def _finish_boot(self) -> None:
         self._initialised = True
-        self._copter.enter_initial_mode()
+        self.copter.enter_initial_mode()
         self.logger.update(self._log_wanted(self.clock.micros64()), self.params)
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
@@ -237,24 +240,24 @@ class Vehicle:
     def _run_sensors(self, now_us: int) -> None:
         if now_us >= self._next_gps_us:
             self._next_gps_us = now_us + GPS_PERIOD_US
-            self._gps.update()
+            self.gps.update()
         if now_us >= self._next_flow_us:
             self._next_flow_us = now_us + FLOW_PERIOD_US
-            self._flow.update()
+            self.flow.update()
 
     def _run_slow_tasks(self, now_us: int) -> None:
         if now_us >= self._next_tenth_us:
             self._next_tenth_us = now_us + _TENTH_US
-            self._copter.disarm_when_idle()
-            self._copter.check_estimator()
+            self.copter.disarm_when_idle()
+            self.copter.check_estimator()
         if now_us >= self._next_attitude_us:
             self._next_attitude_us = now_us + self._attitude_period_us()
             self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
             self.ahrs.log_estimates()
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US
-            if not self.is_armed():
-                self._copter.arming.update()
+            if not self.copter.arming.armed:
+                self.copter.arming.update()
             self.log.statistics(self.endpoint.channels)
             self._store_parameters()
 
@@ -269,13 +272,13 @@ class Vehicle:
         # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
         if not self._initialised:
             return False
-        if self._copter.arming.armed:
+        if self.copter.arming.armed:
             return True
-        if self._logs.suspends_logging:
+        if self.logs.suspends_logging:
             return False
         if self._logs_disarmed():
             return True
-        disarmed_us = self._copter.disarmed_us
+        disarmed_us = self.copter.disarmed_us
         return disarmed_us is not None and now_us - disarmed_us < LOG_AFTER_DISARM_US
 
     def close(self) -> None:
@@ -286,25 +289,15 @@ class Vehicle:
 
     def _on_log_open(self) -> None:
         self._replay_log.new_log()
-        modes = self._copter.modes
+        modes = self.copter.modes
         self.log.start(self.banner(), modes.current.number, modes.reason)
-        for kind, place in ((ORGN_EKF, self.origin()), (ORGN_HOME, self.home())):
+        for kind, place in ((ORGN_EKF, self.ahrs.origin()), (ORGN_HOME, self.copter.home.place)):
             if place is not None:
                 self.log.place(kind, place)
-        if self._gps.has_driver:
+        if self.gps.has_driver:
             self.log.text(SPECIFIED_TEXT)
 
     # What the endpoint asks
-
-    @property
-    def files(self) -> FtpFiles:
-        """What MAVLink FTP shows."""
-        return self._files
-
-    @property
-    def logs(self) -> LogLibrary:
-        """The logs that clients may download."""
-        return self._logs
 
     def firmware_version(self) -> tuple[int, str, str]:
         """Return flight_sw_version, the version text and the source hash."""
@@ -319,49 +312,9 @@ class Vehicle:
         """Tell whether booting is over."""
         return self._initialised
 
-    @property
-    def copter(self) -> CopterPort:
-        """Mode, home and arming, as clients ask for them."""
-        return self._copter
-
-    def is_armed(self) -> bool:
-        """Tell whether the vehicle is armed."""
-        return self._copter.arming.armed
-
-    def custom_mode(self) -> int:
-        """Return the flight mode's number."""
-        return self._copter.modes.current.number
-
-    def available_modes(self) -> Sequence[AvailableMode]:
-        """Return the flight modes that clients may list."""
-        return AVAILABLE_MODES
-
     def request_reboot(self) -> None:
         """Ask whoever runs the vehicle for a restart."""
         self.reboot_requested = True
-
-    def arm(self, do_checks: bool) -> bool:
-        """Try to arm; failures are told as texts."""
-        armed = self._copter.arm(do_checks)
-        if armed:
-            self.endpoint.log_transfer.pause()
-        return armed
-
-    def disarm(self, force: bool) -> bool:
-        """Disarm, in flight only when forced; tell whether that changed anything."""
-        return self._copter.disarm(force)
-
-    def run_prearm_checks(self) -> None:
-        """Run all pre-arm checks and tell their failures as texts."""
-        self._copter.arming.pre_arm_checks(display=True)
-
-    def prearm_passed(self) -> bool:
-        """Tell whether the last run of the checks passed."""
-        return self._copter.arming.passed
-
-    def checks_enabled(self) -> bool:
-        """Tell whether any arming check is enabled."""
-        return self._copter.arming.enabled_checks() != 0
 
     def set_source_set(self, index: int) -> None:
         """Choose one of the three EKF source sets, 0..2."""
@@ -376,67 +329,15 @@ class Vehicle:
         self.log.place(ORGN_EKF, location)
         return OriginResult.SET
 
-    def origin(self) -> Location | None:
-        """Return the EKF origin, or None while unset."""
-        return self.ahrs.origin()
-
-    def home(self) -> Location | None:
-        """Return home, or None while unset."""
-        return self._copter.home.place
-
-    def take_home_changed(self) -> bool:
-        """Tell, once, that home has changed."""
-        return self._copter.home.take_changed()
-
     def last_location(self) -> Location | None:
         """Return where the vehicle is, or where it was when somebody last asked and it was known."""
         # FIRMWARE PARITY: each link remembers what it told itself.
         self._last_location = self.ahrs.get_location() or self._last_location
         return self._last_location
 
-    def gps(self) -> GpsSample | None:
-        """Return the GPS's newest solution, or None without a GPS."""
-        return self._gps.sample()
-
-    def take_gps_input(self, message: GPS_INPUT) -> bool:
-        """Give a solution to the GPS; tell whether there is one that takes it."""
-        return self._gps.take(message)
-
-    def take_optical_flow(self, message: OPTICAL_FLOW) -> bool:
-        """Give flow to the flow sensor; tell whether there is one that takes it."""
-        return self._flow.take(message)
-
-    def take_hil_sensor(self, message: HIL_SENSOR) -> bool:
-        """Take a simulator's sensors; tell whether they are what the vehicle's sensors come from."""
-        source = self.ahrs.source
-        if not isinstance(source, HilSource):
-            return False
-        source.take_hil_sensor(message, self.clock.micros64())
-        return True
-
-    def take_hil_state(self, message: HIL_STATE_QUATERNION) -> bool:
-        """Take a simulator's truth; tell whether it is what the vehicle's sensors may come from."""
-        source = self.ahrs.source
-        if not isinstance(source, HilSource):
-            return False
-        source.take_hil_state(message, self.clock.micros64())
-        return True
-
-    def flow_sensor(self) -> tuple[bool, bool]:
-        """Tell whether a flow sensor is enabled, and whether it is healthy."""
-        return self._flow.enabled(), self._flow.healthy()
-
-    def utc_us(self) -> int:
-        """Return the time of day in us since 1970, 0 while unknown."""
-        return self._rtc.utc_us()
-
-    def set_utc_us(self, utc_us: int) -> None:
-        """Take a time of day from SYSTEM_TIME, if BRD_RTC_TYPES admits it and no better source was there."""
-        self._rtc.set_utc_us(utc_us, RtcSource.SYSTEM_TIME)
-
     def _take_gps_time(self, utc_us: int) -> None:
-        known_before = self.utc_us() != 0
-        self._rtc.set_utc_us(utc_us, RtcSource.GPS)
-        if not known_before and self.utc_us():
+        known_before = self.rtc.utc_us() != 0
+        self.rtc.set_utc_us(utc_us, RtcSource.GPS)
+        if not known_before and self.rtc.utc_us():
             endpoint = self.endpoint
-            endpoint.signing.update_timestamp(endpoint.channels, self.utc_us(), self.clock.millis())
+            endpoint.signing.update_timestamp(endpoint.channels, self.rtc.utc_us(), self.clock.millis())

@@ -110,13 +110,13 @@ def state_of(vehicle: Vehicle, faults: tuple[str, ...] = ()) -> VehicleState:
     """Return how a vehicle is now."""
     ahrs = vehicle.ahrs
     pos = ahrs.get_relative_position_NED_origin_float()
-    number = vehicle.custom_mode()
+    number = vehicle.copter.custom_mode()
     mode = MODES.get(number)
     return VehicleState(
         vehicle.clock.micros64(),
         str(number) if mode is None else mode.name,
-        vehicle.is_armed(),
-        vehicle.prearm_passed(),
+        vehicle.copter.is_armed(),
+        vehicle.copter.arming.passed,
         _camera_of(vehicle),
         _aiding_of(vehicle),
         vehicle.sources.active_set,

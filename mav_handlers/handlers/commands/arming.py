@@ -22,16 +22,16 @@ def component_arm_disarm(ctx: Context, command: COMMAND_INT) -> MavResult:
     param1, param2 = f32(command.param1), f32(command.param2)
     if is_equal(param1, _ONE):
         forced = is_equal(param2, FORCE_ARM) or is_equal(param2, FORCE_ARM_DISARM)
-        return accepted_if(vehicle.is_armed() or vehicle.arm(do_checks=not forced))
+        return accepted_if(vehicle.copter.is_armed() or vehicle.copter.arm(do_checks=not forced))
     if is_zero(param1):
         forced = is_equal(param2, FORCE_ARM_DISARM)
-        return accepted_if(not vehicle.is_armed() or vehicle.disarm(force=forced))
+        return accepted_if(not vehicle.copter.is_armed() or vehicle.copter.disarm(force=forced))
     return MavResult.UNSUPPORTED
 
 
 def run_prearm_checks(ctx: Context, _command: COMMAND_INT) -> MavResult:
     """Run the checks and tell failures as texts; accepted whatever the outcome."""
-    if ctx.vehicle.is_armed():
+    if ctx.vehicle.copter.is_armed():
         return MavResult.TEMPORARILY_REJECTED
-    ctx.vehicle.run_prearm_checks()
+    ctx.vehicle.copter.arming.pre_arm_checks(display=True)
     return MavResult.ACCEPTED

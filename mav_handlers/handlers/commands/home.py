@@ -85,7 +85,7 @@ def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def _absolute(ctx: Context, command: COMMAND_INT) -> Location | None:
     # Location::change_alt_frame: a height above home needs one, and there is no terrain data.
-    place, home = _location(command), ctx.vehicle.home()
+    place, home = _location(command), ctx.vehicle.copter.home.place
     if command.frame in ABSOLUTE_FRAMES:
         return place
     if command.frame in TERRAIN_FRAMES or home is None:

@@ -45,7 +45,7 @@ def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
     if all(is_equal(param, wanted) for param, wanted in asked):
         # FIRMWARE PARITY: the firmware breaks itself in the way that param4 tells.
         return MavResult.UNSUPPORTED
-    if ctx.vehicle.is_armed() and command.y != FORCE_REBOOT:
+    if ctx.vehicle.copter.is_armed() and command.y != FORCE_REBOOT:
         return MavResult.FAILED
     if not is_equal(param1, REBOOT) and not is_equal(param1, REBOOT_TO_BOOTLOADER):
         return MavResult.UNSUPPORTED
@@ -72,7 +72,7 @@ def preflight_calibration(ctx: Context, command: COMMAND_INT) -> MavResult:
     Source: GCS_MAVLINK::_handle_command_preflight_calibration.
     """
     texts = ctx.vehicle.texts
-    if ctx.vehicle.is_armed():
+    if ctx.vehicle.copter.is_armed():
         texts.send_text(_MAV_SEVERITY_NOTICE, "Disarm to allow calibration")
         return MavResult.FAILED
     if is_equal(f32(command.param1), _ONE):

@@ -435,7 +435,7 @@ def test_second_origin_fails_by_command_and_is_passed_over_as_a_message(bench: "
     assert client.command_int(SET_ORIGIN, 473977420, 85455940, 488.0) == ACCEPTED
     assert client.command_int(SET_ORIGIN, 473977421, 85455940, 488.0) == FAILED
     client.tell(SET_GPS_GLOBAL_ORIGIN(1, 1, 2, 3))
-    assert bench.vehicle.origin() == Location(473977420, 85455940, 48800)
+    assert bench.vehicle.ahrs.origin() == Location(473977420, 85455940, 48800)
     assert not sends(client, GPS_GLOBAL_ORIGIN)
 
 
@@ -463,13 +463,13 @@ def test_400_with_21196_arms_too(make_bench: "MakeBench") -> None:
     client = bench.client
     assert client.command(ARM, 1) == FAILED
     assert client.command(ARM, 1, 21196) == ACCEPTED
-    assert bench.vehicle.is_armed()
+    assert bench.vehicle.copter.is_armed()
 
 
 def test_401_is_always_accepted_while_disarmed(make_bench: "MakeBench") -> None:
     bench = make_bench(until_ms=ESTIMATOR_RUNS_MS)
     client = bench.client
-    assert not bench.vehicle.prearm_passed()
+    assert not bench.vehicle.copter.arming.passed
     assert client.command(PREARM_CHECKS) == ACCEPTED
     assert client.command(ARM, 1, 2989) == ACCEPTED
     assert client.command(PREARM_CHECKS) == TEMPORARILY_REJECTED

@@ -292,6 +292,7 @@ class CopterRig:
                 is_initialised=lambda: self.initialised,
                 is_downloading=lambda: self.downloading,
                 on_mode=self._note_mode,
+                on_armed=lambda: None,
             )
         )
         self.copter.disarm_when_idle()

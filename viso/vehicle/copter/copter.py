@@ -2,18 +2,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The part of the vehicle that is ArduCopter: mode, home, arming, and whether it flies."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from ap_core.cint import u8
 from ap_core.location import Location
 from mav_handlers.mission import Mission
+from mav_handlers.ports import AvailableMode
 from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
-from viso.vehicle.copter.modes import FlightModes, ModeReason
+from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeReason
 from viso.vehicle.copter.parts import CopterParts
 
 EV_EKF_ALT_RESET: Final = 60
@@ -119,6 +121,14 @@ class Copter:
             self._parts.on_mode()
         return entered
 
+    def custom_mode(self) -> int:
+        """Return the flight mode's number."""
+        return self.modes.current.number
+
+    def available_modes(self) -> Sequence[AvailableMode]:
+        """Return the flight modes that clients may list."""
+        return AVAILABLE_MODES
+
     def is_holding_position(self) -> bool:
         """Tell whether the mode runs the horizontal position controller."""
         return self.modes.current.holds_position
@@ -174,6 +184,7 @@ class Copter:
             self.home.set_here(lock=False)
         self.landing.note_armed()
         self.modes.log_mode()
+        parts.on_armed()
         return True
 
     def disarm(self, force: bool) -> bool:

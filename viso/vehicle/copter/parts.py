@@ -26,6 +26,7 @@ class CopterParts:
         is_initialised: tells whether booting is over.
         is_downloading: tells whether a client is downloading a log.
         on_mode: called when the mode has changed.
+        on_armed: called when the vehicle has been armed.
         release: which parameters there are.
     """
 
@@ -41,4 +42,5 @@ class CopterParts:
     is_initialised: Callable[[], bool]
     is_downloading: Callable[[], bool]
     on_mode: Callable[[], None]
+    on_armed: Callable[[], None]
     release: ParameterRelease = REFERENCE

@@ -22,7 +22,7 @@ def requests(client: "Client") -> list[int]:
 
 
 def utc_us(bench: "Bench") -> int:
-    return bench.vehicle.utc_us()
+    return bench.vehicle.rtc.utc_us()
 
 
 class TestTimesync:

@@ -145,7 +145,7 @@ class TestArmDisarm:
     def test_arming_when_checks_pass(self, bench: "Bench", client: "Client") -> None:
         see(bench)
         assert client.command(ARM_DISARM, 1) == ACCEPTED
-        assert bench.vehicle.is_armed()
+        assert bench.vehicle.copter.is_armed()
 
     def test_arming_is_seen_in_the_next_heartbeat(self, bench: "Bench", client: "Client") -> None:
         see(bench)
@@ -164,7 +164,7 @@ class TestArmDisarm:
     @pytest.mark.parametrize("magic", [2989, 21196])
     def test_magic_numbers_skip_the_checks(self, bench: "Bench", client: "Client", magic: float) -> None:
         assert client.command(ARM_DISARM, 1, magic) == ACCEPTED
-        assert bench.vehicle.is_armed()
+        assert bench.vehicle.copter.is_armed()
 
     @pytest.mark.parametrize("magic", [1, 2988, -21196, NAN])
     def test_other_numbers_do_not(self, client: "Client", magic: float) -> None:
@@ -183,7 +183,7 @@ class TestArmDisarm:
     def test_disarming(self, bench: "Bench", client: "Client", magic: float) -> None:
         client.command(ARM_DISARM, 1, 2989)
         assert client.command(ARM_DISARM, 0, magic) == ACCEPTED
-        assert not bench.vehicle.is_armed()
+        assert not bench.vehicle.copter.is_armed()
 
     def test_disarming_the_disarmed_is_accepted(self, client: "Client") -> None:
         assert client.command(ARM_DISARM, 0) == ACCEPTED
@@ -191,12 +191,12 @@ class TestArmDisarm:
     @pytest.mark.parametrize("param1", [2, -1, 0.5, 255, NAN, math.inf])
     def test_anything_else_is_unsupported(self, bench: "Bench", client: "Client", param1: float) -> None:
         assert client.command(ARM_DISARM, param1, 2989) == UNSUPPORTED
-        assert not bench.vehicle.is_armed()
+        assert not bench.vehicle.copter.is_armed()
 
     def test_numbers_are_compared_as_the_firmware_compares_floats(self, bench: "Bench", client: "Client") -> None:
         assert client.command(ARM_DISARM, BITS_OF_JUST_UNDER_1, 2989) == ACCEPTED
         assert client.command(ARM_DISARM, 1e-8) == ACCEPTED
-        assert not bench.vehicle.is_armed()
+        assert not bench.vehicle.copter.is_armed()
 
 
 class TestPrearmChecks:
@@ -489,7 +489,7 @@ class TestOthers:
         self, bench: "Bench", client: "Client", monkeypatch: pytest.MonkeyPatch
     ) -> None:
         self.set_home(bench)
-        monkeypatch.setattr(bench.vehicle, "origin", lambda: None)
+        monkeypatch.setattr(bench.vehicle.ahrs, "origin", lambda: None)
         client.tell(command_long(GET_HOME))
         assert kinds(client.read()) == ["HOME_POSITION", "COMMAND_ACK"]
 

@@ -37,24 +37,25 @@ STATE = HIL_STATE_QUATERNION(
 )
 
 
-class Simulated:
-    """A vehicle that remembers what it was given, and takes it or not."""
-
-    def __init__(self, takes: bool) -> None:
-        self._takes = takes
-        self.given: list[Message] = []
-
-    def take_hil_sensor(self, message: HIL_SENSOR) -> bool:
-        self.given.append(message)
-        return self._takes
-
-    def take_hil_state(self, message: HIL_STATE_QUATERNION) -> bool:
-        self.given.append(message)
-        return self._takes
+NOW_US = 12_500
 
 
-def handle(vehicle: Simulated, message: Message) -> Verdict:
-    return HANDLERS[type(message)](cast("Context", SimpleNamespace(vehicle=vehicle)), message)
+class Simulator:
+    """Remembers what it was given, and when."""
+
+    def __init__(self) -> None:
+        self.given: list[tuple[Message, int]] = []
+
+    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> None:
+        self.given.append((message, now_us))
+
+    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> None:
+        self.given.append((message, now_us))
+
+
+def handle(hil: Simulator | None, message: Message) -> Verdict:
+    context = SimpleNamespace(vehicle=SimpleNamespace(hil=hil), now_us=NOW_US)
+    return HANDLERS[type(message)](cast("Context", context), message)
 
 
 @pytest.mark.parametrize("message", [SENSOR, STATE], ids=lambda message: type(message).__name__)
@@ -62,12 +63,12 @@ class TestHil:
     """HIL_SENSOR and HIL_STATE_QUATERNION."""
 
     def test_vehicle_with_hil_input_takes_it(self, message: Message) -> None:
-        vehicle = Simulated(takes=True)
-        assert handle(vehicle, message) is HANDLED
-        assert vehicle.given == [message]
+        simulator = Simulator()
+        assert handle(simulator, message) is HANDLED
+        assert simulator.given == [(message, NOW_US)]
 
     def test_it_is_dropped_by_any_other(self, message: Message) -> None:
-        assert handle(Simulated(takes=False), message) is NO_HIL_INPUT
+        assert handle(None, message) is NO_HIL_INPUT
 
     def test_it_comes_over_the_wire_as_it_was_sent(self, message: Message) -> None:
         codec = Codec(255, 190)

@@ -56,13 +56,13 @@ class TestGpsInput:
 
     def test_it_is_dropped_without_a_gps_that_takes_it(self, bench: "Bench", client: "Client") -> None:
         assert client.tell(SOLUTION) is GPS_NOT_MAVLINK
-        assert bench.vehicle.gps() is None
+        assert bench.vehicle.gps.sample() is None
 
     def test_it_becomes_the_gps_of_the_vehicle(self, make_bench: "MakeBench") -> None:
         bench = make_bench(GPS1_TYPE=14)
         assert bench.client.tell(SOLUTION) is HANDLED
         bench.run_ms(20)
-        sample = bench.vehicle.gps()
+        sample = bench.vehicle.gps.sample()
         assert sample is not None
         assert (sample.fix_type, sample.num_sats, sample.location.alt_cm) == (3, 11, 48850)
         assert [record["NSats"] for record in bench.logged("GPS")] == [11]
@@ -109,20 +109,20 @@ class TestGpsInput:
         bench = make_bench(GPS1_TYPE=14)
         bench.client.tell(SOLUTION)
         bench.run_ms(1000)
-        assert bench.vehicle.utc_us() == WEEK_2300_US + 2_000_000
+        assert bench.vehicle.rtc.utc_us() == WEEK_2300_US + 2_000_000
 
     def test_it_does_not_set_the_clock_unless_admitted(self, make_bench: "MakeBench") -> None:
         bench = make_bench(GPS1_TYPE=14, BRD_RTC_TYPES=2)
         bench.client.tell(SOLUTION)
         bench.run_ms(1000)
-        assert bench.vehicle.utc_us() == 0
+        assert bench.vehicle.rtc.utc_us() == 0
 
     def test_its_time_ranks_above_that_of_clients(self, make_bench: "MakeBench") -> None:
         bench = make_bench(GPS1_TYPE=14, BRD_RTC_TYPES=3)
         bench.client.tell(SOLUTION)
         bench.run_ms(20)
         bench.client.tell(SYSTEM_TIME(WEEK_2300_US + 100_000_000, 0))
-        assert bench.vehicle.utc_us() == WEEK_2300_US + 1_020_000
+        assert bench.vehicle.rtc.utc_us() == WEEK_2300_US + 1_020_000
 
     @pytest.mark.parametrize(("pause_ms", "healthy"), [(200, True), (260, False)])
     def test_gps_is_healthy_as_long_as_it_is_regular(

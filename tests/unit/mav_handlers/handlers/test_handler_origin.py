@@ -46,7 +46,7 @@ class TestMessage:
 
     def test_origin_is_set(self, bench: "Bench", client: "Client") -> None:
         assert client.tell(SET) is HANDLED
-        origin = bench.vehicle.origin()
+        origin = bench.vehicle.ahrs.origin()
         assert origin is not None
         assert (origin.lat, origin.lng, origin.alt_cm) == (LAT, LNG, 48_800)
 
@@ -59,7 +59,7 @@ class TestMessage:
     def test_vehicle_that_keeps_its_origin_to_itself_tells_nobody(
         self, bench: "Bench", client: "Client", monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bench.vehicle, "origin", lambda: None)
+        monkeypatch.setattr(bench.vehicle.ahrs, "origin", lambda: None)
         assert client.tell(SET) is HANDLED
         assert client.read_of(GPS_GLOBAL_ORIGIN) == []
 
@@ -68,7 +68,7 @@ class TestMessage:
         client.read()
         assert client.tell(SET_GPS_GLOBAL_ORIGIN(1, 1, 1, 1)) is ORIGIN_REFUSED
         assert client.read() == []
-        origin = bench.vehicle.origin()
+        origin = bench.vehicle.ahrs.origin()
         assert origin is not None
         assert origin.lat == LAT
 
@@ -100,7 +100,7 @@ class TestMessage:
         self, bench: "Bench", client: "Client", altitude_mm: int, alt_cm: int
     ) -> None:
         client.tell(SET_GPS_GLOBAL_ORIGIN(1, LAT, LNG, altitude_mm))
-        origin = bench.vehicle.origin()
+        origin = bench.vehicle.ahrs.origin()
         assert origin is not None
         assert origin.alt_cm == alt_cm
 
@@ -173,7 +173,7 @@ class TestCommand:
 
     def test_origin_is_set_in_metres(self, bench: "Bench", client: "Client") -> None:
         assert client.command_int(SET_ORIGIN, LAT, LNG, 488.5) == ACCEPTED
-        origin = bench.vehicle.origin()
+        origin = bench.vehicle.ahrs.origin()
         assert origin is not None
         assert (origin.lat, origin.lng, origin.alt_cm) == (LAT, LNG, 48_850)
 
@@ -208,4 +208,4 @@ class TestCommand:
 
     def test_command_long_is_unsupported(self, bench: "Bench", client: "Client") -> None:
         assert client.command(SET_ORIGIN, 0, 0, 0, 0, 47.0, 8.0, 488.0) == UNSUPPORTED
-        assert bench.vehicle.origin() is None
+        assert bench.vehicle.ahrs.origin() is None

@@ -38,6 +38,7 @@ class KnownAhrs:
     location: Location | None = None
     status: FilterStatus | None = None
     is_initialised: bool = True
+    place_of_origin: Location | None = None
 
     def face(self, roll: float, pitch: float, yaw: float) -> None:
         """Turn to an attitude in rad."""
@@ -70,6 +71,19 @@ class KnownAhrs:
     def get_filter_status(self) -> FilterStatus | None:
         return self.status
 
+    def origin(self) -> Location | None:
+        return self.place_of_origin
+
+
+@dataclass(slots=True)
+class KnownHome:
+    """Home where a test puts it."""
+
+    place: Location | None = None
+
+    def take_changed(self) -> bool:
+        return False
+
 
 class Desk:
     """Asks builders what they have to say of the vehicle."""
@@ -80,12 +94,28 @@ class Desk:
         self.channel = bench.client.channel
         self.ahrs = KnownAhrs()
         self.gps: GpsSample | None = None
-        self.home: Location | None = None
-        self.origin: Location | None = None
+        self.known_home = KnownHome()
         monkeypatch.setattr(self.vehicle, "ahrs", self.ahrs)
-        monkeypatch.setattr(self.vehicle, "gps", lambda: self.gps)
-        monkeypatch.setattr(self.vehicle, "home", lambda: self.home)
-        monkeypatch.setattr(self.vehicle, "origin", lambda: self.origin)
+        monkeypatch.setattr(self.vehicle.gps, "sample", lambda: self.gps)
+        monkeypatch.setattr(self.vehicle.copter, "home", self.known_home)
+
+    @property
+    def home(self) -> Location | None:
+        """Home."""
+        return self.known_home.place
+
+    @home.setter
+    def home(self, place: Location | None) -> None:
+        self.known_home.place = place
+
+    @property
+    def origin(self) -> Location | None:
+        """The EKF origin."""
+        return self.ahrs.place_of_origin
+
+    @origin.setter
+    def origin(self, place: Location | None) -> None:
+        self.ahrs.place_of_origin = place
 
     def ask(self, builder: Callable[[VehiclePort, Channel, int], M | None], now_us: int = NOW_US) -> M:
         """Return the message, which must come."""

@@ -25,7 +25,7 @@ def indices(client: "Client") -> list[int]:
 
 
 def test_mode_is_told_by_its_index(bench: "Bench", client: "Client") -> None:
-    modes = bench.vehicle.available_modes()
+    modes = bench.vehicle.copter.available_modes()
     assert request(client, 2) == ACCEPTED
     bench.run_ms(3)
     assert client.read_of(AVAILABLE_MODES) == [

@@ -35,7 +35,7 @@ def test_heartbeat_of_a_disarmed_quad_has_base_mode_81_and_standby(bench: "Bench
 def test_heartbeat_of_an_armed_quad_on_the_ground_is_standby_too(
     bench: "Bench", monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bench.vehicle, "is_armed", lambda: True)
+    monkeypatch.setattr(bench.vehicle.copter, "is_armed", lambda: True)
     assert (beat(bench).base_mode, beat(bench).system_status) == (81 + 128, 3)
 
 
@@ -49,7 +49,7 @@ def test_heartbeat_is_critical_after_an_internal_error(bench: "Bench") -> None:
 
 
 def test_heartbeat_tells_the_mode(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench.vehicle, "custom_mode", lambda: 27)
+    monkeypatch.setattr(bench.vehicle.copter, "custom_mode", lambda: 27)
     assert beat(bench).custom_mode == 27
 
 
@@ -62,7 +62,7 @@ def test_flying_vehicle_is_in_the_air_or_landing(
     desk: "Desk", monkeypatch: pytest.MonkeyPatch, mode: int, landed_state: int
 ) -> None:
     monkeypatch.setattr(desk.vehicle.copter, "is_landed", lambda: False)
-    monkeypatch.setattr(desk.vehicle, "custom_mode", lambda: mode)
+    monkeypatch.setattr(desk.vehicle.copter, "custom_mode", lambda: mode)
     assert desk.ask(extended_sys_state) == EXTENDED_SYS_STATE(vtol_state=3, landed_state=landed_state)
     assert desk.ask(heartbeat).system_status == 4
 
@@ -78,7 +78,7 @@ def test_time_of_day_is_zero_while_unknown(desk: "Desk") -> None:
 
 
 def test_time_of_day_is_the_vehicles(desk: "Desk", monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desk.vehicle, "utc_us", lambda: 1_700_000_000_000_000)
+    monkeypatch.setattr(desk.vehicle.rtc, "utc_us", lambda: 1_700_000_000_000_000)
     assert desk.ask(system_time).time_unix_usec == 1_700_000_000_000_000
 
 

@@ -97,7 +97,7 @@ def test_logging_is_enabled_while_disarmed_if_the_parameter_says_so(make_bench: 
 
 def test_logging_is_enabled_while_armed(make_bench: "MakeBench", monkeypatch: pytest.MonkeyPatch) -> None:
     bench = make_bench(LOG_DISARMED=0)
-    monkeypatch.setattr(bench.vehicle, "is_armed", lambda: True)
+    monkeypatch.setattr(bench.vehicle.copter, "is_armed", lambda: True)
     assert bits(bench, SENSOR_LOGGING) == (True, True, True)
 
 
@@ -132,12 +132,12 @@ def test_prearm_bit_is_unhealthy_while_checks_fail(bench: "Bench") -> None:
 
 
 def test_prearm_bit_is_healthy_once_checks_pass(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench.vehicle, "prearm_passed", lambda: True)
+    monkeypatch.setattr(bench.vehicle.copter.arming, "passed", True)
     assert bits(bench, SENSOR_PREARM_CHECK) == (True, True, True)
 
 
 def test_prearm_bit_is_healthy_while_armed(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench.vehicle, "is_armed", lambda: True)
+    monkeypatch.setattr(bench.vehicle.copter, "is_armed", lambda: True)
     assert bits(bench, SENSOR_PREARM_CHECK) == (True, True, True)
 
 

@@ -95,7 +95,7 @@ class Run:
             while data := wire.receive():
                 scheduler.deliver(channel, data)
             self.vehicle.endpoint.bytes_to_send(channel)
-        self.vehicle.run_prearm_checks()
+        self.vehicle.copter.arming.pre_arm_checks(display=True)
 
 
 @pytest.fixture(scope="module")
@@ -112,14 +112,14 @@ def test_every_preset_has_a_stream_here() -> None:
 def test_vehicle_with_its_stream_is_ready_to_arm(settled: Callable[[str], Run], name: str) -> None:
     run = settled(name)
     assert [text for text in run.texts if text.startswith("PreArm")] == []
-    assert run.vehicle.prearm_passed()
+    assert run.vehicle.copter.arming.passed
 
 
 @pytest.mark.parametrize("name", STREAMS)
 def test_vehicle_without_its_stream_is_not(name: str) -> None:
     run = Run(name, None, BOOTED_S)
     assert "PreArm: VisOdom: not healthy" in run.texts
-    assert not run.vehicle.prearm_passed()
+    assert not run.vehicle.copter.arming.passed
 
 
 @pytest.mark.parametrize("name", ["t265-compass", "gps-and-extnav"])

@@ -124,7 +124,7 @@ def test_file_of_4_6_loads(tmp_path: Path, firmware: Firmware, caplog: pytest.Lo
     assert [params.get_int(name) for name in (names.only_ground_station, names.telem_delay)] == [1, 3]
     assert [params.get_int(names.stream_rate(0, row)) for row in ("_POSITION", "_EXTRA1")] == [5, 10]
     assert names.link_options(params, 1) == 2
-    assert vehicle.copter.arming.enabled_checks() == 1024  # type: ignore[attr-defined]  # the copter's own
+    assert vehicle.copter.arming.enabled_checks() == 1024
     assert len(caplog.messages) == (0 if firmware is STABLE_4_6 else 1)
     assert all("SYSID_THISMAV -> MAV_SYSID" in message for message in caplog.messages)
 
@@ -184,18 +184,18 @@ def test_carried_over_names_are_not_told_as_unknown(tmp_path: Path, caplog: pyte
 @every_firmware
 def test_recorded_parameters_of_the_reference_hold_in_every_release(firmware: Firmware) -> None:
     vehicle = Vehicle(VehicleConfig(defaults={"ARMING_CHECK": 0.0}, firmware=firmware))
-    assert not vehicle.checks_enabled()
+    assert vehicle.copter.arming.enabled_checks() == 0
     assert vehicle.unknown_defaults == ()
 
 
 def test_later_vehicle_skips_what_it_is_told_to() -> None:
     vehicle = Vehicle(VehicleConfig(firmware=FEBRUARY_2026))
-    arming = vehicle.copter.arming  # type: ignore[attr-defined]  # the copter's own
+    arming = vehicle.copter.arming
     assert arming.enabled_checks() == (1 << 21) - 2
     vehicle.params.set("ARMING_SKIPCHK", 1 << 18)
     assert [arming.is_enabled(1 << bit) for bit in (10, 18)] == [True, False]
     vehicle.params.set("ARMING_SKIPCHK", -1)
-    assert not vehicle.checks_enabled()
+    assert vehicle.copter.arming.enabled_checks() == 0
 
 
 @pytest.mark.parametrize("firmware", [REFERENCE, STABLE_4_6], ids=lambda one: one.name)

@@ -102,7 +102,7 @@ def test_restart_makes_a_vehicle_that_has_heard_of_nobody(make: Callable[..., Ri
     rig.powered.vehicle.set_origin(Location(1, 2, 3))
     assert rig.reboot()
     assert rig.booted[-1] is rig.powered.vehicle is not rig.booted[0]
-    assert rig.powered.vehicle.origin() is None
+    assert rig.powered.vehicle.ahrs.origin() is None
     assert not any(channel.active for channel in rig.powered.channels)
     assert rig.powered.vehicle.set_origin(Location(4, 5, 6)) is OriginResult.SET
 
@@ -174,10 +174,10 @@ def test_verdicts_are_counted_over_restarts(make: Callable[..., Rig]) -> None:
 @pytest.mark.parametrize(("boot_utc_us", "known"), [(0, False), (1_700_000_000_000_000, True)])
 def test_clock_that_was_right_at_boot_runs_on(make: Callable[..., Rig], boot_utc_us: int, known: bool) -> None:
     rig = make(boot_utc_us=boot_utc_us)
-    before_us = rig.powered.vehicle.utc_us()
+    before_us = rig.powered.vehicle.rtc.utc_us()
     rig.reboot()
-    assert (rig.powered.vehicle.utc_us() > before_us) is known
-    assert (rig.powered.vehicle.utc_us() != 0) is known
+    assert (rig.powered.vehicle.rtc.utc_us() > before_us) is known
+    assert (rig.powered.vehicle.rtc.utc_us() != 0) is known
 
 
 def test_memory_store_tells_whether_anything_was_new() -> None:

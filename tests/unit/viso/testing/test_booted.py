@@ -22,7 +22,7 @@ def flown(booted: BootedVehicle) -> tuple[bytes, bytes]:
         scheduler.deliver(booted.channel, codec.encode(pose))
         scheduler.run_until(scheduler.now_us + 33_333)
     booted.vehicle.params.set_from_mavlink("VISO_DELAY_MS", 20)
-    booted.vehicle.arm(do_checks=False)
+    booted.vehicle.copter.arm(do_checks=False)
     scheduler.run_until(scheduler.now_us + 100_000)
     sent = booted.vehicle.endpoint.bytes_to_send(booted.channel)
     booted.vehicle.close()

@@ -350,7 +350,7 @@ def test_estimator_and_endpoint_are_given_the_same(make_bench: "MakeBench") -> N
     sample = seen[0].gps()
     assert sample is not None
     assert sample.num_sats == 11
-    assert bench.vehicle.gps() == sample
+    assert bench.vehicle.gps.sample() == sample
 
 
 def test_log_readers_see_the_solution_and_take_the_time_from_it(make_bench: "MakeBench", tmp_path: Path) -> None:
@@ -386,7 +386,7 @@ def test_estimator_navigates_by_it_and_changes_over_to_external_navigation_and_b
     good = replace(PACKET, vn=0.0, ve=0.0, vd=0.0, horiz_accuracy=0.5, vert_accuracy=0.5, speed_accuracy=0.3)
     bench = make_bench(GPS1_TYPE=14, VISO_TYPE=1, EK3_SRC2_POSXY=6, EK3_SRC2_POSZ=6, EK3_SRC2_YAW=6)
     hear(bench, 41.0, good)
-    assert bench.vehicle.origin() is not None
+    assert bench.vehicle.ahrs.origin() is not None
     assert "EKF3 IMU0 is using GPS" not in [text for _, _, text in bench.texts]
     hear(bench, 42.0, good)
     assert "EKF3 IMU0 is using GPS" in [text for _, _, text in bench.texts]

@@ -146,7 +146,7 @@ def test_command_for_a_companion_is_forwarded_and_not_executed(rig: Rig) -> None
     assert rig.ground.send(COMMAND_LONG(1, 197, 400, 0, 1, 0, 0, 0, 0, 0, 0)).rule.code == "other_target"
     assert [message.command for message in rig.companion.got(COMMAND_LONG)] == [400]
     assert rig.ground.got(COMMAND_ACK) == []
-    assert not rig.vehicle.is_armed()
+    assert not rig.vehicle.copter.is_armed()
 
 
 def test_private_link_is_left_out(make_rig: MakeRig) -> None:

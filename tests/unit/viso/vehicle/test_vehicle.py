@@ -92,7 +92,7 @@ def test_vehicle_is_initialised_once_booted(make_bench: MakeBench) -> None:
 def test_checks_fail_while_booting(make_bench: MakeBench, time_s: float, said: list[str]) -> None:
     bench = make_bench(boot=False)
     bench.run_to(time_s)
-    bench.vehicle.run_prearm_checks()
+    bench.vehicle.copter.arming.pre_arm_checks(display=True)
     assert [text for text in texts(bench) if text.startswith("PreArm")] == said
 
 
@@ -109,7 +109,7 @@ def test_it_is_what_it_claims_to_be(make_bench: MakeBench) -> None:
     assert vehicle.firmware_version() == (4 << 24 | 7 << 16, "ArduCopter V4.7.0-dev", "2b361bde")
     system = "00017669736f" + 20 * "0"
     assert vehicle.banner() == ("ArduCopter V4.7.0-dev (2b361bde)", system, "Frame: QUAD/PLUS")
-    assert vehicle.custom_mode() == 0
+    assert vehicle.copter.custom_mode() == 0
 
 
 @pytest.mark.parametrize(
@@ -142,21 +142,21 @@ def test_default_that_is_no_number_is_refused() -> None:
 def test_checks_pass_without_visual_odometry(make_bench: MakeBench) -> None:
     bench = make_bench()
     assert bench.command(401) == 0
-    assert bench.vehicle.prearm_passed()
+    assert bench.vehicle.copter.arming.passed
 
 
 def test_visual_odometry_without_data_fails_the_check(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=1)
     bench.command(401)
     assert texts(bench) == ["PreArm: VisOdom: not healthy"]
-    assert not bench.vehicle.prearm_passed()
+    assert not bench.vehicle.copter.arming.passed
 
 
 def test_visual_odometry_with_data_passes_the_check(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=1)
     bench.see(0.2)
     bench.command(401)
-    assert bench.vehicle.prearm_passed()
+    assert bench.vehicle.copter.arming.passed
 
 
 def test_wrong_heading_fails_the_check(make_bench: MakeBench) -> None:
@@ -191,8 +191,8 @@ def test_internal_error_fails_the_check_and_is_told_once(make_bench: MakeBench) 
 
 
 def test_checks_are_enabled_by_any_bit(make_bench: MakeBench) -> None:
-    assert make_bench(boot=False, ARMING_CHECK=2).vehicle.checks_enabled()
-    assert not make_bench(boot=False, ARMING_CHECK=0).vehicle.checks_enabled()
+    assert make_bench(boot=False, ARMING_CHECK=2).vehicle.copter.arming.enabled_checks() != 0
+    assert make_bench(boot=False, ARMING_CHECK=0).vehicle.copter.arming.enabled_checks() == 0
 
 
 def test_arming_and_disarming_are_logged(make_bench: MakeBench) -> None:
@@ -215,7 +215,7 @@ def test_arming_with_all_bits_of_arming_check_is_logged(make_bench: MakeBench, t
 
 def test_disarming_twice_changes_nothing(make_bench: MakeBench) -> None:
     vehicle = make_bench().vehicle
-    assert not vehicle.disarm(force=False)
+    assert not vehicle.copter.disarm(force=False)
 
 
 def test_no_checks_are_made_while_armed(make_bench: MakeBench) -> None:
@@ -274,7 +274,7 @@ def test_origin_makes_home_of_where_the_vehicle_is(make_bench: MakeBench) -> Non
     bench = navigating(make_bench)
     bench.send(origin_message())
     bench.run_for(0.1)
-    assert bench.vehicle.origin() == bench.vehicle.home() == PLACE
+    assert bench.vehicle.ahrs.origin() == bench.vehicle.copter.home.place == PLACE
     assert texts(bench) == ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set", "Field Elevation Set: 584m"]
 
 
@@ -282,7 +282,7 @@ def test_origin_alone_makes_no_home(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.send(origin_message())
     bench.run_for(0.1)
-    assert bench.vehicle.home() is None
+    assert bench.vehicle.copter.home.place is None
 
 
 def test_origin_and_home_are_logged(make_bench: MakeBench) -> None:
@@ -297,7 +297,7 @@ def test_origin_and_home_are_logged(make_bench: MakeBench) -> None:
 def test_origin_that_gps_sets_is_told_as_well(make_bench: MakeBench) -> None:
     bench = make_bench(make_ahrs=gps_bench)
     bench.run_to(20)
-    assert bench.vehicle.origin() == bench.vehicle.home() == PLACE
+    assert bench.vehicle.ahrs.origin() == bench.vehicle.copter.home.place == PLACE
     assert [text for text in texts(bench) if "origin" in text] == ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set"]
 
 
@@ -307,7 +307,7 @@ def test_home_is_set_once(make_bench: MakeBench) -> None:
     bench.run_for(0.1)
     assert bench.vehicle.set_origin(Location(0, 0, 0)) is OriginResult.FAILED
     bench.run_for(0.1)
-    assert bench.vehicle.home() == PLACE
+    assert bench.vehicle.copter.home.place == PLACE
     assert len(bench.written("ORGN")) == 3
 
 
@@ -444,13 +444,13 @@ def test_closing_closes_the_log(make_bench: MakeBench) -> None:
 
 
 def test_time_of_day_is_unknown_at_first(make_bench: MakeBench) -> None:
-    assert make_bench().vehicle.utc_us() == 0
+    assert make_bench().vehicle.rtc.utc_us() == 0
 
 
 def test_time_of_day_may_be_known_at_boot() -> None:
     vehicle = Vehicle(VehicleConfig(boot_utc_us=NOON_US))
     vehicle.clock.set_us(5)
-    assert vehicle.utc_us() == NOON_US + 5
+    assert vehicle.rtc.utc_us() == NOON_US + 5
 
 
 @pytest.mark.parametrize(("types", "time_us", "taken"), [
@@ -463,7 +463,7 @@ def test_time_of_day_may_be_known_at_boot() -> None:
 def test_time_of_day_from_a_client(make_bench: MakeBench, types: int, time_us: int, taken: bool) -> None:
     bench = make_bench(BRD_RTC_TYPES=types)
     bench.send(SYSTEM_TIME(time_us, 0))
-    assert bench.vehicle.utc_us() == (time_us if taken else 0)
+    assert bench.vehicle.rtc.utc_us() == (time_us if taken else 0)
 
 
 def test_time_of_day_is_put_forward_but_never_back(make_bench: MakeBench) -> None:
@@ -472,7 +472,7 @@ def test_time_of_day_is_put_forward_but_never_back(make_bench: MakeBench) -> Non
     bench.send(SYSTEM_TIME(NOON_US + 9_000_000, 0))
     bench.send(SYSTEM_TIME(NOON_US, 0))
     bench.run_for(1)
-    assert bench.vehicle.utc_us() == NOON_US + 10_000_000
+    assert bench.vehicle.rtc.utc_us() == NOON_US + 10_000_000
 
 
 # The AHRS is the caller's

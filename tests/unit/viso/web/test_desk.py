@@ -63,9 +63,9 @@ def test_arming_that_is_refused_says_so_and_why_in_the_texts(make_bench: Callabl
 def test_arming_and_disarming(make_bench: Callable[..., Bench]) -> None:
     bench = make_bench(ARMING_CHECK=0)
     assert ask(bench, do="action", name="arm").ok
-    assert bench.vehicle.is_armed()
+    assert bench.vehicle.copter.is_armed()
     assert ask(bench, do="action", name="disarm").ok
-    assert not bench.vehicle.is_armed()
+    assert not bench.vehicle.copter.is_armed()
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])

@@ -151,13 +151,13 @@ def test_numbers_that_are_none_become_null(watch: Callable[..., Watched]) -> Non
 
 def test_failed_checks_stand_until_they_pass(watch: Callable[..., Watched]) -> None:
     watched = watch()
-    watched.bench.vehicle.run_prearm_checks()
+    watched.bench.vehicle.copter.arming.pre_arm_checks(display=True)
     state = watched.batch()["state"]
     assert state["prearm"] is False
     assert "VisOdom: not healthy" in state["failures"]
     assert (state["camera"], state["armed"], state["source_set"]) == ("not healthy", False, 0)
     watched.bench.see(3)
-    watched.bench.vehicle.run_prearm_checks()
+    watched.bench.vehicle.copter.arming.pre_arm_checks(display=True)
     state = watched.batch()["state"]
     assert (state["prearm"], state["failures"], state["camera"]) == (True, [], "healthy")
     assert state["aiding"] == "absolute"

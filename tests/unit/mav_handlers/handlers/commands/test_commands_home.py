@@ -33,7 +33,7 @@ def bench(make_bench: "MakeBench") -> "Bench":
 
 
 def home(bench: "Bench") -> Location | None:
-    return bench.vehicle.home()
+    return bench.vehicle.copter.home.place
 
 
 class TestSetHome:

@@ -50,7 +50,7 @@ class TestSetMode:
         self, bench: "Bench", base_mode: float, custom_mode: float, result: int, mode: int
     ) -> None:
         assert bench.client.command(SET, base_mode, custom_mode) == result
-        assert bench.vehicle.custom_mode() == mode
+        assert bench.vehicle.copter.custom_mode() == mode
 
     def test_unknown_mode_is_told_after_the_ack(self, bench: "Bench") -> None:
         assert bench.client.command(SET, 1, 99) == FAILED
@@ -81,11 +81,11 @@ class TestSetMode:
         verdict = bench.client.tell(SET_MODE(1, base_mode, custom_mode))
         assert verdict is (HANDLED if taken else MODE_REFUSED)
         assert bench.client.read() == []
-        assert bench.vehicle.custom_mode() == mode
+        assert bench.vehicle.copter.custom_mode() == mode
 
     def test_message_to_another_system_is_not_obeyed(self, bench: "Bench") -> None:
         bench.client.tell(SET_MODE(7, 1, 4))
-        assert bench.vehicle.custom_mode() == 0
+        assert bench.vehicle.copter.custom_mode() == 0
 
     @pytest.mark.parametrize(("switch", "armed"), [(1, False), (0, True)])
     def test_safety_switch_decides_about_arming(self, make_bench: "MakeBench", switch: int, armed: bool) -> None:
@@ -97,16 +97,16 @@ class TestSetMode:
     @pytest.mark.parametrize(("number", "mode"), [(LOITER_UNLIM, 5), (RTL, 6), (LAND, 9), (VTOL_LAND, 9), (START, 3)])
     def test_commands_that_stand_for_a_mode_enter_it(self, bench: "Bench", number: int, mode: int) -> None:
         assert bench.client.command(number) == ACCEPTED
-        assert bench.vehicle.custom_mode() == mode
+        assert bench.vehicle.copter.custom_mode() == mode
 
     def test_part_of_a_mission_cannot_be_started(self, bench: "Bench") -> None:
         assert bench.client.command(START, 0, 1) == bench.client.command(START, 1) == DENIED
-        assert bench.vehicle.custom_mode() == 0
+        assert bench.vehicle.copter.custom_mode() == 0
 
     def test_armed_vehicle_without_a_position_does_not_return(self, bench: "Bench") -> None:
         assert bench.client.command(ARM, 1, FORCE) == ACCEPTED
         assert bench.client.command(RTL) == FAILED
-        assert bench.vehicle.custom_mode() == 0
+        assert bench.vehicle.copter.custom_mode() == 0
 
 
 class TestTakeoff:
