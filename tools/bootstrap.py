@@ -25,6 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 MINIMUM_PYTHON = (3, 11)
 NEWER_PYTHONS = ("python3.13", "python3.12", "python3.11")
 LOCKS = {"run": "requirements/run.lock", "dev": "requirements/dev.lock"}
+FORMER_NAME = "viso"
 STAMP_NAME = "viso-setup.json"
 SHOWN_LINES = 6
 
@@ -167,13 +168,22 @@ def _prepare(root: Path, venv: Path, stamp: Stamp | None) -> bool:
 
 def _install(root: Path, venv: Path, profile: str) -> None:
     """Install the locked wheels, then the project itself without asking any index."""
-    pip = [str(venv / "bin" / "python"), "-I", "-m", "pip", "install"]
-    pip += ["--quiet", "--no-input", "--disable-pip-version-check"]
+    pip = [str(venv / "bin" / "python"), "-I", "-m", "pip", "--quiet", "--no-input", "--disable-pip-version-check"]
+    install = [*pip, "install"]
     lock = LOCKS[profile]
     locked = ["--require-hashes", "--only-binary", ":all:", "-r", str(root / lock)]
-    run(pip + locked, f"installing {lock}")
+    run(install + locked, f"installing {lock}")
+    if _has_former_name(venv):
+        run([*pip, "uninstall", "--yes", FORMER_NAME], "removing the project under its former name")
     project = ["--no-index", "--no-deps", "--no-build-isolation", "--editable", str(root)]
-    run(pip + project, "installing the project")
+    run(install + project, "installing the project")
+
+
+def _has_former_name(venv: Path) -> bool:
+    """Tell whether the project is installed by the name that it had: two would claim one command and one plugin."""
+    # An editable one is ours; the package index has another project of that name.
+    records = venv.glob(f"lib/python*/site-packages/{FORMER_NAME}-*.dist-info/direct_url.json")
+    return any('"editable": true' in record.read_text(encoding="utf-8") for record in records)
 
 
 def run(command: Sequence[str], what: str, *, environment: Mapping[str, str] | None = None) -> None:

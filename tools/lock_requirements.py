@@ -16,6 +16,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 UV = "uv==0.13.8"
+RUN_EXTRAS = ("bags", "landmarks", "plot", "sweep", "vio", "web")
+"""What the commands of the README take; the other extras are large, and for few."""
 OPTIONS = (
     "--quiet",
     "--universal",
@@ -24,8 +26,7 @@ OPTIONS = (
     "--generate-hashes",
     "--no-emit-index-url",
     "--custom-compile-command=tools/lock",
-    "--extra=plot",
-    "--extra=vio",
+    *(f"--extra={name}" for name in RUN_EXTRAS),
     "--group=build",
 )
 

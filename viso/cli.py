@@ -14,7 +14,7 @@ from functools import wraps
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 from typer.core import TyperGroup
@@ -22,6 +22,7 @@ from typer.core import TyperGroup
 from viso.terminal.long_lived import uncollected
 
 EXIT_USAGE: Final = 2
+HELP: Final = "The autopilot's end of ArduPilot external navigation."
 
 COMMANDS: Final[Mapping[str, str]] = {
     "demo": "viso.commands.demo",
@@ -102,18 +103,34 @@ def _command(name: str) -> Any:
     return typer.main.get_command(app)
 
 
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from viso.extras import installed_version
+
+        print(f"viso {installed_version()}")
+        raise typer.Exit
+
+
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Stand for the program itself, without a command."""
+
+
 def make_app() -> typer.Typer:
     """Return the command line with all its commands."""
     app = typer.Typer(
         name="viso",
         cls=_Commands,
-        help="The autopilot's end of ArduPilot external navigation.",
         no_args_is_help=True,
         add_completion=False,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
+    app.callback(help=HELP)(_program)
     for name in COMMANDS:
         app.command(name)(_not_imported)
     return app

@@ -17,6 +17,7 @@ from viso.closed_loop.record import LoopRecord
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.demo import tracking_camera as simulated
 from viso.errors import InputError, file_errors, told_errors
+from viso.extras import pip_install
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogFile, LogStore
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
@@ -25,9 +26,9 @@ from viso.terminal.filter_report import aiding_rows, filter_rows, tables_of
 from viso.terminal.signals import stop_on_signal
 from viso.vehicle.vehicle import Vehicle
 
-_PLOT_HINT: Final = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
-_SIMULATED_INSTEAD: Final = "the camera is simulated: OpenCV is missing; for a real one: pip install 'viso[vio]'"
-_NO_VIO: Final = "--camera vio: OpenCV is missing; install it with: pip install 'viso[vio]'; --camera simulated works"
+_PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
+_SIMULATED_INSTEAD: Final = f"the camera is simulated: OpenCV is missing; for a real one: {pip_install('vio')}"
+_NO_VIO: Final = f"--camera vio: OpenCV is missing; install it with: {pip_install('vio')}; --camera simulated works"
 
 Text = tuple[float, str, int, str]
 

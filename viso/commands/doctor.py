@@ -7,7 +7,6 @@ import math
 import time
 from contextlib import closing
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -24,6 +23,7 @@ from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import count_text, finding_lines, summary_lines, summary_table
 from viso.errors import InputError
+from viso.extras import installed_version
 from viso.files.text_files import write_text
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.presets import PRESET_HELP, preset_files
@@ -133,7 +133,7 @@ def doctor(
     evidence = _examine(stream, _with_log(options, attitude, Path(source)))
     findings = diagnose(evidence, RULES)
     if sarif is not None:
-        _write(sarif, json.dumps(as_sarif(source, _version(), RULES, findings), indent=1) + "\n")
+        _write(sarif, json.dumps(as_sarif(source, installed_version(), RULES, findings), indent=1) + "\n")
     if junit is not None:
         _write(junit, as_junit(source, RULES, findings, fail_on))
     if as_json_text:
@@ -191,10 +191,3 @@ def _print(evidence: Evidence, findings: list[Finding]) -> None:
 def _write(path: Path, text: str) -> None:
     with write_text(path) as file:
         file.write(text)
-
-
-def _version() -> str:
-    try:
-        return version("viso")
-    except PackageNotFoundError:
-        return "unknown"

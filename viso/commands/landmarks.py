@@ -24,6 +24,7 @@ from viso.companion.landmarks.session import ReceiverWatch, Session, Settings
 from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
 from viso.errors import InputError
+from viso.extras import pip_install
 from viso.files.text_files import write_text
 from viso.landmarks.camera import KEYS, camera_of
 from viso.landmarks.inputs import STANDARD_INPUT, Merged, is_live
@@ -37,7 +38,7 @@ from viso.terminal.signals import stop_on_signal
 from viso.vio.inputs import check_place
 
 LONGEST_S: Final = 4e9
-_PLOT_HINT: Final = "no pictures: matplotlib is missing; install it with: pip install 'viso[plot]'"
+_PLOT_HINT: Final = f"no pictures: matplotlib is missing; install it with: {pip_install('plot')}"
 _NEVER_FLY: Final = (
     "note: --estimate takes the middle of the aircraft for the receiver: it is kilometres off, and must never reach "
     "the autopilot"

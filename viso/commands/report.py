@@ -3,13 +3,13 @@
 """``viso report``: what a flight's log tells of external navigation."""
 
 from collections.abc import Iterator
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 
 from viso.errors import InputError, file_errors
+from viso.extras import installed_version, pip_install
 from viso.files.atomic_file import replace_file
 from viso.firmware.releases import Firmware
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
@@ -19,7 +19,7 @@ from viso.report.flight_data import Material, read_material
 from viso.report.summary import Summary, summarise
 from viso.terminal.console import err, out, progress
 
-_MISSING_EXTRA: Final = "figures are drawn with matplotlib; install it with: pip install 'viso[plot]'"
+_MISSING_EXTRA: Final = f"figures are drawn with matplotlib; install it with: {pip_install('plot')}"
 _PAGES: Final = (".html", ".htm")
 
 
@@ -139,6 +139,6 @@ def _draw(
                 inline[kind] = None if figure is None else drawing.as_inline_svg(figure, kind.name, kind.title)
             bar.advance(bar.task_ids[0])
     if page is not None:
-        text = make_page(material, facts, summary, inline, version("viso"))
+        text = make_page(material, facts, summary, inline, installed_version())
         written.append(_write(page, text.encode("utf-8", "replace")))
     return written

@@ -13,6 +13,7 @@ from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.errors import InputError, file_errors
+from viso.extras import pip_install
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import HeadingOption, ImuErrorOption
 from viso.options.presets import PRESET_HELP
@@ -30,7 +31,7 @@ from viso.terminal.console import err, out, progress
 
 _FINDINGS: Final = 1
 _NAMED: Final = 5
-_PLOT_HINT: Final = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
+_PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 
 
 def sweep(

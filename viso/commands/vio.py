@@ -19,6 +19,7 @@ from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
 from viso.errors import InputError, file_errors
+from viso.extras import pip_install
 from viso.files.text_files import write_text
 from viso.options.checks import within
 from viso.terminal.console import err, out
@@ -30,7 +31,7 @@ from viso.vio.tables import live_table, summary_table
 
 LONGEST_S: Final = 4e9
 _LOST: Final = 1
-_PLOT_HINT: Final = "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'"
+_PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 
 
 def _is_paced(source: Recording | LiveCamera, master: str | None, realtime: bool | None) -> bool:

@@ -9,10 +9,11 @@ from itertools import islice
 from typing import Any, Final
 
 from viso.errors import InputError
+from viso.extras import pip_install
 from viso.sweep.job import Result, run_point
 from viso.sweep.plan import Point, SweepPlan
 
-MISSING_EXTRA: Final = "--scheduler: a cluster needs Dask distributed; install it with: pip install 'viso[cluster]'"
+MISSING_EXTRA: Final = f"--scheduler: a cluster needs Dask distributed; install it with: {pip_install('cluster')}"
 
 _TIMEOUT_S: Final = 10
 _WAITING: Final = 4

@@ -5,7 +5,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +14,7 @@ from ekf_stub.ahrs.parts import AhrsParts
 from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.companion.trials.evaluation import TimedPoses
 from viso.errors import InputError, told_errors
+from viso.extras import installed_version
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.replay.run import ReplaySetup, run_replay
@@ -51,7 +51,7 @@ def run_point(plan: SweepPlan, point: Point) -> Result:
 
 def code_version() -> str:
     """Return the version of the programs here."""
-    return version("viso")
+    return installed_version()
 
 
 def _row_of(plan: SweepPlan, point: Point) -> Row:

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from viso.errors import InputError, file_errors
+from viso.extras import pip_install
 from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.dimensions import Axis
 
@@ -189,7 +190,10 @@ def _drawn(sampling: Sampling, axes: int) -> Any:
     if sampling.method == RANDOM:
         return np.random.default_rng(sampling.seed).random((sampling.points, axes))
     # Imported here: it takes half a second, and most sweeps are grids.
-    from scipy.stats import qmc
+    try:
+        from scipy.stats import qmc
+    except ModuleNotFoundError as error:
+        raise InputError(f"a Latin hypercube is drawn with scipy; install it with: {pip_install('sweep')}") from error
 
     return qmc.LatinHypercube(axes, rng=sampling.seed).random(sampling.points)
 

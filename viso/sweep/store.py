@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from viso.errors import InputError, file_errors
+from viso.extras import pip_install
 from viso.files.atomic_file import replace_file
 from viso.sweep.job import Result
 from viso.sweep.objectives import OBJECTIVES, Row
@@ -24,7 +25,7 @@ DEFINITION: Final = "sweep.json"
 JOURNAL: Final = "points.jsonl"
 CSV: Final = "results.csv"
 PARQUET: Final = "results.parquet"
-MISSING_EXTRA: Final = "-o: tables are written as Parquet with pyarrow; install it with: pip install 'viso[sweep]'"
+MISSING_EXTRA: Final = f"-o: tables are written as Parquet with pyarrow; install it with: {pip_install('sweep')}"
 
 _FIRST_COLUMNS: Final = ("point", "stream", "firmware", "faults", "seed")
 _TEXT_COLUMNS: Final = frozenset({"stream", "firmware", "faults"})

@@ -13,6 +13,7 @@ from typing import Final
 from ekf_stub.filter.kernel import PLAIN as PLAIN_KERNEL
 from ekf_stub.filter.kernel import Kernel
 from viso.errors import InputError
+from viso.extras import pip_install
 
 KERNEL_VARIABLE: Final = "VISO_KERNEL"
 PLAIN: Final = "plain"
@@ -29,7 +30,7 @@ def _compiled() -> Kernel:
     try:
         from ekf_stub.compiled.compiled_pass import COMPILED
     except ModuleNotFoundError as error:
-        _log.warning("%s: %s; going on with %s; pip install 'viso[numba]'", NUMBA, error, PLAIN)
+        _log.warning("%s: %s; going on with %s; %s", NUMBA, error, PLAIN, pip_install("numba"))
         return PLAIN_KERNEL
     return COMPILED
 

@@ -9,13 +9,14 @@ from typing import Final
 from mav_handlers.links.address import LOOPBACK, parse_host_port, resolve
 from mav_handlers.links.base import Link, LinkError, reason_of
 from viso.errors import InputError
+from viso.extras import pip_install
 from viso.running.real_time import NOW_S
 from viso.web.desk import Desk
 from viso.web.faults import FaultSwitches, FaultyLink
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
 
-MISSING_EXTRA: Final = "--web: the live view is served with starlette; install it with: pip install 'viso[web]'"
+MISSING_EXTRA: Final = f"--web: the live view is served with starlette; install it with: {pip_install('web')}"
 
 
 class LiveView:

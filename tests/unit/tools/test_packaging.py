@@ -11,6 +11,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.places import ROOT
+from tools.lock_requirements import RUN_EXTRAS
 from tools.project_files import project_files
 
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -18,7 +19,7 @@ PACKAGES = sorted(marker.parent.name for marker in ROOT.glob("*/py.typed"))
 RUN = [
     *PROJECT["build-system"]["requires"],
     *PROJECT["project"]["dependencies"],
-    *PROJECT["project"]["optional-dependencies"]["plot"],
+    *(needed for extra in RUN_EXTRAS for needed in PROJECT["project"]["optional-dependencies"][extra]),
     *PROJECT["dependency-groups"]["build"],
 ]
 DEV = RUN + PROJECT["dependency-groups"]["dev"]

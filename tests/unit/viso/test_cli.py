@@ -3,6 +3,7 @@
 """The command line: exit codes, one-line errors, outputs, and the examples of the help texts."""
 
 import gzip
+import importlib.metadata
 import inspect
 import json
 import os
@@ -74,6 +75,16 @@ def test_help_of_a_command_works_and_holds_an_example(viso: Viso, name: str, fla
     outcome = viso(name, flag)
     assert outcome.code == 0
     assert f"Example: viso {name}" in outcome.out
+
+
+def test_version_is_that_of_the_distribution(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.metadata, "version", {"ardupilot-viso": "1.2.3"}.__getitem__)
+    assert viso("--version") == Outcome(0, "viso 1.2.3\n", "")
+
+
+def test_version_of_a_checkout_that_is_not_installed_is_unknown(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viso.extras.DISTRIBUTION", "no-such-distribution")
+    assert viso("--version") == Outcome(0, "viso unknown\n", "")
 
 
 def test_help_lists_the_commands(viso: Viso) -> None:

@@ -55,7 +55,7 @@ def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]
     code, err = viso(*command, cwd=tmp_path)
     assert code == 2
     assert err.startswith("viso: ")
-    assert "pip install 'viso[vio]'" in err
+    assert "pip install 'ardupilot-viso[vio]'" in err
     assert err.count("\n") == 1
 
 
@@ -64,7 +64,7 @@ def test_landmarks_do_without_on_a_sphere_and_say_so(tmp_path: Path) -> None:
     assert viso("landmarks", "--demo", "--until", "1", "--frame", "spherical", cwd=tmp_path) == (0, "")
     code, err = viso("landmarks", "--demo", "--until", "1", cwd=tmp_path)
     assert code == 2
-    assert "pip install 'viso[landmarks]'" in err
+    assert "pip install 'ardupilot-viso[landmarks]'" in err
     assert err.count("\n") == 1
 
 
@@ -82,4 +82,4 @@ def test_raw_frames_need_an_extra_and_say_which(tmp_path: Path) -> None:
     (tmp_path / "frames.txt").write_text("*8D4840D6202CC371C32CE0576098;\n")
     code, err = viso("landmarks", "frames.txt", "--frame", "spherical", cwd=tmp_path)
     assert (code, err.count("\n")) == (2, 1)
-    assert "pip install 'viso[landmarks]'" in err
+    assert "pip install 'ardupilot-viso[landmarks]'" in err

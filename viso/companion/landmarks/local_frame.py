@@ -17,9 +17,10 @@ import numpy.typing as npt
 
 from viso.companion.landmarks.types import GeodeticPoint
 from viso.companion.vio.se3 import Array
+from viso.extras import pip_install
 
 EARTH_RADIUS_M: Final = 6_371_000.0
-MISSING_EXTRA: Final = "the frame wgs84 needs pymap3d: pip install 'viso[landmarks]'"
+MISSING_EXTRA: Final = f"the frame wgs84 needs pymap3d: {pip_install('landmarks')}"
 
 
 class FrameMode(StrEnum):

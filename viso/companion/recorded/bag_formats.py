@@ -13,8 +13,9 @@ from typing import Any, Final
 from viso.companion.recorded.recorded_trajectory import TIME_END_NS
 from viso.companion.recorded.records import Records, TrajectoryError
 from viso.companion.vio.se3 import rotation_from_quat_wxyz
+from viso.extras import pip_install
 
-MISSING_EXTRA: Final = "bags are read with rosbags; install it with: pip install 'viso[bags]'"
+MISSING_EXTRA: Final = f"bags are read with rosbags; install it with: {pip_install('bags')}"
 LONGEST_REASON: Final = 200  # some quote what they could not parse
 _UNKNOWN: Final = (math.nan,) * 36
 

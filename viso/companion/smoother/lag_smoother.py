@@ -18,12 +18,13 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_window import steps_between
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuBias, ImuSample
+from viso.extras import pip_install
 
 try:
     import gtsam
     from gtsam.symbol_shorthand import B, L, V, X
 except ImportError as error:
-    raise ImportError("gtsam is missing; install it with: pip install 'viso[gtsam]'") from error
+    raise ImportError(f"gtsam is missing; install it with: {pip_install('gtsam')}") from error
 
 LAG_S: Final = 3.0
 STILL_VELOCITY_SIGMA_M_S: Final = 0.02

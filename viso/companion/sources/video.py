@@ -11,6 +11,7 @@ from typing import Any, Final, cast
 
 from viso.companion.sources.base import SourceError, Thinning, make_frame
 from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels
+from viso.extras import pip_install
 
 _NS_PER_MS: Final = 1e6
 _SILENT: Final = "-8"
@@ -26,7 +27,7 @@ def opencv() -> Any:
     try:
         import cv2
     except ModuleNotFoundError as error:
-        raise SourceError("pictures need OpenCV: pip install 'viso[vio]'") from error
+        raise SourceError(f"pictures need OpenCV: {pip_install('vio')}") from error
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _SILENT)
     return cv2
 

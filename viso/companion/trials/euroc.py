@@ -30,6 +30,7 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
+from viso.extras import pip_install
 
 _CAMERAS: Final = ("cam0/data", "cam0")
 _CALIBRATIONS: Final = ("cam0/sensor.yaml", "cam0_sensor.yaml")
@@ -187,7 +188,7 @@ def _pixels(path: Path) -> Pixels:
     try:
         import cv2
     except ModuleNotFoundError as error:
-        raise EurocError("pictures need OpenCV: pip install 'viso[vio]'") from error
+        raise EurocError(f"pictures need OpenCV: {pip_install('vio')}") from error
     pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if pixels is None:
         raise EurocError(f"{path}: not a picture, or a damaged one")

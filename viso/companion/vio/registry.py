@@ -14,6 +14,7 @@ from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import CameraCalibration
+from viso.extras import pip_install
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ def _lazy(module: str, class_name: str, extra: str | None = None) -> Callable[[S
         except ModuleNotFoundError as error:
             if extra is None:
                 raise
-            raise ImportError(f"{error}; pip install 'viso[{extra}]'") from error
+            raise ImportError(f"{error}; {pip_install(extra)}") from error
         return cast(StrategyBase, strategy)
 
     return load

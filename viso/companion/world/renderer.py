@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a camera sees of a plane: the ground texture through the lens, as large as its pixels are there, with noise.
 
-Needs OpenCV: ``pip install 'viso[vio]'``.
+Needs OpenCV: ``pip install 'ardupilot-viso[vio]'``.
 """
 
 import math
@@ -16,11 +16,12 @@ from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, DistortionModel, NavCameraFrame, Pixels, frame_uuid
 from viso.companion.vio.undistortion import undistort
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, DETAIL_SCALES, GroundTexture, pixel_from_ground
+from viso.extras import pip_install
 
 try:
     import cv2
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError("the renderer needs OpenCV: pip install 'viso[vio]'", name="cv2") from error
+    raise ModuleNotFoundError(f"the renderer needs OpenCV: {pip_install('vio')}", name="cv2") from error
 
 _LEVELS_PER_OCTAVE: Final = 2
 _DETAIL_OCTAVES: Final = 3  # from where detail begins to fade to where it is gone, as pixels see more and more ground

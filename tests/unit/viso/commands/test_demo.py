@@ -82,13 +82,17 @@ def test_without_opencv_the_camera_is_simulated(viso: Viso, monkeypatch: pytest.
     forget(monkeypatch, "cv2")
     outcome = viso("demo", "--no-plot")
     assert outcome.code == 0
-    assert outcome.err == "the camera is simulated: OpenCV is missing; for a real one: pip install 'viso[vio]'\n"
+    assert (
+        outcome.err == "the camera is simulated: OpenCV is missing; for a real one: pip install 'ardupilot-viso[vio]'\n"
+    )
     assert "What became of each message" in outcome.out
 
 
 def test_vio_camera_without_opencv_says_what_to_install(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     forget(monkeypatch, "cv2")
-    line = "--camera vio: OpenCV is missing; install it with: pip install 'viso[vio]'; --camera simulated works"
+    line = (
+        "--camera vio: OpenCV is missing; install it with: pip install 'ardupilot-viso[vio]'; --camera simulated works"
+    )
     assert failed_with(viso("demo", *VIO), line)
     assert not Path("logs").exists()
 
@@ -102,7 +106,7 @@ def test_without_matplotlib_says_what_to_install(
         monkeypatch.delitem(sys.modules, module, raising=False)
     outcome = viso("demo", *camera, "--json")
     assert outcome.code == 0
-    assert outcome.err == "no plot: matplotlib is missing; install it with: pip install 'viso[plot]'\n"
+    assert outcome.err == "no plot: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'\n"
     assert json.loads(outcome.out)["plot"] is None
 
 

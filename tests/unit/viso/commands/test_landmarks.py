@@ -327,7 +327,7 @@ def test_plot_without_poses_is_noted(viso: Viso) -> None:
 
 def test_missing_geodesy_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pymap3d", None)
-    line = "the frame wgs84 needs pymap3d: pip install 'viso[landmarks]'; --frame spherical works without"
+    line = "the frame wgs84 needs pymap3d: pip install 'ardupilot-viso[landmarks]'; --frame spherical works without"
     assert failed_with(viso("landmarks", "--demo"), line)
     assert viso("landmarks", *SHORT, "--until", "1").code == 0
 
@@ -339,7 +339,7 @@ def test_missing_matplotlib_is_a_hint(viso: Viso, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delattr("viso.companion.landmarks.picture", raising=False)
     outcome = viso("landmarks", *SHORT, "--until", "1", "--plot", "out.png")
     assert (outcome.code, Path("out.png").exists()) == (0, False)
-    assert outcome.err == "no pictures: matplotlib is missing; install it with: pip install 'viso[plot]'\n"
+    assert outcome.err == "no pictures: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'\n"
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_missing_extra_is_one_line(
     outcome = viso("report", log, option, "out.mcap" if extra == "bags" else "out.html")
     assert (outcome.code, outcome.out) == (2, "")
     assert outcome.err.count("\n") == 1
-    assert f"pip install 'viso[{extra}]'" in outcome.err
+    assert f"pip install 'ardupilot-viso[{extra}]'" in outcome.err
 
 
 def test_file_that_is_no_log_is_one_line(viso: Viso, tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def test_missing_table_writer_is_one_line(viso: Viso, monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     outcome = viso("sweep", *SHORT, "--set", "VISO_SCALE=1,2", "-o", "out")
     assert failed_with(
-        outcome, "-o: tables are written as Parquet with pyarrow; install it with: pip install 'viso[sweep]'"
+        outcome, "-o: tables are written as Parquet with pyarrow; install it with: pip install 'ardupilot-viso[sweep]'"
     )
     assert not Path("out").exists()
 
@@ -188,7 +188,7 @@ def test_without_matplotlib_the_rest_is_written(viso: Viso, monkeypatch: pytest.
     monkeypatch.setitem(sys.modules, "viso.sweep.plot", None)
     outcome = viso("sweep", *SHORT, "--set", "VISO_SCALE=1,2", "-o", "out")
     assert (outcome.code, outcome.err) == (
-        0, "note: no plot: matplotlib is missing; install it with: pip install 'viso[plot]'\n",
+        0, "note: no plot: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'\n",
     )  # fmt: skip
     assert Path("out/results.parquet").exists()
     assert not Path("out/plot.png").exists()

@@ -120,19 +120,21 @@ def test_missing_matplotlib_is_told_and_the_rest_done(film: Viso, monkeypatch: p
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     outcome = film("--plot", "flight.png", "--save-trajectory", "flight.tum", "--json")
     assert outcome.code == 0
-    assert outcome.err.splitlines()[-1] == ("no plot: matplotlib is missing; install it with: pip install 'viso[plot]'")
+    assert outcome.err.splitlines()[-1] == (
+        "no plot: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'"
+    )
     assert (json.loads(outcome.out)["plot"], Path("flight.tum").exists()) == (None, True)
 
 
 def test_missing_opencv_is_one_line(viso: Viso, film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    assert failed_with(film(), "pictures need OpenCV: pip install 'viso[vio]'")
+    assert failed_with(film(), "pictures need OpenCV: pip install 'ardupilot-viso[vio]'")
     for name in [name for name in sys.modules if name.startswith(("viso.companion.strategies", "viso.companion.klt"))]:
         monkeypatch.delitem(sys.modules, name)
     outcome = viso("vio", "0", "--calibration", "small.toml", "--master", "none")
     assert outcome.code == 2
     assert outcome.err.startswith("viso: strategy klt_ransac is not available: ")
-    assert outcome.err.endswith("; pip install 'viso[vio]'\n")
+    assert outcome.err.endswith("; pip install 'ardupilot-viso[vio]'\n")
 
 
 def test_losing_the_way_is_exit_code_1(film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plans: which points follow, and that the same plan has the same ones."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -53,6 +54,12 @@ def test_draws_are_the_same_every_time_and_others_with_another_seed(plan: SweepP
     assert len(first) == drawn.size == 20
     other = replace(drawn, sampling=Sampling(method, 20, seed=6))
     assert first != [point.values for point in other.points()]
+
+
+def test_latin_hypercube_without_scipy_says_what_to_install(plan: SweepPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "scipy.stats", None)
+    with pytest.raises(InputError, match=r"pip install 'ardupilot-viso\[sweep\]'$"):
+        list(replace(plan, axes=(SPAN,), sampling=Sampling(LATIN, 20)).points())
 
 
 def test_latin_hypercube_has_one_point_in_each_slice_of_each_axis(plan: SweepPlan) -> None:

@@ -47,5 +47,5 @@ def test_without_the_extra_it_goes_on_plain_and_says_what_to_install(
     monkeypatch.setitem(sys.modules, "ekf_stub.compiled.compiled_pass", None)  # as if it could not be imported
     with caplog.at_level(logging.WARNING):
         assert kernel_of("numba") is PLAIN
-    assert "pip install 'viso[numba]'" in caplog.text
+    assert "pip install 'ardupilot-viso[numba]'" in caplog.text
     assert len(caplog.records) == 1

@@ -50,7 +50,7 @@ def test_address_that_is_none_is_one_line(serve: Viso, address: str) -> None:
 def test_without_the_extra_it_says_what_to_install(serve: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "viso.web.server", raising=False)
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    line = "--web: the live view is served with starlette; install it with: pip install 'viso[web]'"
+    line = "--web: the live view is served with starlette; install it with: pip install 'ardupilot-viso[web]'"
     assert failed_with(serve("--web", "0"), line)
 
 

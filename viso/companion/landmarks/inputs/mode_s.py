@@ -14,8 +14,9 @@ from typing import Any, Final
 from viso.companion.landmarks.inputs.base import LARGEST_S, NO_TIME, NOT_ICAO, InputFileError, LineReader, Refused
 from viso.companion.landmarks.inputs.held import HeldReports
 from viso.companion.landmarks.types import Event
+from viso.extras import pip_install
 
-MISSING_EXTRA: Final = "raw Mode-S frames are decoded with pyModeS; install it with: pip install 'viso[landmarks]'"
+MISSING_EXTRA: Final = f"raw Mode-S frames are decoded with pyModeS; install it with: {pip_install('landmarks')}"
 COUNTER_HZ: Final = 12e6
 """Of the counter that receivers stamp with."""
 LONG_DIGITS: Final = 28

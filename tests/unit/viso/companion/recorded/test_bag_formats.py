@@ -207,7 +207,10 @@ def test_missing_rosbags_says_what_to_install(folder: Path, monkeypatch: pytest.
         return whole(name, *args)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    assert complaint(folder) == f"{folder}: bags are read with rosbags; install it with: pip install 'viso[bags]'"
+    assert (
+        complaint(folder)
+        == f"{folder}: bags are read with rosbags; install it with: pip install 'ardupilot-viso[bags]'"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -133,5 +133,5 @@ def test_unknown_node_is_a_smoother_error() -> None:
 def test_missing_gtsam_tells_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gtsam", None)
     monkeypatch.delitem(sys.modules, "viso.companion.smoother.lag_smoother")
-    with pytest.raises(ImportError, match=r"pip install 'viso\[gtsam\]'$"):
+    with pytest.raises(ImportError, match=r"pip install 'ardupilot-viso\[gtsam\]'$"):
         importlib.import_module("viso.companion.smoother.lag_smoother")

@@ -75,5 +75,5 @@ def test_library_is_told_to_be_silent(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_missing_library_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(SourceError, match=r"pip install 'viso\[vio\]'"):
+    with pytest.raises(SourceError, match=r"pip install 'ardupilot-viso\[vio\]'"):
         opencv()

@@ -166,5 +166,5 @@ def test_missing_gtsam_tells_what_to_install(monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.delitem(sys.modules, f"viso.companion.smoother.{module}", raising=False)
     monkeypatch.delitem(sys.modules, "viso.companion.strategies.fixed_lag", raising=False)
     monkeypatch.setitem(sys.modules, "gtsam", None)
-    with pytest.raises(StrategyNotAvailableError, match=r"^[^\n]*pip install 'viso\[gtsam\]'$"):
+    with pytest.raises(StrategyNotAvailableError, match=r"^[^\n]*pip install 'ardupilot-viso\[gtsam\]'$"):
         fly(1.0)

@@ -246,5 +246,5 @@ def test_picture_of_another_size_is_named(folder: Path) -> None:
 
 def test_missing_opencv_tells_what_to_install(recording: EurocRecording, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(EurocError, match=r"pip install 'viso\[vio\]'$"):
+    with pytest.raises(EurocError, match=r"pip install 'ardupilot-viso\[vio\]'$"):
         list(recording.events())

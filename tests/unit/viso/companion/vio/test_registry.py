@@ -81,7 +81,7 @@ def test_import_that_fails_says_why_and_what_to_install(monkeypatch: pytest.Monk
     module = f"viso.companion.strategies.{name}"
     monkeypatch.setitem(sys.modules, module, None)
     reason = refusal(name, ALL_ON).reason
-    assert reason == f"import of {module} halted; None in sys.modules; pip install 'viso[{extra}]'"
+    assert reason == f"import of {module} halted; None in sys.modules; pip install 'ardupilot-viso[{extra}]'"
 
 
 def test_native_module_that_lacks_something_says_what(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

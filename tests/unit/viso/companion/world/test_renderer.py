@@ -223,5 +223,5 @@ def test_full_size_frames_are_possible(countryside: GroundTexture) -> None:
 def test_without_opencv_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
     monkeypatch.delitem(sys.modules, "viso.companion.world.renderer")
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'viso\[vio\]'"):
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'ardupilot-viso\[vio\]'"):
         importlib.import_module("viso.companion.world.renderer")

@@ -261,4 +261,4 @@ def test_missing_rosbags_says_what_to_install(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(builtins, "__import__", without)
     path = tmp_path / "a.bag"
-    assert complaint(path) == f"{path}: bags are read with rosbags; install it with: pip install 'viso[bags]'"
+    assert complaint(path) == f"{path}: bags are read with rosbags; install it with: pip install 'ardupilot-viso[bags]'"

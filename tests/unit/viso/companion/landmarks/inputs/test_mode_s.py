@@ -208,4 +208,4 @@ def test_missing_decoder_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(InputFileError) as raised:
         ModeSReader()
     assert str(raised.value) == MISSING_EXTRA
-    assert "pip install 'viso[landmarks]'" in MISSING_EXTRA
+    assert "pip install 'ardupilot-viso[landmarks]'" in MISSING_EXTRA
