@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import quaternion
 
 from ekf_stub.compiled import compiled_pass_kernel as kernel
 from ekf_stub.compiled.compiled_state import CompiledErrorState
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
 from ekf_stub.filter.inertial_pass import LOOP_DT, InertialPass

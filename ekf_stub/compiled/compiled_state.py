@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import quaternion
 
 from ekf_stub.compiled import compiled_kernel as kernel
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import yaw_by_components
 from ekf_stub.filter.error_state import EARTH, ErrorState, ProcessNoise
 from ekf_stub.filter.inertial import Array, InertialStep, limited

@@ -5,8 +5,8 @@
 import math
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array, limited
 
 

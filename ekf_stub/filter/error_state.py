@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-import quaternion
 
 from ekf_stub.filter import covariance
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
 from ekf_stub.filter.nominal_state import EARTH_RATE, NominalState

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.reports.core_report import Three
 
 Array = npt.NDArray[np.float64]

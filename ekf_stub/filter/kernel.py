@@ -5,8 +5,7 @@
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.inertial_pass import InertialPass

@@ -10,8 +10,8 @@ import math
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import matrix_of_quat, yaw_of
 from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep, quat_of_rotation
 from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, StateLimits, but_attitude, within

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
 from ekf_stub.filter.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, POS, but_attitude, within

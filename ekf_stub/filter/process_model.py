@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import by_rotation
 from ekf_stub.filter.covariance import diagonal
 from ekf_stub.filter.inertial import Array, limited

@@ -8,8 +8,7 @@ Source: AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, AP_NavEKF3/AP_NavEKF3_Control.cpp (
 import math
 from typing import Final
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import limited
 from ekf_stub.fusion.height_source import Vehicle

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import quaternion
 
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.faults.poses import Quat, inverse, product
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from viso.companion.sender import OffsetClock
 from viso.companion.trials.scripted_flight import Flight, Vector
@@ -101,15 +101,14 @@ class SimulatedCamera:
         noise = [self._noise(s) for s in (self.position_noise_m, self.velocity_noise_m_s, self.angle_noise_rad)]
         if self.faults.dropout and time_s in self.faults.dropout:
             return None
-        turn = quaternion.from_rotation_vector([0.0, 0.0, self.frame_yaw_rad])
+        turn = _about(2, self.frame_yaw_rad)
         body_to_ned = _from_rpy(self.flight.attitude_rpy_rad(time_s) + noise[2])
-        position = quaternion.rotate_vectors(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
+        position = _rotated(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
         if self._has_reset(time_s):
             position = position + np.array(self.faults.reset_jump_m)
         if self.faults.mismatch and time_s in self.faults.mismatch:
             position = position + np.array(self.faults.mismatch_m)
-        velocity = quaternion.rotate_vectors(body_to_ned.conj(), self.flight.velocity_ned(time_s)) + noise[1]
-        attitude = turn * body_to_ned
+        velocity = _rotated(inverse(body_to_ned), self.flight.velocity_ned(time_s)) + noise[1]
         return ODOMETRY(
             time_usec=self.clock.time_us(true_us),
             frame_id=MAV_FRAME_LOCAL_FRD,
@@ -117,7 +116,7 @@ class SimulatedCamera:
             x=float(position[0]),
             y=float(position[1]),
             z=float(position[2]),
-            q=(attitude.w, attitude.x, attitude.y, attitude.z),
+            q=product(turn, body_to_ned),
             vx=float(velocity[0]),
             vy=float(velocity[1]),
             vz=float(velocity[2]),
@@ -132,9 +131,32 @@ class SimulatedCamera:
         )
 
 
-def _from_rpy(rpy_rad: Vector) -> quaternion.quaternion:
-    roll, pitch, yaw = (quaternion.from_rotation_vector(v) for v in np.diag(rpy_rad))
-    return yaw * pitch * roll
+def _about(axis: int, angle_rad: float) -> Quat:
+    """Return a turn about one of the axes x, y and z."""
+    half = 0.5 * abs(angle_rad)
+    parts = [math.cos(half), 0.0, 0.0, 0.0]
+    parts[1 + axis] = math.copysign(math.sin(half), angle_rad)
+    w, x, y, z = parts
+    return w, x, y, z
+
+
+def _from_rpy(rpy_rad: Vector) -> Quat:
+    roll, pitch, yaw = rpy_rad.tolist()
+    return product(product(_about(2, yaw), _about(1, pitch)), _about(0, roll))
+
+
+def _rotated(quat_wxyz: Quat, vector: Vector) -> Vector:
+    w, x, y, z = quat_wxyz
+    square = w * w + x * x + y * y + z * z
+    matrix = np.array(
+        (
+            (1.0 - 2 * (y * y + z * z) / square, 2 * (x * y - z * w) / square, 2 * (x * z + y * w) / square),
+            (2 * (x * y + z * w) / square, 1.0 - 2 * (x * x + z * z) / square, 2 * (y * z - x * w) / square),
+            (2 * (x * z - y * w) / square, 2 * (y * z + x * w) / square, 1.0 - 2 * (x * x + y * y) / square),
+        )
+    )
+    turned: Vector = np.tensordot(matrix, vector, axes=(-1, 0))
+    return turned
 
 
 def _covariance(first_deviation: float, second_deviation: float) -> tuple[float, ...]:

@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import quaternion
 
+from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.axis_rotations import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
 from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, mean_and_sigma
 from viso.estimators.pairs import best_rotation, centred, correlation_of, turn_pair

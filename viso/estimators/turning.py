@@ -13,7 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-import quaternion
+
+from viso.estimators import quaternion_arrays as quaternion
 
 Array = npt.NDArray[np.float64]
 

@@ -8,8 +8,7 @@ A quaternion turns vectors from the body (FRD) to the earth (NED).
 import math
 from collections.abc import Iterable
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array
 from viso.sensors.vectors import Three
 

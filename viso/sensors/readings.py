@@ -7,8 +7,7 @@ The reference reads both ten times a second, and its filter sees a reading in th
 
 from typing import Final
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array
 from viso.sensors.attitude import rotate_to_body
 from viso.sensors.errors import to_single

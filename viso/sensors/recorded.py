@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import quaternion
 from numpy.typing import NDArray
 
 from mav_handlers.wire.codec import Codec
@@ -24,6 +23,7 @@ from viso.companion.recorded.records import Records
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 from viso.errors import InputError
+from viso.estimators import quaternion_arrays as quaternion
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 from viso.streams.trajectory import TrajectoryOptions
 from viso.streams.trajectory_files import axes_of, load_as_it_is

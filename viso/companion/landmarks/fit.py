@@ -11,16 +11,16 @@ noise. Uncertainties hold for pixel noise that is independent from one detection
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from itertools import pairwise
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import quaternion
 
 from viso.companion.landmarks.observation import camera_R_body, rays, to_pixels, turned, world_R_body
 from viso.companion.landmarks.residuals import first_of_each
 from viso.companion.landmarks.types import Camera, Detections, Landmark, VehiclePose
-from viso.companion.vio.se3 import Array
+from viso.companion.vio.se3 import Array, so3_log
 
 EARLIEST_S: Final = -0.3
 LATEST_S: Final = 0.7
@@ -33,7 +33,6 @@ LEAST_MOTION_PX_S: Final = 10.0
 PRIOR_SIGMA: Final = (1.0, 1.0, 0.5)
 """Of yaw and pitch in rad and delay in s, about 0: what is believed without data. Data that do not halve it tell
 nothing; a delay that they do not tell makes, for a vehicle that only turns, the yaw as uncertain as it should be."""
-_SLERP: Final[Any] = vars(np)["slerp_vectorized"]  # where numpy-quaternion puts it
 _GRID_S: Final = 0.025
 _GRID_DETECTIONS: Final = 4000  # are enough for a first look
 _STEPS: Final = np.array([1e-5, 1e-5, 5e-3])  # for differences; the last spans some of the poses' corners
@@ -130,8 +129,8 @@ class _Track:
         self.t_s = np.array([pose.t_s for pose in ordered])
         self._xyz = np.array([(pose.x_m, pose.y_m, pose.z_m or 0.0) for pose in ordered]).reshape(-1, 3)
         self._yaw_rad = np.unwrap([pose.yaw_rad for pose in ordered])
-        attitudes = np.array([world_R_body(pose) for pose in ordered]).reshape(-1, 3, 3)
-        self._quats = quaternion.from_rotation_matrix(attitudes, nonorthogonal=False)
+        self._attitudes = np.array([world_R_body(pose) for pose in ordered]).reshape(-1, 3, 3)
+        self._turns = np.array([so3_log(one.T @ other) for one, other in pairwise(self._attitudes)]).reshape(-1, 3)
 
     def at(self, t_s: Array) -> tuple[Array, Array, Array]:
         """Return positions [N, 3], NaN where no poses are near on both sides, yaws [N] and attitudes [N, 3, 3]."""
@@ -143,8 +142,17 @@ class _Track:
         xyz = self._xyz[before] + share[:, np.newaxis] * (self._xyz[before + 1] - self._xyz[before])
         xyz[~known] = np.nan
         yaw_rad = self._yaw_rad[before] + share * (self._yaw_rad[before + 1] - self._yaw_rad[before])
-        between = _SLERP(self._quats[before], self._quats[before + 1], share)
-        return xyz, yaw_rad, quaternion.as_rotation_matrix(between)
+        return xyz, yaw_rad, self._attitudes[before] @ _rotations(share[:, np.newaxis] * self._turns[before])
+
+
+def _rotations(vectors: Array) -> Array:
+    """Return the rotation matrices [N, 3, 3] of rotation vectors [N, 3] in rad."""
+    half_turns = np.linalg.norm(vectors, axis=1)[:, np.newaxis, np.newaxis] / math.pi
+    cross = np.zeros((len(vectors), 3, 3))
+    cross[:, (2, 0, 1), (1, 2, 0)] = vectors
+    cross -= np.swapaxes(cross, 1, 2)
+    rotations: Array = np.eye(3) + np.sinc(half_turns) * cross + 0.5 * np.sinc(0.5 * half_turns) ** 2 * cross @ cross
+    return rotations
 
 
 class _Model:

@@ -11,16 +11,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.vio.se3 import ORTHONORMAL, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 
-if TYPE_CHECKING:
-    import quaternion
-
+_BACK: Final = np.array((1.0, -1.0, -1.0, -1.0))  # makes of a turn the one back
 # North and forward are x of the autopilot, east and right y, down z.
 _DIRECTIONS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
     {"N": (0, 1), "F": (0, 1), "S": (0, -1), "B": (0, -1), "E": (1, 1), "R": (1, 1), "W": (1, -1), "L": (1, -1)}
@@ -151,19 +149,16 @@ class FrameChange:
 
     def apply(self, trajectory: RecordedTrajectory) -> RecordedTrajectory:
         """Return the trajectory of the vehicle: attitudes from FRD, positions and velocities in NED or FRD."""
-        import quaternion  # as in _quaternion
-
         sign = _handedness(self.world)
         world = _turn(2, self.yaw_rad) @ self.world
         origin = trajectory.positions[0] if self.from_zero else np.zeros(3)
         velocities = trajectory.velocities
         # Two mirrored matrices make a rotation together, and so do the two that are left without their mirrors.
-        left, right = (_quaternion(sign * matrix) for matrix in (world, self.mounting @ self.body))
-        quats = left * quaternion.as_quat_array(trajectory.quats_wxyz) * right.conj()
+        left, right = (quat_wxyz_from_rotation(sign * matrix) for matrix in (world, self.mounting @ self.body))
         return replace(
             trajectory,
             positions=(trajectory.positions - origin) @ world.T * self.scale,
-            quats_wxyz=quaternion.as_float_array(quats),
+            quats_wxyz=_product(_product(left, trajectory.quats_wxyz), right * _BACK),
             velocities=None if velocities is None else velocities @ world.T * self.scale,
             covariances=self._covariances(trajectory.covariances, world, sign),
         )
@@ -177,7 +172,15 @@ class FrameChange:
         return changed
 
 
-def _quaternion(rotation: Array) -> "quaternion.quaternion":
-    import quaternion  # with the splines that it brings it takes longer than all else, and few flights are turned
-
-    return quaternion.quaternion(*quat_wxyz_from_rotation(rotation))
+def _product(first: Array, second: Array) -> Array:
+    """Return the products [..., 4] of quaternions w, x, y, z [..., 4]."""
+    (a, b, c, d), (w, x, y, z) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
+    return np.stack(
+        (
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ),
+        axis=-1,
+    )

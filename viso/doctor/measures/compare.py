@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import quaternion
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.tracks import Floats, Ints, Poses
 from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.delay import Delay, estimate_delay
 from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes
 from viso.estimators.turning import quats_of_euler

@@ -10,8 +10,8 @@ from collections import Counter
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors
@@ -189,19 +189,21 @@ class HilSource(UnmovedSource):
         self._height = self._state_height.take(message.time_usec, 1e-3 * message.alt)
         self._field = ideal_field(self._quat)
         if before is not None and interval_us is not None:
-            self._add_difference(before, vel_before, interval_us)
+            self._add_difference(before, self._quat, vel_before, interval_us)
 
-    def _add_difference(self, before: quaternion.quaternion, vel_before: Three, interval_us: int) -> None:
+    def _add_difference(
+        self, before: quaternion.quaternion, quat: quaternion.quaternion, vel_before: Three, interval_us: int
+    ) -> None:
         if interval_us > GAP_US:
             self.ignored["after_gap"] += 1
             return
         dt = 1e-6 * interval_us
         del_vel_ned = added(added(self._vel, vel_before, -1.0), (0.0, 0.0, -GRAVITY_MSS * dt))
-        del_ang = rotation_between(before, self._quat)
+        del_ang = rotation_between(before, quat)
         if not (_all_within(del_vel_ned, MAX_ACCEL * dt) and _all_within(del_ang, MAX_RATE * dt)):
             self.ignored["absurd_inertial_data"] += 1
             return
-        x, y, z = rotate_to_body(halfway(before, self._quat), del_vel_ned).tolist()
+        x, y, z = rotate_to_body(halfway(before, quat), del_vel_ned).tolist()
         self._add((x, y, z), del_ang, dt)
 
 

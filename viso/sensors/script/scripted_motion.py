@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.script.legs import Leg, Motion

@@ -6,11 +6,11 @@ from collections import Counter
 from typing import Final
 
 import numpy as np
-import quaternion
 
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors

@@ -6,8 +6,7 @@ import math
 from collections import Counter
 from typing import Final, NamedTuple
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import euler_of
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.stream.imagined_vehicle import Movement

@@ -4,8 +4,7 @@
 
 from typing import Final, NamedTuple
 
-import quaternion
-
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
 from viso.sensors.attitude import quat_of_rpy, rotation_between
 from viso.sensors.vectors import ZERO, Three

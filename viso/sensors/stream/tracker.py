@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 import numpy as np
-import quaternion
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array
 from viso.sensors.attitude import rotation_between
 from viso.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
