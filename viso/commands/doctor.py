@@ -105,7 +105,9 @@ def doctor(
     such as how messages crossed a link, is passed over. If the autopilot was rebooted within a recording, one session
     is looked at, and a note tells which.
 
-    Exit code 1: there is an error (see --fail-on). Example: viso doctor tests/data/captures/voxl.jsonl.gz
+    Exit code 1: there is an error (see --fail-on).
+
+    Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso doctor poses.tum
     """
     if not 0 <= lead <= 4e9:
         raise InputError(f"--lead {lead:g}: not a time in seconds")

@@ -42,7 +42,7 @@ def ekf(
     log's own. Logs named bench_... are judged by when things happen, others by their estimates once aiding has started.
     All firmware that can be chosen has the same filter; which one it is meant to be is told with the comparison.
 
-    Example: viso ekf tests/data/logs/voxl.BIN.xz -o out.BIN --until 10
+    Example: viso demo --camera simulated && viso ekf logs/00000001.BIN -o out.BIN --until 10
     """
     if until is not None and not until > 0:
         raise InputError(f"--until {until}: not a time since boot")

@@ -64,7 +64,7 @@ def faults(
     A and B are links as of viso serve --master. What comes from B goes to A untouched. Ctrl-C ends it, and what was
     done is told. With -o, A is a file that viso replay reads; nothing is waited for.
 
-    Example: viso faults tests/data/captures/mav.jsonl.gz -o faulty.tlog --fault "kind: loss, probability: 0.3"
+    Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso faults poses.tum -o bad.tlog --fault "kind: nan"
     """
     if seed is not None and not 0 <= seed <= MAX_SEED:
         raise InputError(f"--seed {seed}: not from 0 to {MAX_SEED}")

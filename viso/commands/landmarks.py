@@ -156,7 +156,7 @@ def landmarks(
 
     Nothing of this goes to the autopilot, but aircraft with --send-aircraft. Inputs are merged by time.
 
-    Example: viso landmarks --demo --demo-noise-px 1 --demo-yaw-deg 3.1
+    Example: viso landmarks --demo --frame spherical --demo-noise-px 1 --demo-yaw-deg 3.1
     """
     for option, value, low, high in (
         ("--demo-noise-px", demo_noise_px, 0, 1e4),

@@ -130,7 +130,7 @@ def play(
     It goes out in real time, and what the vehicle says is shown; or into a telemetry log that viso replay reads.
     ODOMETRY is in LOCAL_FRD and BODY_FRD, all else in NED.
 
-    Example: viso play tests/data/trajectories/flight.tum -o flight.tlog
+    Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso play poses.tum -o flight.tlog
     """
     for option, value, low, high in (
         ("--yaw", yaw, -360, 360),

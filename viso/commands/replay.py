@@ -129,7 +129,7 @@ def replay(
 
     A trajectory is sent as a companion computer would send it; viso play has more ways to do so, and writes a .tlog.
 
-    Example: viso replay tests/data/logs/bench_no_yaw_source.BIN.xz --set VISO_QUAL_MIN=1
+    Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso replay poses.tum --set VISO_QUAL_MIN=1
     """
     if not 0 <= lead <= 4e9:
         raise InputError(f"--lead {lead}: not a time in seconds")

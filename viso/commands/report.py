@@ -46,7 +46,7 @@ def report(
     error. Parameters are held against the defaults of --firmware. Figures take the extra plot, MCAP takes the extra
     bags.
 
-    Example: viso report tests/data/logs/t265.BIN.xz -o t265.html --tum t265.tum
+    Example: viso demo --camera simulated && viso report logs/00000001.BIN --tum flight.tum
     """
     if output is None and all(one is None for one in (png, svg, tum, csv, mcap)):
         output = Path()

@@ -125,7 +125,7 @@ def sweep(
     Each point is a replay as of viso replay --ekf. With -o, FOLDER gets results.parquet, results.csv and plot.png; what
     is done is kept, whatever ends the command. Exit code 1 if a point could not be worked out.
 
-    Example: viso sweep tests/data/captures/mav.jsonl.gz --set VISO_SCALE=0.9,1.1 --until 8
+    Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso sweep poses.tum --set VISO_SCALE=0.9,1.1 --until 8
     """
     if objective not in OBJECTIVES:
         raise InputError(f"--objective {objective}: there are {', '.join(OBJECTIVES)}")

@@ -66,7 +66,7 @@ def vectors(
     The outputs in the files are not looked at, unless --check compares them with ours; then the exit code is 1 if
     any differs.
 
-    Example: viso vectors tests/data/vectors/visual_odom.jsonl.gz --check
+    Example: echo '["wrap_360", ["43b48000"]]' > calls.jsonl && viso vectors calls.jsonl
     """
     release = firmware_of(firmware).visual_odom
     if check:

@@ -9,6 +9,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import socket
 import subprocess
 import sys
@@ -27,6 +28,7 @@ from viso.cli import COMMANDS, command_function, command_help, make_app
 from viso.commands import serve as serve_command
 
 SHORT = 40
+SIMULATED = "viso demo --camera simulated"
 
 
 @pytest.fixture
@@ -74,7 +76,7 @@ def first_lines(path: Path, count: int) -> list[str]:
 def test_help_of_a_command_works_and_holds_an_example(viso: Viso, name: str, flag: str) -> None:
     outcome = viso(name, flag)
     assert outcome.code == 0
-    assert f"Example: viso {name}" in outcome.out
+    assert f"viso {name}" in outcome.out.partition("Example: ")[2]
 
 
 def test_version_is_that_of_the_distribution(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,24 +113,38 @@ def test_wrong_usage_is_exit_code_2(viso: Viso, args: list[str]) -> None:
     assert "Error: " in outcome.err
 
 
-def example_of(name: str) -> str:
-    (example,) = re.findall(r"Example: (viso .*)", command_function(name).__doc__ or "")
-    return str(example)
+def example_of(name: str) -> list[str]:
+    """Return the commands of the example, of which the last one is what it is an example of."""
+    (example,) = re.findall(r"Example: (.*)", command_function(name).__doc__ or "")
+    return str(example).split(" && ")
+
+
+@pytest.fixture(scope="module")
+def simulated_flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with what the demo that examples begin with leaves behind."""
+    folder = tmp_path_factory.mktemp("flown")
+    command = [sys.executable, "-c", "from viso.cli import main; main()", *SIMULATED.split()[1:]]
+    subprocess.run([*command, "--no-plot"], cwd=folder, check=True, capture_output=True)
+    return folder
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name == "demo" else ()) for name in COMMANDS]
 )
 def test_example_of_the_help_works(
-    viso: Viso, name: str, tmp_path: Path, free_port: int, monkeypatch: pytest.MonkeyPatch
+    viso: Viso, name: str, free_port: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "data").symlink_to(DATA)
     # Not the ports that a vehicle on this machine may use.
     monkeypatch.setattr(
         serve_command, "DEFAULT_LINKS", (f"tcpin:127.0.0.1:{free_port}", f"udpout:127.0.0.1:{free_port}")
     )
-    program, *args = shlex.split(example_of(name))
+    *before, command = example_of(name)
+    for preparation in before:  # in an empty directory
+        if preparation == SIMULATED:
+            shutil.copytree(request.getfixturevalue("simulated_flight"), ".", dirs_exist_ok=True)
+        else:
+            subprocess.run(preparation, shell=True, check=True)
+    program, *args = shlex.split(command)
     outcome = viso(*args)
     assert (program, outcome.code) == ("viso", 0)
     assert outcome.out

@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pip install brings: our packages and nothing else of ours, not too much of others', and a program that works."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from tests.places import DATA, ROOT
+
+OURS: Final = {"viso", "ap_core", "ap_visualodom", "ekf_stub", "mav_handlers"}
+MOST_BYTES: Final = 250_000_000
+FLIGHT: Final = str(DATA / "captures" / "t265.jsonl.gz")
+TEST: Final = """
+import companion, emulator, tools
+def test_of_its_own(extnav_autopilot):
+    extnav_autopilot.advance(ms=100)
+"""
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """Return the output of a command that knows nothing of this checkout and of its environment."""
+    environment: Mapping[str, str] = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the programs of an environment into which the wheel, with no extra, has been installed."""
+    folder = tmp_path_factory.mktemp("install")
+    pip = [sys.executable, "-P", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index"]
+    run(*pip, "--wheel-dir", folder, ROOT, cwd=folder)
+    run(sys.executable, "-m", "venv", folder / "venv", cwd=folder)
+    (wheel,) = folder.glob("ardupilot_viso-*.whl")
+    run(folder / "venv/bin/pip", "install", "--quiet", wheel, cwd=folder)
+    return folder / "venv" / "bin"
+
+
+def site_packages(programs: Path) -> Path:
+    (folder,) = programs.parent.glob("lib/python3*/site-packages")
+    return folder
+
+
+@pytest.mark.slow
+def test_environment_is_small(installed: Path) -> None:
+    files = (path for path in installed.parent.rglob("*") if path.is_file() and not path.is_symlink())
+    assert sum(path.stat().st_size for path in files) <= MOST_BYTES
+
+
+@pytest.mark.slow
+def test_only_our_packages_come_with_it(installed: Path) -> None:
+    site = site_packages(installed)
+    (record,) = site.glob("ardupilot_viso-*.dist-info/RECORD")
+    names = {line.partition("/")[0] for line in record.read_text().splitlines()}
+    assert {name for name in names if name != ".." and not name.endswith(".dist-info")} == OURS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [
+    ("--version",),
+    ("demo", "--camera", "simulated"),
+    ("serve", "--duration", "1", "--master", "udpin:127.0.0.1:0"),
+    ("doctor", FLIGHT),
+    ("replay", FLIGHT, "--ekf"),
+])  # fmt: skip
+def test_command_works_without_extras(installed: Path, tmp_path: Path, command: tuple[str, ...]) -> None:
+    assert run(installed / "viso", *command, cwd=tmp_path)
+
+
+@pytest.mark.slow
+def test_project_with_folders_named_like_rooms_here_runs_its_tests(installed: Path, tmp_path: Path) -> None:
+    for name in ("emulator", "companion", "tools", "tests"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").touch()
+    (tmp_path / "tests" / "test_own.py").write_text(TEST, encoding="utf-8")
+    run(installed / "pip", "install", "--quiet", "pytest", cwd=tmp_path)
+    assert "1 passed" in run(installed / "python", "-m", "pytest", "-q", cwd=tmp_path)
