@@ -1,3 +1,71 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The companion computer's side of the wire."""
+
+from typing import TYPE_CHECKING
+
+from ap_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from viso.companion.clock import OffsetClock
+    from viso.companion.odometry.sender import OdometrySender
+    from viso.companion.odometry.source import OdometrySource
+    from viso.companion.vio.config import VioConfig, load_config
+    from viso.companion.vio.errors import (
+        StrategyNotAvailableError,
+        VioDegradedError,
+        VioError,
+        VioFatalError,
+        VioInitializingError,
+    )
+    from viso.companion.vio.health import FrameFacts
+    from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
+    from viso.companion.vio.se3 import SE3
+    from viso.companion.vio.strategy import FrameReport, ReportingStrategy, StrategyBase, StrategyContext, VioStrategy
+    from viso.companion.vio.types import (
+        CameraCalibration,
+        FeatureQuality,
+        ImuBias,
+        ImuSample,
+        ImuWindow,
+        NavCameraFrame,
+        VioHealth,
+        VioOutput,
+        VioState,
+        WarmStartPose,
+    )
+
+__all__ = [
+    "SE3",
+    "STRATEGIES",
+    "CameraCalibration",
+    "FeatureQuality",
+    "FrameFacts",
+    "FrameReport",
+    "ImuBias",
+    "ImuSample",
+    "ImuWindow",
+    "NavCameraFrame",
+    "OdometrySender",
+    "OdometrySource",
+    "OffsetClock",
+    "ReportingStrategy",
+    "StrategyBase",
+    "StrategyContext",
+    "StrategyEntry",
+    "StrategyNotAvailableError",
+    "VioConfig",
+    "VioDegradedError",
+    "VioError",
+    "VioFatalError",
+    "VioHealth",
+    "VioInitializingError",
+    "VioOutput",
+    "VioState",
+    "VioStrategy",
+    "WarmStartPose",
+    "build_vio_strategy",
+    "load_config",
+]
+
+__getattr__, __dir__ = lazily(__name__)

@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What would the autopilot do with a stream of external navigation, and what to change."""
 
-from viso.doctor.evidence import Evidence, SeenMessage
-from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose
-from viso.doctor.gather import GatherOptions, gather
-from viso.doctor.rules import RULES
+from typing import TYPE_CHECKING
+
+from ap_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from viso.doctor.evidence import Evidence, SeenMessage
+    from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose
+    from viso.doctor.gather import GatherOptions, gather
+    from viso.doctor.rules import RULES
 
 __all__ = [
     "RULES",
@@ -19,3 +24,5 @@ __all__ = [
     "diagnose",
     "gather",
 ]
+
+__getattr__, __dir__ = lazily(__name__)

@@ -1,3 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many replays of recorded streams, with parameters, faults, seeds and firmware changed, and what came of each."""
+
+from typing import TYPE_CHECKING
+
+from ap_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from viso.sweep.job import run_point
+    from viso.sweep.planning import make_plan
+    from viso.sweep.request import Wishes
+
+__all__ = ["Wishes", "make_plan", "run_point"]
+
+__getattr__, __dir__ = lazily(__name__)
