@@ -7,11 +7,11 @@ in a block under ``if TYPE_CHECKING``, of which this is told by name alone.
 """
 
 import ast
+import linecache
 import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 
 
 def lazily(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
@@ -20,7 +20,7 @@ def lazily(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
 
     @cache
     def homes() -> dict[str, str]:
-        return _imports_for_checkers(Path(str(module.__file__)).read_bytes())
+        return _imports_for_checkers("".join(linecache.getlines(str(module.__file__), vars(module))))
 
     def get(name: str) -> object:
         if name.startswith("__") or name not in homes():
@@ -32,7 +32,7 @@ def lazily(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
     return get, lambda: sorted({*vars(module), *homes()})
 
 
-def _imports_for_checkers(source: bytes) -> dict[str, str]:
+def _imports_for_checkers(source: str) -> dict[str, str]:
     """Return the names that are imported under ``if TYPE_CHECKING``, each with its module."""
     blocks = (node for node in ast.parse(source).body if isinstance(node, ast.If))
     imports = (line for block in blocks for line in block.body if isinstance(line, ast.ImportFrom))

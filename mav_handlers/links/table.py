@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from ap_core.plugins import with_plugins
 from mav_handlers.links.base import ConnectionStringError, Link, LinkError, bad_string
 from mav_handlers.links.mcast import open_mcast
 from mav_handlers.links.tcp import open_tcp, open_tcpin
@@ -50,6 +51,11 @@ LINKS: Mapping[str, LinkFactory] = MappingProxyType(
 )
 
 
+def all_links() -> Mapping[str, LinkFactory]:
+    """Return the links by their schemes, those of plug-ins too."""
+    return with_plugins("viso.links", LINKS, LinkFactory)
+
+
 def open_link(connection: str) -> Link:
     """Open the link that a connection string describes.
 
@@ -61,11 +67,12 @@ def open_link(connection: str) -> Link:
     """
     scheme, address = _split(connection)
     try:
-        if scheme not in LINKS:
+        factory = LINKS.get(scheme) or all_links().get(scheme)
+        if factory is None:
             raise bad_string(connection, "no link has this form")
-        return LINKS[scheme](connection, address)
+        return factory(connection, address)
     except ConnectionStringError as error:
-        forms = ", ".join(factory.form for factory in LINKS.values())
+        forms = ", ".join(factory.form for factory in all_links().values())
         raise LinkError(f"{error}; known forms: {forms}") from None
 
 

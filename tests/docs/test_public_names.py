@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 
 import pytest
 
@@ -46,6 +47,8 @@ def test_every_listed_name_is_there(package: str) -> None:
     module = import_module(package)
     assert all(getattr(module, name) is not None for name in module.__all__)
     assert set(module.__all__) <= set(dir(module))
+    # A module of that name would take its place as soon as somebody imports it.
+    assert [name for name in module.__all__ if find_spec(f"{package}.{name}")] == []
 
 
 @pytest.mark.parametrize("package", PACKAGES)

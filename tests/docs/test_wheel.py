@@ -15,6 +15,7 @@ from tests.places import DATA, ROOT
 
 OURS: Final = {"viso", "ap_core", "ap_visualodom", "ekf_stub", "mav_handlers"}
 MOST_BYTES: Final = 250_000_000
+TRAJECTORY: Final = str(DATA / "trajectories" / "flight.tum")
 FLIGHT: Final = str(DATA / "captures" / "t265.jsonl.gz")
 TEST: Final = """
 import companion, emulator, tools
@@ -67,7 +68,7 @@ def test_only_our_packages_come_with_it(installed: Path) -> None:
     ("--version",),
     ("demo", "--camera", "simulated"),
     ("serve", "--duration", "1", "--master", "udpin:127.0.0.1:0"),
-    ("doctor", FLIGHT),
+    ("doctor", TRAJECTORY),
     ("replay", FLIGHT, "--ekf"),
 ])  # fmt: skip
 def test_command_works_without_extras(installed: Path, tmp_path: Path, command: tuple[str, ...]) -> None:

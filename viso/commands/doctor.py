@@ -15,7 +15,7 @@ import typer
 from mav_handlers.links import LINKS, open_link
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.readers import FORMATS
-from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_rules, diagnose, gather
 from viso.doctor.live import LinkRecorder
 from viso.doctor.measures.vehicle_data import is_log, vehicle_of_log
 from viso.doctor.measures.vehicle_position import position_of_log
@@ -133,11 +133,12 @@ def doctor(
     heading_rad = math.remainder(math.radians(heading), 2 * math.pi)
     options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=profile)
     evidence = _examine(stream, _with_log(options, attitude, Path(source)))
-    findings = diagnose(evidence, RULES)
+    rules = all_rules()
+    findings = diagnose(evidence, rules)
     if sarif is not None:
-        _write(sarif, json.dumps(as_sarif(source, installed_version(), RULES, findings), indent=1) + "\n")
+        _write(sarif, json.dumps(as_sarif(source, installed_version(), rules, findings), indent=1) + "\n")
     if junit is not None:
-        _write(junit, as_junit(source, RULES, findings, fail_on))
+        _write(junit, as_junit(source, rules, findings, fail_on))
     if as_json_text:
         out.print_json(data=as_json(evidence, summarise(evidence), findings))
     else:

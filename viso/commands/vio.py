@@ -57,7 +57,7 @@ def vio(
         Path | None, typer.Option(help="Of the camera (.toml, or .yaml as EuRoC's).", metavar="FILE")
     ] = None,
     strategy: Annotated[
-        str | None, typer.Option(help=f"In place of the configuration's: {', '.join(STRATEGIES)}.")
+        str | None, typer.Option(help=f"In place of the configuration's: {', '.join(STRATEGIES)}, or a plug-in's.")
     ] = None,
     imu: Annotated[
         Path | None, typer.Option(help="Inertial data of a video: t_ns or t_s, gx, gy, gz, ax, ay, az.", metavar="CSV")

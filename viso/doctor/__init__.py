@@ -8,9 +8,9 @@ from ap_core.lazy import lazily
 
 if TYPE_CHECKING:
     from viso.doctor.evidence import Evidence, SeenMessage
-    from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose
-    from viso.doctor.gather import GatherOptions, gather
-    from viso.doctor.rules import RULES
+    from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose, error, note, warning
+    from viso.doctor.gathering import GatherOptions, gather
+    from viso.doctor.rules import RULES, all_rules
 
 __all__ = [
     "RULES",
@@ -21,8 +21,12 @@ __all__ = [
     "SeenMessage",
     "Severity",
     "Sighting",
+    "all_rules",
     "diagnose",
+    "error",
     "gather",
+    "note",
+    "warning",
 ]
 
 __getattr__, __dir__ = lazily(__name__)

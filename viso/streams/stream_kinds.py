@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from ap_core.plugins import with_plugins
 from viso.errors import InputError
 from viso.streams.capture import CAPTURE_BAUD, read_capture
 from viso.streams.flight_log import read_flight_log
@@ -84,6 +85,15 @@ STREAM_KINDS: Final[Mapping[str, StreamKind]] = MappingProxyType(
 )
 
 
+def all_kinds() -> Mapping[str, StreamKind]:
+    """Return the kinds by their names, those of plug-ins too."""
+    return with_plugins("viso.streams", STREAM_KINDS, StreamKind)
+
+
+def _by_ending(name: str, kinds: Mapping[str, StreamKind]) -> str | None:
+    return next((kind for kind, row in kinds.items() if name.endswith(row.endings)), None)
+
+
 def kind_of(path: Path, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> str:
     """Return the name of the kind of a file, by the ending of its name.
 
@@ -93,11 +103,13 @@ def kind_of(path: Path, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> str:
         InputError: if it is of no kind known, or options are given that it has no use for.
     """
     name = path.name.lower()
-    found = next((kind for kind, row in STREAM_KINDS.items() if name.endswith(row.endings)), None)
+    found = _by_ending(name, STREAM_KINDS)
     if found is None and (path.is_dir() or options.format_name is not None):
         found = TRAJECTORY
     if found is None:
-        known = ", ".join(f"{kind} ({', '.join(row.endings)})" for kind, row in STREAM_KINDS.items())
+        found = _by_ending(name, all_kinds())
+    if found is None:
+        known = ", ".join(f"{kind} ({', '.join(row.endings)})" for kind, row in all_kinds().items())
         raise InputError(f"{path}: by its ending no recorded stream; there are: {known}")
     if found != TRAJECTORY and options != _AS_A_TRAJECTORY:
         raise InputError(f"{path}: --as, --format, --topic, --times, --axes and --rate are for trajectories")
@@ -115,7 +127,8 @@ def read_stream(path: Path, lead_us: int, options: TrajectoryOptions = _AS_A_TRA
     Raises:
         InputError: if the kind is unknown or the file cannot be read.
     """
-    return STREAM_KINDS[kind_of(path, options)].read(path, lead_us, options)
+    kind = kind_of(path, options)
+    return (STREAM_KINDS.get(kind) or all_kinds()[kind]).read(path, lead_us, options)
 
 
 def read_whole_stream(

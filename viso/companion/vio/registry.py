@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, cast
 
+from ap_core.plugins import with_plugins
 from viso.companion.vio import build_info
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
@@ -22,12 +23,12 @@ class StrategyEntry:
     """A strategy that can be asked for.
 
     Attributes:
-        flag: of the build, that must be on.
+        flag: of the build, that must be on; None for a plug-in, which is there when it is installed.
         loader: imports the strategy's module and builds it; raises ImportError if that cannot be.
         description: one line, for people.
     """
 
-    flag: str
+    flag: str | None
     loader: Callable[[StrategyContext], StrategyBase]
     description: str
 
@@ -73,9 +74,14 @@ _STRATEGY_REGISTRY: Final[dict[str, StrategyEntry]] = {
 STRATEGIES: Final = tuple(_STRATEGY_REGISTRY)
 
 
+def all_strategies() -> Mapping[str, StrategyEntry]:
+    """Return the strategies by their names, those of plug-ins too."""
+    return with_plugins("viso.strategies", _STRATEGY_REGISTRY, StrategyEntry)
+
+
 def describe(name: str) -> str:
     """Return what a strategy is, in one line."""
-    return _STRATEGY_REGISTRY[name].description
+    return all_strategies()[name].description
 
 
 def build_vio_strategy(
@@ -100,10 +106,10 @@ def build_vio_strategy(
         StrategyNotAvailableError: if this build does not have it.
     """
     name = config.strategy
-    entry = _STRATEGY_REGISTRY.get(name)
+    entry = _STRATEGY_REGISTRY.get(name) or all_strategies().get(name)
     if entry is None:
-        raise ValueError(f"strategy {name!r} is none of {', '.join(STRATEGIES)}")
-    if not flags[entry.flag]:
+        raise ValueError(f"strategy {name!r} is none of {', '.join(all_strategies())}")
+    if entry.flag is not None and not flags[entry.flag]:
         raise StrategyNotAvailableError(name, f"flag {entry.flag} is off")
     try:
         strategy = entry.loader(StrategyContext(config, calibration, clock, logger))

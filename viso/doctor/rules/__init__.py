@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from ap_core.plugins import with_plugins
 from viso.doctor.findings import Rule
 from viso.doctor.rules import (
     alignment,
@@ -54,4 +55,10 @@ _FILES: Final = (
 _FOUND: Final = (value for file in _FILES for value in vars(file).values() if isinstance(value, Rule))
 
 RULES: Final = tuple(sorted(_FOUND, key=lambda rule: rule.code))
-"""All rules in order of their codes."""
+"""All rules that are built in, in order of their codes."""
+
+
+def all_rules() -> tuple[Rule, ...]:
+    """Return the rules in order of their codes, those of plug-ins too, whose entry points have the codes for names."""
+    rules = with_plugins("viso.doctor_rules", {rule.code: rule for rule in RULES}, Rule)
+    return tuple(rules[code] for code in sorted(rules))
