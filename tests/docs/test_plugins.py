@@ -14,7 +14,6 @@ from mav_handlers import VISION_SPEED_ESTIMATE, Codec
 from mav_handlers.links import LinkError, open_link
 from tests.places import ROOT
 from tests.unit.viso.companion.vio.strategy_rig import (
-    Kept,
     Ticks,
     make_calibration,
     make_frame,
@@ -55,7 +54,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("installed")
 def test_strategy_is_built_by_its_name() -> None:
     logger, _ = make_logger()
-    strategy = build_vio_strategy(VioConfig(strategy="standstill"), make_calibration(), Ticks(), logger, Kept())
+    strategy = build_vio_strategy(VioConfig(strategy="standstill"), make_calibration(), Ticks(), logger)
     frame = make_frame(0)
     window = still_window(frame.capture_timestamp - 50_000_000, frame.capture_timestamp)
     output = strategy.process_frame(frame, window, make_calibration())

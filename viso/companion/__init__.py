@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ap_core.lazy import lazily
 
 if TYPE_CHECKING:
-    from viso.companion.clock import OffsetClock
     from viso.companion.odometry.sender import OdometrySender
     from viso.companion.odometry.source import OdometrySource
+    from viso.companion.sender import OffsetClock
     from viso.companion.vio.config import VioConfig, load_config
     from viso.companion.vio.errors import (
         StrategyNotAvailableError,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from viso.companion.vio.health import FrameFacts
     from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
     from viso.companion.vio.se3 import SE3
-    from viso.companion.vio.strategy import FrameReport, ReportingStrategy, StrategyBase, StrategyContext, VioStrategy
+    from viso.companion.vio.strategy import FrameReport, StrategyBase, StrategyContext
     from viso.companion.vio.types import (
         CameraCalibration,
         FeatureQuality,
@@ -49,7 +49,6 @@ __all__ = [
     "OdometrySender",
     "OdometrySource",
     "OffsetClock",
-    "ReportingStrategy",
     "StrategyBase",
     "StrategyContext",
     "StrategyEntry",
@@ -62,7 +61,6 @@ __all__ = [
     "VioInitializingError",
     "VioOutput",
     "VioState",
-    "VioStrategy",
     "WarmStartPose",
     "build_vio_strategy",
     "load_config",

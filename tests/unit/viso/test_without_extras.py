@@ -85,7 +85,7 @@ def test_estimate_of_the_receiver_needs_an_extra_and_says_which(tmp_path: Path) 
     note, reason = err.splitlines()
     assert (code, note[:16]) == (2, "note: --estimate")
     assert reason.startswith("viso: ")
-    assert "pip install 'viso[landmarks]'" in reason
+    assert "pip install 'ardupilot-viso[landmarks]'" in reason
 
 
 @pytest.mark.slow

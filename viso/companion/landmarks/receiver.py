@@ -17,8 +17,9 @@ from viso.companion.landmarks.aircraft import STALE_AFTER_S
 from viso.companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
 from viso.companion.landmarks.types import AircraftReport, GeodeticPoint
 from viso.companion.vio.se3 import Array
+from viso.extras import pip_install
 
-MISSING_EXTRA: Final = "the receiver's position is filtered with filterpy: pip install 'viso[landmarks]'"
+MISSING_EXTRA: Final = f"the receiver's position is filtered with filterpy: {pip_install('landmarks')}"
 PERIOD_S: Final = 5.0
 """How often to estimate."""
 FEWEST_AIRCRAFT: Final = 4

@@ -34,7 +34,6 @@ class Standstill(StrategyBase):
             1e-4 * np.eye(6),
             ImuBias.zero(),
             QUALITY,
-            self.context.clock_ns(),
             keyframe_id=frame.frame_id,
             is_keyframe=True,
             velocity_b=np.zeros(3),
