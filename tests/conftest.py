@@ -23,12 +23,17 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
 
 # A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
-settings.register_profile("viso", deadline=None, derandomize=os.environ.get("CI") == "true")
-settings.load_profile("viso")
+WHOLE = settings(deadline=None, derandomize=os.environ.get("CI") == "true")
+settings.register_profile("whole", WHOLE)
+settings.register_profile("usual", WHOLE, max_examples=20)
 
 
-def pytest_configure() -> None:
-    """Let linear algebra use one thread: a second one, for matrices as small as these, only waits, and by spinning."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Draw fewer examples when slow tests are left out, and let linear algebra use one thread.
+
+    A second one, for matrices as small as these, only waits, and by spinning.
+    """
+    settings.load_profile("usual" if "not slow" in config.option.markexpr else "whole")
     threadpoolctl.threadpool_limits(limits=1, user_api="blas")
 
 

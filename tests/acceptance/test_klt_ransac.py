@@ -31,6 +31,7 @@ AT_REST = 20  # frames at the end, 2 s
 WRONG_HEIGHT_SEEDS = range(4)
 
 
+@pytest.mark.slow
 class TestShortSurvey:
     """A part of the survey below, for every run."""
 
@@ -104,6 +105,7 @@ class TestClip:
     def test_one_start_ends_up_near_the_truth(self) -> None:
         assert fly_clip(NAME, 0).absolute_error().rmse_m <= 0.05
 
+    @pytest.mark.slow
     def test_it_stands_still_at_the_end(self) -> None:
         drift_m, speeds_m_s = still_end(fly_clip(NAME, 0))
         assert drift_m < 0.05

@@ -30,7 +30,8 @@ def best_delay(**wishes: Any) -> Best:
     return best
 
 
-@pytest.mark.parametrize("delay_ms", [30.0, pytest.param(20.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("delay_ms", [30.0, 20.0])
 def test_delay_that_is_known_is_found(tmp_path: Path, delay_ms: float) -> None:
     files = late_camera(tmp_path, delay_ms, end_s=11.0)
     values = f"VISO_DELAY_MS={delay_ms - 20:g}:{delay_ms + 20:g}:20"

@@ -78,7 +78,7 @@ def check_list(bench: "Bench") -> None:
 
 def test_storm_of_parameter_requests_leaves_legal_values_and_whole_files(make_bench: "MakeBench") -> None:
     bench = make_bench(links=LINKS)
-    rage(bench, Storm(bench, 7), 2_000)
+    rage(bench, Storm(bench, 7), 500)
     check_list(bench)
     bench.check_everything()
 
@@ -97,7 +97,7 @@ def test_long_storm_of_parameter_requests_takes_no_memory(make_bench: "MakeBench
 
 def test_value_that_survives_a_storm_survives_a_restart(make_bench: "MakeBench") -> None:
     bench = make_bench(links=LINKS)
-    rage(bench, Storm(bench, 8), 2_000)
+    rage(bench, Storm(bench, 8), 1_000)
     bench.run_ms(1500)
     bench.vehicle.close()
     values = bench.vehicle.params.stored_values()

@@ -116,12 +116,12 @@ def without(texts: list[str], exceptions: list[str]) -> list[str]:
     return left[::-1]
 
 
-LONG = {"flight_mav_extyaw", "flight_voxl_reset"}
-"""The usual run has one like each of them."""
+USUAL = {"dropout", "mav", "t265", "voxl", "2026-02/t265"}
+"""One of each backend and release; the usual run takes these."""
 
 
 @pytest.fixture(
-    scope="session", params=[pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CAPTURES]
+    scope="session", params=[pytest.param(name, marks=() if name in USUAL else pytest.mark.slow) for name in CAPTURES]
 )
 def run(request: pytest.FixtureRequest, replayed: Replays) -> "Replayed":
     """Return one replay after the other; the tests of each come together."""

@@ -49,7 +49,7 @@ def test_scenarios_are_complete() -> None:
     assert sum(len(json.loads(line)["steps"]) for line in scenarios()) == STEPS
 
 
-@pytest.mark.parametrize("chunk", range(CHUNKS))
+@pytest.mark.parametrize("chunk", [0, *(pytest.param(chunk, marks=pytest.mark.slow) for chunk in range(1, CHUNKS))])
 def test_scenarios_come_out_as_the_release_has_them(chunk: int) -> None:
     steps, different = differences(scenarios()[chunk::CHUNKS], FEBRUARY_2026)
     assert steps > STEPS // 4
@@ -93,14 +93,23 @@ def errors_of(records: Any) -> list[list[str]]:
     return [record[LABELS["PErr"] : LABELS["AErr"] + 1] for record in records if record[0] == VISP.name]
 
 
-@pytest.mark.parametrize(("name", "count"), [("mav", 130), ("mocap_covariance", 70), ("t265", 110)])
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("mocap_covariance", 70),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in (("mav", 130), ("t265", 110))),
+    ],
+)
 def test_captures_come_out_as_their_release_alone_has_them(name: str, count: int) -> None:
     capture = LATER / "captures" / f"{name}.jsonl.gz"
     differ = {firmware for firmware in PROFILES if errors_differ(capture, count, PROFILES[firmware])}
     assert differ == {STABLE_4_6.name, REFERENCE.name}
 
 
-@pytest.mark.parametrize(("name", "count"), [("mav", 130), ("mocap", 160), ("t265", 110)])
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("mav", 130), *(pytest.param(*case, marks=pytest.mark.slow) for case in (("mocap", 160), ("t265", 110)))],
+)
 def test_captures_of_the_reference_come_out_otherwise_as_the_later_release(name: str, count: int) -> None:
     capture = LATER.parent / "captures" / f"{name}.jsonl.gz"
     differ = {firmware for firmware in PROFILES if errors_differ(capture, count, PROFILES[firmware])}
@@ -115,14 +124,9 @@ def records_of(capture: Path, count: int | None, firmware: Firmware) -> list[Any
     return [message.as_dict()["out"] for message in replay.run()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "count"),
-    [
-        ("voxl", 120),
-        ("flight_mav_extyaw", 120),
-        pytest.param("voxl", None, marks=pytest.mark.slow),
-        pytest.param("prearm", None, marks=pytest.mark.slow),
-    ],
+    ("name", "count"), [("voxl", 120), ("flight_mav_extyaw", 120), ("voxl", None), ("prearm", None)]
 )
 def test_captures_without_covariance_come_out_the_same_in_all(name: str, count: int | None) -> None:
     capture = LATER.parent / "captures" / f"{name}.jsonl.gz"

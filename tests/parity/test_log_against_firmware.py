@@ -62,25 +62,22 @@ def rows_of(path: Path) -> Rows:
     return rows
 
 
-def units_of(path: Path) -> dict[str, dict[str, str]]:
-    """Return the unit of each field, multiplier included, by type, as the reader resolves them from FMTU."""
-    with opened(path) as log:
-        while log.recv_msg() is not None:
-            pass
-        formats = [fmt for fmt in log.formats.values() if fmt.name in TYPES]
-        return {fmt.name: {column: fmt.get_unit(column) for column in fmt.columns} for fmt in formats}
+@cache
+def meanings_of(path: Path) -> tuple[dict[str, dict[str, str]], list[tuple[object, ...]]]:
+    """Return what a log says of the fields of the types compared here.
 
-
-def definitions_of(path: Path) -> list[tuple[object, ...]]:
-    """Return what the log says of units and multipliers at large, and of the types compared here."""
-    found: set[tuple[object, ...]] = set()
+    First the unit of each field, multiplier included, by type, as the reader resolves them from FMTU; then what the log
+    says of units and multipliers at large, and of these types.
+    """
     with opened(path) as log:
+        found: set[tuple[object, ...]] = set()
         ids = {fmt.type for fmt in log.formats.values() if fmt.name in TYPES}
         while (record := log.recv_match(type=["UNIT", "MULT", "FMTU"])) is not None:
-            if record.get_type() == "FMTU" and record.FmtType not in ids:
-                continue
-            found.add(tuple(getattr(record, name) for name in record._fieldnames if name != "TimeUS"))
-    return sorted(found, key=repr)
+            if record.get_type() != "FMTU" or record.FmtType in ids:
+                found.add(tuple(getattr(record, name) for name in record._fieldnames if name != "TimeUS"))
+        formats = [fmt for fmt in log.formats.values() if fmt.name in TYPES]
+        units = {fmt.name: {column: fmt.get_unit(column) for column in fmt.columns} for fmt in formats}
+        return units, sorted(found, key=repr)
 
 
 @pytest.fixture(scope="session")
@@ -98,13 +95,13 @@ def firmware_log(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pa
     return unpack
 
 
-LONG = {"flight_mav_extyaw", "flight_voxl_reset"}
-"""The usual run has one like each of them."""
+USUAL = {"t265", "voxl"}
+"""The usual run takes these."""
 
 
 @pytest.fixture(
     scope="session",
-    params=[pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in (*KEPT, LATER)],
+    params=[pytest.param(name, marks=() if name in USUAL else pytest.mark.slow) for name in (*KEPT, LATER)],
 )
 def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> tuple[Rows, Rows]:
     """Return the firmware's records and ours, of one log after the other; the tests of each come together."""
@@ -150,23 +147,24 @@ def test_state_of_the_camera_changes_as_the_firmwares(both: tuple[Rows, Rows]) -
 
 
 def test_units_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
-    ours = units_of(replayed("t265").log)
-    assert ours == units_of(firmware_log("t265"))
+    ours, _ = meanings_of(replayed("t265").log)
+    assert ours == meanings_of(firmware_log("t265"))[0]
     assert [ours["VISP"][name] for name in ("CTimeMS", "PX", "Y", "Q")] == ["ms", "m", "degheading", "%"]
 
 
 def test_unit_and_multiplier_records_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
-    assert definitions_of(replayed("t265").log) == definitions_of(firmware_log("t265"))
+    assert meanings_of(replayed("t265").log)[1] == meanings_of(firmware_log("t265"))[1]
 
 
 def test_difference_of_a_log_record_is_found(replayed: Replays) -> None:
-    ours = rows_of(replayed("mocap").log)["REPH"]
+    ours = rows_of(replayed("t265").log)["REPH"]
     changed = [{**ours[0], "PEr": 0.25}, *ours[1:]]
     assert differences("REPH", ours, ours) == []
     assert len(differences("REPH", changed, ours)) == 1
     assert differences("REPH", ours[:-1], ours) == [f"{len(ours) - 1} records, {len(ours)} of ours"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mav", "mocap"])
 def test_replay_records_follow_log_replay(replayed: Replays, name: str) -> None:
     run = replayed(name)

@@ -97,7 +97,7 @@ def vehicles(kind: int) -> list[Recorded]:
 
 
 @pytest.mark.parametrize("kind", [1, 2, 3])
-@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(messages=st.lists(MESSAGES, min_size=1, max_size=6))
 def test_records_are_the_same_in_all_firmware(kind: int, messages: list[Message]) -> None:
     # The vehicles live on from example to example: all have had the same stream, however long it is.

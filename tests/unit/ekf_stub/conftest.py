@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import pytest
 
@@ -12,6 +13,7 @@ from tests.unit.ekf_stub.core_rig import CoreRig
 from tests.unit.ekf_stub.filter_parts import FilterParts
 from viso.sensors.errors import NO_ERRORS, SensorErrors
 from viso.sensors.options import ImuOptions
+from viso.testing.copies import Copies
 
 
 @pytest.fixture(scope="session")
@@ -29,16 +31,23 @@ def make_core() -> Callable[..., CoreRig]:
     """Return a function that makes a core from its sources and parameters without ``EK3_``; it has run for 4 s."""
 
     def make(sources: str = "66666", *, has_compass: bool = False, run_s: float = 4.0, **params: float) -> CoreRig:
+        return running(sources, has_compass, run_s, **params).make()
+
+    @cache
+    def running(sources: str, has_compass: bool, run_s: float, **params: float) -> Copies[CoreRig]:
         rig = CoreRig(sources, has_compass, params)
         rig.run_for(run_s)
-        return rig
+        return Copies(rig)
 
     return make
 
 
 @pytest.fixture(scope="session")
 def make_bench() -> Callable[..., BenchRig]:
-    """Return a function that makes a vehicle from its sources and parameters, on sensors without errors by default."""
+    """Return a function that makes a vehicle from its sources and parameters, on sensors without errors by default.
+
+    It boots, or has run for as long as is said.
+    """
 
     def make(
         sources: str = "66666",
@@ -46,9 +55,20 @@ def make_bench() -> Callable[..., BenchRig]:
         has_compass: bool = False,
         heading_deg: float = 0.0,
         errors: SensorErrors = NO_ERRORS,
+        run_s: float = 0.0,
         **params: float,
     ) -> BenchRig:
+        if run_s:
+            return running(sources, has_compass, heading_deg, errors, run_s, **params).make()
         options = ImuOptions(heading_rad=math.radians(heading_deg), errors=errors)
         return BenchRig(sources, has_compass=has_compass, options=options, params=params)
+
+    @cache
+    def running(
+        sources: str, has_compass: bool, heading_deg: float, errors: SensorErrors, run_s: float, **params: float
+    ) -> Copies[BenchRig]:
+        rig = make(sources, has_compass=has_compass, heading_deg=heading_deg, errors=errors, **params)
+        rig.run_to(run_s)
+        return Copies(rig)
 
     return make

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import quaternion
 from filterpy.kalman import KalmanFilter
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ekf_stub.filter.error_state import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, ErrorState, ProcessNoise
@@ -288,7 +288,6 @@ def pair_of(settled: tuple[Array, Array]) -> Pair:
 ROWS = st.lists(st.floats(-3, 3), min_size=STATES, max_size=STATES).map(np.array)
 
 
-@settings(max_examples=50)
 @given(ROWS, st.floats(-0.01, 0.01), st.floats(1e-2, 10))
 def test_any_update_is_that_of_filterpy(
     settled: tuple[Array, Array], row: Array, innovation: float, variance: float
@@ -298,7 +297,6 @@ def test_any_update_is_that_of_filterpy(
     pair.check()
 
 
-@settings(max_examples=50)
 @given(st.integers(0, STATES - 1), st.floats(-0.01, 0.01), st.floats(1e-2, 10))
 def test_any_update_of_a_state_is_that_of_filterpy(
     settled: tuple[Array, Array], index: int, innovation: float, variance: float

@@ -14,6 +14,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
 from ekf_stub.ahrs.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
 from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
@@ -21,6 +22,7 @@ from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, S
 from tests.copies import Copies
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
+from viso.running import virtual_time
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import bench
 from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
@@ -30,13 +32,25 @@ M = TypeVar("M", bound=Message)
 SETTLED_MS = 5000
 """When the estimator runs, and heartbeats have just been sent; the estimator has texts to tell until 6 s."""
 
+SETTLING_PERIOD_US = 10_000
+"""Of the main loop until then: as seldom as the sensors allow."""
+
 
 class SpyAhrs(RememberedCalls):
-    """The AHRS of the bench, with a note of what it is given."""
+    """The AHRS of the bench, with a note of what it is given.
+
+    Attributes:
+        runs: whether the filter does; else it goes on saying what it said last, as it would of a vehicle at rest.
+    """
 
     def __init__(self, ahrs: VehicleAhrs) -> None:
         super().__init__()
         self._ahrs = ahrs
+        self.runs = True
+
+    def update(self, camera: VisualOdomFrame) -> None:
+        if self.runs:
+            self._ahrs.update(camera)
 
     def __getattr__(self, name: str) -> Any:
         if name == "_ahrs":  # a copy in the making
@@ -122,6 +136,8 @@ class Bench:
         bauds: one for each link.
         version: of MAVLink on all links.
         firmware: which release the vehicle is.
+        until_ms: for how long it has run, 0 for not at all.
+        filter_runs: whether the filter goes on from there; it is most of the work, and little of it is ever told.
     """
 
     def __init__(
@@ -132,6 +148,7 @@ class Bench:
         version: int = 2,
         until_ms: int,
         firmware: Firmware = REFERENCE,
+        filter_runs: bool = True,
     ) -> None:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
@@ -156,6 +173,7 @@ class Bench:
         self.client = self.clients[0]
         if until_ms:
             self._settle(until_ms)
+        self.ahrs.runs = filter_runs
         for client in self.clients:
             client.read()
         self.records.clear()
@@ -165,7 +183,10 @@ class Bench:
         trace = sys.gettrace()
         sys.settrace(None)
         try:
-            self.run_ms(until_ms)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(virtual_time, "LOOP_PERIOD_US", SETTLING_PERIOD_US)
+                self.run_ms(until_ms - SETTLING_PERIOD_US / 1000)
+            self.run_ms(SETTLING_PERIOD_US / 1000)
         finally:
             sys.settrace(trace)
 
@@ -208,7 +229,10 @@ MakeBench = Callable[..., Bench]
 
 @pytest.fixture
 def make_bench() -> MakeBench:
-    """Return a function that makes a vehicle from parameters given by keyword; it has run for 5 s by default."""
+    """Return a function that makes a vehicle from parameters given by keyword.
+
+    By default it has run for 5 s, and its filter does not go on.
+    """
 
     def make(
         *,
@@ -216,20 +240,23 @@ def make_bench() -> MakeBench:
         version: int = 2,
         until_ms: int = SETTLED_MS,
         firmware: Firmware = REFERENCE,
+        filter_runs: bool | None = None,
         **params: float,
     ) -> Bench:
-        return settled(tuple(bauds), version, until_ms, firmware.name, **params).make()
+        filter_runs = until_ms == 0 if filter_runs is None else filter_runs
+        return settled(tuple(bauds), version, until_ms, firmware.name, filter_runs, **params).make()
 
     return make
 
 
 @cache
 def settled(
-    bauds: tuple[int | None, ...], version: int, until_ms: int, firmware: str, **params: float
+    bauds: tuple[int | None, ...], version: int, until_ms: int, firmware: str, filter_runs: bool, **params: float
 ) -> Copies[Bench]:
     """Return a vehicle that has run for a while; settling takes ten times as long as copying."""
     values = {"VISO_TYPE": 1, **params}
-    return Copies(Bench(values, bauds, version=version, until_ms=until_ms, firmware=PROFILES[firmware]))
+    release = PROFILES[firmware]
+    return Copies(Bench(values, bauds, version=version, until_ms=until_ms, firmware=release, filter_runs=filter_runs))
 
 
 @pytest.fixture(name="bench")

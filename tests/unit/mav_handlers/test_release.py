@@ -105,7 +105,7 @@ def test_read_only_parameter_is_told_by_its_value_and_where_it_is_known_the_reas
 
 def navigating(make_bench: "MakeBench", firmware: Firmware) -> "Bench":
     """Return a vehicle whose filter follows external navigation, without an origin."""
-    bench = make_bench(firmware=firmware, until_ms=7000, **EXTERNAL)
+    bench = make_bench(firmware=firmware, until_ms=7000, filter_runs=True, **EXTERNAL)
     for time_us in range(0, 1_000_000, 40_000):
         bench.client.tell(VISION_POSITION_ESTIMATE(time_us, 0, 0, 0, 0, 0, 0))
         bench.run_ms(40)

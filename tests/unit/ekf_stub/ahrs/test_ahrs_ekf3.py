@@ -124,8 +124,7 @@ def test_compass_aligns_yaw_and_the_vehicle_is_told(make_bench: MakeBench) -> No
 
 
 def test_frame_without_sensor_data_is_skipped(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     horizon_ms = bench.core.ingest.horizon_ms
     for _ in range(20):
         bench.ahrs.update(VisualOdomFrame(Vector3f(), 10, True, True))
@@ -140,8 +139,7 @@ def test_frame_without_sensor_data_is_skipped(make_bench: MakeBench) -> None:
 @pytest.fixture(scope="module")
 def example(make_bench: MakeBench) -> "BenchRig":
     """Return a bench that was given data from 6 to 9 s, and again from 25 s on."""
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(9, lambda: bench.pose(1, 2, -0.5), bench.speed)
     bench.run_to(25)
     bench.stream(26, lambda: bench.pose(35, 2, -0.5), bench.speed)
@@ -192,8 +190,7 @@ def test_data_that_comes_back_starts_aiding_at_once(example: "BenchRig") -> None
 
 
 def test_position_is_told_from_the_start_of_aiding_to_its_end(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     assert bench.position is None
     bench.stream(7, lambda: bench.pose(1, 2, -0.5), bench.speed)
     assert bench.position == pytest.approx((1, 2, -0.5), abs=0.01)
@@ -239,6 +236,7 @@ def test_velocity_alone_never_starts_aiding(make_bench: MakeBench) -> None:
     assert bench.velocity == pytest.approx((0, 0, 0), abs=0.05)
 
 
+@pytest.mark.slow
 def test_moving_velocity_on_a_parked_vehicle_ends_in_forced_resets(make_bench: MakeBench) -> None:
     bench = make_bench("06166")
     bench.run_to(6)
@@ -313,8 +311,7 @@ def test_sources_named_after_boot_get_nothing(make_bench: MakeBench) -> None:
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf])
 def test_infinite_samples_are_not_believed(make_bench: MakeBench, value: float) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(6.5, lambda: bench.pose(value), lambda: bench.speed(value), period_s=0.05)
     bench.stream(7, lambda: bench.odometry(value), period_s=0.06)
     for kind in ("pose", "velocity", "odometry"):
@@ -323,8 +320,7 @@ def test_infinite_samples_are_not_believed(make_bench: MakeBench, value: float) 
 
 
 def test_fast_stream_is_thinned_out_and_a_reset_on_a_sample_left_out_still_acts(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7.005, bench.pose, period_s=0.01)
     counts = bench.ahrs.ext_nav_counts
     assert (counts["pose", "taken"], counts["pose", "too_soon"]) == (51, 50)
@@ -338,6 +334,7 @@ def test_fast_stream_is_thinned_out_and_a_reset_on_a_sample_left_out_still_acts(
 # Body odometry
 
 
+@pytest.mark.slow
 def test_odometry_is_fused_at_once_and_starts_relative_aiding_once_gyros_are_known(make_bench: MakeBench) -> None:
     bench = make_bench("06101", has_compass=True)
     bench.run_to(40)
@@ -348,8 +345,7 @@ def test_odometry_is_fused_at_once_and_starts_relative_aiding_once_gyros_are_kno
 
 
 def test_odometry_that_ends_ends_relative_aiding_after_5_s(make_bench: MakeBench) -> None:
-    bench = make_bench("06101", has_compass=True)
-    bench.run_to(7)
+    bench = make_bench("06101", has_compass=True, run_s=7)
     bench.know_gyros()
     bench.stream(9, bench.odometry, period_s=0.06)
     assert bench.flags == 303
@@ -364,8 +360,7 @@ def test_odometry_that_ends_ends_relative_aiding_after_5_s(make_bench: MakeBench
 
 
 def test_odometry_that_cannot_be_is_rejected(make_bench: MakeBench) -> None:
-    bench = make_bench("06101", has_compass=True)
-    bench.run_to(7)
+    bench = make_bench("06101", has_compass=True, run_s=7)
     bench.stream(9, bench.odometry, period_s=0.06)
     bench.odometry(0.45)
     bench.run_for(0.1)
@@ -376,8 +371,7 @@ def test_odometry_that_cannot_be_is_rejected(make_bench: MakeBench) -> None:
 
 
 def test_poor_odometry_starts_nothing(make_bench: MakeBench) -> None:
-    bench = make_bench("06101", has_compass=True)
-    bench.run_to(7)
+    bench = make_bench("06101", has_compass=True, run_s=7)
     bench.know_gyros()
     bench.stream(8, lambda: bench.odometry(quality=-20), period_s=0.06)
     assert "EKF3 IMU0 started relative aiding" not in bench.said()

@@ -3,9 +3,12 @@
 """What the filter makes of poses and velocities that jump, stop and come back, while the vehicle stands still."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
+
+from viso.testing.copies import Copies
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -18,11 +21,15 @@ GOOD, GOOD_NOT_PASSING, LOST_BUT_AGREEING = 0x1233F, 0x1033F, 0x12027  # of XKF4
 
 def aided(make_bench: MakeBench, sources: str = "66666", *, with_velocity: bool = True, **params: float) -> "BenchRig":
     """Return a bench that has navigated by a pose of 0 for 3 s; its clock is at 9 s."""
-    bench = make_bench(sources, **params)
-    bench.run_to(6)
+    return aided_benches(make_bench, sources, with_velocity, **params).make()
+
+
+@cache
+def aided_benches(make_bench: MakeBench, sources: str, with_velocity: bool, **params: float) -> Copies["BenchRig"]:
+    bench = make_bench(sources, run_s=6, **params)
     bench.know_gyros()
     bench.stream(9, bench.pose, *([bench.speed] if with_velocity else []))
-    return bench
+    return Copies(bench)
 
 
 def when_changed(bench: "BenchRig", flags: int) -> int:
@@ -208,8 +215,7 @@ def test_height_of_the_barometer_is_left_as_aiding_starts_and_comes_back_as_reco
 
 
 def test_height_is_kept_when_poses_end(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(11, lambda: bench.pose(0, 0, -5))
     bench.run_to(15)
     assert bench.report.pos_ned[2] == pytest.approx(-5, abs=0.1)

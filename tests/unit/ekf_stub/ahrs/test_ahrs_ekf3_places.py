@@ -3,6 +3,7 @@
 """Where a parked vehicle believes to be: by GPS, by its origin, by what others tell it."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,6 +12,7 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from viso.sensors.errors import SensorErrors
+from viso.testing.copies import Copies
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -23,13 +25,19 @@ MakeBench = Callable[..., "BenchRig"]
 
 def by_gps(make_bench: MakeBench, sources: str = "33131", **params: float) -> "BenchRig":
     """Return a bench that has just begun to navigate by GPS; it knows its gyros earlier than others."""
+    return benches_by_gps(make_bench, sources, **params).make()
+
+
+@cache
+def benches_by_gps(make_bench: MakeBench, sources: str, **params: float) -> Copies["BenchRig"]:
     bench = make_bench(sources, has_compass=True, **params)
     bench.run_to(7)
     bench.know_gyros()
     bench.stream_gps(20)
-    return bench
+    return Copies(bench)
 
 
+@pytest.mark.slow
 def test_gps_sets_the_origin_once_it_has_passed_for_10_s(make_bench: MakeBench) -> None:
     bench = make_bench("33131", has_compass=True)
     bench.run_to(7)
@@ -41,6 +49,7 @@ def test_gps_sets_the_origin_once_it_has_passed_for_10_s(make_bench: MakeBench) 
     assert bench.flags == 167
 
 
+@pytest.mark.slow
 def test_gps_starts_aiding_once_gyros_are_known_too(make_bench: MakeBench) -> None:
     bench = make_bench("33131", has_compass=True)
     bench.run_to(25)
@@ -80,6 +89,7 @@ def test_gps_height_is_used_by_its_source(make_bench: MakeBench) -> None:
     assert bench.flags == 831
 
 
+@pytest.mark.slow
 def test_origin_that_was_set_stays_when_gps_comes(make_bench: MakeBench) -> None:
     bench = make_bench("30101", has_compass=True)
     bench.run_to(7)
@@ -125,8 +135,7 @@ def test_origin_is_set_once_and_not_before_the_filter(make_bench: MakeBench) -> 
 
 
 def test_origin_leaves_the_state_as_it_was(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7, lambda: bench.pose(10, 0, -2))
     before = bench.position
     bench.ahrs.set_origin(bench.place)
@@ -134,8 +143,7 @@ def test_origin_leaves_the_state_as_it_was(make_bench: MakeBench) -> None:
 
 
 def test_place_needs_an_origin_or_gps(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7, lambda: bench.pose(10, 0, -2))
     assert bench.ahrs.get_location() is None
     bench.ahrs.set_origin(bench.place)
@@ -145,8 +153,7 @@ def test_place_needs_an_origin_or_gps(make_bench: MakeBench) -> None:
 
 
 def test_place_is_lost_with_the_position(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.ahrs.set_origin(bench.place)
     assert bench.ahrs.get_location() is None
     bench.stream(7, bench.pose)
@@ -157,8 +164,7 @@ def test_place_is_lost_with_the_position(make_bench: MakeBench) -> None:
 
 @pytest.mark.parametrize(("fix_type", "known"), [(2, False), (3, True)])
 def test_place_of_the_gps_serves_without_aiding(make_bench: MakeBench, fix_type: int, known: bool) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.fix(fix_type=fix_type)
     assert (bench.ahrs.get_location() == bench.place) is known
 
@@ -167,8 +173,7 @@ def test_place_of_the_gps_serves_without_aiding(make_bench: MakeBench, fix_type:
 
 
 def lost_bench(make_bench: MakeBench) -> "BenchRig":
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.ahrs.set_origin(bench.place)
     bench.stream(7, bench.pose)
     return bench
@@ -190,6 +195,7 @@ def test_place_from_elsewhere_is_refused_while_there_is_a_position(make_bench: M
     assert not estimate(lost_bench(make_bench))
 
 
+@pytest.mark.slow
 def test_place_from_elsewhere_is_refused_without_aiding(make_bench: MakeBench) -> None:
     bench = lost_bench(make_bench)
     bench.run_to(24)
@@ -197,8 +203,7 @@ def test_place_from_elsewhere_is_refused_without_aiding(make_bench: MakeBench) -
 
 
 def test_place_from_elsewhere_is_refused_without_an_origin(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7, bench.pose)
     bench.run_to(9)
     assert not estimate(bench)
@@ -210,6 +215,7 @@ def test_place_from_elsewhere_is_refused_before_the_filter(make_bench: MakeBench
     assert not estimate(bench)
 
 
+@pytest.mark.slow
 def test_height_counts_from_the_ground_when_asked_to_and_the_height_above_the_sea_stays(make_bench: MakeBench) -> None:
     bench = make_bench("60106", errors=SensorErrors(baro_bias_m=5))
     bench.run_to(6)

@@ -23,8 +23,7 @@ def yaw_of(bench: "BenchRig") -> float:
 
 
 def test_yaw_follows_external_navigation_once_it_is_the_source(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7, lambda: bench.pose(yaw=1.5))
     assert yaw_of(bench) == pytest.approx(1.5, abs=0.01)
     quat = bench.ahrs.get_quaternion()
@@ -79,8 +78,7 @@ def test_yaw_does_not_count_as_external_before_the_estimator_starts(make_bench: 
 
 
 def test_yaw_counts_as_external_for_5_s_after_its_last_sample(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(8, bench.pose)
     bench.run_to(12.9)
     assert bench.ahrs.using_extnav_for_yaw()
@@ -89,16 +87,14 @@ def test_yaw_counts_as_external_for_5_s_after_its_last_sample(make_bench: MakeBe
 
 
 def test_pose_without_a_yaw_does_not_align(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7, lambda: bench.pose(yaw=math.nan))
     assert "EKF3 IMU0 yaw aligned" not in bench.said()
     assert "EKF3 IMU0 is using external nav data" in bench.said()
 
 
 def test_navigating_without_an_aligned_yaw_has_no_flags(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     bench.stream(7, lambda: bench.pose(yaw=math.nan))
     assert bench.flags == 0
 
@@ -115,8 +111,7 @@ def test_yaw_waits_for_tilt(make_bench: MakeBench) -> None:
 
 
 def test_infinite_attitude_gives_no_yaw(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(6)
+    bench = make_bench(run_s=6)
     infinite = Quaternion(f32(0), f32(math.inf), f32(0), f32(0))
     bench.ahrs.writeExtNavData(Vector3f(), infinite, f32(0.2), f32(0.2), bench.now_ms, 10, 0)
     bench.run_for(0.2)

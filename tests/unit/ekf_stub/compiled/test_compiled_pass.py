@@ -111,7 +111,7 @@ def same_step(plain: InertialStep | None, compiled: InertialStep | None) -> bool
     )
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_both_go_the_same_way_and_stand_still_at_the_same_time(seed: int) -> None:
     pair = Pair(seed)
     pair.run(1500, sigma=0.0)

@@ -70,7 +70,7 @@ def led_about(seed: int) -> Pair:
     return pair
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_both_go_the_same_way(seed: int) -> None:
     pair = led_about(seed)
     plain, compiled = pair.both

@@ -47,12 +47,12 @@ class TestTimesync:
         assert [message.ts1 for message in client.read_of(TIMESYNC)] == [stamp]
 
     def test_own_requests_come_every_10_s(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(until_ms=0)
-        bench.run_ms(35_000)
-        assert [stamp // 1_000_000 for stamp in requests(bench.client)] == [10_000, 20_000, 30_000]
+        bench = make_bench(until_ms=0, filter_runs=False)
+        bench.run_ms(21_000)
+        assert [stamp // 1_000_000 for stamp in requests(bench.client)] == [10_000, 20_000]
 
     def test_stamp_of_an_own_request_ends_in_the_system_id(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(MAV_SYSID=7, until_ms=0)
+        bench = make_bench(MAV_SYSID=7, until_ms=0, filter_runs=False)
         bench.run_ms(11_000)
         assert requests(bench.client) == [10_000_000_007]
 

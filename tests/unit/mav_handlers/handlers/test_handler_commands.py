@@ -34,7 +34,7 @@ ARM_DISARM, PREARM, AUX, SOURCE_SET = 400, 401, 218, 42007
 GET_INTERVAL, SET_INTERVAL, REQUEST_MESSAGE, CAPABILITIES, BANNER, GET_HOME = 510, 511, 512, 520, 42428, 410
 SET_HOME = 179
 NAN = math.nan
-READY_MS = 6000
+READY_MS = 7000
 BITS_OF_JUST_UNDER_1 = 0.99999994
 
 
@@ -350,7 +350,7 @@ class TestSetMessageInterval:
 
     def test_minus_1_stops(self, bench: "Bench", client: "Client") -> None:
         client.command(SET_INTERVAL, 0, -1)
-        bench.run_ms(3000)
+        bench.run_ms(2500)
         assert client.read() == []
 
     def test_zero_restores_the_heartbeat_s_second(self, client: "Client") -> None:
