@@ -115,6 +115,7 @@ def test_another_seed_gives_other_reports() -> None:
     assert reports(SimulatedCamera(FLIGHT, 5)) != reports(SimulatedCamera(FLIGHT, 6))
 
 
+@pytest.mark.slow
 def test_noise_has_its_standard_deviation() -> None:
     camera = SimulatedCamera(Flight(1000.0), 7, position_noise_m=0.05, drift_m_per_sqrt_s=0.0)
     positions = np.array([position(report(camera, number / 30)) for number in range(2000)])
@@ -122,6 +123,7 @@ def test_noise_has_its_standard_deviation() -> None:
     assert positions.mean(axis=0) == pytest.approx([0] * 3, abs=0.005)
 
 
+@pytest.mark.slow
 def test_position_drifts() -> None:
     camera = SimulatedCamera(Flight(1000.0), 7, position_noise_m=0.0, drift_m_per_sqrt_s=0.1)
     steps = np.diff([position(report(camera, float(number))) for number in range(1000)], axis=0)

@@ -37,7 +37,7 @@ def test_single_fault_of_the_page_is_one() -> None:
     assert parse_timeline(f"faults: [{{{text}}}]").entries[0].kind == "yawerr"
 
 
-@pytest.mark.parametrize("kind", FAULTS)
-def test_every_parameter_says_what_it_is(kind: str) -> None:
-    said = (FAULTS[kind].__doc__ or "").partition("Attributes:")[2]
-    assert all(re.search(rf"\b{field.name}\b", said) for field in parameters_of(FAULTS[kind]))
+def test_every_parameter_says_what_it_is() -> None:
+    for kind, fault in FAULTS.items():
+        said = (fault.__doc__ or "").partition("Attributes:")[2]
+        assert all(re.search(rf"\b{field.name}\b", said) for field in parameters_of(fault)), kind

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mav_handlers.wire.codec import Codec
@@ -73,21 +73,18 @@ IN_ORDER = entries(st.sampled_from(sorted(FAULTS.keys() - {"reorder", "duplicate
 
 
 @given(gaps=STREAMS)
-@settings(max_examples=25)
 def test_empty_timeline_changes_neither_bytes_nor_times(gaps: list[TimedFrame]) -> None:
     stream = at_times(gaps)
     assert list(inject(stream, Timeline())) == stream
 
 
 @given(gaps=STREAMS, timeline=TIMELINES, seed=st.integers(0, 3))
-@settings(max_examples=40)
 def test_same_stream_timeline_and_seed_give_the_same(gaps: list[TimedFrame], timeline: Timeline, seed: int) -> None:
     stream = at_times(gaps)
     assert list(inject(stream, timeline, seed)) == list(inject(stream, timeline, seed))
 
 
 @given(gaps=STREAMS, timeline=TIMELINES)
-@settings(max_examples=50)
 def test_every_frame_is_accounted_for_and_none_comes_from_nothing(gaps: list[TimedFrame], timeline: Timeline) -> None:
     stream = at_times(gaps)
     injector = Injector(timeline)
@@ -106,7 +103,6 @@ def test_every_frame_is_accounted_for_and_none_comes_from_nothing(gaps: list[Tim
 
 
 @given(gaps=STREAMS, rows=st.lists(IN_ORDER, max_size=4))
-@settings(max_examples=40)
 def test_messages_of_one_kind_from_one_sender_stay_in_order(gaps: list[TimedFrame], rows: list[Entry]) -> None:
     # The sequence number tells a frame, whatever becomes of its content.
     stream = at_times([(abs(gap_us), frame) for gap_us, frame in gaps])

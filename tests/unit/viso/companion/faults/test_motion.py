@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.faults.rig import (
@@ -38,7 +38,6 @@ def body_velocity(message: Any) -> tuple[float, float, float]:
     return message.vx, message.vy, message.vz
 
 
-@settings(max_examples=30)
 @given(roll=ANGLES, pitch=st.floats(-1.5, 1.5), yaw=ANGLES)
 def test_angles_and_quaternion_agree_with_matrices(roll: float, pitch: float, yaw: float) -> None:
     quat = quat_from_euler(roll, pitch, yaw)

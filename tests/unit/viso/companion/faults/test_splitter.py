@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cutting bytes into frames."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.faults.rig import BEAT, encoded, odometry
@@ -25,7 +25,6 @@ def test_rest_of_a_frame_is_waited_for() -> None:
     assert splitter.feed(FRAMES[1][50:]) == [FRAMES[1]]
 
 
-@settings(max_examples=50)
 @given(st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([*FRAMES, FRAMES[1][:70], b"\xfd", b"\xfe\x03"]))))
 def test_no_byte_gets_lost_or_out_of_order(parts: list[bytes]) -> None:
     splitter = FrameSplitter()

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.faults.rig import (
@@ -91,7 +91,6 @@ def test_nan_stays_on_its_axis() -> None:
     ),
     q=st.tuples(*[st.floats(0.1, 1.0)] * 4),
 )
-@settings(max_examples=30)
 def test_attitude_is_that_of_the_matrices(world_body: tuple[str, str], q: tuple[float, ...]) -> None:
     told = tuple(np.array(q) / math.hypot(*q))
     world, body = world_body

@@ -193,6 +193,7 @@ def coverages_while_receding() -> list[float]:
     return [front.see(zoomed_out(large, 0.94**step), STILL).coverage for step in range(25)][1:]
 
 
+@pytest.mark.slow
 def test_points_do_not_all_flow_together_when_the_camera_recedes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert min(coverages_while_receding()) > MIN_COVERAGE
     monkeypatch.setattr(FeatureGrid, "uncrowded", lambda self, pixels: np.ones(len(pixels), np.bool_))

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.klt.pictures import texture
@@ -114,7 +114,6 @@ def test_first_points_stay_where_points_crowd() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-20, 660, width=32), st.floats(-20, 500, width=32)), max_size=120))
-@settings(max_examples=30)
 def test_cells_are_never_crowded_after_thinning(points: list[tuple[float, float]]) -> None:
     pixels = np.array(points, np.float32).reshape(-1, 2)
     kept = pixels[grid(48).uncrowded(pixels)]  # a share of 1

@@ -143,6 +143,7 @@ def test_adding_what_was_found_takes_the_innovations_away() -> None:
         assert (innovation.du_px, innovation.dv_px) == pytest.approx((0, 0), abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_uncertainties_are_honest() -> None:
     truth = np.array([0.1, 0.02, 0.12])
     errors = [Recording(0.1, 0.02, 0.12, seed=seed, duration_s=15.0).fit() for seed in range(16)]
@@ -223,6 +224,7 @@ def test_a_detection_that_is_there_twice_counts_once() -> None:
     assert fit_pose_errors(CAMERA, recording.poses, LANDMARKS, twice) == recording.fit()
 
 
+@pytest.mark.slow
 def test_a_gap_in_the_poses_is_left_out() -> None:
     recording = Recording(0.1, 0.02, 0.1, duration_s=30.0)
     poses = [pose for pose in recording.poses if not 1010 < pose.t_s < 1015]

@@ -65,6 +65,7 @@ def legend(figure: Figure, panel: int) -> list[str]:
     return [text.get_text() for text in shown.get_texts()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_sky", [False, True])
 def test_size_is_1600_by_800_in_rgb(with_sky: bool) -> None:
     figure = draw(last_scene(), with_sky=with_sky)
@@ -73,6 +74,7 @@ def test_size_is_1600_by_800_in_rgb(with_sky: bool) -> None:
         assert (picture.size, picture.mode) == ((1600, 800), "RGB")
 
 
+@pytest.mark.slow
 def test_same_scene_gives_the_same_bytes() -> None:
     assert png_of(draw(last_scene(OFF))) == png_of(draw(last_scene(OFF)))
 
@@ -163,6 +165,7 @@ def test_texts_are_in_the_corners() -> None:
     assert (shown["pose"].get_ha(), shown["pose"].get_va()) == ("right", "bottom")
 
 
+@pytest.mark.slow
 def test_all_texts_are_inside_the_picture() -> None:
     for scene in (last_scene(OFF), estimated_scene()):
         figure = draw(scene, with_sky=True)

@@ -99,6 +99,7 @@ def test_planted_delay_is_in_the_stamps() -> None:
     assert stamps == pytest.approx([0.07 + index / 5 for index in range(16)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planted", [Planted(math.radians(-10), 0.02, 0.3), Planted(0.05, -0.03, 0.0)])
 def test_fit_finds_what_was_planted(planted: Planted) -> None:
     flight = SyntheticFlight(CAMERA, planted, 1.0, 0.1, seed=11, traffic=(), mode=FrameMode.SPHERICAL)

@@ -95,12 +95,15 @@ def flown(relief_m: float) -> Flight:
     return Flight(PointWorld(relief_m=relief_m), None if relief_m else GROUND).fly(80)
 
 
-@pytest.mark.parametrize(("relief_m", "limit_m", "limit_m_s"), [(0.0, 1.0, 0.15), (RELIEF_M, 2.0, 0.3)])
+@pytest.mark.parametrize(
+    ("relief_m", "limit_m", "limit_m_s"), [(0.0, 1.0, 0.15), pytest.param(RELIEF_M, 2.0, 0.3, marks=pytest.mark.slow)]
+)
 def test_flight_stays_on_course(relief_m: float, limit_m: float, limit_m_s: float) -> None:
     assert flown(relief_m).position_error_m() < limit_m
     assert flown(relief_m).velocity_error_m_s() < limit_m_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relief_m", [0.0, RELIEF_M])
 def test_motion_is_as_uncertain_as_stated(relief_m: float) -> None:
     # Errors of frames that follow one another are alike: 79 of them are worth some 15, of 6 degrees of freedom each.
@@ -121,6 +124,7 @@ def test_biases_are_learnt_as_well_as_stated() -> None:
     assert (np.abs(state.accel_bias - true.accel) < 3 * accel_sigma).all()
 
 
+@pytest.mark.slow
 def test_sightings_worse_than_stated_are_noticed() -> None:
     """With ten times the variance, the squared errors would be ten times as large as stated if nothing told that."""
     flight, rng = Flight(PointWorld(relief_m=RELIEF_M)), np.random.default_rng(0)
@@ -131,6 +135,7 @@ def test_sightings_worse_than_stated_are_noticed() -> None:
     assert np.mean(flight.errors) < 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clones", [2, 20])
 def test_window_of_any_length_is_of_use(clones: int) -> None:
     flight = Flight(PointWorld(), GROUND, clones=clones)
@@ -158,6 +163,7 @@ def test_pose_to_be_kept_is_kept(clones: int) -> None:
     assert numbers == [3, *range(22 - clones, 21)]
 
 
+@pytest.mark.slow
 def test_frames_without_points_let_the_uncertainty_grow() -> None:
     flight, traces = Flight(PointWorld(), GROUND), []
     for moment in PointWorld().moments(40):

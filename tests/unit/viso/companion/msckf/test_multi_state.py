@@ -167,6 +167,7 @@ class TestBoth:
         assert used.nis_per_dof < 1e-6
         assert np.abs(window.relative_errors()).max() < 1e-6
 
+    @pytest.mark.slow
     def test_relative_poses_get_better(self, relief_m: float, plane: Plane | None) -> None:
         windows = updated_windows(relief_m, plane)
         assert np.mean(windows.errors_left) < 0.8 * np.mean(windows.errors)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.msckf.tracks import MOST_TRACKS, RIPE, TrackBook, padded
@@ -98,7 +98,6 @@ def test_point_that_comes_back_begins_anew() -> None:
 
 
 @given(st.lists(st.sets(st.integers(0, 70), max_size=70), min_size=1, max_size=25), st.sampled_from([2, 3]))
-@settings(max_examples=30)
 def test_no_sighting_is_used_twice_or_made_up(frames: list[set[int]], fewest: int) -> None:
     book, used = TrackBook(fewest), Counter[tuple[int, int]]()
     for number, points in enumerate(frames):

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.msckf.tracks import Tracks, padded
@@ -39,7 +39,6 @@ def sightings(points: Array, poses: list[SE3], lengths: list[int]) -> tuple[Arra
         st.tuples(st.floats(-8, 12), st.floats(-8, 8), st.floats(-5, 20), st.integers(2, 5)), min_size=1, max_size=12
     )
 )
-@settings(max_examples=40)
 def test_points_are_where_their_rays_meet(drawn: list[tuple[float, float, float, int]]) -> None:
     points = np.array([point[:3] for point in drawn])
     found, good = triangulate(*sightings(points, cameras(), [point[3] for point in drawn]))

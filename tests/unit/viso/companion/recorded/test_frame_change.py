@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
@@ -53,7 +53,6 @@ def rotation_of(trajectory: RecordedTrajectory) -> Array:
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-@settings(max_examples=15, deadline=None)
 @given(position=vectors, turn=vectors, velocity=vectors)
 def test_known_motion_comes_out_right(preset: str, position: Array, turn: Array, velocity: Array) -> None:
     rotation = so3_exp(turn)
@@ -63,7 +62,6 @@ def test_known_motion_comes_out_right(preset: str, position: Array, turn: Array,
     np.testing.assert_allclose(trajectory.world_velocities[0], velocity, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
 @given(turn=vectors, mounted=vectors, preset=st.sampled_from(sorted(PRESETS)))
 def test_mounting_is_taken_off_the_attitude(turn: Array, mounted: Array, preset: str) -> None:
     rotation, mounting = so3_exp(turn), so3_exp(mounted)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.recorded.conftest import MakeTrajectory
@@ -140,7 +140,6 @@ def test_resampling_keeps_what_was_left_out(make_trajectory: MakeTrajectory) -> 
     assert dict(make_trajectory(left_out={"reason": 3}).resampled(30.0, 1.0).left_out) == {"reason": 3}
 
 
-@settings(max_examples=50, deadline=None)
 @given(
     st.lists(st.integers(1, 3_000_000_000), min_size=1, max_size=20),
     st.floats(0.5, 200.0),

@@ -85,6 +85,7 @@ def test_landmarks_are_where_they_were_expected() -> None:
     assert 0.1 < flight.estimator.innovation_ratio < 2
 
 
+@pytest.mark.slow
 def test_same_input_same_state() -> None:
     one, other = Flight(WRONG_VELOCITY), Flight(WRONG_VELOCITY)
     one.go(8)
@@ -115,6 +116,7 @@ def test_relative_pose_is_that_to_the_keyframe_and_so_are_its_errors() -> None:
     assert float(error @ np.linalg.solve(cov, error)) / 6 < 4
 
 
+@pytest.mark.slow
 def test_keyframe_outlives_the_lag() -> None:
     flight = Flight()
     flight.go(round(LAG_S * 1e9 / PERIOD_NS) + 3)
@@ -182,6 +184,7 @@ def test_unsolvable_node_leaves_the_inertial_motion(monkeypatch: pytest.MonkeyPa
     assert np.linalg.eigvalsh(cov)[0] > 0
 
 
+@pytest.mark.slow
 def test_node_after_an_unsolvable_one_begins_anew_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight()
     flight.go(8)
@@ -218,6 +221,7 @@ def test_missing_inertial_data_make_the_smoother_begin_anew(last_ns: int) -> Non
     assert facts.begins
 
 
+@pytest.mark.slow
 def test_covered_lens_is_flown_through_by_inertial_data() -> None:
     flight = Flight()
     flight.go(10)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.sources.base import (
@@ -83,7 +83,6 @@ def test_frames_go_on_where_inertial_data_end() -> None:
     assert times(in_order_of_arrival([sample(0)], map(frame, (5, 9)), 0.0)) == ["imu 0", "frame 5", "frame 9"]
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.sets(st.integers(0, 50), max_size=20), st.sets(st.integers(0, 50), max_size=8), st.integers(-9, 9))
 def test_nothing_is_lost_and_every_window_is_there(imu_ms: set[int], frame_ms: set[int], offset_ms: int) -> None:
     events = list(in_order_of_arrival(map(sample, sorted(imu_ms)), map(frame, sorted(frame_ms)), offset_ms * 1e-3))
@@ -123,7 +122,6 @@ def test_late_frame_does_not_bring_the_next_ones_nearer() -> None:
     assert wanted_ms == [0, 100, 350, 450]
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(1, 200), min_size=2, max_size=60), st.floats(0.5, 50))
 def test_never_more_than_asked_for(gaps_ms: list[int], fps: float) -> None:
     thinning = Thinning(fps)

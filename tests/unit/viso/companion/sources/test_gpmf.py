@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.sources.gopro_maker import camera, item, nested, numbers, sensor, stream
@@ -93,7 +93,6 @@ SOUND = camera(sensor("ACCL", [(1, 2, 3)] * 4, 100, total=4, tick_ms=99, axes="Z
 )
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(SOUND) - 1), st.integers(0, 255)), min_size=1, max_size=5))
 def test_whatever_telemetry_holds_nothing_else_is_raised(changes: list[tuple[int, int]]) -> None:
     payload = bytearray(SOUND)

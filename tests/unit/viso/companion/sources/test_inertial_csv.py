@@ -78,7 +78,7 @@ def test_file_that_is_not_there_is_told(tmp_path: Path) -> None:
         read_inertial_csv(tmp_path / "imu.csv")
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.one_of(st.text(max_size=60), st.text("0123456789.,-+einfa\n#_tgxyz", max_size=80).map(HEAD.__add__)))
 def test_whatever_a_file_holds_nothing_else_is_raised(tmp_path: Path, text: str) -> None:
     path = tmp_path / "imu.csv"

@@ -75,7 +75,7 @@ def test_file_that_is_not_there_is_told(tmp_path: Path) -> None:
         read_payloads(tmp_path / "none.mp4", b"gpmd")
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_whatever_a_file_holds_nothing_else_is_raised(tmp_path: Path, data: st.DataObject) -> None:
     film = bytearray(movie(PAYLOADS, in_chunks_of=2))

@@ -116,6 +116,7 @@ def test_other_size_needs_a_calibration(tmp_path: Path) -> None:
         list(recording.events())
 
 
+@pytest.mark.slow
 @needs_karma
 def test_karma_is_tracked_at_3_frames_a_second_and_never_lost() -> None:
     recording = open_gopro(SourceOptions(str(FLIGHT), fps=10 / 3))
@@ -141,6 +142,7 @@ def test_euroc_starts_from_the_truth() -> None:
     assert 0.3 < np.linalg.norm(recording.start.velocity_b) < 1.0
 
 
+@pytest.mark.slow
 @needs_clip
 def test_euroc_may_have_fewer_frames() -> None:
     all_of_it, fewer = (open_euroc(SourceOptions(str(CLIP), fps=fps)) for fps in (None, 5.0))
@@ -179,6 +181,7 @@ def synthetic() -> Recording:
     return open_synthetic(SourceOptions("synthetic:3"))
 
 
+@pytest.mark.slow
 def test_synthetic_flight_knows_its_truth_and_its_height(synthetic: Recording) -> None:
     recording = synthetic
     assert recording.poses is not None
@@ -189,6 +192,7 @@ def test_synthetic_flight_knows_its_truth_and_its_height(synthetic: Recording) -
     assert counted(recording, 300)["HeightMeasurement"] >= 4
 
 
+@pytest.mark.slow
 def test_seed_tells_flights_apart(synthetic: Recording) -> None:
     other = open_synthetic(SourceOptions("synthetic"))
     assert synthetic.start is not None

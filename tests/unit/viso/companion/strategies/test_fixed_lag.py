@@ -83,11 +83,13 @@ def test_innovations_are_about_as_expected() -> None:
     assert 0.2 < plain_flight().frames[-1].update.report.innovation_ratio < 2
 
 
+@pytest.mark.slow
 def test_same_flight_same_poses() -> None:
     again = positions(fly(2.5, calibration=nadir_calibration()))
     assert again == positions(plain_flight())[: len(again)]
 
 
+@pytest.mark.slow
 def test_frames_between_nodes_have_outputs_too() -> None:
     trial = fly(2.0, frame_rate_hz=15.0)
     outputs = [frame.update.output for frame in trial.frames]
@@ -108,6 +110,7 @@ def test_too_few_landmarks_are_not_tracking() -> None:
     assert healths[-1].state is VioState.TRACKING
 
 
+@pytest.mark.slow
 def test_covered_lens_is_survived() -> None:
     trial = fly(5.5, covered_s=((2.5, 3.4),))
     covered = [frame for frame in trial.frames if 2.5 < frame.update.t_ns * 1e-9 < 3.4]
@@ -128,6 +131,7 @@ def failing(times: range) -> Any:
     return sometimes
 
 
+@pytest.mark.slow
 def test_unsolvable_frame_is_a_lost_one_and_the_next_a_keyframe(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LagSmoother, "solve", failing(range(8, 9)))
     trial = fly(4.5)
@@ -154,6 +158,7 @@ class GappyFlight(SyntheticFlight):
         return (one for one in super().events() if not (isinstance(one, ImuSample) and 2.0e9 < one.t_ns < 2.5e9))
 
 
+@pytest.mark.slow
 def test_missing_inertial_data_are_survived() -> None:
     trial = fly(5.0, flight_class=GappyFlight)
     assert VioState.DEGRADED in states(trial)

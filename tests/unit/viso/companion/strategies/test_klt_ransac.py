@@ -50,10 +50,12 @@ class TestCourse:
     def test_plane_and_height_keep_it_on_course(self, flown: Aboard) -> None:
         assert flown.error_m() < 0.6
 
+    @pytest.mark.slow
     def test_scene_nothing_is_known_of_keeps_it_on_course(self) -> None:
         general = begun(20, scene=Scene.GENERAL, agl_source=AglSource.NONE)
         assert general.error_m() < 2.5
 
+    @pytest.mark.slow
     def test_scene_that_turns_out_to_be_a_plane_keeps_it_on_course(self) -> None:
         assert begun(20, scene=Scene.AUTO).error_m() < 1.5
 
@@ -69,6 +71,7 @@ class TestHealth:
     def test_good_flight_is_tracking(self, flown: Aboard) -> None:
         assert [health.state for health in flown.healths] == [VioState.INIT] * 2 + [VioState.TRACKING] * 28
 
+    @pytest.mark.slow
     def test_covered_lens_is_degraded_while_it_lasts(self, covered: Aboard) -> None:
         lost = [health.consecutive_lost for health in covered.healths]
         first = lost.index(1)
@@ -85,6 +88,7 @@ class TestHealth:
         assert traces == sorted(traces)
         assert traces[-1] > 5 * traces[0]
 
+    @pytest.mark.slow
     def test_lens_covered_for_too_long_is_lost(self) -> None:
         covered = aboard(record(covered_s=((2.1, 9.0),), duration_s=4.5), lost_frames_fatal=9)
         states = [health.state for health in covered.healths]
@@ -104,6 +108,7 @@ class TestHealth:
         assert inflated.healths[-1].state is VioState.DEGRADED
         assert np.allclose(inflated.last().pose_covariance_6x6, 4 * plain.last().pose_covariance_6x6)
 
+    @pytest.mark.slow
     def test_inertial_data_that_contradict_the_pictures_show(self) -> None:
         """A body that is told it flies sideways: the tracks are refused, or their errors tell."""
 
@@ -170,6 +175,7 @@ class TestWindow:
         assert max(lengths) == clones
         assert flying.error_m() < 1.0
 
+    @pytest.mark.slow
     def test_fast_pictures_are_thinned(self) -> None:
         fast = record(duration_s=0.75, frame_rate_hz=60.0)
         flying = Aboard(fast, fast.warm_start())
@@ -188,6 +194,7 @@ def _numbers(on_board: Aboard) -> list[int]:
     return [] if estimator is None else [clone.number for clone in estimator.state.clones]
 
 
+@pytest.mark.slow
 def test_seen_from_a_camera_that_looks_ahead_it_works_as_well() -> None:
     """The mounting is the calibration's: the same flight with the camera tilted by 20 degrees."""
     straight = survey().calibration

@@ -39,6 +39,7 @@ def shifted(pose: WarmStartPose, by_m: Any) -> WarmStartPose:
 class TestBeginning:
     """How a state comes to be."""
 
+    @pytest.mark.slow
     def test_two_good_frames_after_a_warm_start_are_enough(self, flown: Aboard) -> None:
         assert [health.state for health in flown.healths[:4]] == [VioState.INIT] * 2 + [VioState.TRACKING] * 2
         assert [output is None for output in flown.outputs[:3]] == [True, True, False]
@@ -145,6 +146,7 @@ class TestBadData:
         assert flying.healths[at].consecutive_lost == 0
         assert flying.healths[-1].state is VioState.TRACKING
 
+    @pytest.mark.slow
     def test_frame_without_inertial_data_is_lost_and_its_pose_uncertain(self) -> None:
         flying = begun(20, self.without_imu(2_195_000_000, 2_615_000_000))
         at = flying.reasons().index(IMU_EMPTY)
@@ -174,6 +176,7 @@ class TestBadData:
         assert unharmed is not None
         assert flying.last().world_T_body.t == pytest.approx(unharmed.world_T_body.t, abs=0.5)
 
+    @pytest.mark.slow
     def test_height_is_made_use_of(self, flown: Aboard) -> None:
         def higher(event: SensorEvent) -> SensorEvent:
             if isinstance(event, HeightMeasurement):
@@ -210,11 +213,13 @@ class TestBadData:
 class TestCamera:
     """Cameras of other sizes, clocks and rates."""
 
+    @pytest.mark.slow
     def test_large_pictures_are_worked_on_when_small(self) -> None:
         small = begun(20, working_width_px=160)
         assert small.healths[-1].state is VioState.TRACKING
         assert small.error_m() < 1.0
 
+    @pytest.mark.slow
     def test_offset_of_the_cameras_clock_is_heeded(self) -> None:
         late = record(calibration=dataclasses.replace(survey().calibration, time_offset_s=-0.15), duration_s=4.0)
         flying = aboard(late)

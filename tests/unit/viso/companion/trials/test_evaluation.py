@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from evo.core import metrics, sync  # type: ignore[import-untyped]  # evo ships no type information
 from evo.core.trajectory import PoseTrajectory3D  # type: ignore[import-untyped]  # as above
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.trials.evaluation import (
@@ -56,7 +56,6 @@ def in_evo(poses: TimedPoses) -> PoseTrajectory3D:
     )
 
 
-@settings(deadline=None, max_examples=15)
 @given(seeds)
 def test_absolute_error_is_evos(seed: int) -> None:
     truth = flown(seed)
@@ -71,7 +70,7 @@ def test_absolute_error_is_evos(seed: int) -> None:
     )
 
 
-@settings(deadline=None, max_examples=15)
+@pytest.mark.slow
 @given(seeds)
 def test_alignment_and_scale_are_evos(seed: int) -> None:
     truth = flown(seed)

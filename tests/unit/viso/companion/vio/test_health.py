@@ -380,4 +380,4 @@ class AnyFlight(RuleBasedStateMachine):
 
 
 TestAnyFlight = AnyFlight.TestCase
-TestAnyFlight.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+TestAnyFlight.settings = settings(stateful_step_count=30)

@@ -141,7 +141,7 @@ class AnyTraffic(RuleBasedStateMachine):
 
 
 TestAnyTraffic = AnyTraffic.TestCase
-TestAnyTraffic.settings = settings(max_examples=30, stateful_step_count=20, deadline=None)
+TestAnyTraffic.settings = settings(stateful_step_count=20)
 
 
 class Rig:

@@ -65,6 +65,7 @@ def relative_error(window: ImuWindow, start: Array, end: Array, bias_known: bool
     return relative
 
 
+@pytest.mark.slow
 def test_errors_are_within_three_sigma() -> None:
     errors = np.abs(relative_errors(every=20))
     assert len(errors) > 70

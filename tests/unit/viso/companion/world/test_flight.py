@@ -104,7 +104,8 @@ def test_truth_is_the_trajectorys() -> None:
     assert np.array_equal(flown.truth_velocity_w(1_500_000_000), flown.trajectory.velocity_w(1.5))
 
 
-@pytest.mark.parametrize("scale", [1.0, 1.03])
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [pytest.param(1.0, marks=pytest.mark.slow), 1.03])
 def test_heights_are_noisy_and_may_be_off_by_a_scale(scale: float) -> None:
     tiny = nadir_calibration(8, 6, 6.0)
     flown = flight(frame_rate_hz=400.0, height_sigma_m=0.2, height_scale=scale, calibration=tiny)

@@ -18,6 +18,7 @@ def test_same_seed_gives_the_same_ground() -> None:
     assert np.array_equal(small(3).pixels, small(3).pixels)
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_ground() -> None:
     assert np.abs(small(3).pixels.astype(int) - small(4).pixels).mean() > 10
 

@@ -45,7 +45,7 @@ def test_imu_shows_its_biases() -> None:
     assert biases[-1] == pytest.approx(biases[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("rate_hz", [100, 400])
+@pytest.mark.parametrize("rate_hz", [pytest.param(100, marks=pytest.mark.slow), 400])
 def test_white_noise_has_its_density(rate_hz: int) -> None:
     noise = ImuNoise(gyro=2e-3, accel=3e-2, gyro_walk=1e-12, accel_walk=1e-12)
     _, samples, _ = read(SimulatedImu(SURVEY, noise, rate_hz=rate_hz), 4000)
@@ -54,7 +54,8 @@ def test_white_noise_has_its_density(rate_hz: int) -> None:
     assert deviation == pytest.approx([2e-3] * 3 + [3e-2] * 3, rel=0.05)
 
 
-@pytest.mark.parametrize("rate_hz", [100, 400])
+@pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [pytest.param(100, marks=pytest.mark.slow), 400])
 def test_biases_walk_with_their_density(rate_hz: int) -> None:
     noise = ImuNoise(gyro=1e-12, accel=1e-12, gyro_walk=1e-3, accel_walk=2e-2)
     _, samples, biases = read(SimulatedImu(SURVEY, noise, ImuBias.zero(), rate_hz), 4000)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.world.from_ground import from_ground
@@ -26,7 +26,7 @@ flights = st.sampled_from(sorted(FLIGHTS))
 times = st.floats(0.0, 60.0)
 
 
-@settings(deadline=None, max_examples=40)
+@pytest.mark.slow
 @given(flights, times)
 def test_velocity_integrates_to_the_position(name: str, start_s: float) -> None:
     motion = FLIGHTS[name].motion(start_s + MILLISECONDS)
@@ -34,7 +34,7 @@ def test_velocity_integrates_to_the_position(name: str, start_s: float) -> None:
     assert moved == pytest.approx(motion.position_w[-1] - motion.position_w[0], abs=2e-6)
 
 
-@settings(deadline=None, max_examples=40)
+@pytest.mark.slow
 @given(flights, times)
 def test_specific_force_and_gravity_integrate_to_the_velocity(name: str, start_s: float) -> None:
     motion = FLIGHTS[name].motion(start_s + MILLISECONDS)
@@ -43,7 +43,6 @@ def test_specific_force_and_gravity_integrate_to_the_velocity(name: str, start_s
     assert gained == pytest.approx(motion.velocity_w[-1] - motion.velocity_w[0], abs=2e-6)
 
 
-@settings(deadline=None, max_examples=40)
 @given(flights, times)
 def test_rates_integrate_to_the_attitude(name: str, start_s: float) -> None:
     motion = FLIGHTS[name].motion(start_s + MILLISECONDS)
@@ -53,7 +52,6 @@ def test_rates_integrate_to_the_attitude(name: str, start_s: float) -> None:
     assert np.linalg.norm(so3_log(motion.rotation_wb[-1].T @ rotation)) < 2e-6
 
 
-@settings(deadline=None, max_examples=40)
 @given(flights, times)
 def test_attitude_has_the_yaw(name: str, time_s: float) -> None:
     flight = FLIGHTS[name]
@@ -61,7 +59,6 @@ def test_attitude_has_the_yaw(name: str, time_s: float) -> None:
     assert math.remainder(yaw_of(flight.pose(time_s).R) - yaw_rad, 2 * math.pi) == pytest.approx(0, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
 @given(flights, times)
 def test_single_pose_and_velocity_are_those_of_the_motion(name: str, time_s: float) -> None:
     flight = FLIGHTS[name]

@@ -86,6 +86,7 @@ def test_point_of_the_plane_appears_where_the_calibration_says(calibration: Came
     assert seen == pytest.approx(expected_pixel(calibration, pose, point), abs=0.05)
 
 
+@pytest.mark.slow
 def test_tracks_between_two_frames_follow_the_homography_of_the_plane(countryside: GroundTexture) -> None:
     renderer = PlaneRenderer(countryside, CALIBRATION)
     first, second = above(1, 2, 40), above(3.1, 0.6, 42, yaw_rad=0.06, tilt=(0.02, -0.03))
@@ -208,6 +209,7 @@ def test_view_of_more_than_ground_is_refused(pose: SE3, message: str) -> None:
         PlaneRenderer(flat(), CALIBRATION).render(pose, 0, 0)
 
 
+@pytest.mark.slow
 def test_lens_that_does_not_reach_the_corners_is_refused() -> None:
     folded = dataclasses.replace(RADTAN, distortion=np.array([-2.0, 0.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="the lens does not reach the corners"):

@@ -149,6 +149,7 @@ def test_log_that_is_cut_short_ends_early(path: Path, lost_bytes: int, capsys: p
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_log_of_the_firmware_agrees_with_its_attitude_records() -> None:
     events, file = read(LOGS / "t265.BIN.xz")
     poses = [event for event in events if isinstance(event, VehiclePose)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.landmarks.inputs.base import InputFileError
@@ -193,7 +193,6 @@ _VALUES = st.sampled_from(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(now=_VALUES, fields=st.dictionaries(st.sampled_from([*ROW, "altitude", "speed"]), _VALUES, max_size=4))
 def test_nothing_makes_it_raise(now: Any, fields: dict[str, Any]) -> None:
     reader = Dump1090Reader()

@@ -8,7 +8,7 @@ import socket
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.landmarks.inputs.base import InputFileError
@@ -59,7 +59,6 @@ def test_packed_file_that_is_cut_short_names_the_line(tmp_path: Path) -> None:
     assert re.match(rf"{re.escape(str(path))}:\d: damaged gzip file: ", complaint(path))
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.text(st.characters(exclude_characters="\r\n", exclude_categories=["Cs"]))), st.data())
 def test_lines_come_out_however_the_bytes_arrive(lines: list[str], data: st.DataObject) -> None:
     stream = "".join(f"{line}\r\n" for line in lines).encode()

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("pyModeS", reason="pyModeS is not installed")
@@ -45,7 +45,6 @@ def test_checksum_is_that_of_the_decoder() -> None:
     assert pyModeS.Message(frames.position(*ZURICH, odd=False)).crc_valid
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     latitude_deg=st.floats(-85, 85, allow_nan=False),
     longitude_deg=st.floats(-179.9, 179.9),
@@ -182,14 +181,12 @@ def test_damaged_frames_do_not_spoil_the_others() -> None:
     assert reader.refused == {"a frame with a bad checksum": len(flown)}
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.one_of(st.text(max_size=60), st.binary(min_size=14, max_size=14).map(lambda data: f"5 {data.hex()}")))
 def test_nothing_makes_it_raise(line: str) -> None:
     reader = ModeSReader()
     assert reader.take(line, 1.0) == []
 
 
-@settings(max_examples=100, deadline=None)
 @given(message=st.integers(0, 2**56 - 1), t_s=st.floats(0, 1e10))
 def test_nothing_that_a_sound_frame_holds_makes_it_raise(message: int, t_s: float) -> None:
     reader = ModeSReader()

@@ -5,7 +5,7 @@
 from datetime import UTC, datetime
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.landmarks.inputs.sbs1 import FIELDS, Sbs1Reader
@@ -46,7 +46,6 @@ def test_report_has_what_the_lines_before_told() -> None:
     assert report == AircraftReport(NOON_S + 3.125, ICAO, 47.46412, 8.54903, 5000.0, 251.5, 87.3, -640.0, True)
 
 
-@settings(max_examples=100)
 @given(st.floats(-90, 90), st.floats(-180, 180), st.integers(-40, 2000))
 def test_positions_come_back_within_the_five_decimals_of_the_format(lat: float, lon: float, steps: int) -> None:
     text = line(3, alt=25 * steps, lat=f"{lat:.5f}", lon=f"{lon:.5f}")
@@ -158,7 +157,6 @@ def test_what_is_of_no_use_is_counted(text: str, reason: str) -> None:
     assert reader.refused == {reason: 1}
 
 
-@settings(max_examples=200)
 @given(
     st.one_of(
         st.text(max_size=80),

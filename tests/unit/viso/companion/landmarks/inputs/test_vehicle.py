@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mav_handlers.links.tlog import TlogWriter
@@ -187,7 +187,6 @@ def test_aircraft_may_come_from_anyone() -> None:
     assert not stream.refused
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.binary(max_size=200))
 def test_bytes_that_are_no_frames_do_no_harm(junk: bytes) -> None:
     stream = MavlinkStream()
