@@ -8,12 +8,12 @@ from functools import cache
 
 import pytest
 
+from tests.copies import Copies
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from tests.unit.ekf_stub.core_rig import CoreRig
 from tests.unit.ekf_stub.filter_parts import FilterParts
 from viso.sensors.errors import NO_ERRORS, SensorErrors
 from viso.sensors.options import ImuOptions
-from viso.testing.copies import Copies
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from viso.testing.copies import Copies
+from tests.copies import Copies
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig

@@ -11,8 +11,8 @@ import pytest
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from tests.copies import Copies
 from viso.sensors.errors import SensorErrors
-from viso.testing.copies import Copies
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig

@@ -75,9 +75,8 @@ def test_every_message_fits_its_fields(desk: "Desk", version: int) -> None:
             assert desk.channel.send(message)
 
 
-@pytest.mark.parametrize("name", SILENT)
-def test_silent_rows_say_nothing(desk: "Desk", name: str) -> None:
-    assert desk.has_nothing(SENDERS[name])
+def test_silent_rows_say_nothing(desk: "Desk") -> None:
+    assert [name for name in SILENT if not desk.has_nothing(SENDERS[name])] == []
 
 
 def test_placeholders_are_messages_that_are_said() -> None:
@@ -112,10 +111,10 @@ def test_messages_in_no_stream_are_known(name: str) -> None:
     assert all(name not in names for _, names in STREAM_GROUPS.values())
 
 
-@pytest.mark.parametrize("name", SILENT)
-def test_silent_messages_are_accepted_and_not_sent(bench: "Bench", client: "Client", name: str) -> None:
-    assert client.command(512, message_id(name)) == 0
-    assert client.command(511, message_id(name), 100_000) == 0
+def test_silent_messages_are_accepted_and_not_sent(bench: "Bench", client: "Client") -> None:
+    for name in SILENT:
+        assert client.command(512, message_id(name)) == 0, name
+        assert client.command(511, message_id(name), 100_000) == 0, name
     bench.run_ms(300)
     assert client.read() == []
 
