@@ -26,7 +26,7 @@ def innovations(scenes: list[Scene]) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("mode", FrameMode)
-@pytest.mark.parametrize("qnh_offset_m", [None, 44.0])
+@pytest.mark.parametrize("qnh_offset_m", [pytest.param(None, marks=pytest.mark.slow), 44.0])
 def test_innovations_are_exactly_zero_without_noise(mode: FrameMode, qnh_offset_m: float | None) -> None:
     flight = SyntheticFlight(CAMERA, duration_s=20.0, mode=mode, qnh_offset_m=qnh_offset_m)
     session = Session(Settings(camera=CAMERA, mode=mode, qnh_offset_m=qnh_offset_m))

@@ -110,7 +110,7 @@ def test_motion_is_as_uncertain_as_stated(relief_m: float) -> None:
     assert np.mean(flown(relief_m).errors) == pytest.approx(1.0, abs=0.45)
 
 
-@pytest.mark.parametrize("relief_m", [0.0, RELIEF_M])
+@pytest.mark.parametrize("relief_m", [0.0, pytest.param(RELIEF_M, marks=pytest.mark.slow)])
 def test_innovation_ratio_of_good_sightings_is_about_one(relief_m: float) -> None:
     assert flown(relief_m).estimator.innovation_ratio == pytest.approx(1.0, abs=0.2)
 

@@ -221,6 +221,7 @@ class TestBoth:
         window = Window(relief_m=relief_m, errors=4.0)
         assert window.use(plane).used > 0.8 * POINTS
 
+    @pytest.mark.slow
     def test_noise_beyond_what_is_stated_counts(self, relief_m: float, plane: Plane | None) -> None:
         ratios = []
         for seed in range(5):

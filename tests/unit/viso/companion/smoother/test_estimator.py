@@ -125,6 +125,7 @@ def test_keyframe_outlives_the_lag() -> None:
     assert np.allclose(pose.t, (pose_at(0).inverse() @ pose_at(flight.t_ns)).t, atol=0.3)
 
 
+@pytest.mark.slow
 def test_nodes_further_apart_than_the_lag_are_no_obstacle() -> None:
     flight = Flight()
     flight.go(6)

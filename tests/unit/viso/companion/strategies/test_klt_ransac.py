@@ -59,6 +59,7 @@ class TestCourse:
     def test_scene_that_turns_out_to_be_a_plane_keeps_it_on_course(self) -> None:
         assert begun(20, scene=Scene.AUTO).error_m() < 1.5
 
+    @pytest.mark.slow
     def test_same_input_gives_the_same_bytes(self, flown: Aboard) -> None:
         again = begun(15)
         assert [as_bytes(output) for output in again.outputs] == [as_bytes(output) for output in flown.outputs[:15]]
@@ -81,6 +82,7 @@ class TestHealth:
         assert covered.healths[-1].state is VioState.TRACKING
         assert covered.error_m() < 1.5
 
+    @pytest.mark.slow
     def test_pose_grows_uncertain_while_nothing_is_seen(self, covered: Aboard) -> None:
         first = next(index for index, health in enumerate(covered.healths) if health.consecutive_lost)
         traces = [output.pose_covariance_6x6.trace() for output in covered.outputs[first : first + 6] if output]

@@ -166,6 +166,7 @@ class TestBadData:
         assert unharmed is not None
         assert flying.last().world_T_body.t == pytest.approx(unharmed.world_T_body.t)
 
+    @pytest.mark.slow
     def test_wrong_height_now_and_then_does_little_harm(self, flown: Aboard) -> None:
         def spike(event: SensorEvent) -> SensorEvent:
             if isinstance(event, HeightMeasurement) and event.t_ns // PERIOD_NS % 6 == 5:

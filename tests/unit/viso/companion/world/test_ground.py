@@ -14,6 +14,7 @@ def small(seed: int = 0) -> GroundTexture:
     return generate_texture(seed, size_px=512, metres_per_pixel=0.1)
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_ground() -> None:
     assert np.array_equal(small(3).pixels, small(3).pixels)
 
