@@ -15,12 +15,11 @@ from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
 from mav_handlers.schedule.deferred import NEXT_PARAM
 from mav_handlers.senders import SENDERS
-from mav_handlers.wire.messages import Message
+from mav_handlers.wire.messages import MESSAGES
 
 SENT_WHILE_BOOTING: Final = frozenset({"HEARTBEAT", NEXT_PARAM, "HIGH_LATENCY2", "AUTOPILOT_VERSION"})
 
 _RANK: Final = {name: number for number, name in enumerate(SENDERS)}
-_TYPES: Final = {cls.__name__: cls for cls in Message.__subclasses__()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,7 @@ class Sending:
         if self._is_delayed(now_us):
             return False
         # A message without a dataclass is one that never has anything to report.
-        if name in _TYPES and not channel.has_space_for(_TYPES[name], now_us):
+        if name in MESSAGES and not channel.has_space_for(MESSAGES[name], now_us):
             return False
         if name == NEXT_PARAM:
             pump_params(self.vehicle.params, channel, self.reads, self.radio, now_us)

@@ -14,7 +14,7 @@ from mav_handlers.wire import messages
 from mav_handlers.wire.drafts import draft_messages
 from mav_handlers.wire.frames import Form, Header, Received, plain_frame
 from mav_handlers.wire.message_class import maker_of
-from mav_handlers.wire.messages import Message
+from mav_handlers.wire.messages import MESSAGES, Message
 from mav_handlers.wire.signature import SIGNATURE_BLOCK_BYTES, LinkSigning
 
 V2_HEADER_AND_CRC_BYTES: Final = 12
@@ -65,7 +65,7 @@ for _draft in draft_messages(dialect.MAVLink_message):
 
 def _layouts() -> dict[str, _Layout]:
     known = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
-    return {cls.__name__: _layout_of(cls, known[cls.__name__]) for cls in Message.__subclasses__()}
+    return {name: _layout_of(cls, known[name]) for name, cls in MESSAGES.items()}
 
 
 _LAYOUTS: Final = _layouts()
@@ -113,11 +113,7 @@ _crc_of: Final[Callable[[bytes], int]] = getattr(dialect, "mcrf4xx", None) or _c
 
 
 def message_id(name: str) -> int:
-    """Return the id of a message by its name.
-
-    Raises:
-        KeyError: if the dialect has no such message.
-    """
+    """Return the id of a message by its name. Raises KeyError if the dialect has no such message."""
     return _ID_OF_NAME[name]
 
 
@@ -246,11 +242,7 @@ class Codec:
         return received
 
     def encode(self, message: Message) -> bytes:
-        """Return the next frame with this message.
-
-        Raises:
-            struct.error: if a field does not fit its type.
-        """
+        """Return the next frame with this message. Raises struct.error if a field does not fit its type."""
         layout = _LAYOUTS[type(message).__name__]
         values = {
             name: getattr(message, name).encode("ascii", "replace") if name in layout.texts else getattr(message, name)

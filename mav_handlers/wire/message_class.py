@@ -8,7 +8,7 @@ time in which an autopilot starts, and what it compiles stores fields more slowl
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, FrozenInstanceError, dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NoReturn, TypeVar, dataclass_transform
 
 
 class Message:
@@ -70,6 +70,9 @@ class Message:
 
 _M = TypeVar("_M", bound=Message)
 
+MESSAGES: Final[dict[str, type[Message]]] = {}
+"""All message classes by name."""
+
 Values = tuple[Any, ...]
 
 
@@ -88,9 +91,11 @@ def maker_of(cls: type[_M], pick: Callable[[Values], Values]) -> Callable[[Value
 
 @dataclass_transform(frozen_default=True)
 def message(cls: type[_M]) -> type[_M]:
-    """Make a message class of a class with annotated fields."""
+    """Make a message class of a class with annotated fields; with a leading ``_`` it is for others to inherit from."""
     made = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
     made._names = tuple(field.name for field in fields(made))
-    made._puts = tuple(vars(made)[name].__set__ for name in made._names)
+    made._puts = tuple(getattr(made, name).__set__ for name in made._names)
     made._defaults = {field.name: field.default for field in fields(made) if field.default is not MISSING}
+    if not made.__name__.startswith("_"):
+        MESSAGES[made.__name__] = made
     return made

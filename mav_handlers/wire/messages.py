@@ -4,10 +4,20 @@
 
 Field names, units and order are those of the message definitions (common.xml, ardupilotmega.xml). Arrays are tuples,
 text is ``str`` without its padding. Extension fields, which a sender may leave out, default to zero as on the wire.
+Messages that share fields inherit them from a class with a leading ``_``, never from one another.
 """
 
+from mav_handlers.wire.message_class import MESSAGES as MESSAGES
 from mav_handlers.wire.message_class import Message as Message
 from mav_handlers.wire.message_class import message
+
+
+@message
+class _Targeted(Message):
+    """What is meant for one system and component; 0 for all."""
+
+    target_system: int
+    target_component: int
 
 
 @message
@@ -62,21 +72,16 @@ class SET_MODE(Message):
 
 
 @message
-class PARAM_REQUEST_READ(Message):
+class PARAM_REQUEST_READ(_Targeted):
     """Request for one parameter, by index or (index -1) by name."""
 
-    target_system: int
-    target_component: int
     param_id: str
     param_index: int
 
 
 @message
-class PARAM_REQUEST_LIST(Message):
+class PARAM_REQUEST_LIST(_Targeted):
     """Request for all parameters."""
-
-    target_system: int
-    target_component: int
 
 
 @message
@@ -91,22 +96,18 @@ class PARAM_VALUE(Message):
 
 
 @message
-class PARAM_SET(Message):
+class PARAM_SET(_Targeted):
     """Request to change a parameter."""
 
-    target_system: int
-    target_component: int
     param_id: str
     param_value: float
     param_type: int
 
 
 @message
-class PARAM_ERROR(Message):
+class PARAM_ERROR(_Targeted):
     """Why a parameter was not read or set (MAV_PARAM_ERROR); by name with index -1."""
 
-    target_system: int
-    target_component: int
     param_id: str
     param_index: int
     error: int
@@ -135,8 +136,8 @@ class GPS_RAW_INT(Message):
 
 
 @message
-class SCALED_IMU(Message):
-    """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
+class _ScaledImu(Message):
+    """An IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
 
     time_boot_ms: int
     xacc: int
@@ -149,6 +150,11 @@ class SCALED_IMU(Message):
     ymag: int
     zmag: int
     temperature: int = 0
+
+
+@message
+class SCALED_IMU(_ScaledImu):
+    """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
 
 
 @message
@@ -350,11 +356,9 @@ class RC_CHANNELS(Message):
 
 
 @message
-class REQUEST_DATA_STREAM(Message):
+class REQUEST_DATA_STREAM(_Targeted):
     """Request for the rate in Hz of a group of messages."""
 
-    target_system: int
-    target_component: int
     req_stream_id: int
     req_message_rate: int
     start_stop: int
@@ -373,11 +377,9 @@ class VFR_HUD(Message):
 
 
 @message
-class COMMAND_INT(Message):
+class COMMAND_INT(_Targeted):
     """A command with x and y as integers."""
 
-    target_system: int
-    target_component: int
     frame: int
     command: int
     current: int
@@ -392,11 +394,9 @@ class COMMAND_INT(Message):
 
 
 @message
-class COMMAND_LONG(Message):
+class COMMAND_LONG(_Targeted):
     """A command with seven float32 parameters."""
 
-    target_system: int
-    target_component: int
     command: int
     confirmation: int
     param1: float
@@ -421,22 +421,7 @@ class COMMAND_ACK(Message):
 
 
 @message
-class GLOBAL_VISION_POSITION_ESTIMATE(Message):
-    """An alias of VISION_POSITION_ESTIMATE to the firmware; not a geodetic position."""
-
-    usec: int
-    x: float
-    y: float
-    z: float
-    roll: float
-    pitch: float
-    yaw: float
-    covariance: tuple[float, ...] = (0.0,) * 21
-    reset_counter: int = 0
-
-
-@message
-class VISION_POSITION_ESTIMATE(Message):
+class _PoseEstimate(Message):
     """Position in m NED, roll, pitch, yaw in rad, row-major upper triangle of the 6x6 covariance."""
 
     usec: int
@@ -447,6 +432,19 @@ class VISION_POSITION_ESTIMATE(Message):
     pitch: float
     yaw: float
     covariance: tuple[float, ...] = (0.0,) * 21
+
+
+@message
+class GLOBAL_VISION_POSITION_ESTIMATE(_PoseEstimate):
+    """An alias of VISION_POSITION_ESTIMATE to the firmware; not a geodetic position."""
+
+    reset_counter: int = 0
+
+
+@message
+class VISION_POSITION_ESTIMATE(_PoseEstimate):
+    """Position in m NED, roll, pitch, yaw in rad, row-major upper triangle of the 6x6 covariance."""
+
     reset_counter: int = 0
 
 
@@ -463,22 +461,13 @@ class VISION_SPEED_ESTIMATE(Message):
 
 
 @message
-class VICON_POSITION_ESTIMATE(Message):
+class VICON_POSITION_ESTIMATE(_PoseEstimate):
     """As VISION_POSITION_ESTIMATE, without a reset counter."""
-
-    usec: int
-    x: float
-    y: float
-    z: float
-    roll: float
-    pitch: float
-    yaw: float
-    covariance: tuple[float, ...] = (0.0,) * 21
 
 
 @message
-class HIGHRES_IMU(Message):
-    """Inertial sensors, compass and barometer with a mask of what is new: m/s/s, rad/s, hPa, m, degC."""
+class _Sensors(Message):
+    """Inertial sensors, compass and barometer with a mask of what is new."""
 
     time_usec: int
     xacc: float
@@ -499,6 +488,11 @@ class HIGHRES_IMU(Message):
 
 
 @message
+class HIGHRES_IMU(_Sensors):
+    """Inertial sensors, compass and barometer with a mask of what is new: m/s/s, rad/s, hPa, m, degC."""
+
+
+@message
 class TIMESYNC(Message):
     """Time in ns: tc1 of the answering side (0 in a request), ts1 of the asking side."""
 
@@ -507,20 +501,8 @@ class TIMESYNC(Message):
 
 
 @message
-class SCALED_IMU2(Message):
+class SCALED_IMU2(_ScaledImu):
     """Second IMU and compass, as SCALED_IMU."""
-
-    time_boot_ms: int
-    xacc: int
-    yacc: int
-    zacc: int
-    xgyro: int
-    ygyro: int
-    zgyro: int
-    xmag: int
-    ymag: int
-    zmag: int
-    temperature: int = 0
 
 
 @message
@@ -533,20 +515,8 @@ class POWER_STATUS(Message):
 
 
 @message
-class SCALED_IMU3(Message):
+class SCALED_IMU3(_ScaledImu):
     """Third IMU and compass, as SCALED_IMU."""
-
-    time_boot_ms: int
-    xacc: int
-    yacc: int
-    zacc: int
-    xgyro: int
-    ygyro: int
-    zgyro: int
-    xmag: int
-    ymag: int
-    zmag: int
-    temperature: int = 0
 
 
 @message
@@ -635,11 +605,8 @@ class AHRS2(Message):
 
 
 @message
-class AUTOPILOT_VERSION_REQUEST(Message):
+class AUTOPILOT_VERSION_REQUEST(_Targeted):
     """Request for AUTOPILOT_VERSION."""
-
-    target_system: int
-    target_component: int
 
 
 @message
@@ -784,11 +751,9 @@ class FILE_TRANSFER_PROTOCOL(Message):
 
 
 @message
-class LOG_REQUEST_LIST(Message):
+class LOG_REQUEST_LIST(_Targeted):
     """Request for a list of logs: first and last id."""
 
-    target_system: int
-    target_component: int
     start: int
     end: int
 
@@ -805,11 +770,9 @@ class LOG_ENTRY(Message):
 
 
 @message
-class LOG_REQUEST_DATA(Message):
+class LOG_REQUEST_DATA(_Targeted):
     """Request for ``count`` bytes of a log from offset ``ofs`` on."""
 
-    target_system: int
-    target_component: int
     id: int
     ofs: int
     count: int
@@ -826,27 +789,19 @@ class LOG_DATA(Message):
 
 
 @message
-class LOG_ERASE(Message):
+class LOG_ERASE(_Targeted):
     """Request to erase all logs."""
 
-    target_system: int
-    target_component: int
-
 
 @message
-class LOG_REQUEST_END(Message):
+class LOG_REQUEST_END(_Targeted):
     """Request to stop a log transfer."""
 
-    target_system: int
-    target_component: int
-
 
 @message
-class SETUP_SIGNING(Message):
+class SETUP_SIGNING(_Targeted):
     """Signing key of 32 bytes and first timestamp (10 us since 2015); all zero ends signing."""
 
-    target_system: int
-    target_component: int
     secret_key: tuple[int, ...]
     initial_timestamp: int
 
@@ -944,25 +899,8 @@ class GPS_INPUT(Message):
 
 
 @message
-class HIL_SENSOR(Message):
+class HIL_SENSOR(_Sensors):
     """A simulator's sensors with a mask of what is new: m/s/s (gravity felt), rad/s, gauss, hPa, m, degC."""
-
-    time_usec: int
-    xacc: float
-    yacc: float
-    zacc: float
-    xgyro: float
-    ygyro: float
-    zgyro: float
-    xmag: float
-    ymag: float
-    zmag: float
-    abs_pressure: float
-    diff_pressure: float
-    pressure_alt: float
-    temperature: float
-    fields_updated: int
-    id: int = 0
 
 
 @message
@@ -1039,50 +977,40 @@ class AVAILABLE_MODES_MONITOR(Message):
 
 
 @message
-class MISSION_REQUEST_LIST(Message):
+class MISSION_REQUEST_LIST(_Targeted):
     """Request for the number of items: of a mission (0), a fence (1) or rally points (2)."""
 
-    target_system: int
-    target_component: int
     mission_type: int = 0
 
 
 @message
-class MISSION_COUNT(Message):
+class MISSION_COUNT(_Targeted):
     """How many items there are, or will come."""
 
-    target_system: int
-    target_component: int
     count: int
     mission_type: int = 0
 
 
 @message
-class MISSION_REQUEST(Message):
+class MISSION_REQUEST(_Targeted):
     """Request for one item, in float32."""
 
-    target_system: int
-    target_component: int
     seq: int
     mission_type: int = 0
 
 
 @message
-class MISSION_REQUEST_INT(Message):
+class MISSION_REQUEST_INT(_Targeted):
     """Request for one item."""
 
-    target_system: int
-    target_component: int
     seq: int
     mission_type: int = 0
 
 
 @message
-class MISSION_ITEM(Message):
-    """One item; x and y are degrees where they are a place, z is metres."""
+class _MissionItem(_Targeted):
+    """An item up to its place."""
 
-    target_system: int
-    target_component: int
     seq: int
     frame: int
     command: int
@@ -1092,6 +1020,12 @@ class MISSION_ITEM(Message):
     param2: float
     param3: float
     param4: float
+
+
+@message
+class MISSION_ITEM(_MissionItem):
+    """One item; x and y are degrees where they are a place, z is metres."""
+
     x: float
     y: float
     z: float
@@ -1099,20 +1033,9 @@ class MISSION_ITEM(Message):
 
 
 @message
-class MISSION_ITEM_INT(Message):
+class MISSION_ITEM_INT(_MissionItem):
     """One item; x and y are degE7 where they are a place, z is metres."""
 
-    target_system: int
-    target_component: int
-    seq: int
-    frame: int
-    command: int
-    current: int
-    autocontinue: int
-    param1: float
-    param2: float
-    param3: float
-    param4: float
     x: int
     y: int
     z: float
@@ -1120,30 +1043,24 @@ class MISSION_ITEM_INT(Message):
 
 
 @message
-class MISSION_ACK(Message):
+class MISSION_ACK(_Targeted):
     """End of a transfer, with a MAV_MISSION_RESULT."""
 
-    target_system: int
-    target_component: int
     type: int
     mission_type: int = 0
 
 
 @message
-class MISSION_CLEAR_ALL(Message):
+class MISSION_CLEAR_ALL(_Targeted):
     """Request to forget all items."""
 
-    target_system: int
-    target_component: int
     mission_type: int = 0
 
 
 @message
-class MISSION_WRITE_PARTIAL_LIST(Message):
+class MISSION_WRITE_PARTIAL_LIST(_Targeted):
     """Announcement of items that replace some."""
 
-    target_system: int
-    target_component: int
     start_index: int
     end_index: int
     mission_type: int = 0

@@ -3,12 +3,10 @@
 """Turns what a test sends into frames: the project's messages, pymavlink's, or bytes."""
 
 import dataclasses
-from typing import Any, Final
+from typing import Any
 
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import Message
-
-_KNOWN: Final = {cls.__name__: cls for cls in Message.__subclasses__()}
+from mav_handlers.wire.messages import MESSAGES, Message
 
 
 class Sender:
@@ -47,7 +45,7 @@ def _typed(message: Any) -> Message:
         what = type(message).__name__
         raise TypeError(f"send takes a message of mav_handlers.wire.messages, one of pymavlink's or bytes, not {what}")
     name = message.get_type()
-    cls = _KNOWN.get(name)
+    cls = MESSAGES.get(name)
     if cls is None:
         raise ValueError(f"{name}: the emulator knows the name alone; send its bytes: message.pack(mav)")
     # An older dialect may lack a field that was added later, which is then as if it were not sent.

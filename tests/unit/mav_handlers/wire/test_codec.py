@@ -30,6 +30,7 @@ from mav_handlers.wire.messages import (
     GPS_GLOBAL_ORIGIN,
     HEARTBEAT,
     HOME_POSITION,
+    MESSAGES,
     ODOMETRY,
     PARAM_REQUEST_READ,
     SET_GPS_GLOBAL_ORIGIN,
@@ -42,8 +43,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 
-# By name: a dataclass with slots leaves the class that it was made from behind until that is collected.
-EVERY = list({cls.__name__: cls for cls in Message.__subclasses__()}.values())
+EVERY = list(MESSAGES.values())
 BEAT = HEARTBEAT(2, 3, 81, 0, 3, 3)
 SIGNED = 1
 STRATEGIES: dict[str, st.SearchStrategy[Any]] = {
