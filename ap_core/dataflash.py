@@ -72,11 +72,9 @@ class DataFlashWriter:
     ) -> LogStructure:
         """Return the run-time type of this name, created at first use with the highest id that is free.
 
-        Units or multipliers that are not given become ``?``; without multipliers a leading TimeUS gets
-        ``s`` and ``F`` (AP_Logger::msg_fmt_for_name, fill_logstructure).
-
-        Raises:
-            ValueError: if the layout is invalid, the name is taken by another layout, or no id is left.
+        Units or multipliers that are not given become ``?``; without multipliers a leading TimeUS gets ``s`` and ``F``
+        (AP_Logger::msg_fmt_for_name, fill_logstructure). Raises ValueError if the layout is invalid, the name is taken
+        by another layout, or no id is left.
         """
         units, multipliers = _fill_units(labels, format, units, multipliers)
         known = self._defined.get(name)

@@ -73,11 +73,7 @@ class LogColumns:
         return begins
 
     def records(self, name: str) -> Records:
-        """Return the records of a type as they are stored.
-
-        Raises:
-            KeyError: if the log does not know the type.
-        """
+        """Return the records of a type as they are stored. Raises KeyError if the log does not know the type."""
         return rows_at(self._data, self.offsets(name), self._by_name[name].dtype)
 
     def columns(self, name: str, labels: Iterable[str] | None = None) -> dict[str, Column]:

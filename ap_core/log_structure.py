@@ -38,10 +38,8 @@ _MAX_PLAIN: Final = 1e30  # of what may be packed at once: ten million times as 
 class LogStructure:
     """The layout of one type of record (LogStructure.h, struct LogStructure).
 
-    ``labels`` are comma separated; ``format``, ``units`` and ``multipliers`` hold one character a field.
-
-    Raises:
-        ValueError: if the layout does not fit what FMT and FMTU records can describe.
+    ``labels`` are comma separated; ``format``, ``units`` and ``multipliers`` hold one character a field. Raises
+    ValueError if the layout does not fit what FMT and FMTU records can describe.
     """
 
     msg_type: int
@@ -111,13 +109,11 @@ class LogStructure:
     def pack(self, values: Sequence[LogValue]) -> bytes:
         """Return a whole record holding ``values``, one for each field.
 
-        Integers are raw, in ``c``, ``C``, ``e``, ``E`` and ``L`` fields too. Floats there are physical values:
-        times 100 (``L``: degrees, times 1e7), truncated towards zero; other integer fields truncate them.
-        Whatever does not fit wraps, NaN and infinity convert as on x86-64. ``float32`` values keep their
-        bits in ``f`` fields. Text is cut to its field and padded with NUL.
-
-        Raises:
-            ValueError: if the number of values is wrong, or text and numbers are mixed up.
+        Integers are raw, in ``c``, ``C``, ``e``, ``E`` and ``L`` fields too. Floats there are physical values: times
+        100 (``L``: degrees, times 1e7), truncated towards zero; other integer fields truncate them. Whatever does not
+        fit wraps, NaN and infinity convert as on x86-64. ``float32`` values keep their bits in ``f`` fields. Text is
+        cut to its field and padded with NUL. Raises ValueError if the number of values is wrong, or text and numbers
+        are mixed up.
         """
         direct = self._direct
         if direct is not None:

@@ -57,8 +57,7 @@ class ParamTable:
     def __init__(self, groups: Sequence[ParamGroup]) -> None:
         """Build the list over ``groups``, whose values stay live.
 
-        Raises:
-            ValueError: two parameters have the same name.
+        Raises ValueError if two parameters have the same name.
         """
         self.groups = tuple(groups)
         self.generation = 0
@@ -223,8 +222,7 @@ class ParamTable:
     def load_stored(self, values: Mapping[str, float | np.float32]) -> list[str]:
         """Take over remembered values at start-up and return the names that no longer exist.
 
-        Raises:
-            ValueError: a value that its type cannot take.
+        Raises ValueError for a value that its type cannot take.
         """
         unknown = [name for name in values if name not in self._by_name]
         for name in values.keys() - set(unknown):

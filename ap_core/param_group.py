@@ -125,11 +125,7 @@ class ParamGroup:
         return slot
 
     def get_int(self, name: str) -> int:
-        """Return the value of an integer parameter, by row name.
-
-        Raises:
-            ValueError: there is no integer parameter of that name.
-        """
+        """Return the value of an integer parameter, by row name. Raises ValueError if there is none of that name."""
         value = self.values.get(name)
         if isinstance(value, int):
             return value
@@ -138,8 +134,7 @@ class ParamGroup:
     def get_float(self, name: str) -> np.float32:
         """Return the value of a float parameter or an element of a vector (``_POS_X``), by row name.
 
-        Raises:
-            ValueError: there is no float parameter of that name.
+        Raises ValueError if there is none of that name.
         """
         value = self.values.get(name)
         if type(value) is np.float32:
@@ -147,20 +142,14 @@ class ParamGroup:
         raise ValueError(f"{self.prefix}{name}: no such float parameter")
 
     def get_vector(self, name: str) -> Vector3f:
-        """Return the value of a vector, by row name.
-
-        Raises:
-            ValueError: there is no vector of that name.
-        """
+        """Return the value of a vector, by row name. Raises ValueError if there is none of that name."""
         return Vector3f(*(slot.value for slot in self._vector_slots(name)))
 
     def set(self, name: str, value: float | np.float32 | Vector3f) -> None:
         """Set a value in memory as a C assignment does; nothing is stored or announced (AP_Param.h, set).
 
-        A vector takes a Vector3f, or a number through the name of an element.
-
-        Raises:
-            ValueError: no such parameter, or a value that its type cannot take.
+        A vector takes a Vector3f, or a number through the name of an element. Raises ValueError for an unknown
+        parameter, or a value that its type cannot take.
         """
         if isinstance(value, Vector3f):
             for slot, element in zip(self._vector_slots(name), value.to_tuple(), strict=True):

@@ -113,8 +113,7 @@ def is_within_hundredth_percent(value: np.float32, reference: np.float32) -> boo
 def assigned(value: float | np.float32, kind: ParamType) -> ParamValue:
     """Convert as a C assignment does: truncate toward zero and wrap to the width; FLOAT rounds to float32.
 
-    Raises:
-        ValueError: a NaN or infinite value for an integer type.
+    Raises ValueError for a NaN or infinite value of an integer type.
     """
     if kind not in _NARROW:
         return to_f32(value)

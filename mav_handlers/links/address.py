@@ -47,11 +47,7 @@ def parse_host_port(name: str, address: str, default_host: str = LOOPBACK, *, an
 
 
 def resolve(name: str, where: HostPort) -> SocketAddress:
-    """Look the host up once and return its IPv4 address.
-
-    Raises:
-        LinkError: The name is not known.
-    """
+    """Look the host up once and return its IPv4 address. Raises LinkError if the name is not known."""
     try:
         found = socket.getaddrinfo(where.host, where.port, socket.AF_INET, socket.SOCK_STREAM)
     except (OSError, ValueError) as error:  # a host that cannot be encoded is a ValueError

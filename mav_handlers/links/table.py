@@ -59,11 +59,9 @@ def all_links() -> Mapping[str, LinkFactory]:
 def open_link(connection: str) -> Link:
     """Open the link that a connection string describes.
 
-    The strings are pymavlink's, with two differences that keep traffic on this machine and in one program:
-    without a host the address is 127.0.0.1, and a UDP port in use is an error.
-
-    Raises:
-        LinkError: The string is none of the known forms, or the link cannot be opened.
+    The strings are pymavlink's, with two differences that keep traffic on this machine and in one program: without a
+    host the address is 127.0.0.1, and a UDP port in use is an error. Raises LinkError for a string of none of the known
+    forms, or a link that cannot be opened.
     """
     scheme, address = _split(connection)
     try:

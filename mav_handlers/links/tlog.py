@@ -51,13 +51,10 @@ class TlogEntry:
 class TlogReader(Iterator[TlogEntry]):
     """Iterate over the entries of a tlog, plain or gzip, over damage if need be.
 
-    A frame is passed on as recorded, its checksum is not looked at. The file is held in memory. After the
-    iteration the attributes tell what was not read: ``skipped_bytes`` in damaged places,
-    ``truncated_bytes`` of a last entry that was cut off, ``truncated`` if that happened or the compressed
-    data end too early.
-
-    Raises:
-        TlogError: The file is not readable or has no entry; raised at once, not while iterating.
+    A frame is passed on as recorded, its checksum is not looked at. The file is held in memory. After the iteration the
+    attributes tell what was not read: ``skipped_bytes`` in damaged places, ``truncated_bytes`` of a last entry that was
+    cut off, ``truncated`` if that happened or the compressed data end too early. Raises TlogError, at once, if the file
+    is not readable or has no entry.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -162,8 +159,7 @@ class TlogReader(Iterator[TlogEntry]):
 class TlogWriter:
     """Write a tlog, plain or, if the name ends in ``.gz``, compressed.
 
-    Raises:
-        TlogError: The file cannot be written.
+    Raises TlogError if the file cannot be written.
     """
 
     def __init__(self, path: str | Path) -> None:

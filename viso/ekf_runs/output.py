@@ -66,8 +66,7 @@ class EkfOutput:
     def save(self, path: Path) -> None:
         """Put the log in place as a whole.
 
-        Raises:
-            InputError: if that cannot be done; what was there before is untouched.
+        Raises InputError if that cannot be done; what was there before is untouched.
         """
         with file_errors(path):
             if path.exists() and not path.is_file():
@@ -79,8 +78,7 @@ class EkfOutput:
 def check_place(path: Path, source: Path) -> None:
     """Find out ahead of a long run whether a log can be put in a place; its folder is made.
 
-    Raises:
-        InputError: if it cannot, or would replace the log that it is made from.
+    Raises InputError if it cannot, or would replace the log that it is made from.
     """
     with file_errors(path):
         if path.exists() and source.exists() and path.samefile(source):

@@ -257,8 +257,7 @@ def _ours(report: CoreReport) -> dict[str, float]:
 def replay_ekf(path: Path, *, until_s: float = math.inf) -> EkfReplay:
     """Run the filter over a log, up to a time since boot.
 
-    Raises:
-        InputError: the log cannot be read, or has no replay records, or no estimates.
+    Raises InputError if the log cannot be read, or has no replay records, or no estimates.
     """
     run = EkfRun(path, until_s=until_s)
     run.run()

@@ -42,8 +42,7 @@ def _message(line: object) -> StreamMessage:
 def read_capture(path: Path) -> Stream:
     """Read a capture: a line that describes it, then a line a message.
 
-    Raises:
-        InputError: naming the file, the line and what is wrong with it.
+    Raises InputError that names the file, the line and what is wrong with it.
     """
     header: tuple[str, dict[str, float]] | None = None
     messages: list[StreamMessage] = []

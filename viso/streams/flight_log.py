@@ -194,10 +194,8 @@ def read_flight_log(path: Path) -> Stream:
 
     VISP and VISV of one moment become an ODOMETRY, unless the log shows that they came apart; a VISP alone becomes a
     VISION_POSITION_ESTIMATE, a VISV alone a VISION_SPEED_ESTIMATE, a VISO a VISION_POSITION_DELTA. A parameter of VISO_
-    or EK3_ that changed becomes a PARAM_SET.
-
-    Raises:
-        InputError: naming the file, and the record where that is to blame.
+    or EK3_ that changed becomes a PARAM_SET. Raises InputError that names the file, and the record where that is to
+    blame.
     """
     content = _read(path)
     apart = _came_apart(content.events)

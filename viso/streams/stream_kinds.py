@@ -97,10 +97,8 @@ def _by_ending(name: str, kinds: Mapping[str, StreamKind]) -> str | None:
 def kind_of(path: Path, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> str:
     """Return the name of the kind of a file, by the ending of its name.
 
-    A folder is a bag, and what has a format of trajectories given is a trajectory.
-
-    Raises:
-        InputError: if it is of no kind known, or options are given that it has no use for.
+    A folder is a bag, and what has a format of trajectories given is a trajectory. Raises InputError if it is of no
+    kind known, or options are given that it has no use for.
     """
     name = path.name.lower()
     found = _by_ending(name, STREAM_KINDS)
@@ -136,8 +134,7 @@ def read_whole_stream(
 ) -> Stream:
     """Read a recorded stream with all its faults; see ``read_stream``, and ``read_as_recorded`` for trajectories.
 
-    Raises:
-        InputError: if the kind is unknown or the file cannot be read.
+    Raises InputError if the kind is unknown or the file cannot be read.
     """
     if kind_of(path, options if form is None else replace(options, form=form)) == TRAJECTORY:
         return read_as_recorded(path, lead_us, options, form)

@@ -12,10 +12,8 @@ from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     """Read a .tlog; its first message comes ``lead_us`` after the vehicle's boot.
 
-    Messages whose stamp runs backwards are handled at the time of their predecessor.
-
-    Raises:
-        InputError: if the file cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
+    Messages whose stamp runs backwards are handled at the time of their predecessor. Raises InputError if the file
+    cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
     """
     with told_errors(TlogError):
         reader = read_tlog(path)

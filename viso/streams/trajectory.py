@@ -44,10 +44,8 @@ class TrajectoryOptions:
 def read_trajectory(path: Path, lead_us: int, options: TrajectoryOptions) -> Stream:
     """Read a trajectory as the messages that would carry it, with a heartbeat a second.
 
-    Its first pose is sent ``lead_us`` after the vehicle's boot, and stamps are from 0 on.
-
-    Raises:
-        InputError: if it cannot be read, or an option cannot be used.
+    Its first pose is sent ``lead_us`` after the vehicle's boot, and stamps are from 0 on. Raises InputError if it
+    cannot be read, or an option cannot be used.
     """
     form = form_of(options.form)
     within("--rate", options.rate_hz, MIN_RATE_HZ, MAX_RATE_HZ)

@@ -81,8 +81,7 @@ def _row_of(plan: SweepPlan, point: Point) -> Row:
 def check_file(file: InputFile) -> None:
     """Check that a file is the one that was meant, once a process.
 
-    Raises:
-        InputError: it is missing, or holds something else.
+    Raises InputError if it is missing, or holds something else.
     """
     if input_file(Path(file.path)).sha256 != file.sha256:
         raise InputError(f"{file.path}: not the file that the sweep was begun with")
@@ -148,8 +147,7 @@ def _faulty(stream: Stream, faults: Faults, values: Mapping[str, float], seed: i
 def timeline_of(faults: Faults, values: Mapping[str, float]) -> Timeline:
     """Return a timeline with the fields that axes change.
 
-    Raises:
-        InputError: naming the timeline, the entry and the field.
+    Raises InputError that names the timeline, the entry and the field.
     """
     document = yaml.safe_load(faults.text)
     for name, value in values.items():

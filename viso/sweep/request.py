@@ -70,8 +70,7 @@ _LISTS: Final = frozenset({"streams", "faults", "firmware", "imu_error", "defaul
 def read_wishes(path: Path) -> Wishes:
     """Return the wishes of a TOML file; paths are relative to its folder.
 
-    Raises:
-        InputError: naming the file and the key.
+    Raises InputError that names the file and the key.
     """
     try:
         document = tomllib.loads(read_text(path))

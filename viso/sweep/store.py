@@ -111,8 +111,7 @@ class SweepFolder:
     def add(self, result: Result) -> None:
         """Keep what became of a point; one without figures is not done, and one that is done stays as it was.
 
-        Raises:
-            InputError: it cannot be written.
+        Raises InputError if it cannot be written.
         """
         if result.row is None or result.number in self.done:
             return

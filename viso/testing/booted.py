@@ -26,11 +26,7 @@ class BootedVehicle:
 
 
 def booted_vehicle(options: AutopilotOptions) -> BootedVehicle:
-    """Boot a vehicle until ``READY_US``.
-
-    Raises:
-        ValueError: an option cannot be used.
-    """
+    """Boot a vehicle until ``READY_US``. Raises ValueError if an option cannot be used."""
     logs: list[MemoryLog] = []
 
     def open_log() -> MemoryLog:

@@ -65,8 +65,7 @@ class Claim:
 def make_claim(outcome: Outcome, message: str | type[Message] | None, reason: str | None, count: int | None) -> Claim:
     """Return a claim.
 
-    Raises:
-        ValueError: no message has that name, no rule that code, the rule has another outcome, or the count is negative.
+    Raises ValueError for an unknown message or rule, a rule of another outcome, or a negative count.
     """
     name = message if message is None or isinstance(message, str) else message.__name__
     if name is not None and name not in (_NO_FRAME, UNKNOWN_NAME):

@@ -19,10 +19,8 @@ MOST_WAITING: Final = 1000
 class FencedUdpLink(UdpInLink):
     """A UDP port of its own on loopback, whose ``receive_all`` ends with what was sent before the call.
 
-    It sends an empty datagram to itself and reads until that comes: the system hands them over in order.
-
-    Raises:
-        LinkError: the system gives no port.
+    It sends an empty datagram to itself and reads until that comes: the system hands them over in order. Raises
+    LinkError if the system gives no port.
     """
 
     def __init__(self) -> None:
@@ -35,11 +33,7 @@ class FencedUdpLink(UdpInLink):
         self._fence_address = self._fence.getsockname()
 
     def receive_all(self) -> Iterator[bytes]:
-        """Yield the datagrams that were sent so far.
-
-        Raises:
-            OSError: loopback does not carry datagrams.
-        """
+        """Yield the datagrams that were sent so far. Raises OSError if loopback does not carry datagrams."""
         # First of all room is made, so that the fence is not lost.
         yield from self.receive_waiting()
         for _ in range(ATTEMPTS):
