@@ -37,13 +37,3 @@ class VirtualClock:
     def set_us(self, time_us: int) -> None:
         """Set the time since boot in microseconds; any value is allowed, as tests step across wraps."""
         self._time_us = time_us & _U64
-
-    def advance_us(self, delta_us: int) -> None:
-        """Move forward by ``delta_us`` microseconds.
-
-        Raises:
-            ValueError: if ``delta_us`` is negative.
-        """
-        if delta_us < 0:
-            raise ValueError(f"a clock does not run backwards: {delta_us} us")
-        self._time_us = u64(self._time_us + delta_us)

@@ -98,7 +98,6 @@ class Channel:
     baud: int | None = None
     jitter: JitterCorrection = field(default_factory=JitterCorrection)
     active: bool = False
-    open: bool = True
     reserve: TransmitReserve = field(default_factory=TransmitReserve)
     rest: Rest = field(default_factory=Rest)
     deferred: DeferredMessages = field(default_factory=DeferredMessages)

@@ -13,7 +13,7 @@ Most of the 400 polls a second find nothing to do. So each works out until when 
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple
 
 from ap_core.cint import u8, u32
@@ -102,7 +102,7 @@ class MavEndpoint:
         self.routes = RouteTable()
         self.signing = SigningState(vehicle.signing_store, self._options)
         self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, self._has_room)
-        self.log_transfer = LogTransfer(vehicle.logs, vehicle.texts)
+        self.log_transfer = LogTransfer(vehicle.logs, vehicle.texts.send_text_to)
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
@@ -121,12 +121,6 @@ class MavEndpoint:
         set_defaults(self._vehicle, channel, now_us)
         self.signing.open_link(channel)
         return channel
-
-    def close_channel(self, channel: Channel) -> None:
-        """Stop sending on a link; its counters stay."""
-        channel.open = False
-        self.log_transfer.close_channel(channel.index)
-        channel.take_output()
 
     def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
         """Handle what a link delivered.
@@ -192,7 +186,7 @@ class MavEndpoint:
             own_system=system_id,
             is_private=self._private().__getitem__,
             is_active=self._is_active,
-            channels=[other.index for other in self.channels if other.open],
+            channels=range(len(self.channels)),
         )
         for index in routing.forward_to:
             self.channels[index].forward(header.frame)
@@ -226,7 +220,7 @@ class MavEndpoint:
 
     def request_message_everywhere(self, name: str) -> None:
         """Queue a message to be sent once at the next poll, on every link."""
-        for channel in self._open_channels():
+        for channel in self.channels:
             self.request_message(channel, name)
 
     def send_origin(self, channel: Channel, now_us: int) -> None:
@@ -242,7 +236,7 @@ class MavEndpoint:
 
     def _send_first_texts(self) -> None:
         self._texts_go_first = False
-        self._vehicle.texts.service(self._open_channels())
+        self._vehicle.texts.service(self.channels)
 
     def echo_parameters(self, echoes: Iterable[ParamEcho]) -> None:
         """Queue the echoes of a changed parameter for every active link."""
@@ -258,9 +252,7 @@ class MavEndpoint:
         """Send replies of the file server, each to whom it is for."""
         for reply in replies:
             channel, peer = self.channels[reply.peer.channel], reply.peer
-            if channel.open:
-                payload = tuple(reply.payload)
-                channel.send(FILE_TRANSFER_PROTOCOL(0, peer.system_id, peer.component_id, payload))
+            channel.send(FILE_TRANSFER_PROTOCOL(0, peer.system_id, peer.component_id, tuple(reply.payload)))
             if reply.banner:
                 self.send_banner(channel)
 
@@ -295,26 +287,26 @@ class MavEndpoint:
             self.send_ftp_replies(self.ftp.continue_burst(now_us))
         self.signing.save_timestamp(self.channels, u32(now_us // 1000))
         self.param_reads.look_up(self._vehicle.params, last_us, now_us)
-        open_channels, ftp_is_busy, private = self._open_channels(), self.ftp.slows_streams(now_us), self._private()
-        for channel in open_channels:
+        ftp_is_busy, private = self.ftp.slows_streams(now_us), self._private()
+        for channel in self.channels:
             if not self.log_transfer.is_idle:
                 self.pump_log_transfer(channel, now_us)
             if not private[channel.index]:
                 send_timesync(channel, now_us, system_id)
             channel.ftp_is_busy = ftp_is_busy
             self._sending.run(channel, now_us)
-        self._vehicle.texts.service(open_channels)
+        self._vehicle.texts.service(self.channels)
         self._has_polled = True
-        self._rest.until_us = self._next_due_us(open_channels, now_us)
+        self._rest.until_us = self._next_due_us(now_us)
 
-    def _next_due_us(self, open_channels: Sequence[Channel], now_us: int) -> int:
+    def _next_due_us(self, now_us: int) -> int:
         """Return until when nothing falls due by time alone, 0 while anything waits for its turn or for room."""
         if self._has_work():
             return 0
         now_ms, private = now_us // 1000, self._private()
-        waits_ms = [channel.wait_ms(now_ms) for channel in open_channels]
+        waits_ms = [channel.wait_ms(now_ms) for channel in self.channels]
         waits_ms += self.ftp.speed_lasts_ms(now_us), self.signing.save_wait_ms(u32(now_ms))
-        questions_us = [timesync_due_us(channel) for channel in open_channels if not private[channel.index]]
+        questions_us = [timesync_due_us(channel) for channel in self.channels if not private[channel.index]]
         return min([(now_ms + min(waits_ms)) * 1000, *questions_us])
 
     def _has_work(self) -> bool:
@@ -325,9 +317,6 @@ class MavEndpoint:
             or not self.log_transfer.is_idle
             or not self._vehicle.texts.is_empty
         )
-
-    def _open_channels(self) -> list[Channel]:
-        return [channel for channel in self.channels if channel.open]
 
     def _options(self, index: int) -> int:
         return self._vehicle.release.params.link_options(self._vehicle.params, index)
@@ -345,8 +334,7 @@ class MavEndpoint:
         return self._private()[channel.index]
 
     def _has_room(self, index: int) -> bool:
-        # A link that is gone takes everything, so that a burst to it comes to its end.
-        return not self.channels[index].open or self.channels[index].has_room()
+        return self.channels[index].has_room()
 
     def _send_home(self) -> None:
         for name in ("HOME_POSITION", "GPS_GLOBAL_ORIGIN"):
@@ -357,7 +345,7 @@ class MavEndpoint:
             echo = self._echoes.popleft()
             self._vehicle.log.parameter(echo.name, echo.value)
             count = self._vehicle.params.count
-            for channel in self._open_channels():
+            for channel in self.channels:
                 if channel.active and not self._is_private(channel):
                     channel.send(PARAM_VALUE(echo.name, float(echo.value), echo.wire_type, count, NO_INDEX))
 
@@ -366,7 +354,7 @@ class MavEndpoint:
             return None
         return {
             channel.index
-            for channel in self._open_channels()
+            for channel in self.channels
             if (channel.active or channel.streaming) and not self._is_private(channel)
         }
 
@@ -374,7 +362,7 @@ class MavEndpoint:
         self._rest.end()
         # While booting nobody waits for the telemetry loop.
         if self._has_polled and not self._vehicle.is_initialised():
-            self._vehicle.texts.service(self._open_channels())
+            self._vehicle.texts.service(self.channels)
 
     def verdict_counts(self) -> dict[tuple[str, Outcome, str], int]:
         """Return how often each message type met each verdict, over all links."""

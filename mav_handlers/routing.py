@@ -93,7 +93,7 @@ class RouteTable:
             own_system: the autopilot's system id.
             is_private: tells whether nothing but what is meant for its components is forwarded to a link.
             is_active: tells whether a frame other than a radio's has been received on a link.
-            channels: numbers of the links that are open.
+            channels: numbers of all links.
         """
         if header.system_id == own_system and header.component_id == _MAV_COMP_ID_AUTOPILOT1:
             return Routing(process_locally=False)

@@ -111,13 +111,13 @@ class StatusTextQueue:
         """Send each link what it has room for, and once a second forget what has waited for more than 5 s.
 
         Args:
-            channels: every link that is open; the others get nothing any more.
+            channels: every link.
         """
         if not self._queue:
             return
-        is_open = {channel.index for channel in channels}
         for chunk in self._queue:
-            chunk.channels = is_open if chunk.channels is None else chunk.channels & is_open
+            if chunk.channels is None:
+                chunk.channels = {channel.index for channel in channels}
         for channel in channels:
             self._service_channel(channel)
         self._queue = deque(chunk for chunk in self._queue if chunk.channels)

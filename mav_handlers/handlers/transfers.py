@@ -34,47 +34,35 @@ def handle_file_transfer_protocol(ctx: Context, message: FILE_TRANSFER_PROTOCOL)
     return HANDLED
 
 
+def _refuse(ctx: Context) -> Verdict | None:
+    armed, writes_enabled = ctx.vehicle.copter.is_armed(), ctx.vehicle.is_initialised()
+    return ctx.endpoint.log_transfer.refuse(ctx.channel.index, armed=armed, writes_enabled=writes_enabled)
+
+
 def handle_log_request_list(ctx: Context, message: LOG_REQUEST_LIST) -> Verdict:
     """Start a listing of logs."""
-    verdict = ctx.endpoint.log_transfer.request_list(
-        ctx.channel.index,
-        message.start,
-        message.end,
-        ctx.vehicle.copter.is_armed(),
-        writes_enabled=ctx.vehicle.is_initialised(),
-    )
+    transfer, link = ctx.endpoint.log_transfer, ctx.channel.index
+    verdict = _refuse(ctx) or transfer.request_list(link, message.start, message.end)
     ctx.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
     return verdict
 
 
 def handle_log_request_data(ctx: Context, message: LOG_REQUEST_DATA) -> Verdict:
     """Start the transfer of a part of a log."""
-    verdict = ctx.endpoint.log_transfer.request_data(
-        ctx.channel.index,
-        message.id,
-        message.ofs,
-        message.count,
-        ctx.vehicle.copter.is_armed(),
-        writes_enabled=ctx.vehicle.is_initialised(),
-    )
+    transfer, link = ctx.endpoint.log_transfer, ctx.channel.index
+    verdict = _refuse(ctx) or transfer.request_data(link, message.id, message.ofs, message.count)
     ctx.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
     return verdict
 
 
 def handle_log_request_end(ctx: Context, _message: LOG_REQUEST_END) -> Verdict:
     """Stop a transfer."""
-    vehicle = ctx.vehicle
-    return ctx.endpoint.log_transfer.request_end(
-        ctx.channel.index, vehicle.copter.is_armed(), writes_enabled=vehicle.is_initialised()
-    )
+    return _refuse(ctx) or ctx.endpoint.log_transfer.request_end()
 
 
 def handle_log_erase(ctx: Context, _message: LOG_ERASE) -> Verdict:
     """Delete every log."""
-    vehicle = ctx.vehicle
-    return ctx.endpoint.log_transfer.erase(
-        ctx.channel.index, vehicle.copter.is_armed(), writes_enabled=vehicle.is_initialised()
-    )
+    return _refuse(ctx) or ctx.endpoint.log_transfer.erase()
 
 
 def handle_setup_signing(ctx: Context, message: SETUP_SIGNING) -> Verdict:

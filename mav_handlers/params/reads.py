@@ -98,10 +98,9 @@ class ParamReads:
         waiting = len(self._replies)
         while self._replies:
             channel, reply = self._replies[0]
-            if channel.open:
-                if not channel.has_space_for(type(reply)):
-                    channel.reserve.start(now_us)
-                    break
-                channel.send(reply)
+            if not channel.has_space_for(type(reply)):
+                channel.reserve.start(now_us)
+                break
+            channel.send(reply)
             self._replies.popleft()
         return len(self._replies) < waiting

@@ -5,6 +5,7 @@
 Source: AP_Logger/AP_Logger_MAVLinkLogTransfer.cpp.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -22,13 +23,6 @@ PACKETS_PER_PASS: Final = 40
 
 _MAV_SEVERITY_ERROR: Final = 3
 _MAV_SEVERITY_INFO: Final = 6
-
-
-class LinkTexts(Protocol):
-    """Where texts for one link go (GCS_MAVLINK::send_text)."""
-
-    def send_text_to(self, channel_index: int, severity: int, text: str) -> None:
-        """Queue a text with its MAV_SEVERITY for one link."""
 
 
 class LogReader(Protocol):
@@ -88,12 +82,12 @@ class LogTransfer:
 
     Args:
         library: the logs.
-        texts: where refusals are told.
+        send_text_to: takes a link, a severity and a text for it.
     """
 
-    def __init__(self, library: LogLibrary, texts: LinkTexts) -> None:
+    def __init__(self, library: LogLibrary, send_text_to: Callable[[int, int, str], None]) -> None:
         self._library = library
-        self._texts = texts
+        self._send_text_to = send_text_to
         self._job: _Listing | _Sending | None = None
         self._told_to_disarm = False
 
@@ -107,24 +101,19 @@ class LogTransfer:
         """Whether a log is being sent, which keeps the vehicle from arming; a list does not (in_log_download)."""
         return isinstance(self._job, _Sending)
 
-    def request_list(
-        self, channel_index: int, start: int, end: int, armed: bool, *, writes_enabled: bool = True
-    ) -> Verdict:
-        """Begin to list the logs from id ``start`` to ``end`` (handle_log_request_list).
+    def refuse(self, channel_index: int, *, armed: bool, writes_enabled: bool) -> Verdict | None:
+        """Turn down any request of a link while armed, which a text tells it once, or booting (handle_log_message)."""
+        if not writes_enabled:
+            return LOG_NOT_READY
+        if armed and not self._told_to_disarm:
+            self._send_text_to(channel_index, _MAV_SEVERITY_ERROR, "Disarm for log download")
+        self._told_to_disarm = armed
+        return LOG_ARMED if armed else None
 
-        Args:
-            channel_index: the link that asks.
-            start: first id wanted; 0 counts as 1.
-            end: last id wanted.
-            armed: whether the vehicle is armed.
-            writes_enabled: False while booting.
-        """
-        refusal = self._refuse(channel_index, armed, writes_enabled)
-        if refusal is not None:
-            return refusal
+    def request_list(self, channel_index: int, start: int, end: int) -> Verdict:
+        """Begin to list the logs from id ``start``, of which 0 counts as 1, to ``end`` (handle_log_request_list)."""
         if self._job is not None:
-            self._tell_busy(channel_index)
-            return LOG_BUSY
+            return self._tell_busy(channel_index)
         num_logs = self._library.count()
         # FIRMWARE PARITY: the firmware waits for the counter to equal the end, so a start beyond it lists up to
         # 65535 and on from 0. Here such a request is clipped to one entry, the last one in range.
@@ -132,9 +121,7 @@ class LogTransfer:
         self._job = _Listing(channel_index, min(max(start, 1), last), last, num_logs)
         return HANDLED
 
-    def request_data(
-        self, channel_index: int, log_id: int, ofs: int, count: int, armed: bool, *, writes_enabled: bool = True
-    ) -> Verdict:
+    def request_data(self, channel_index: int, log_id: int, ofs: int, count: int) -> Verdict:
         """Begin to send ``count`` bytes of a log from ``ofs`` on (handle_log_request_data).
 
         A request while this link's transfer runs is dropped in silence: clients that fill gaps repeat themselves.
@@ -144,17 +131,9 @@ class LogTransfer:
             log_id: 1, the oldest, to the number of logs.
             ofs: offset in bytes; beyond the end, an empty packet is sent.
             count: bytes wanted, cut at the end of the log as it is now.
-            armed: whether the vehicle is armed.
-            writes_enabled: False while booting.
         """
-        refusal = self._refuse(channel_index, armed, writes_enabled)
-        if refusal is not None:
-            return refusal
         if self._job is not None:
-            if self._job.channel_index == channel_index:
-                return LOG_REPEATED
-            self._tell_busy(channel_index)
-            return LOG_BUSY
+            return LOG_REPEATED if self._job.channel_index == channel_index else self._tell_busy(channel_index)
         if not 1 <= log_id <= self._library.count():
             return LOG_UNKNOWN
         # FIRMWARE PARITY: the firmware takes the size first and loses what waits to be written when it then closes
@@ -165,32 +144,20 @@ class LogTransfer:
         self._job = _Sending(channel_index, log_id, ofs, remaining, self._library.open(log_id))
         return HANDLED
 
-    def request_end(self, channel_index: int, armed: bool, *, writes_enabled: bool = True) -> Verdict:
+    def request_end(self) -> Verdict:
         """Stop whatever is under way, whichever link began it (handle_log_request_end)."""
-        refusal = self._refuse(channel_index, armed, writes_enabled)
-        if refusal is not None:
-            return refusal
-        self._stop()
+        self.pause()
+        self._job = None
         return HANDLED
 
-    def erase(self, channel_index: int, armed: bool, *, writes_enabled: bool = True) -> Verdict:
+    def erase(self) -> Verdict:
         """Delete all logs, without an answer; a log being sent is sent to its end (handle_log_request_erase)."""
-        refusal = self._refuse(channel_index, armed, writes_enabled)
-        if refusal is not None:
-            return refusal
         self._library.erase_all()
         return HANDLED
 
-    def _refuse(self, channel_index: int, armed: bool, writes_enabled: bool) -> Verdict | None:
-        if not writes_enabled:
-            return LOG_NOT_READY
-        if armed and not self._told_to_disarm:
-            self._texts.send_text_to(channel_index, _MAV_SEVERITY_ERROR, "Disarm for log download")
-        self._told_to_disarm = armed
-        return LOG_ARMED if armed else None
-
-    def _tell_busy(self, channel_index: int) -> None:
-        self._texts.send_text_to(channel_index, _MAV_SEVERITY_INFO, "Log download in progress")
+    def _tell_busy(self, channel_index: int) -> Verdict:
+        self._send_text_to(channel_index, _MAV_SEVERITY_INFO, "Log download in progress")
+        return LOG_BUSY
 
     def pump(
         self,
@@ -230,7 +197,7 @@ class LogTransfer:
         message = LOG_ENTRY(job.next_id, job.num_logs, job.last_id, time_utc_s, size)
         job.next_id += 1
         if job.next_id > job.last_id:
-            self._stop()
+            self.request_end()
         return message
 
     def _next_data(self, job: _Sending, max_packets: int) -> list[Message]:
@@ -248,7 +215,7 @@ class LogTransfer:
         job.offset += len(data)
         job.remaining -= len(data)
         if len(data) < DATA_BYTES or job.remaining == 0:
-            self._stop()
+            self.request_end()
         return message
 
     def pause(self) -> None:
@@ -258,14 +225,3 @@ class LogTransfer:
             job.reader.close()
             job.reader = None
             self._library.end_transfer()
-
-    def close_channel(self, channel_index: int) -> None:
-        """Stop the transfer of a link that is gone."""
-        # FIRMWARE PARITY: the firmware's links never go; here a transfer must not outlive a connection and keep
-        # the others from theirs.
-        if self._job is not None and self._job.channel_index == channel_index:
-            self._stop()
-
-    def _stop(self) -> None:
-        self.pause()
-        self._job = None

@@ -116,17 +116,6 @@ class TestLinkState:
         bench.run_ms(100)
         assert bench.client.read() == []
 
-    def test_closed_link_gets_nothing(self, bench: "Bench", client: "Client") -> None:
-        client.tell(PREARM)
-        bench.endpoint.close_channel(client.channel)
-        bench.run_ms(15_000)
-        assert client.read() == []
-
-    def test_closed_link_keeps_its_counters(self, bench: "Bench", client: "Client") -> None:
-        client.tell(hello())
-        bench.endpoint.close_channel(client.channel)
-        assert bench.endpoint.verdict_counts() == {("HEARTBEAT", Outcome.HANDLED, "handled"): 1}
-
 
 class TestHeartbeat:
     """HEARTBEAT, out."""
@@ -351,19 +340,6 @@ class TestTexts:
         bench.run_ms(3)
         assert client.read_texts() == []
         assert bench.vehicle.texts.expired == 1
-
-    def test_text_does_not_wait_for_a_link_that_closes(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(bauds=(None, None))
-        for client in bench.clients:
-            client.tell(hello())
-        self._fill(bench.clients[0])
-        bench.vehicle.texts.send_text(6, "hello")
-        bench.run_ms(3)
-        assert bench.clients[1].read_texts() == ["hello"]
-        bench.endpoint.close_channel(bench.clients[0].channel)
-        bench.run_ms(3)
-        assert list(bench.vehicle.texts.pending()) == []
-        assert bench.clients[1].read_texts() == []
 
     @staticmethod
     def _fill(client: "Client") -> None:

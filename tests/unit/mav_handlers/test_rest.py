@@ -161,10 +161,6 @@ def starts(link: int, name: str, interval_ms: int | None) -> list[Step]:
     return [lambda bench: set_interval(bench.clients[link].channel, name, interval_ms, bench.now_us), *polls(3)]
 
 
-def closes(link: int) -> list[Step]:
-    return [lambda bench: bench.endpoint.close_channel(bench.clients[link].channel), *polls(3)]
-
-
 def jumps(to_us: int) -> list[Step]:
     return [lambda bench: pass_at(bench, to_us)]
 
@@ -182,7 +178,6 @@ STEPS: st.SearchStrategy[list[Step]] = st.one_of(
     st.builds(moves_home),
     st.builds(asks_for, LINK, st.sampled_from(["ATTITUDE", "HOME_POSITION", "AUTOPILOT_VERSION"])),
     st.builds(starts, LINK, st.sampled_from(["ATTITUDE", "HEARTBEAT", "PARAM_VALUE"]), st.none() | st.integers(1, 300)),
-    st.builds(closes, LINK),
     st.just(jumps(WRAP_US - 2_000_000)),
 )
 
@@ -273,7 +268,6 @@ ECHO = ParamEcho("VISO_TYPE", f32(1), 2)
         pytest.param(polls(5000), id="time is asked for"),
         pytest.param([*hears(2, ftp(0)), *hears(2, ftp(1)), *WELL_BEFORE_WRAP, *polls(2000)], id="time wraps"),
         pytest.param(hears(2, ftp(0)) + polls(1100, 1000), id="slow for a second"),
-        pytest.param(closes(0) + polls(500), id="a link is closed"),
     ],
 )
 def test_poll_sends_what_has_come_up_while_nothing_was_due(make_bench: "MakeBench", steps: list[Step]) -> None:

@@ -237,11 +237,3 @@ def test_chunks_that_do_not_fit_come_later(queue: StatusTextQueue, channels: lis
     queue.service(channels)
     assert channel.codec.frames_sent == sent + 1
     assert [text[0] for text in texts(queue)] == ["b", "c"]
-
-
-def test_link_that_is_gone_is_not_waited_for(queue: StatusTextQueue, channels: list[Channel]) -> None:
-    fill(channels[2])
-    queue.send_text(INFO, "a")
-    queue.service(channels)
-    queue.service(channels[:2])
-    assert texts(queue) == []

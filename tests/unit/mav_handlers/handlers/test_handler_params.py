@@ -330,15 +330,6 @@ class TestRead:
         bench.run_ms(100)
         assert [value.param_index for value in values(bench.clients[1])] == [2]
 
-    def test_link_that_is_gone_holds_up_nobody(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(bauds=(None, None))
-        bench.client.tell(by_index(1))
-        bench.clients[1].tell(by_index(2))
-        bench.endpoint.close_channel(bench.client.channel)
-        bench.run_ms(100)
-        assert [value.param_index for value in values(bench.clients[1])] == [2]
-        assert bench.client.read() == []
-
     def test_replies_take_the_whole_turn_of_a_list(self, make_bench: "MakeBench") -> None:
         bench = make_bench(bauds=(115200,))
         bench.client.tell(LIST, by_index(9))

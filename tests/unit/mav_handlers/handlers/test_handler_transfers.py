@@ -5,9 +5,21 @@
 import struct
 from typing import TYPE_CHECKING
 
+import pytest
+
 from mav_handlers.transfers.ftp_wire import PAYLOAD_BYTES, Opcode
+from mav_handlers.transfers.log_transfer_verdicts import LOG_ARMED, LOG_NOT_READY
 from mav_handlers.verdicts import HANDLED
-from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, SETUP_SIGNING, STATUSTEXT
+from mav_handlers.wire.messages import (
+    FILE_TRANSFER_PROTOCOL,
+    LOG_ERASE,
+    LOG_REQUEST_DATA,
+    LOG_REQUEST_END,
+    LOG_REQUEST_LIST,
+    SETUP_SIGNING,
+    STATUSTEXT,
+    Message,
+)
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench
@@ -52,10 +64,30 @@ class TestFiles:
         assert isinstance(reply, FILE_TRANSFER_PROTOCOL)
         assert reply.payload[3] == Opcode.NACK
 
-    def test_link_that_was_closed_gets_no_answer(self, bench: "Bench", client: "Client") -> None:
-        bench.endpoint.close_channel(client.channel)
-        client.tell(to_open(b"nothing"))
-        assert client.read() == []
+
+@pytest.mark.parametrize(
+    "message",
+    [LOG_REQUEST_LIST(1, 1, 0, 1), LOG_REQUEST_DATA(1, 1, 1, 0, 9), LOG_REQUEST_END(1, 1), LOG_ERASE(1, 1)],
+    ids=lambda message: type(message).__name__,
+)
+class TestLogs:
+    """LOG_REQUEST_LIST, LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_ERASE."""
+
+    def test_request_while_booting_is_ignored_in_silence(self, make_bench: "MakeBench", message: Message) -> None:
+        bench = make_bench(until_ms=0)
+        assert bench.client.tell(message) is LOG_NOT_READY
+        assert bench.client.read() == []
+
+    def test_request_while_armed_is_refused_to_the_asking_link(self, make_bench: "MakeBench", message: Message) -> None:
+        bench = make_bench(bauds=(None, None), until_ms=7000)
+        for client in bench.clients:
+            client.command(400, 1, 21196)
+        bench.run_ms(3)
+        for client in bench.clients:
+            client.read()
+        assert bench.clients[1].tell(message) is LOG_ARMED
+        bench.run_ms(3)
+        assert [client.read_texts() for client in bench.clients] == [[], ["Disarm for log download"]]
 
 
 class TestSigning:

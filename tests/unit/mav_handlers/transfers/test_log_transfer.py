@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ap_core.verdict import Outcome, Verdict
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
+from ap_core.verdict import Verdict
 from mav_handlers.transfers.log_transfer import PACKETS_PER_PASS, LogTransfer
 from mav_handlers.transfers.log_transfer_verdicts import (
     LOG_ARMED,
@@ -18,10 +17,8 @@ from mav_handlers.transfers.log_transfer_verdicts import (
     LOG_NOT_READY,
     LOG_REPEATED,
     LOG_UNKNOWN,
-    VERDICTS,
 )
 from mav_handlers.verdicts import HANDLED
-from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import LOG_DATA, LOG_ENTRY, Message
 
@@ -82,17 +79,20 @@ class Rig:
 
     def __init__(self, *logs: bytes) -> None:
         self.library = MemoryLibrary(*logs)
-        self.transfer = LogTransfer(self.library, self)
+        self.transfer = LogTransfer(self.library, self.send_text_to)
         self.texts: list[tuple[int, tuple[int, str]]] = []
 
     def send_text_to(self, channel_index: int, severity: int, text: str) -> None:
         self.texts.append((channel_index, (severity, text)))
 
+    def refuse(self, link: int, *, armed: bool) -> Verdict | None:
+        return self.transfer.refuse(link, armed=armed, writes_enabled=True)
+
     def ask_list(self, start: int = 0, end: int = 0xFFFF, *, link: int = 0, armed: bool = False) -> Verdict:
-        return self.transfer.request_list(link, start, end, armed)
+        return self.refuse(link, armed=armed) or self.transfer.request_list(link, start, end)
 
     def ask_data(self, log_id: int, ofs: int = 0, count: int = ALL, *, link: int = 0, armed: bool = False) -> Verdict:
-        return self.transfer.request_data(link, log_id, ofs, count, armed)
+        return self.refuse(link, armed=armed) or self.transfer.request_data(link, log_id, ofs, count)
 
     def pump(
         self, link: int = 0, *, armed: bool = False, heartbeat_us: int = NOW_US, max_packets: int = PACKETS_PER_PASS
@@ -121,56 +121,53 @@ def log_of(size: int) -> bytes:
     return bytes(index * 7 % 251 for index in range(size))
 
 
-REQUESTS: dict[str, Callable[[LogTransfer, int, bool, bool], Verdict]] = {
-    "list": lambda transfer, link, armed, on: transfer.request_list(link, 0, 0xFFFF, armed, writes_enabled=on),
-    "data": lambda transfer, link, armed, on: transfer.request_data(link, 1, 0, ALL, armed, writes_enabled=on),
-    "end": lambda transfer, link, armed, on: transfer.request_end(link, armed, writes_enabled=on),
-    "erase": lambda transfer, link, armed, on: transfer.erase(link, armed, writes_enabled=on),
-}
+def request(transfer: LogTransfer, name: str, link: int, *, armed: bool = False, writes: bool = True) -> Verdict:
+    """Ask for something as the handlers do."""
+    requests: dict[str, Callable[[], Verdict]] = {
+        "list": lambda: transfer.request_list(link, 0, 0xFFFF),
+        "data": lambda: transfer.request_data(link, 1, 0, ALL),
+        "end": transfer.request_end,
+        "erase": transfer.erase,
+    }
+    return transfer.refuse(link, armed=armed, writes_enabled=writes) or requests[name]()
+
+
+REQUESTS = ("list", "data", "end", "erase")
 every_request = pytest.mark.parametrize("request_name", REQUESTS)
-
-
-class TestRules:
-    def test_codes_are_unique_among_all_rules(self) -> None:
-        codes = [verdict.rule.code for verdict in (*VERDICTS, *ENDPOINT_VERDICTS, *VISUALODOM_VERDICTS)]
-        assert len(set(codes)) == len(codes)
-
-    def test_every_rule_drops_the_request(self) -> None:
-        assert {verdict.outcome for verdict in VERDICTS} == {Outcome.DROPPED}
 
 
 class TestWho:
     @every_request
     def test_request_while_booting_is_ignored_in_silence(self, request_name: str) -> None:
         rig = Rig(log_of(5))
-        verdict = REQUESTS[request_name](rig.transfer, 0, True, False)
+        verdict = request(rig.transfer, request_name, 0, armed=True, writes=False)
         assert (verdict, rig.texts, rig.library.calls, rig.pump()) == (LOG_NOT_READY, [], [], [])
 
     @every_request
     def test_request_while_armed_is_refused_with_a_text(self, request_name: str) -> None:
         rig = Rig(log_of(5))
-        verdict = REQUESTS[request_name](rig.transfer, 1, True, True)
+        verdict = request(rig.transfer, request_name, 1, armed=True)
         assert (verdict, rig.texts, rig.library.calls, rig.pump(1)) == (LOG_ARMED, [(1, DISARM)], [], [])
 
     def test_text_while_armed_comes_once(self) -> None:
         rig = Rig(log_of(5))
-        for request in REQUESTS.values():
-            request(rig.transfer, 0, True, True)
-            request(rig.transfer, 1, True, True)
+        for name in REQUESTS:
+            request(rig.transfer, name, 0, armed=True)
+            request(rig.transfer, name, 1, armed=True)
         assert rig.texts == [(0, DISARM)]
 
     @every_request
     def test_text_while_armed_comes_again_after_a_request_while_disarmed(self, request_name: str) -> None:
         rig = Rig(log_of(5))
         rig.ask_list(armed=True)
-        REQUESTS[request_name](rig.transfer, 0, False, True)
+        request(rig.transfer, request_name, 0)
         rig.ask_list(armed=True)
         assert rig.texts == [(0, DISARM), (0, DISARM)]
 
     def test_request_while_booting_does_not_renew_the_text(self) -> None:
         rig = Rig(log_of(5))
         rig.ask_list(armed=True)
-        rig.transfer.request_list(0, 0, 0xFFFF, False, writes_enabled=False)
+        request(rig.transfer, "list", 0, writes=False)
         rig.ask_list(armed=True)
         assert rig.texts == [(0, DISARM)]
 
@@ -360,7 +357,7 @@ class TestData:
     @pytest.mark.parametrize("request_name", ["list", "data"])
     def test_link_that_takes_nothing_loses_nothing(self, request_name: str) -> None:
         rig = Rig(log_of(5))
-        REQUESTS[request_name](rig.transfer, 0, False, True)
+        request(rig.transfer, request_name, 0)
         assert rig.pump(max_packets=0) == []
         assert len(rig.pump()) == 1
 
@@ -370,7 +367,7 @@ class TestData:
         self, request_name: str, silence_us: int, messages: int
     ) -> None:
         rig = Rig(log_of(5))
-        REQUESTS[request_name](rig.transfer, 0, False, True)
+        request(rig.transfer, request_name, 0)
         assert len(rig.pump(heartbeat_us=NOW_US - silence_us)) == messages
 
     def test_messages_fit_the_wire(self) -> None:
@@ -392,23 +389,22 @@ class TestLogging:
         assert (rig.library.calls, rig.transfer.is_active) == (["begin", "end"], False)
         assert rig.library.readers[0].closed
 
-    @pytest.mark.parametrize("link", [0, 1])
-    def test_end_request_of_any_link_stops_at_once(self, link: int) -> None:
+    def test_end_request_stops_at_once(self) -> None:
         rig = Rig(log_of(9000))
         rig.ask_data(1)
         rig.pump(max_packets=1)
-        assert rig.transfer.request_end(link, False) is HANDLED
+        assert rig.transfer.request_end() is HANDLED
         assert (rig.pump(), rig.library.calls, rig.transfer.is_active) == ([], ["begin", "end"], False)
 
     def test_end_request_stops_a_listing(self) -> None:
         rig = Rig(log_of(5), log_of(5))
         rig.ask_list()
-        rig.transfer.request_end(0, False)
+        rig.transfer.request_end()
         assert (rig.pump(), rig.library.calls) == ([], [])
 
     def test_end_request_without_a_transfer_does_nothing(self) -> None:
         rig = Rig(log_of(5))
-        assert rig.transfer.request_end(0, False) is HANDLED
+        assert rig.transfer.request_end() is HANDLED
         assert rig.library.calls == []
 
     def test_armed_vehicle_sends_nothing_and_logs(self) -> None:
@@ -436,45 +432,27 @@ class TestLogging:
         rig = Rig(log_of(200))
         rig.ask_data(1)
         rig.transfer.pause()
-        rig.transfer.request_end(0, False)
+        rig.transfer.request_end()
         assert (rig.library.calls, rig.transfer.is_active) == (["begin", "end"], False)
-
-    def test_closed_link_ends_its_transfer(self) -> None:
-        rig = Rig(log_of(200))
-        rig.ask_data(1)
-        rig.transfer.close_channel(0)
-        assert rig.library.calls == ["begin", "end"]
-        assert rig.ask_list(link=1) is HANDLED
-
-    def test_closed_link_leaves_the_transfer_of_another(self) -> None:
-        rig = Rig(log_of(200))
-        rig.ask_data(1)
-        rig.transfer.close_channel(1)
-        assert content(rig.packets()) == log_of(200)
-
-    def test_closed_link_without_a_transfer_changes_nothing(self) -> None:
-        rig = Rig(log_of(200))
-        rig.transfer.close_channel(0)
-        assert rig.library.calls == []
 
 
 class TestErase:
     def test_erase_has_no_answer(self) -> None:
         rig = Rig(log_of(5))
-        assert rig.transfer.erase(0, False) is HANDLED
+        assert rig.transfer.erase() is HANDLED
         assert (rig.library.calls, rig.pump(), rig.texts) == (["erase"], [], [])
 
     def test_log_being_sent_is_sent_to_its_end(self) -> None:
         rig = Rig(log_of(200))
         rig.ask_data(1)
-        rig.transfer.erase(1, False)
+        rig.transfer.erase()
         assert content(rig.packets()) == log_of(200)
 
     def test_log_that_was_erased_during_a_pause_ends_with_an_empty_packet(self) -> None:
         rig = Rig(log_of(200))
         rig.ask_data(1)
         rig.transfer.pause()
-        rig.transfer.erase(0, False)
+        rig.transfer.erase()
         assert [packet.count for packet in rig.packets()] == [0]
 
 
@@ -486,7 +464,6 @@ STEPS = st.one_of(
     st.tuples(st.just("data"), link, u16, u32, u32, st.booleans()),
     st.tuples(st.just("end"), link, st.booleans()),
     st.tuples(st.just("erase"), link, st.booleans()),
-    st.tuples(st.just("close"), link),
     st.tuples(st.just("pump"), link, st.booleans(), st.integers(0, 50)),
 )
 
@@ -496,14 +473,15 @@ def take_step(rig: Rig, step: tuple[Any, ...]) -> list[Message]:
     if name == "pump":
         link_index, armed, max_packets = rest
         return rig.pump(link_index, armed=armed, max_packets=max_packets)
+    link_index, *arguments, armed = rest
     methods: dict[str, Callable[..., object]] = {
-        "list": rig.transfer.request_list,
-        "data": rig.transfer.request_data,
+        "list": lambda *args: rig.transfer.request_list(link_index, *args),
+        "data": lambda *args: rig.transfer.request_data(link_index, *args),
         "end": rig.transfer.request_end,
         "erase": rig.transfer.erase,
-        "close": rig.transfer.close_channel,
     }
-    methods[name](*rest)
+    if rig.refuse(link_index, armed=armed) is None:
+        methods[name](*arguments)
     return []
 
 
@@ -520,7 +498,7 @@ def test_no_sequence_of_requests_raises_or_leaves_logging_suspended(
     for message in (message for step in steps for message in take_step(rig, step)):
         assert codec.encode(message)
         assert isinstance(message, LOG_ENTRY) or (isinstance(message, LOG_DATA) and is_part_of_a_log(message))
-    rig.transfer.request_end(0, False)
+    rig.transfer.request_end()
     assert rig.library.calls.count("begin") == rig.library.calls.count("end")
     assert all(reader.closed for reader in rig.library.readers)
 

@@ -65,7 +65,7 @@ class Rig:
         self.begun += 1
 
     def update(self, *, wanted: bool = True, after_ms: int = 0) -> None:
-        self.clock.advance_us(after_ms * 1000)
+        self.clock.set_us(self.clock.micros64() + after_ms * 1000)
         self.logger.update(wanted, self.params)
 
 
