@@ -6,8 +6,8 @@ import os
 import selectors
 import socket
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 DROP_CLOSED = "link closed"
@@ -28,7 +28,7 @@ def bad_string(name: str, why: str) -> ConnectionStringError:
     return ConnectionStringError(f"bad connection string {name!r}: {why}")
 
 
-@dataclass(frozen=True)
+@dataclass
 class LinkStats:
     """Hold what a link has carried and lost since it was opened.
 
@@ -45,7 +45,16 @@ class LinkStats:
     connects: int = 0
     disconnects: int = 0
     open_failures: int = 0
-    drop_reasons: Mapping[str, int] = field(default_factory=dict)
+    drop_reasons: Counter[str] = field(default_factory=Counter)
+
+    def drop(self, size: int, reason: str) -> None:
+        """Count one loss of ``size`` bytes."""
+        self.bytes_dropped += size
+        self.drop_reasons[reason] += 1
+
+    def snapshot(self) -> "LinkStats":
+        """Return the present values, which count no further."""
+        return replace(self, drop_reasons=self.drop_reasons.copy())
 
 
 class Link(Protocol):
@@ -78,36 +87,6 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Release everything; after that ``receive`` returns b"" and ``send`` counts a drop."""
-
-
-class Counters:
-    """Count for one link; the mutable side of ``LinkStats``."""
-
-    def __init__(self) -> None:
-        self.bytes_in = 0
-        self.bytes_out = 0
-        self.bytes_dropped = 0
-        self.connects = 0
-        self.disconnects = 0
-        self.open_failures = 0
-        self.drop_reasons: Counter[str] = Counter()
-
-    def drop(self, size: int, reason: str) -> None:
-        """Count one loss of ``size`` bytes."""
-        self.bytes_dropped += size
-        self.drop_reasons[reason] += 1
-
-    def snapshot(self) -> LinkStats:
-        """Return the present values."""
-        return LinkStats(
-            self.bytes_in,
-            self.bytes_out,
-            self.bytes_dropped,
-            self.connects,
-            self.disconnects,
-            self.open_failures,
-            dict(self.drop_reasons),
-        )
 
 
 def check_max_bytes(max_bytes: int) -> None:

@@ -6,14 +6,7 @@ import socket
 from abc import ABC, abstractmethod
 
 from mav_handlers.links.address import SocketAddress
-from mav_handlers.links.base import (
-    DROP_BACKLOG_FULL,
-    DROP_CLOSED,
-    Counters,
-    LinkStats,
-    check_max_bytes,
-    reason_of,
-)
+from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, LinkStats, check_max_bytes, reason_of
 from mav_handlers.links.packetise import datagrams
 
 MAX_DATAGRAM_BYTES = 65535
@@ -33,7 +26,7 @@ class DatagramLink(ABC):
         self.baud: int | None = None
         self.address: SocketAddress = sock.getsockname()
         self._sock = sock
-        self._counters = Counters()
+        self._counters = LinkStats()
         self._unread = b""
         self._last_sent_bytes = 0
         self._closed = False

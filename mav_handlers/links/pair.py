@@ -2,14 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two links back to back in memory: no system calls, no clock, the same every time."""
 
-from mav_handlers.links.base import (
-    DROP_BACKLOG_FULL,
-    DROP_CLOSED,
-    DROP_NO_PEER,
-    Counters,
-    LinkStats,
-    check_max_bytes,
-)
+from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, DROP_NO_PEER, LinkStats, check_max_bytes
 
 CAPACITY_BYTES = 65536
 
@@ -26,7 +19,7 @@ class PairLink:
         self.baud: int | None = None
         self._capacity_bytes = capacity_bytes
         self._inbox = bytearray()
-        self._counters = Counters()
+        self._counters = LinkStats()
         self._peer: PairLink | None = None
         self._closed = False
 

@@ -5,15 +5,7 @@
 import os
 from abc import ABC, abstractmethod
 
-from mav_handlers.links.base import (
-    DROP_BACKLOG_FULL,
-    DROP_CLOSED,
-    DROP_NO_PEER,
-    Counters,
-    LinkStats,
-    check_max_bytes,
-    reason_of,
-)
+from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, DROP_NO_PEER, LinkStats, check_max_bytes, reason_of
 
 MAX_BACKLOG_BYTES = 65536
 """What a link keeps for a peer that does not read, beyond what the system keeps."""
@@ -33,7 +25,7 @@ class StreamLink(ABC):
         self.baud = baud
         self._max_backlog_bytes = max_backlog_bytes
         self._backlog = bytearray()
-        self._counters = Counters()
+        self._counters = LinkStats()
         self._fd = -1
         self._write_error: str | None = None
         self._closed = False
