@@ -50,3 +50,8 @@ class Verdict:
             "reason": self.rule.text,
             "source": self.rule.source,
         }
+
+
+def dropped(code: str, text: str, source: str) -> Verdict:
+    """Return the verdict on a message that has no effect, from what its rule holds."""
+    return Verdict(Outcome.DROPPED, Rule(code, text, source))

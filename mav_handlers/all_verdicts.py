@@ -4,9 +4,20 @@
 
 from typing import Final
 
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
-from mav_handlers.signing.verdicts import SIGNING_VERDICTS
-from mav_handlers.transfers.log_transfer_verdicts import VERDICTS as LOG_TRANSFER_VERDICTS
-from mav_handlers.verdicts import VERDICTS as ENDPOINT_VERDICTS
+import ap_visualodom.verdicts
+import mav_handlers.signing.verdicts
+import mav_handlers.transfers.log_transfer_verdicts
+import mav_handlers.verdicts
+from ap_core.verdict import Verdict
 
-ALL_VERDICTS: Final = (*VISUALODOM_VERDICTS, *ENDPOINT_VERDICTS, *LOG_TRANSFER_VERDICTS, *SIGNING_VERDICTS)
+ALL_VERDICTS: Final = tuple(
+    value
+    for module in (
+        ap_visualodom.verdicts,
+        mav_handlers.verdicts,
+        mav_handlers.transfers.log_transfer_verdicts,
+        mav_handlers.signing.verdicts,
+    )
+    for value in vars(module).values()
+    if isinstance(value, Verdict)
+)

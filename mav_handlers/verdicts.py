@@ -4,120 +4,88 @@
 
 from typing import Final
 
-from ap_core.verdict import Outcome, Rule, Verdict
-
-
-def _dropped(code: str, text: str, source: str) -> Verdict:
-    return Verdict(Outcome.DROPPED, Rule(code, text, source))
-
+from ap_core.verdict import Outcome, Rule, Verdict, dropped
 
 HANDLED: Final = Verdict(
     Outcome.HANDLED, Rule("handled", "processed; carries no external navigation", "GCS_Common.cpp, handle_message")
 )
-ODOMETRY_FRAMES: Final = _dropped(
+ODOMETRY_FRAMES: Final = dropped(
     "odometry_frames",
     "frame_id must be 20 (LOCAL_FRD) and child_frame_id 12 (BODY_FRD)",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
 )
-OWN_MESSAGE: Final = _dropped(
+OWN_MESSAGE: Final = dropped(
     "own_ids", "sent with the autopilot's own system and component id", "MAVLink_routing.cpp, check_and_forward"
 )
-NOT_ADDRESSED: Final = _dropped(
+NOT_ADDRESSED: Final = dropped(
     "other_target", "addressed to another system or component", "MAVLink_routing.cpp, check_and_forward"
 )
-NOT_ACCEPTED: Final = _dropped(
+NOT_ACCEPTED: Final = dropped(
     "not_from_gcs", "MAV_OPTIONS bit 0 admits only MAV_GCS_SYSID", "GCS_Common.cpp, GCS_MAVLINK::accept_packet"
 )
-NO_HANDLER: Final = _dropped(
+NO_HANDLER: Final = dropped(
     "no_handler", "the autopilot does not act on this message", "GCS_Common.cpp, GCS_MAVLINK::handle_message"
 )
-UNKNOWN_MESSAGE: Final = _dropped(
+UNKNOWN_MESSAGE: Final = dropped(
     "unknown_message", "a message id outside the dialect", "mavlink_helpers.h, mavlink_frame_char_buffer"
 )
-BAD_PREFIX: Final = _dropped("bad_prefix", "bytes between frames", "mavlink_helpers.h, mavlink_frame_char_buffer")
-BAD_CRC: Final = _dropped(
+BAD_PREFIX: Final = dropped("bad_prefix", "bytes between frames", "mavlink_helpers.h, mavlink_frame_char_buffer")
+BAD_CRC: Final = dropped(
     "bad_crc", "checksum does not match: damaged, or another dialect", "mavlink_helpers.h, mavlink_frame_char_buffer"
 )
-BAD_FRAME: Final = _dropped(
+BAD_FRAME: Final = dropped(
     "bad_frame", "unknown flags, or a frame that does not decode", "mavlink_helpers.h, mavlink_frame_char_buffer"
 )
-PARAM_UNKNOWN: Final = _dropped(
+PARAM_UNKNOWN: Final = dropped(
     "param_unknown", "no parameter of that name or index; the firmware is silent", "GCS_Param.cpp"
 )
-PARAM_NOT_FINITE: Final = _dropped(
+PARAM_NOT_FINITE: Final = dropped(
     "param_not_finite", "NaN or infinite value; the firmware is silent", "GCS_Param.cpp, handle_param_set"
 )
-PARAM_READ_ONLY: Final = _dropped("param_read_only", "the parameter is read-only", "GCS_Param.cpp, handle_param_set")
-PARAM_QUEUE_FULL: Final = _dropped(
+PARAM_READ_ONLY: Final = dropped("param_read_only", "the parameter is read-only", "GCS_Param.cpp, handle_param_set")
+PARAM_QUEUE_FULL: Final = dropped(
     "param_queue_full", "20 parameter reads are waiting already", "GCS_Param.cpp, handle_param_request_read"
 )
-ORIGIN_REFUSED: Final = _dropped(
+ORIGIN_REFUSED: Final = dropped(
     "origin_refused",
     "out of range, all zero, or the origin is set already",
     "GCS_Common.cpp, GCS_MAVLINK::handle_set_gps_global_origin",
 )
-GPS_NOT_MAVLINK: Final = _dropped(
+GPS_NOT_MAVLINK: Final = dropped(
     "gps_not_mavlink", "no GPS takes it: GPS1_TYPE is not 14, or booting is not over", "AP_GPS.cpp, AP_GPS::handle_msg"
 )
-GPS_OTHER_INSTANCE: Final = _dropped(
+GPS_OTHER_INSTANCE: Final = dropped(
     "gps_other_instance", "gps_id is not 0, and there is no second GPS", "AP_GPS_MAV.cpp, AP_GPS_MAV::handle_msg"
 )
-NO_FLOW_SENSOR: Final = _dropped(
+NO_FLOW_SENSOR: Final = dropped(
     "no_flow_sensor",
     "no flow sensor takes it: FLOW_TYPE was not 5 at boot, or is 0 now",
     "AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
 )
-NO_PRECISION_LANDING: Final = _dropped(
+NO_PRECISION_LANDING: Final = dropped(
     "no_precision_landing",
     "precision landing is off; the time stamp went through the link's time correction all the same",
     "GCS_Common.cpp, GCS_MAVLINK::handle_landing_target",
 )
-NO_RANGEFINDER: Final = _dropped(
+NO_RANGEFINDER: Final = dropped(
     "no_rangefinder", "neither a rangefinder nor a proximity sensor takes it", "AP_RangeFinder.cpp, handle_msg"
 )
-ADSB_OFF: Final = _dropped(
+ADSB_OFF: Final = dropped(
     "adsb_off", "aircraft are forwarded but not tracked, as ADSB_TYPE is 0", "AP_ADSB.cpp, AP_ADSB::handle_adsb_vehicle"
 )
-NO_HIL_INPUT: Final = _dropped(
+NO_HIL_INPUT: Final = dropped(
     "no_hil_input", "no HIL input; serve with --imu hil", "none: HIL is an input of the emulator's own"
 )
 
-MODE_REFUSED: Final = _dropped(
+MODE_REFUSED: Final = dropped(
     "mode_refused",
     "no such mode, or it may not be entered; a text says why",
     "GCS_Common.cpp, GCS_MAVLINK::_set_mode_common",
 )
-MISSION_TYPE: Final = _dropped(
+MISSION_TYPE: Final = dropped(
     "mission_type",
     "neither a mission nor a fence nor rally points",
     "GCS_Common.cpp, GCS_MAVLINK::handle_mission_request_int",
-)
-
-VERDICTS: Final = (
-    HANDLED,
-    ODOMETRY_FRAMES,
-    OWN_MESSAGE,
-    NOT_ADDRESSED,
-    NOT_ACCEPTED,
-    NO_HANDLER,
-    UNKNOWN_MESSAGE,
-    BAD_PREFIX,
-    BAD_CRC,
-    BAD_FRAME,
-    PARAM_UNKNOWN,
-    PARAM_NOT_FINITE,
-    PARAM_READ_ONLY,
-    PARAM_QUEUE_FULL,
-    ORIGIN_REFUSED,
-    GPS_NOT_MAVLINK,
-    GPS_OTHER_INSTANCE,
-    NO_FLOW_SENSOR,
-    NO_PRECISION_LANDING,
-    NO_RANGEFINDER,
-    ADSB_OFF,
-    NO_HIL_INPUT,
-    MODE_REFUSED,
-    MISSION_TYPE,
 )
 
 

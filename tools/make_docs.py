@@ -24,12 +24,13 @@ from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
 from ekf_stub.inputs.ingest_rules import RULES as FILTER_RULES
 from mav_handlers.all_verdicts import ALL_VERDICTS
-from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
+from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
 from mav_handlers.handlers.commands import MavCmd
 from mav_handlers.links import LINKS
-from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_to_report
+from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_report, parked
 from mav_handlers.wire.codec import full_length, message_id
+from mav_handlers.wire.messages import MESSAGES
 from tools import rooms_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function
@@ -78,8 +79,9 @@ def _messages() -> Iterator[tuple[str, ...]]:
 
 
 def _ignored() -> Iterator[tuple[str, ...]]:
-    for cls in sorted(IGNORED, key=lambda cls: cls.__name__):
-        yield f"`{cls.__name__}`", first_line(cls)
+    for name, cls in sorted(MESSAGES.items()):
+        if cls not in HANDLERS:
+            yield f"`{name}`", first_line(cls)
 
 
 def _sent() -> Iterator[tuple[str, ...]]:
@@ -87,7 +89,8 @@ def _sent() -> Iterator[tuple[str, ...]]:
     for name, builder in SENDERS.items():
         if builder is not nothing_to_report:
             when = "1 Hz" if name == "HEARTBEAT" else groups.get(name, "on request")
-            yield f"`{name}`", when, "placeholder" if name in PLACEHOLDERS else "", first_line(builder)
+            is_placeholder = builder.__module__ in (inertial.__name__, parked.__name__)
+            yield f"`{name}`", when, "placeholder" if is_placeholder else "", first_line(builder)
 
 
 def _silent() -> Iterator[tuple[str, ...]]:

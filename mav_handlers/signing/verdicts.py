@@ -5,30 +5,25 @@
 from collections.abc import Mapping
 from typing import Final
 
-from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.verdict import Verdict, dropped
 from mav_handlers.wire.signature import Refusal
 
 _CHECK: Final = "mavlink_helpers.h, mavlink_signature_check"
 _SETUP: Final = "GCS_Signing.cpp, GCS_MAVLINK::handle_setup_signing"
 
-
-def _dropped(code: str, text: str, source: str) -> Verdict:
-    return Verdict(Outcome.DROPPED, Rule(code, text, source))
-
-
-UNSIGNED: Final = _dropped(
+UNSIGNED: Final = dropped(
     "unsigned", "a key is set and the frame is not signed", "GCS_Signing.cpp, accept_unsigned_callback"
 )
-BAD_SIGNATURE: Final = _dropped("bad_signature", "signed with another key, or changed since", _CHECK)
-SIGNATURE_REPLAYED: Final = _dropped(
+BAD_SIGNATURE: Final = dropped("bad_signature", "signed with another key, or changed since", _CHECK)
+SIGNATURE_REPLAYED: Final = dropped(
     "signature_replayed", "the sender has used this timestamp or a later one before", _CHECK
 )
-SIGNATURE_OLD: Final = _dropped(
+SIGNATURE_OLD: Final = dropped(
     "signature_old", "a new sender's timestamp is more than a minute behind the link's", _CHECK
 )
-SIGNATURE_STREAMS: Final = _dropped("signature_streams", "16 other senders have signed frames already", _CHECK)
-SETUP_WHILE_ARMED: Final = _dropped("signing_armed", "a signing key is not taken while armed", _SETUP)
-KEY_NOT_SAVED: Final = _dropped("signing_not_saved", "the signing key could not be stored", _SETUP)
+SIGNATURE_STREAMS: Final = dropped("signature_streams", "16 other senders have signed frames already", _CHECK)
+SETUP_WHILE_ARMED: Final = dropped("signing_armed", "a signing key is not taken while armed", _SETUP)
+KEY_NOT_SAVED: Final = dropped("signing_not_saved", "the signing key could not be stored", _SETUP)
 
 _BY_REFUSAL: Final[Mapping[str, Verdict]] = {
     Refusal.UNSIGNED: UNSIGNED,
@@ -37,8 +32,6 @@ _BY_REFUSAL: Final[Mapping[str, Verdict]] = {
     Refusal.OLD_TIMESTAMP: SIGNATURE_OLD,
     Refusal.TOO_MANY_STREAMS: SIGNATURE_STREAMS,
 }
-
-SIGNING_VERDICTS: Final = (*_BY_REFUSAL.values(), SETUP_WHILE_ARMED, KEY_NOT_SAVED)
 
 
 def signing_verdict(reason: str) -> Verdict | None:

@@ -4,25 +4,15 @@
 
 from typing import Final
 
-from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.verdict import dropped
 
 _FILE: Final = "AP_Logger_MAVLinkLogTransfer.cpp"
+_LIST: Final = f"{_FILE}, handle_log_request_list"
+_DATA: Final = f"{_FILE}, handle_log_request_data"
+_MESSAGE: Final = f"{_FILE}, handle_log_message"
 
-
-def _dropped(code: str, text: str, function: str) -> Verdict:
-    return Verdict(Outcome.DROPPED, Rule(code, text, f"{_FILE}, {function}"))
-
-
-LOG_NOT_READY: Final = _dropped(
-    "log_not_ready", "the logger does not write yet; the firmware is silent", "handle_log_message"
-)
-LOG_ARMED: Final = _dropped("log_armed", "logs are sent only while disarmed", "handle_log_message")
-LOG_BUSY: Final = _dropped("log_busy", "a log transfer is under way", "handle_log_request_list")
-LOG_REPEATED: Final = _dropped(
-    "log_repeated", "this link's log transfer is under way; the firmware is silent", "handle_log_request_data"
-)
-LOG_UNKNOWN: Final = _dropped(
-    "log_unknown", "there is no log of that id; the firmware is silent", "handle_log_request_data"
-)
-
-VERDICTS: Final = (LOG_NOT_READY, LOG_ARMED, LOG_BUSY, LOG_REPEATED, LOG_UNKNOWN)
+LOG_NOT_READY: Final = dropped("log_not_ready", "the logger does not write yet; the firmware is silent", _MESSAGE)
+LOG_ARMED: Final = dropped("log_armed", "logs are sent only while disarmed", _MESSAGE)
+LOG_BUSY: Final = dropped("log_busy", "a log transfer is under way", _LIST)
+LOG_REPEATED: Final = dropped("log_repeated", "this link's log transfer is under way; the firmware is silent", _DATA)
+LOG_UNKNOWN: Final = dropped("log_unknown", "there is no log of that id; the firmware is silent", _DATA)

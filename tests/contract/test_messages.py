@@ -17,8 +17,9 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom.verdicts import CONSUMED
-from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
+from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.verdicts import NO_HANDLER, OWN_MESSAGE, UNKNOWN_MESSAGE
+from mav_handlers.wire import messages as m
 from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, MESSAGES, ODOMETRY, Message
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -29,6 +30,52 @@ REPLIES_US = range(5_002_500, 5_150_000, 2500)
 GARBAGE = (b"\x00", b"0 0 0 ", bytes(range(200)), b"\xff" * 300, b"\xfd\x09", b"\xfe\xff\x00")
 
 every_handled = pytest.mark.parametrize("cls", HANDLERS, ids=lambda cls: cls.__name__)
+# Messages that the endpoint knows and, like the firmware, does not act on when somebody else sends them.
+IGNORED: frozenset[type[Message]] = frozenset(
+    {
+        m.AHRS,
+        m.AHRS2,
+        m.ATTITUDE,
+        m.ATTITUDE_QUATERNION,
+        m.AUTOPILOT_VERSION,
+        m.AVAILABLE_MODES,
+        m.AVAILABLE_MODES_MONITOR,
+        m.BATTERY_STATUS,
+        m.COMMAND_ACK,
+        m.EKF_STATUS_REPORT,
+        m.EXTENDED_SYS_STATE,
+        m.GLOBAL_POSITION_INT,
+        m.GPS_GLOBAL_ORIGIN,
+        m.GPS_RAW_INT,
+        m.HIGHRES_IMU,
+        m.HOME_POSITION,
+        m.HWSTATUS,
+        m.LOCAL_POSITION_NED,
+        m.LOG_DATA,
+        m.LOG_ENTRY,
+        m.MEMINFO,
+        m.MESSAGE_INTERVAL,
+        m.MISSION_ACK,
+        m.MISSION_CURRENT,
+        m.NAV_CONTROLLER_OUTPUT,
+        m.PARAM_ERROR,
+        m.PARAM_VALUE,
+        m.POWER_STATUS,
+        m.RAW_IMU,
+        m.RC_CHANNELS,
+        m.RC_CHANNELS_RAW,
+        m.SCALED_IMU,
+        m.SCALED_IMU2,
+        m.SCALED_IMU3,
+        m.SCALED_PRESSURE,
+        m.SCALED_PRESSURE2,
+        m.SERVO_OUTPUT_RAW,
+        m.SET_HOME_POSITION,
+        m.SYS_STATUS,
+        m.VFR_HUD,
+        m.VIBRATION,
+    }
+)
 every_ignored = pytest.mark.parametrize("cls", sorted(IGNORED, key=str), ids=lambda cls: cls.__name__)
 
 

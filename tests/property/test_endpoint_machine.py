@@ -55,7 +55,7 @@ from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
 from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
-from mav_handlers.handlers import HANDLERS, IGNORED, VISION_MESSAGES
+from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS
 from mav_handlers.params.reads import READ_QUEUE_LENGTH
 from mav_handlers.senders import SENDERS
@@ -65,6 +65,7 @@ from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import (
     COMMAND_INT,
     COMMAND_LONG,
+    MESSAGES,
     ODOMETRY,
     PARAM_REQUEST_LIST,
     PARAM_REQUEST_READ,
@@ -138,7 +139,7 @@ def of_class(cls: type[Message]) -> st.SearchStrategy[Message]:
 
 VISION = st.sampled_from(sorted(VISION_MESSAGES, key=str)).flatmap(of_class)
 ODOMETRIES = of_class(ODOMETRY).map(lambda message: replace(message, frame_id=20, child_frame_id=12))
-ANYTHING = st.sampled_from(sorted((*HANDLERS, *IGNORED), key=str)).flatmap(of_class)
+ANYTHING = st.sampled_from(sorted(MESSAGES.values(), key=str)).flatmap(of_class)
 COMMAND_NUMBERS = st.sampled_from(sorted(COMMANDS)) | st.integers(0, 65535)
 MESSAGE_IDS = st.sampled_from([float(message_id(name)) for name in SENDERS])
 

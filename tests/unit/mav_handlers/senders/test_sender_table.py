@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mav_handlers import senders
-from mav_handlers.senders import PLACEHOLDERS, SENDERS, STREAM_GROUPS, nothing_to_report
+from mav_handlers.senders import SENDERS, STREAM_GROUPS, nothing_to_report
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import COMMAND_INT, REQUEST_DATA_STREAM, Message
 from tests.places import DATA
@@ -77,10 +77,6 @@ def test_every_message_fits_its_fields(desk: "Desk", version: int) -> None:
 
 def test_silent_rows_say_nothing(desk: "Desk") -> None:
     assert [name for name in SILENT if not desk.has_nothing(SENDERS[name])] == []
-
-
-def test_placeholders_are_messages_that_are_said() -> None:
-    assert set(SENDERS) - set(SILENT) > PLACEHOLDERS
 
 
 def test_stream_groups_hold_messages_that_are_known() -> None:

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from ap_core.verdict import Outcome, Verdict
-from ap_visualodom.verdicts import VERDICTS as VISUALODOM_VERDICTS
+from ap_core.verdict import Verdict
 from mav_handlers.channel import Channel
 from mav_handlers.signing.state import (
     OPTION_SIGNING_DISABLED,
@@ -26,11 +25,10 @@ from mav_handlers.signing.verdicts import (
     SIGNATURE_OLD,
     SIGNATURE_REPLAYED,
     SIGNATURE_STREAMS,
-    SIGNING_VERDICTS,
     UNSIGNED,
     signing_verdict,
 )
-from mav_handlers.verdicts import HANDLED, VERDICTS
+from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import SETUP_SIGNING, SYSTEM_TIME
 from mav_handlers.wire.signature import MAX_SIGNING_STREAMS, MINUTE_IN_TIMESTAMPS, LinkSigning, SigningStreams
@@ -425,14 +423,3 @@ def test_key_of_another_length_is_misuse() -> None:
 
 def test_other_bad_data_has_no_signing_verdict() -> None:
     assert signing_verdict("Bad prefix") is None
-
-
-def test_codes_differ_from_those_of_all_other_rules() -> None:
-    every = {*VERDICTS, *SIGNING_VERDICTS}
-    assert len({verdict.rule.code for verdict in (*every, *VISUALODOM_VERDICTS)}) == len(every) + len(
-        VISUALODOM_VERDICTS
-    )
-
-
-def test_every_signing_rule_drops_the_message() -> None:
-    assert {verdict.outcome for verdict in SIGNING_VERDICTS} == {Outcome.DROPPED}

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ap_core.verdict import Verdict
-from ap_visualodom.verdicts import VERDICTS as PORT_VERDICTS
-from mav_handlers.verdicts import VERDICTS
+from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, VISION_POSITION_DELTA, Message
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
@@ -58,7 +57,7 @@ PARAMS = st.dictionaries(
     st.sampled_from(["VISO_TYPE", "VISO_ORIENT", "VISO_DELAY_MS", "VISO_QUAL_MIN", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"]),
     st.integers(-128, 127).map(float),
 )
-ANY_VERDICT: st.SearchStrategy[Verdict] = st.sampled_from([*PORT_VERDICTS, *VERDICTS])
+ANY_VERDICT: st.SearchStrategy[Verdict] = st.sampled_from(ALL_VERDICTS)
 
 
 @settings(max_examples=60)
