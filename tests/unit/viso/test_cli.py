@@ -24,11 +24,13 @@ from typer.testing import CliRunner
 from tests.places import DATA
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso import cli
-from viso.cli import COMMANDS, command_function, command_help, make_app
+from viso.cli import COMMANDS, _command, command_function, command_help, make_app
 from viso.commands import serve as serve_command
 
 SHORT = 40
 SIMULATED = "viso demo --camera simulated"
+QUICK = "faults", "serve", "sweep"
+"""Commands whose example takes a moment."""
 
 
 @pytest.fixture
@@ -71,8 +73,7 @@ def first_lines(path: Path, count: int) -> list[str]:
 # Help
 
 
-@pytest.mark.parametrize("flag", ["--help", "-h"])
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(("name", "flag"), [*((name, "--help") for name in COMMANDS), ("serve", "-h")])
 def test_help_of_a_command_works_and_holds_an_example(viso: Viso, name: str, flag: str) -> None:
     outcome = viso(name, flag)
     assert outcome.code == 0
@@ -128,8 +129,16 @@ def simulated_flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_example_of_the_help_is_understood(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    program, command, *args = shlex.split(example_of(name)[-1])
+    assert (program, command) == ("viso", name)
+    _command(name).make_context(name, args)
+
+
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == "demo" else ()) for name in COMMANDS]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in COMMANDS]
 )
 def test_example_of_the_help_works(
     viso: Viso, name: str, free_port: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
@@ -277,6 +286,7 @@ def test_transport_time_may_be_switched_off(viso: Viso, capture: Path) -> None:
     assert without - modelled >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading_deg", [45, 90])
 def test_heading_counts_without_a_log_of_attitudes(viso: Viso, heading_deg: int) -> None:
     outcome = viso("replay", DATA / "captures" / "prearm.jsonl.gz", "--heading", str(heading_deg), "--json")
@@ -287,7 +297,7 @@ def test_heading_counts_without_a_log_of_attitudes(viso: Viso, heading_deg: int)
 
 def test_telemetry_log_is_replayed(viso: Viso, tmp_path: Path, capture: Path) -> None:
     frames = [json.loads(line)["msg"] for line in capture.read_text().splitlines()[1:]]
-    entries = [(10**6 * number).to_bytes(8, "big") + bytes.fromhex(frame) for number, frame in enumerate(frames)]
+    entries = [(10**5 * number).to_bytes(8, "big") + bytes.fromhex(frame) for number, frame in enumerate(frames)]
     (tmp_path / "flight.tlog").write_bytes(b"".join(entries) + entries[0][:9])
     outcome = viso("replay", "flight.tlog", "--param", "VISO_TYPE=1", "--lead", "5", "--json")
     assert outcome.code == 0
@@ -479,7 +489,7 @@ def viso_process(*args: str | Path, **options: Any) -> subprocess.CompletedProce
     return subprocess.run(command, timeout=60, check=False, stderr=subprocess.PIPE, env=environment, **options)
 
 
-@pytest.mark.parametrize("command", ["vectors", "replay"])
+@pytest.mark.parametrize("command", ["vectors", pytest.param("replay", marks=pytest.mark.slow)])
 def test_reader_that_leaves_is_no_error(command: str, vectors: Path, capture: Path) -> None:
     file = vectors if command == "vectors" else capture
     reader, writer = socket.socketpair()

@@ -18,11 +18,22 @@ SIMULATED = "--camera", "simulated"
 VIO = "--camera", "vio"
 
 
+def cut(monkeypatch: pytest.MonkeyPatch, end_s: float) -> None:
+    """Cut the flights short."""
+    monkeypatch.setattr("viso.demo.tracking_camera.END_S", end_s)
+    monkeypatch.setattr("viso.demo.odometry.END_S", end_s)
+
+
 @pytest.fixture(autouse=True)
-def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cut the flights short, where their course does not matter."""
-    monkeypatch.setattr("viso.demo.tracking_camera.END_S", 8.0)
-    monkeypatch.setattr("viso.demo.odometry.END_S", 8.0)
+def shortest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let flights end before they begin, where their course does not matter."""
+    cut(monkeypatch, 1.0)
+
+
+@pytest.fixture
+def short(shortest: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let flights end soon after the filter has begun to aid."""
+    cut(monkeypatch, 8.0)
 
 
 def forget(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
@@ -32,6 +43,8 @@ def forget(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setitem(sys.modules, name, None)
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("short")
 def test_vio_camera_leaves_log_and_plot_and_one_table(viso: Viso) -> None:
     outcome = viso("demo", "--log-dir", "here")
     assert outcome.code == 0
@@ -43,6 +56,7 @@ def test_vio_camera_leaves_log_and_plot_and_one_table(viso: Viso) -> None:
     assert {path.name for path in Path("here").iterdir()} == {"00000001.BIN", "00000001.png", "LASTLOG.TXT"}
 
 
+@pytest.mark.usefixtures("short")
 def test_vio_camera_for_machines(viso: Viso) -> None:
     answer = json.loads(viso("demo", *VIO, "--no-plot", "--json").out)
     assert (answer["log"], answer["plot"]) == ("logs/00000001.BIN", None)
@@ -53,6 +67,8 @@ def test_vio_camera_for_machines(viso: Viso) -> None:
     assert "consumed" in {row["rule"] for row in answer["verdicts"]}
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("short")
 def test_simulated_camera_leaves_log_and_plot(viso: Viso) -> None:
     outcome = viso("demo", *SIMULATED, "--log-dir", "here")
     assert outcome.code == 0
@@ -62,6 +78,7 @@ def test_simulated_camera_leaves_log_and_plot(viso: Viso) -> None:
     assert {path.name for path in Path("here").iterdir()} == {"00000001.BIN", "00000001.png", "LASTLOG.TXT"}
 
 
+@pytest.mark.usefixtures("short")
 def test_simulated_camera_for_machines(viso: Viso) -> None:
     answer = json.loads(viso("demo", *SIMULATED, "--no-plot", "--json").out)
     assert (answer["log"], answer["plot"]) == ("logs/00000001.BIN", None)
@@ -70,7 +87,9 @@ def test_simulated_camera_for_machines(viso: Viso) -> None:
     assert [span["mode"] for span in answer["aiding"]] == ["none", "absolute"]
 
 
-@pytest.mark.parametrize("camera", [SIMULATED, pytest.param(VIO, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("camera", [SIMULATED, VIO])
 def test_same_seed_writes_the_same_bytes(viso: Viso, camera: tuple[str, str]) -> None:
     for seed in ("7", "7", "8"):
         viso("demo", *camera, "--no-plot", "--seed", seed)
@@ -134,11 +153,13 @@ def test_place_that_cannot_be_written_to_is_one_line(viso: Viso) -> None:
     assert failed_with(viso("demo", *SIMULATED), "logs: File exists")
 
 
+@pytest.mark.usefixtures("short")
 def test_plot_that_cannot_be_written_is_one_line(viso: Viso) -> None:
     Path("logs/00000001.png").mkdir(parents=True)
     assert failed_with(viso("demo", *SIMULATED), "logs/00000001.png: Is a directory")
 
 
+@pytest.mark.usefixtures("short")
 def test_log_that_cannot_be_written_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_descriptor: int, _data: bytes) -> int:
         raise OSError(28, "No space left on device")
@@ -148,6 +169,8 @@ def test_log_that_cannot_be_written_is_one_line(viso: Viso, monkeypatch: pytest.
     assert failed_with(viso("demo", *SIMULATED), "logs/00000001.BIN: No space left on device")
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("short")
 def test_ctrl_c_keeps_what_is_there(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     run = VioDemo.run
 

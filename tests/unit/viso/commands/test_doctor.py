@@ -18,6 +18,8 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.corpus import CORPUS
 from tests.unit.viso.doctor.streams import LEAD_US, SETUP, piece
 from viso.commands import doctor as doctor_command
+from viso.doctor import Evidence, GatherOptions
+from viso.streams.stream_kinds import Stream
 
 UNTIL_US = LEAD_US + 3_000_000
 PAGE = (ROOT / "docs" / "doctor.md").read_text(encoding="utf-8")
@@ -33,6 +35,23 @@ def written(name: str, *, params: bool = True) -> Path:
     path = Path(f"{name.replace(' ', '_')}.jsonl")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+_EXAMINED: dict[str, Evidence] = {}
+
+
+@pytest.fixture(autouse=True)
+def examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the same stream on the same vehicle be tried once, whatever is asked about it."""
+    examine = doctor_command._examine
+
+    def once(stream: Stream, options: GatherOptions) -> Evidence:
+        key = repr((stream.name, stream.params, len(stream.messages), options))
+        if key not in _EXAMINED:
+            _EXAMINED[key] = examine(stream, options)
+        return _EXAMINED[key]
+
+    monkeypatch.setattr(doctor_command, "_examine", once)
 
 
 def test_clean_stream_ends_well(viso: Viso) -> None:
@@ -87,12 +106,14 @@ def test_assumed_parameters_are_told(viso: Viso) -> None:
     assert "XN7-16" in {finding["code"] for finding in data["findings"]}
 
 
+@pytest.mark.slow
 def test_nothing_is_assumed_of_what_is_given(viso: Viso) -> None:
     given = [f"--param={name}={value}" for name, value in SETUP.items()]
     data = json.loads(viso("doctor", written("clean", params=False), "--json", "--baud", "0", *given).out)
     assert data["assumed"] == {}
 
 
+@pytest.mark.slow
 def test_attitude_comes_from_a_log(viso: Viso) -> None:
     log = ROOT / "tests" / "data" / "logs" / "flight_t265.BIN.xz"
     outcome = viso("doctor", written("clean"), "--attitude", log, "--json", "--baud", "0")
@@ -135,6 +156,7 @@ def test_output_that_cannot_be_written_is_one_line(viso: Viso) -> None:
     assert failed_with(outcome, "no/such/folder.sarif: No such file or directory")
 
 
+@pytest.mark.slow
 def test_page_shows_what_happens(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     example = "tests/data/captures/t265.jsonl.gz"
     assert f"viso doctor {example}" in PAGE
@@ -148,10 +170,7 @@ def test_page_shows_what_happens(viso: Viso, monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize(
     "line",
-    [
-        pytest.param(line, marks=() if "trajectories" in line else pytest.mark.slow)
-        for line in re.findall(r"^viso doctor (.*)$", PAGE, re.MULTILINE)
-    ],
+    [pytest.param(line, marks=pytest.mark.slow) for line in re.findall(r"^viso doctor (.*)$", PAGE, re.MULTILINE)],
 )
 def test_command_of_the_page_works(viso: Viso, line: str) -> None:
     Path("tests").symlink_to(ROOT / "tests")

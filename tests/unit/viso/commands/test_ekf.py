@@ -6,7 +6,9 @@ import json
 import lzma
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,6 +23,7 @@ from viso.ekf_runs.targets import Limit
 
 LOG = DATA / "logs" / "voxl.BIN.xz"
 UNTIL_S = 6.6  # after aiding, yaw and origin
+SHORT_BYTES = 400_000  # some time after that
 
 
 @pytest.fixture
@@ -30,11 +33,35 @@ def viso(viso: Viso) -> Viso:
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the log that comes of the beginning of a recorded one."""
-    run, path = EkfRun(LOG, until_s=UNTIL_S), tmp_path_factory.mktemp("written") / "out.BIN"
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the beginning of the log, unpacked; it is cut within a record, as by a vehicle that loses power."""
+    path = tmp_path_factory.mktemp("short") / "voxl.BIN"
+    path.write_bytes(lzma.decompress(LOG.read_bytes())[:SHORT_BYTES])
+    return path
+
+
+@pytest.fixture(scope="module")
+def ran(short: Path) -> EkfRun:
+    """Return a run over the beginning of a recorded log, at its end."""
+    run = EkfRun(short, until_s=UNTIL_S)
     run.run()
-    run.output.save(path)
+    return run
+
+
+@pytest.fixture
+def known(ran: EkfRun, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Let the command know what comes of the run; return what it knows."""
+    replay = ran.comparison()
+    known = SimpleNamespace(run=lambda _on_progress: None, output=ran.output, comparison=lambda: replay)
+    monkeypatch.setattr(ekf_command, "EkfRun", lambda _log, until_s: known)
+    return known
+
+
+@pytest.fixture(scope="module")
+def written(ran: EkfRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log that comes of the run."""
+    path = tmp_path_factory.mktemp("written") / "out.BIN"
+    ran.output.save(path)
     return path
 
 
@@ -49,9 +76,10 @@ def records_of(path: Path, *kinds: str) -> list[Any]:
 # What it prints
 
 
-def test_table_tells_figures_targets_and_marks(viso: Viso) -> None:
-    outcome = viso(LOG)
+def test_table_tells_figures_targets_and_marks(viso: Viso, short: Path, written: Path) -> None:
+    outcome = viso(short, "-o", "new/out.BIN")
     assert (outcome.code, outcome.err) == (0, "")
+    assert Path("new/out.BIN").read_bytes() == written.read_bytes()
     rows = {cells[1].strip(): cells for line in outcome.out.splitlines() if len(cells := line.split("│")) > 4}
     assert [cell.strip() for cell in rows["PN"][3:5]] == ["0.02 m rms, 0.12 m at worst", "ok"]
     assert rows["PN"][2].split()[1:3] == ["m", "rms,"]
@@ -59,12 +87,14 @@ def test_table_tells_figures_targets_and_marks(viso: Viso) -> None:
     assert "aiding starts at 5.090 s, the log's at 5.090 s" in outcome.out
 
 
+@pytest.mark.usefixtures("known")
 def test_bench_is_judged_by_its_events(viso: Viso, tmp_path: Path) -> None:
     (tmp_path / "bench_voxl.BIN.xz").symlink_to(LOG)
     outcome = viso("bench_voxl.BIN.xz")
     assert all(what in outcome.out for what in ("TS changes", "SS changes", "resets (OFN, OFE)", "SP side of 1"))
 
 
+@pytest.mark.usefixtures("known")
 def test_comparison_for_machines(viso: Viso) -> None:
     outcome = json.loads(viso(LOG, "--json").out)
     assert (outcome["log"], outcome["passed"]) == (str(LOG), True)
@@ -75,8 +105,9 @@ def test_comparison_for_machines(viso: Viso) -> None:
     assert {"what", "figure", "target", "passed"} == set(outcome["checks"][0])
 
 
+@pytest.mark.usefixtures("known")
 def test_nothing_is_printed_without_a_comparison(viso: Viso) -> None:
-    assert viso(LOG, "-o", "out.BIN", "--no-compare", until=4) == Outcome(0, "", "")
+    assert viso(LOG, "-o", "out.BIN", "--no-compare") == Outcome(0, "", "")
     assert Path("out.BIN").stat().st_size
 
 
@@ -84,7 +115,7 @@ def miss(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ekf_targets.FLIGHT_LIMITS, "Yaw", Limit(0.0))
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("known")
 def test_missed_target_is_a_finding_only_when_asked(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     assert viso(LOG, "--check").code == 0
     miss(monkeypatch)
@@ -94,41 +125,35 @@ def test_missed_target_is_a_finding_only_when_asked(viso: Viso, monkeypatch: pyt
     assert viso(LOG, "--check").code == 1
 
 
+@pytest.mark.usefixtures("known")
 def test_check_counts_without_a_comparison_too(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     miss(monkeypatch)
     assert viso(LOG, "--check", "--no-compare").code == 1
 
 
+@pytest.mark.usefixtures("known")
 def test_what_comes_after_the_end_of_a_log_is_not_compared(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ekf_targets.END_S, "voxl", 5.1)
     outcome = json.loads(viso(LOG, "--json").out)
     assert (outcome["records"], outcome["texts"]["matched"]) == (0, 5)
 
 
-def test_texts_that_differ_are_printed(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    send_text = EkfRun.send_text
-    monkeypatch.setattr(
-        EkfRun, "send_text", lambda run, severity, text: send_text(run, severity, text.replace("tilt", "roll"))
-    )
+def test_texts_that_differ_are_printed(viso: Viso, known: SimpleNamespace) -> None:
+    replay = known.comparison()
+    texts = [(time_s, text.replace("tilt", "roll")) for time_s, text in replay.our_texts]
+    known.comparison = lambda: replace(replay, our_texts=texts)
     out = viso(LOG).out
     assert "text at 5.065 s: only ours: 'roll alignment complete'" in out
     assert "text at 5.065 s: only the log's: 'tilt alignment complete'" in out
 
 
-def test_log_without_estimates_is_noted(viso: Viso) -> None:
-    # Until the filter has begun the log has none that mean anything.
-    outcome = viso(LOG, until=4)
-    assert outcome == Outcome(0, "", f"note: {LOG} has no XKF records to compare with\n")
-    assert failed_with(viso(LOG, "--check", until=4), f"{LOG}: no XKF records to compare with")
+def test_log_without_estimates_is_noted(viso: Viso, known: SimpleNamespace) -> None:
+    known.comparison = lambda: None
+    assert viso(LOG) == Outcome(0, "", f"note: {LOG} has no XKF records to compare with\n")
+    assert failed_with(viso(LOG, "--check"), f"{LOG}: no XKF records to compare with")
 
 
 # What it writes
-
-
-@pytest.mark.slow
-def test_log_is_the_same_each_time(viso: Viso, written: Path) -> None:
-    viso(LOG, "-o", "new/out.BIN")
-    assert Path("new/out.BIN").read_bytes() == written.read_bytes()
 
 
 def test_pymavlink_reads_the_log_to_its_end(written: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -142,15 +167,14 @@ def test_pymavlink_reads_the_log_to_its_end(written: Path, capfd: pytest.Capture
     assert capfd.readouterr() == ("", "")
 
 
-def test_estimates_are_near_the_logs_own_record_by_record(written: Path, tmp_path: Path) -> None:
-    source = tmp_path / "voxl.BIN"
-    source.write_bytes(lzma.decompress(LOG.read_bytes()))
-    theirs = [record for record in records_of(source, "XKF1") if record.TimeUS <= UNTIL_S * 1e6]
+def test_estimates_are_near_the_logs_own_record_by_record(short: Path, written: Path) -> None:
+    theirs = [record for record in records_of(short, "XKF1") if record.TimeUS <= UNTIL_S * 1e6]
     ours = [record for record in records_of(written, "XKF1") if record.C == 0]
     assert [record.TimeUS for record in ours] == [record.TimeUS for record in theirs]
     assert all(abs(mine.PN - other.PN) < 0.05 for mine, other in zip(ours, theirs, strict=True))
 
 
+@pytest.mark.slow
 def test_mavlogdump_prints_the_estimates(written: Path) -> None:
     script = Path(sys.executable).parent / "mavlogdump.py"
     command = [sys.executable, str(script), "--types", "XKF4,MSG", str(written)]
@@ -160,9 +184,7 @@ def test_mavlogdump_prints_the_estimates(written: Path) -> None:
     assert any("EKF3 IMU1 is using external nav data" in line for line in lines)
 
 
-def test_interrupted_run_leaves_what_there_was(
-    viso: Viso, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_interrupted_run_leaves_what_there_was(viso: Viso, monkeypatch: pytest.MonkeyPatch, short: Path) -> None:
     begin_frame = EkfRun._begin_frame
 
     def interrupt(run: EkfRun) -> None:
@@ -171,7 +193,7 @@ def test_interrupted_run_leaves_what_there_was(
             raise KeyboardInterrupt
 
     monkeypatch.setattr(EkfRun, "_begin_frame", interrupt)
-    outcome = viso(LOG, "-o", "out.BIN")
+    outcome = viso(short, "-o", "out.BIN")
     assert outcome.code != 0
     assert "note: interrupted; out.BIN ends at 4.602 s\n" in outcome.err
     texts = [record.Message for record in records_of(Path("out.BIN"), "MSG")]

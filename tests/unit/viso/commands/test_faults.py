@@ -248,6 +248,7 @@ def test_table_tells_what_was_done_and_what_was_not(viso: Viso, tlog: Path) -> N
     assert outcome.err == "note: entry 2 (degrees) happened to no message\n"
 
 
+@pytest.mark.slow
 def test_commands_of_the_page_work(viso: Viso, tmp_path: Path, tlog: Path) -> None:
     (tmp_path / "docs").symlink_to(DOCS)
     block = re.search(r"```\n(viso faults flight.tlog .*?)```", (DOCS / "faults.md").read_text(), re.DOTALL)

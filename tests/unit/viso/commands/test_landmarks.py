@@ -90,12 +90,19 @@ def innovations(outcome: Outcome) -> list[dict[str, Any]]:
     return [one for row in rows for one in row["innovations"] + row["aircraft"]]
 
 
-def test_demo_without_noise_has_innovations_of_exactly_zero(viso: Viso) -> None:
-    outcome = viso("landmarks", "--demo", "--json", "--set", "offset_forward_m=0.5", "--set", "offset_left_m=-0.3")
+@pytest.mark.parametrize(
+    ("args", "least", "scenes"),
+    [(("--until", "6"), 150, 31), pytest.param((), 1500, 301, marks=pytest.mark.slow)],
+)
+def test_demo_without_noise_has_innovations_of_exactly_zero(
+    viso: Viso, args: tuple[str, ...], least: int, scenes: int
+) -> None:
+    offset = "--set", "offset_forward_m=0.5", "--set", "offset_left_m=-0.3"
+    outcome = viso("landmarks", "--demo", "--json", *offset, *args)
     found = innovations(outcome)
-    assert len(found) > 1500
+    assert len(found) > least
     assert {(one["du_px"], one["dv_px"]) for one in found} == {(0.0, 0.0)}
-    assert figures(outcome)["scenes"] == 301
+    assert figures(outcome)["scenes"] == scenes
     assert outcome.err == ""
 
 
@@ -120,11 +127,13 @@ def test_people_are_told_in_sentences(viso: Viso) -> None:
     assert "31 pictures" in outcome.out or "30 pictures" in outcome.out
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_output(viso: Viso) -> None:
     args = ("landmarks", *SHORT, "--until", "2", "--json", "--demo-noise-px", "2", "--seed")
     assert viso(*args, "3") == viso(*args, "3") != viso(*args, "4")
 
 
+@pytest.mark.slow
 def test_lines_of_a_file_give_what_the_flight_gave(viso: Viso) -> None:
     written("flight.jsonl", flight())
     by_file = viso("landmarks", "flight.jsonl", "--json", "--frame", "spherical")
@@ -208,6 +217,7 @@ def test_records_are_read_again(viso: Viso) -> None:
     assert viso("landmarks", "out.jsonl", "--frame", "spherical").err == ""
 
 
+@pytest.mark.slow
 def test_estimate_warns_and_predicts_only_when_asked_to(viso: Viso) -> None:
     plain = viso("landmarks", *SHORT, "--json", "--estimate")
     chosen = viso("landmarks", *SHORT, "--json", "--estimate", "--predict-from", "estimated")

@@ -239,6 +239,7 @@ def test_command_of_the_page_works(viso: Viso, monkeypatch: pytest.MonkeyPatch, 
     assert (program, outcome.code, outcome.err) == ("viso", 0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CLIP.exists(), reason=f"{CLIP.parent.name} is not there")
 def test_ground_truth_of_euroc_is_accepted_and_fused(viso: Viso) -> None:
     args = ["--axes", "euroc", "--mounting", "0,-25,0", "--rate", "30", "--until", "5"]

@@ -66,6 +66,7 @@ def test_trajectory_may_be_sent_as_another_message(viso: Viso, option: str) -> N
     assert outcomes(answer["verdicts"])["ATT_POS_MOCAP", "accepted"] == POSES
 
 
+@pytest.mark.slow
 def test_log_is_replayed_with_its_parameters(viso: Viso) -> None:
     outcome = viso("replay", LOG, "--json")
     assert outcomes(json.loads(outcome.out)["verdicts"]) == {("VISION_POSITION_ESTIMATE", "accepted"): 58}
@@ -149,7 +150,9 @@ def examples() -> list[str]:
     return [line for block in blocks for line in block.splitlines() if line.startswith("viso ")]
 
 
-@pytest.mark.parametrize("line", examples())
+@pytest.mark.parametrize(
+    "line", [pytest.param(line, marks=pytest.mark.slow if number else ()) for number, line in enumerate(examples())]
+)
 def test_example_of_the_page_works(viso: Viso, line: str) -> None:
     program, *args = shlex.split(line)
     outcome = viso(*args)

@@ -47,6 +47,7 @@ def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path)
     assert "No VISP: position and attitude of vision." in (tmp_path / "quiet.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_page_has_the_name_that_is_asked_for(viso: Viso, log: Path, tmp_path: Path) -> None:
     assert viso("report", log, "-o", "deep/page.HTML").code == 0
     assert (tmp_path / "deep" / "page.HTML").is_file()

@@ -126,7 +126,8 @@ def test_reader_of_the_lines_that_leaves_ends_the_vehicle_in_peace(
 
 def test_key_is_kept_beside_the_stored_parameters(serve: Viso) -> None:
     key = SigningKey(1000, KEY)
-    serve("--log-dir", "here", sent=(SETUP_SIGNING(1, 1, tuple(KEY), key.timestamp),))
+    # In real time: the key's stamp moves on with every minute of the vehicle's.
+    serve("--log-dir", "here", "--speedup", "1", sent=(SETUP_SIGNING(1, 1, tuple(KEY), key.timestamp),))
     stored = Path("here/signing.key")
     assert SigningKey.from_bytes(stored.read_bytes()) == key
     assert stored.stat().st_mode & 0o777 == 0o600

@@ -44,6 +44,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_command, "run_point", parabola)
 
 
+@pytest.mark.slow
 def test_replays_are_told_and_kept(viso: Viso, tmp_path: Path) -> None:
     outcome = viso("sweep", *SHORT, "--set", "VISO_SCALE=0.5,1", "-o", "out")
     assert (outcome.code, outcome.err) == (0, "")
@@ -80,6 +81,7 @@ def test_same_command_goes_on_and_another_is_refused(viso: Viso, monkeypatch: py
         seen.append(point.number)
         return Result(point.number, None, "bad luck") if point.number == 1 else parabola(plan, point)
 
+    monkeypatch.setattr(sweep_command, "_draw", lambda *_args: None)
     monkeypatch.setattr(sweep_command, "run_point", failing_second)
     outcome = viso(*args)
     assert (outcome.code, outcome.err) == (1, "note: point 1: bad luck\n")
@@ -230,6 +232,7 @@ def test_page_has_commands() -> None:
     assert len(commands_of_the_page()) >= 4
 
 
+@pytest.mark.slow
 def test_program_of_the_page_prints_what_the_page_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

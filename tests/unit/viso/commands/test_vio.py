@@ -62,30 +62,24 @@ def test_figures_are_told_in_the_end(film: Viso) -> None:
         assert part in outcome.out
 
 
-def test_figures_for_machines(film: Viso) -> None:
-    outcome = film("--json", "--save-trajectory", "flight.tum")
+def test_figures_for_machines_trajectory_and_events(film: Viso) -> None:
+    outcome = film("--json", "--save-trajectory", "flight.tum", "--events", "events.jsonl")
     told = json.loads(outcome.out)
     assert (told["source"], told["strategy"], told["frames"]) == ("film.avi", "klt_ransac", 12)
     assert (told["ended"] != "INIT", told["plot"], told["trajectory"]) == (True, None, "flight.tum")
     assert told["path_m"] < 0.05
-
-
-def test_trajectory_is_one_that_is_read_again(film: Viso) -> None:
-    assert film("--save-trajectory", "flight.tum").code == 0
+    # The trajectory is one that is read again.
     trajectory = load_trajectory(Source(Path("flight.tum")), "tum")
     assert trajectory.times_ns[-1] == 1_100_000_000
     assert abs(trajectory.positions).max() < 0.05
+    assert '"event":"vio_ready"' in Path("events.jsonl").read_text()
 
 
+@pytest.mark.slow
 def test_plot_is_written(film: Viso) -> None:
     outcome = film("--plot", "flight.png")
     assert outcome.out.splitlines()[-1] == "plot: flight.png"
     assert Path("flight.png").read_bytes()[:4] == b"\x89PNG"
-
-
-def test_events_are_written(film: Viso) -> None:
-    assert film("--events", "events.jsonl").code == 0
-    assert '"event":"vio_ready"' in Path("events.jsonl").read_text()
 
 
 def test_frames_may_be_fewer_and_the_end_early(film: Viso) -> None:
@@ -262,6 +256,7 @@ def test_source_that_cannot_be_used_is_one_line(viso: Viso, tmp_path: Path, args
     assert outcome.err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CLIP.exists(), reason=f"{CLIP.name} is not there")
 def test_recorded_clip_is_followed(viso: Viso) -> None:
     told = json.loads(viso("vio", CLIP, "--until", "3", "--json").out)
@@ -273,7 +268,13 @@ def test_recorded_clip_is_followed(viso: Viso) -> None:
 # The page about it
 
 
-@pytest.mark.parametrize("command", re.findall(r"^viso vio [^`\n]+", PAGE.read_text(encoding="utf-8"), re.MULTILINE))
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(command, marks=pytest.mark.slow if re.search(r"--plot|fixed_lag", command) else ())
+        for command in re.findall(r"^viso vio [^`\n]+", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    ],
+)
 def test_command_of_the_page_works(film: Viso, viso: Viso, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     # In the place of data and devices that only their owners have.
     ours = SourceOptions("film.avi", Path("small.toml"), Path("imu.csv"))
