@@ -180,6 +180,7 @@ def test_page_names_everything_there_is() -> None:
     assert [name for name in names if not re.search(rf"[`.]{name}\b", text)] == []
 
 
+@pytest.mark.slow
 def test_tests_of_the_example_pass_as_its_user_runs_them(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTEST_ADDOPTS": " ".join(WITH_PLUGIN), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-W", "error", "-m", "pytest", "-ra"]

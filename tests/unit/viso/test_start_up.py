@@ -9,6 +9,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 from mav_handlers.wire.codec import Codec
 from tools.bench.odometry import odometry_at
 from viso.cli import COMMANDS
@@ -51,6 +53,7 @@ def listed(errors: str) -> set[str]:
     return set(errors.splitlines()[-1].split())
 
 
+@pytest.mark.slow
 def test_commands_import_nothing_heavy() -> None:
     command = [sys.executable, "-c", EACH]
     lines = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, timeout=60).stdout.splitlines()
@@ -71,6 +74,7 @@ def test_package_alone_imports_nothing_heavy() -> None:
     assert {"numpy", *HEAVY}.intersection(done.stdout.split()) == set()
 
 
+@pytest.mark.slow
 def test_help_of_a_command_imports_no_other_command() -> None:
     done = subprocess.run(program("serve", "-h"), capture_output=True, text=True, check=True, timeout=60)
     assert listed(done.stderr).intersection(COMMANDS.values()) == {COMMANDS["serve"]}

@@ -10,6 +10,8 @@ import pytest
 
 from tests.places import DATA
 
+pytestmark = pytest.mark.slow  # a process each
+
 EXTRAS = (
     "cv2",
     "gtsam",
@@ -59,7 +61,7 @@ def test_trajectory_is_played(tmp_path: Path) -> None:
     "command",
     [
         ("vio", "synthetic"),
-        pytest.param(("demo", "--camera", "vio"), marks=pytest.mark.slow),
+        ("demo", "--camera", "vio"),
     ],
 )
 def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]) -> None:
@@ -70,7 +72,6 @@ def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]
     assert err.count("\n") == 1
 
 
-@pytest.mark.slow
 def test_landmarks_do_without_on_a_sphere_and_say_so(tmp_path: Path) -> None:
     assert viso("landmarks", "--demo", "--until", "1", "--frame", "spherical", cwd=tmp_path) == (0, "")
     code, err = viso("landmarks", "--demo", "--until", "1", cwd=tmp_path)
@@ -79,7 +80,6 @@ def test_landmarks_do_without_on_a_sphere_and_say_so(tmp_path: Path) -> None:
     assert err.count("\n") == 1
 
 
-@pytest.mark.slow
 def test_estimate_of_the_receiver_needs_an_extra_and_says_which(tmp_path: Path) -> None:
     code, err = viso("landmarks", "--demo", "--until", "1", "--frame", "spherical", "--estimate", cwd=tmp_path)
     note, reason = err.splitlines()
@@ -88,7 +88,6 @@ def test_estimate_of_the_receiver_needs_an_extra_and_says_which(tmp_path: Path) 
     assert "pip install 'ardupilot-viso[landmarks]'" in reason
 
 
-@pytest.mark.slow
 def test_raw_frames_need_an_extra_and_say_which(tmp_path: Path) -> None:
     (tmp_path / "frames.txt").write_text("*8D4840D6202CC371C32CE0576098;\n")
     code, err = viso("landmarks", "frames.txt", "--frame", "spherical", cwd=tmp_path)

@@ -5,15 +5,18 @@
 import json
 from dataclasses import asdict
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from tests.unit.viso.closed_loop.hops import COMPANION_S, HOP_END_S, between, hop, make_setup
+from tests.unit.viso.closed_loop.hops import COMPANION_S, HOP_COVERED_S, HOP_END_S, between, hop, make_setup
 from viso.closed_loop.errors import PoseErrors
 from viso.closed_loop.figures import LoopFigures, accuracy_of, figures_of, figures_table
 from viso.closed_loop.loop import CompanionLoop
+from viso.closed_loop.plot import save_plot
+from viso.closed_loop.record import COMPANION
 from viso.companion.vio.se3 import Array
 from viso.logs.sink import MemoryLog
 
@@ -60,6 +63,27 @@ def test_both_ends_are_close_to_the_truth(figures: LoopFigures) -> None:
         assert accuracy is not None
         assert accuracy.horizontal_max_m < 0.3
         assert accuracy.yaw_rms_deg < 3.0
+
+
+def test_darkness_degrades_and_beginning_anew_steps_the_counter(loop: CompanionLoop) -> None:
+    said = [one for one in loop.record.said if one.who == COMPANION and one.time_us > HOP_COVERED_S[0] * 1e6]
+    assert [one.text.split(":")[0] for one in said if "->" in one.text] == [
+        *("TRACKING -> DEGRADED", "DEGRADED -> INIT", "INIT -> TRACKING"),
+    ]
+    counters = [one.message.reset_counter for one in loop.record.arrived]
+    assert counters == sorted(counters)
+    assert set(counters) == {0, 1}
+    dark_us = [1e6 * (HOP_COVERED_S[0] + 0.4), 1e6 * HOP_COVERED_S[1]]
+    dark = [one.message.quality for one in loop.record.arrived if dark_us[0] < one.time_us < dark_us[1]]
+    assert dark
+    assert 1 <= min(dark) <= max(dark) < 50
+    codes = {code for name, _, code in loop.vehicle.endpoint.verdict_counts() if name == "ODOMETRY"}
+    assert codes == {"consumed", "quality_below_min"}
+
+
+def test_loop_can_be_drawn(loop: CompanionLoop, tmp_path: Path) -> None:
+    save_plot(loop, tmp_path / "loop.png")
+    assert (tmp_path / "loop.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_path_is_as_long_as_what_was_flown(figures: LoopFigures, loop: CompanionLoop) -> None:

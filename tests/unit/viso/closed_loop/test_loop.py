@@ -17,7 +17,8 @@ from viso.closed_loop.loop import CompanionLoop
 from viso.closed_loop.record import AUTOPILOT, COMPANION, Arrived, Estimate
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import NavCameraFrame, VioState, WarmStartPose
-from viso.logs.sink import MemoryLog
+
+pytestmark = pytest.mark.slow  # the flights; what a short one shows is in test_figures
 
 JUMP_ENU = np.array([2.0, -1.5, 0.0])
 
@@ -77,7 +78,6 @@ def covered() -> CompanionLoop:
     return play(setup, COVERED_END_S, [(BEGIN_ANEW_S, lambda loop: loop.companion.start_from(true_start(loop)))])
 
 
-@pytest.mark.slow
 def test_aiding_starts_and_the_vehicle_arms() -> None:
     wanted = ["EKF3 IMU0 is using external nav data", "Arming motors"]
     assert [text for text in covered().record.texts(AUTOPILOT) if text in wanted][:2] == wanted
@@ -235,7 +235,7 @@ def jump_m(loop: CompanionLoop, before_s: float, after_s: float) -> float:
     return float(np.hypot(*(after - before)[:2]))
 
 
-BACKENDS = (1, 2, pytest.param(3, marks=pytest.mark.slow))
+BACKENDS = (1, 2, 3)
 
 
 @pytest.mark.parametrize("viso_type", BACKENDS)
@@ -272,7 +272,6 @@ def test_t265_withholds_a_second_and_then_makes_the_estimate_jump() -> None:
     assert jump_m(loop, RESTART_S, back_s(loop) + 1.4) == pytest.approx(2.5, abs=0.4)
 
 
-@pytest.mark.slow
 def test_voxl_takes_the_jump_out() -> None:
     loop = restarted(3)
     assert all(one.is_accepted for one in arrived(loop, back_s(loop), SETTLED_S))
@@ -282,7 +281,6 @@ def test_voxl_takes_the_jump_out() -> None:
     assert jump_m(loop, RESTART_S, SETTLED_S - 0.3) < gone_m
 
 
-@pytest.mark.slow
 def test_yaw_is_aligned_twenty_seconds_after_the_filter_began() -> None:
     texts = [one for one in restarted(3).record.said if one.text.startswith("VisOdom: yaw shifted")]
     assert [one.time_us * 1e-6 for one in texts] == [pytest.approx(22.48, abs=0.1)]
@@ -302,28 +300,3 @@ def test_pose_of_another_camera_is_lost_at_once_then_silent() -> None:
     assert {one.message.quality for one in after} == {-1}
     assert not any(one.is_accepted for one in after)
     assert after[-1].time_us * 1e-6 == pytest.approx(swapped_s + 3.0, abs=0.3)
-
-
-# Without a compass
-
-
-NO_COMPASS = {"EK3_SRC1_YAW": 6, "COMPASS_USE": 0, "LOG_DISARMED": 1, "LOG_REPLAY": 1}
-
-
-@cache
-def without_compass(_run: int) -> tuple[list[str], bytes]:
-    """Return what a vehicle on the ground says that takes its yaw from external navigation, and its log."""
-    log = MemoryLog()
-    loop = play(make_setup(9.0, params=NO_COMPASS), 9.0, open_log=lambda: log)
-    return loop.record.texts(AUTOPILOT), bytes(log.data)
-
-
-def test_yaw_is_aligned_to_external_navigation() -> None:
-    wanted = ["EKF3 IMU0 yaw aligned", "EKF3 IMU0 is using external nav data", "Arming motors"]
-    assert [text for text in without_compass(0)[0] if text in wanted] == wanted
-
-
-def test_same_set_up_gives_the_same_log() -> None:
-    first, second = without_compass(0)[1], without_compass(1)[1]
-    assert len(first) > 100_000
-    assert first == second

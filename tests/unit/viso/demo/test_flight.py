@@ -27,6 +27,7 @@ def test_truth_is_the_flight(time_s: float) -> None:
     assert quaternion.rotation_intrinsic_distance(yaw * pitch * roll, quaternion.quaternion(*truth.quat_wxyz)) < 1e-7
 
 
+@pytest.mark.slow
 def test_inertial_data_add_up_to_the_flight() -> None:
     source = flight_source(FLIGHT, ImuOptions(heading_rad=0.5))
     source.sense(0)

@@ -128,6 +128,7 @@ def test_run_can_be_stopped() -> None:
     assert not demo.loop.vehicle.logger.is_open
 
 
+@pytest.mark.slow
 def test_log_is_closed_when_something_goes_wrong() -> None:
     demo = VioDemo(1, MemoryLog)
 
@@ -139,5 +140,6 @@ def test_log_is_closed_when_something_goes_wrong() -> None:
     assert not demo.loop.vehicle.logger.is_open
 
 
+@pytest.mark.slow
 def test_seed_is_that_of_both_ends() -> None:
     assert (demo_setup(7).seed, demo_setup(7).flight.seed) == (7, 7)

@@ -21,6 +21,8 @@ from viso.ekf_runs.run import EkfRun
 from viso.fates.labels import Fate, fate_of
 from viso.logs.sink import MemoryLog
 
+BEGUN_S = 10
+
 
 @dataclass(frozen=True)
 class Ran:
@@ -32,16 +34,23 @@ class Ran:
     progress: list[float]
 
 
-def run(seed: int) -> Ran:
+def run(seed: int, seconds: float = END_S) -> Ran:
     log, progress = MemoryLog(), list[float]()
     demo = Demo(seed, lambda: log)
-    return Ran(demo, demo.run(progress.append), bytes(log.data), progress)
+    result = demo.run(progress.append, lambda: len(progress) > seconds)
+    return Ran(demo, result, bytes(log.data), progress)
 
 
 @pytest.fixture(scope="module")
 def ran() -> Callable[[int], Ran]:
     """Return a function that runs the demonstration with a seed, once."""
     return cache(run)
+
+
+@pytest.fixture(scope="module")
+def begun() -> Ran:
+    """Return a run that is stopped after 10 s: the vehicle stands and navigates."""
+    return run(1, BEGUN_S)
 
 
 @pytest.mark.slow
@@ -54,6 +63,7 @@ def test_another_seed_gives_another_log(ran: Callable[[int], Ran]) -> None:
     assert ran(2).log != ran(1).log
 
 
+@pytest.mark.slow
 def test_autopilot_says_what_is_expected_in_order(ran: Callable[[int], Ran]) -> None:
     texts = ran(1).result.texts(AUTOPILOT)
     assert [text for text in texts if "yaw" not in text and "initial " not in text] == [
@@ -75,6 +85,7 @@ def test_autopilot_says_what_is_expected_in_order(ran: Callable[[int], Ran]) -> 
     ]
 
 
+@pytest.mark.slow
 def test_yaw_differs_until_it_is_aligned(ran: Callable[[int], Ran]) -> None:
     said = [(one.time_us * 1e-6, one.text) for one in ran(1).result.said if "VisOdom: yaw" in one.text]
     assert [text.split(":")[0] for _, text in said] == ["PreArm", "VisOdom"]
@@ -83,22 +94,25 @@ def test_yaw_differs_until_it_is_aligned(ran: Callable[[int], Ran]) -> None:
     assert said[1][0] == pytest.approx(22.47, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("code", "least", "most"), [("quality_below_min", 89, 91), ("reset_settling", 29, 32)])
 def test_samples_are_withheld(ran: Callable[[int], Ran], code: str, least: int, most: int) -> None:
     counts = ran(1).demo.vehicle.endpoint.verdict_counts()
     assert least <= counts["ODOMETRY", Outcome.IGNORED, code] <= most
 
 
+@pytest.mark.slow
 def test_samples_are_accepted_at_30_hz_but_for_the_faults(ran: Callable[[int], Ran]) -> None:
     counts = ran(1).demo.vehicle.endpoint.verdict_counts()
     flown = (END_S - COMPANION_START_S) * 30 - 60 - 90 - 30
     assert counts["ODOMETRY", Outcome.ACCEPTED, "consumed"] == pytest.approx(flown, abs=5)
 
 
-def test_nothing_is_dropped(ran: Callable[[int], Ran]) -> None:
-    assert all(outcome is not Outcome.DROPPED for _, outcome, _ in ran(1).demo.vehicle.endpoint.verdict_counts())
+def test_nothing_is_dropped(begun: Ran) -> None:
+    assert all(outcome is not Outcome.DROPPED for _, outcome, _ in begun.demo.vehicle.endpoint.verdict_counts())
 
 
+@pytest.mark.slow
 def test_withheld_samples_are_those_of_the_faults(ran: Callable[[int], Ran]) -> None:
     assert FAULTS.low_quality is not None
     assert FAULTS.reset_s is not None
@@ -110,21 +124,24 @@ def test_withheld_samples_are_those_of_the_faults(ran: Callable[[int], Ran]) -> 
     )
 
 
+@pytest.mark.slow
 def test_aligned_positions_follow_the_flight(ran: Callable[[int], Ran]) -> None:
     poses = [pose for pose in ran(1).result.poses if 30 < pose.time_s < FAULTS.reset_s]  # type: ignore[operator]
     errors = [np.array(pose.pos_ned) - FLIGHT.position_ned(pose.time_s - 0.04) for pose in poses]
     assert np.linalg.norm(errors, axis=1).max() < 0.5
 
 
-def test_raw_positions_are_those_of_every_odometry_message(ran: Callable[[int], Ran]) -> None:
-    result = ran(1).result
+def test_raw_positions_are_those_of_every_odometry_message(begun: Ran) -> None:
+    result = begun.result
     assert len(result.arrived) == len(result.poses)
 
 
+@pytest.mark.slow
 def test_progress_goes_to_the_end(ran: Callable[[int], Ran]) -> None:
     assert ran(1).progress == [float(second) for second in range(int(END_S) + 1)]
 
 
+@pytest.mark.slow
 def test_log_is_closed_at_the_end(ran: Callable[[int], Ran]) -> None:
     assert not ran(1).demo.vehicle.logger.is_open
 
@@ -141,11 +158,12 @@ def test_log_is_closed_when_the_run_is_interrupted() -> None:
     assert not demo.vehicle.logger.is_open
 
 
-def test_companion_hears_the_autopilot(ran: Callable[[int], Ran]) -> None:
-    kinds = {type(message).__name__ for message in ran(1).demo.companion.received}
+def test_companion_hears_the_autopilot(begun: Ran) -> None:
+    kinds = {type(message).__name__ for message in begun.demo.companion.received}
     assert {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK"} <= kinds
 
 
+@pytest.mark.slow
 def test_plot_is_a_picture(ran: Callable[[int], Ran], tmp_path: Path) -> None:
     save_plot(ran(1).result, tmp_path / "demo.png")
     assert (tmp_path / "demo.png").read_bytes().startswith(b"\x89PNG")
@@ -170,6 +188,7 @@ def errors_m(result: DemoResult, start_s: float, end_s: float) -> list[float]:
     ]
 
 
+@pytest.mark.slow
 def test_filter_navigates_from_the_first_pose_to_the_end(ran: Callable[[int], Ran]) -> None:
     standing, navigating = ran(1).result.aiding
     assert (standing.mode, navigating.mode) == (AidingMode.NONE, AidingMode.ABSOLUTE)
@@ -177,6 +196,7 @@ def test_filter_navigates_from_the_first_pose_to_the_end(ran: Callable[[int], Ra
     assert navigating.end_us == END_S * 1e6
 
 
+@pytest.mark.slow
 def test_estimate_follows_the_flight_until_the_camera_jumps(ran: Callable[[int], Ran]) -> None:
     assert FAULTS.reset_s is not None
     found = errors_m(ran(1).result, 8, FAULTS.reset_s)
@@ -184,6 +204,7 @@ def test_estimate_follows_the_flight_until_the_camera_jumps(ran: Callable[[int],
     assert max(found) < 0.25
 
 
+@pytest.mark.slow
 def test_estimate_jumps_with_the_camera_and_keeps_that(ran: Callable[[int], Ran]) -> None:
     assert FAULTS.reset_s is not None
     jump_m = float(np.linalg.norm(FAULTS.reset_jump_m))
@@ -192,6 +213,7 @@ def test_estimate_jumps_with_the_camera_and_keeps_that(ran: Callable[[int], Ran]
     assert max(found) < jump_m + 0.2
 
 
+@pytest.mark.slow
 def test_wrong_places_are_rejected_by_the_gate_and_nothing_else_is(ran: Callable[[int], Ran]) -> None:
     assert FAULTS.mismatch is not None
     result = ran(1).result
@@ -203,10 +225,11 @@ def test_wrong_places_are_rejected_by_the_gate_and_nothing_else_is(ran: Callable
         assert Fate.REJECTED not in {fate for _, fate in fates(result, kind)}
 
 
-def test_yaw_of_the_camera_is_not_used_as_the_compass_is(ran: Callable[[int], Ran]) -> None:
-    assert {fate for _, fate in fates(ran(1).result, "yaw")} == {Fate.UNUSED}
+def test_yaw_of_the_camera_is_not_used_as_the_compass_is(begun: Ran) -> None:
+    assert {fate for _, fate in fates(begun.result, "yaw")} == {Fate.UNUSED}
 
 
+@pytest.mark.slow
 def test_estimates_are_looked_at_twenty_times_a_second(ran: Callable[[int], Ran]) -> None:
     times_s = [estimate.time_s for estimate in ran(1).result.estimates]
     assert np.diff(times_s) == pytest.approx(0.05)
@@ -217,16 +240,29 @@ def at(result: DemoResult, time_s: float) -> Estimate:
     return next(estimate for estimate in result.estimates if estimate.time_s >= time_s)
 
 
-def test_flags_and_arming_over_time(ran: Callable[[int], Ran]) -> None:
-    result = ran(1).result
-    flags = [at(result, time_s).flags for time_s in (3.0, 5.0, 6.5, 10.0)]
+def test_flags_over_time(begun: Ran) -> None:
+    flags = [at(begun.result, time_s).flags for time_s in (3.0, 5.0, 6.5, 9.9)]
     assert flags[0] == FilterFlag.UNINITIALISED
     assert not flags[1] & FilterFlag.ATTITUDE
     assert flags[2] & (FilterFlag.ATTITUDE | FilterFlag.CONST_POS_MODE | FilterFlag.HORIZ_POS_ABS) == (
         FilterFlag.ATTITUDE | FilterFlag.CONST_POS_MODE
     )
     assert flags[3] & FilterFlag.HORIZ_POS_ABS
+
+
+@pytest.mark.slow
+def test_arming_over_time(ran: Callable[[int], Ran]) -> None:
+    result = ran(1).result
     assert [at(result, time_s).is_armed for time_s in (25.9, 26.2, 61.9, 62.2)] == [False, True, True, False]
+
+
+def test_filter_navigates_from_the_first_pose(begun: Ran) -> None:
+    standing, navigating = begun.result.aiding
+    assert (standing.mode, navigating.mode) == (AidingMode.NONE, AidingMode.ABSOLUTE)
+    assert navigating.start_us * 1e-6 == pytest.approx(COMPANION_START_S + 0.07, abs=0.03)
+    found = errors_m(begun.result, 8, BEGUN_S)
+    assert len(found) == pytest.approx(20 * (BEGUN_S - 8), abs=2)
+    assert max(found) < 0.25
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import numpy as np
 from ap_core.verdict import Verdict
 from ap_visualodom.verdicts import CONSUMED
 from ekf_stub.fusion.aiding import AidingMode
+from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
 from viso.doctor import RULES, Evidence, Finding, SeenMessage, diagnose
 from viso.doctor.evidence import vision_of
@@ -21,6 +22,7 @@ from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tr
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.fates.watch import AidingSpan
 from viso.firmware.releases import REFERENCE
+from viso.streams.stream_kinds import Stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 SETUP: Final[Mapping[str, float]] = {
@@ -109,6 +111,20 @@ def _evidence(
 def stream_of(messages: Sequence[Message], period_us: int = 40_000) -> list[SeenMessage]:
     """Return messages that came at a steady rate."""
     return [seen(number + 1, START_US + number * period_us, message) for number, message in enumerate(messages)]
+
+
+def seen_in(stream: Stream) -> list[SeenMessage]:
+    """Return the messages of a stream as if every one had been accepted."""
+    codec, found = Codec(0, 0), list[SeenMessage]()
+    for one in stream.messages:
+        codec.feed(one.frame)
+        while (received := codec.next_received()) is not None:
+            if isinstance(received, Received) and received.message is not None:
+                header = received.header
+                ids = {"system_id": header.system_id, "component_id": header.component_id}
+                fields = {"sequence": header.sequence, "version": header.version, "frame": header.frame, **ids}
+                found.append(seen(len(found) + 1, one.arrival_us or 0, received.message, **fields))
+    return found
 
 
 def findings_of(evidence: Evidence) -> dict[str, Finding]:

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,7 @@ from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, VISION_POSITION_DELTA, Message
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
-from viso.doctor import RULES, Severity, diagnose
+from viso.doctor import RULES, Evidence, Severity, diagnose
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
@@ -60,6 +61,17 @@ PARAMS = st.dictionaries(
 ANY_VERDICT: st.SearchStrategy[Verdict] = st.sampled_from(ALL_VERDICTS)
 
 
+@pytest.mark.parametrize("count", [0, 1, 40])
+def test_rules_and_outputs_take_nonsense(count: int) -> None:
+    nowhere = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), math.nan)
+    messages = [
+        seen(number, START_US + number * 40_000, odometry(number % 3, q=(math.inf, 0.0, 0.0, 0.0), **nowhere))
+        for number in range(1, count + 1)
+    ]
+    take(evidence_of(messages))
+
+
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(data=st.data(), params=PARAMS, knows_attitude=st.booleans())
 def test_rules_and_outputs_take_whatever_comes(
@@ -81,7 +93,11 @@ def test_rules_and_outputs_take_whatever_comes(
     if knows_attitude:
         times = START_US + np.arange(0, 100) * 50_000
         attitude = AttitudeSeries(times, np.column_stack([np.sin(times * 1e-6 + axis) for axis in range(3)]))
-    evidence = evidence_of(messages, params, attitude)
+    take(evidence_of(messages, params, attitude))
+
+
+def take(evidence: Evidence) -> None:
+    """Let the rules and all outputs take some evidence."""
     findings = diagnose(evidence, RULES)
     summary = summarise(evidence)
     json.dumps(as_json(evidence, summary, findings))

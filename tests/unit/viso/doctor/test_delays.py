@@ -18,7 +18,10 @@ TOLERANCE_MS = 5
 START_S = 40.0
 
 
-@pytest.fixture(scope="module", params=[None, 115200], ids=["network", "wire"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(None, id="network"), pytest.param(115200, id="wire", marks=pytest.mark.slow)],
+)
 def flight(request: pytest.FixtureRequest) -> Evidence:
     """Return what becomes of a piece of the flight, over a link that takes no time or by the simulator's baud rate."""
     return gather(piece("flight_t265", START_S, 12.0), replace(shifted("flight_t265", START_S), baud=request.param))
@@ -36,14 +39,16 @@ def advised_ms(flight: Evidence, delay_ms: int, setting_ms: float) -> list[int]:
     return [int(value) for fix in fixes for value in re.findall(r"\bto (\d+)\b", fix)]
 
 
-@pytest.mark.parametrize("delay_ms", [10, 30, 50, 100, 150, 200])
+@pytest.mark.parametrize(
+    "delay_ms", [10, 100, *(pytest.param(delay_ms, marks=pytest.mark.slow) for delay_ms in (30, 50, 150, 200))]
+)
 def test_delay_made_of_the_flight_is_recovered(flight: Evidence, delay_ms: int) -> None:
     wrong_ms = 250 if delay_ms < 100 else 0
     first, *_ = advised_ms(flight, delay_ms, wrong_ms)
     assert first == pytest.approx(delay_ms, abs=TOLERANCE_MS)
 
 
-@pytest.mark.parametrize("delay_ms", [30, 100, 200])
+@pytest.mark.parametrize("delay_ms", [30, *(pytest.param(delay_ms, marks=pytest.mark.slow) for delay_ms in (100, 200))])
 def test_delay_that_is_set_as_it_is_needs_no_advice(flight: Evidence, delay_ms: int) -> None:
     assert advised_ms(flight, delay_ms, delay_ms) == []
 

@@ -65,6 +65,7 @@ def test_parameters_of_a_recording_leave_nothing_to_assume() -> None:
     assert "XN7-01" in codes(diagnose(evidence, RULES))
 
 
+@pytest.mark.slow
 def test_given_parameters_win_over_those_of_the_recording() -> None:
     evidence = gather(stream_of(companion(), {"VISO_TYPE": 0}), GatherOptions({"VISO_TYPE": 3}))
     assert evidence.viso_type == 3
@@ -98,6 +99,7 @@ def test_heading_of_the_vehicle_is_where_it_starts() -> None:
     assert "XN8-04" in codes(diagnose(found, RULES))
 
 
+@pytest.mark.slow
 def test_more_than_the_filter_takes_is_a_note() -> None:
     _, findings = examine(stream_of(companion(8_000), dict(SETUP)))
     (finding,) = [finding for finding in findings if finding.code == "XN4-02"]
@@ -106,6 +108,7 @@ def test_more_than_the_filter_takes_is_a_note() -> None:
     assert "XN4-06" not in codes(findings)
 
 
+@pytest.mark.slow
 def test_samples_that_the_buffer_loses_are_told() -> None:
     bunched: list[tuple[int, int, int, Message]] = [
         (LEAD_US + index // 12 * 480_000, 1, 197, odometry(LEAD_US + index * 40_000)) for index in range(60)

@@ -110,14 +110,12 @@ FILES = (
     _file("mcap", "stamps of zero", ODOMETRY, "{kind: stamp_constant}", "XN3-01"),
     _file("db3", "eight a second", ODOMETRY, "{kind: rate, rate_hz: 8}", "XN4-08"),
 )  # fmt: skip
-ALWAYS = {("tum", "NaN, jump, gap"), ("mcap", "stamps of zero")}
 NEVER_FROM_FILES = {rule.code for rule in RULES if not rule.needs.isdisjoint({Aspect.LINK, Aspect.RESETS})}
 ON_ARRIVAL = {rule.code for rule in RULES if Aspect.ARRIVAL in rule.needs}
 
 
 def _marks(file: File) -> object:
-    slow = () if (file.format, file.what) in ALWAYS else pytest.mark.slow
-    return pytest.param(file, id=f"{file.format}: {file.what}", marks=slow)
+    return pytest.param(file, id=f"{file.format}: {file.what}", marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize("file", [_marks(file) for file in FILES])
@@ -144,6 +142,7 @@ def test_clean_file_gives_no_warning(form: str, base: str, tmp_path: Path) -> No
     assert codes(findings, Severity.WARNING) == set()
 
 
+@pytest.mark.slow
 def test_vehicle_of_another_time_is_left_out_of_account(tmp_path: Path) -> None:
     case = Case("clean", ODOMETRY, "", frozenset(), knows_attitude=True, delay_s=5.0)
     path = WRITERS["euroc"](tmp_path, rows_of(case.stream()))

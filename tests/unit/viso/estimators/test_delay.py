@@ -19,6 +19,7 @@ RECORDED_TOLERANCE_MS = 5.0
 SET_MS = 30  # VISO_DELAY_MS of the recorded flight
 
 
+@pytest.mark.slow
 def test_delay_of_the_recorded_flight_since_arrival_is_what_was_set(flight: Flight) -> None:
     found = estimate_delay(flight.arrival_us, flight.quat_wxyz, flight.att_us, flight.att_wxyz)
     assert found.enough_motion
@@ -26,6 +27,7 @@ def test_delay_of_the_recorded_flight_since_arrival_is_what_was_set(flight: Flig
     assert found.sigma_ms < 1.0
 
 
+@pytest.mark.slow
 def test_corrected_stamps_of_the_recorded_flight_leave_no_delay(flight: Flight) -> None:
     # The simulated link carries bytes at once, and yet the firmware subtracts what they take at the port's baud rate.
     found = estimate_delay(flight.stamp_us, flight.quat_wxyz, flight.att_us, flight.att_wxyz)
@@ -33,6 +35,7 @@ def test_corrected_stamps_of_the_recorded_flight_leave_no_delay(flight: Flight) 
     assert found.delay_ms == pytest.approx(SET_MS - transport_ms, abs=RECORDED_TOLERANCE_MS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [10, 20, 50, 80, 120, 160, 200])
 def test_delays_made_of_the_recorded_flight_are_found(flight: Flight, delay_ms: int) -> None:
     later_us = flight.stamp_us + delay_ms * 1e3
@@ -59,6 +62,7 @@ def test_any_delay_is_found_within_its_uncertainty(delay_ms: float, seed: int, h
     assert found.sigma_ms < 3.0
 
 
+@pytest.mark.slow
 def test_uncertainty_is_that_of_repeated_trials() -> None:
     rng = np.random.default_rng(7)
     vehicle = motion(rng)

@@ -3,6 +3,7 @@
 """Following a vehicle's filter."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
 from ekf_stub.fusion.aiding import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
-from tests.unit.viso.conftest import Bench, odometry
+from tests.copies import Copies
+from tests.unit.viso.conftest import Bench, booted, odometry
 from viso.fates.labels import Fate, fate_of, is_final
 from viso.fates.watch import FilterWatch, SampleTest
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -58,25 +60,47 @@ def rig(make_bench: Callable[..., Bench]) -> Rig:
     return Rig(make_bench(**BY_EXT_NAV))
 
 
-def test_fates_of_a_steady_stream(rig: Rig) -> None:
-    rig.see(2.0)
-    assert set(rig.fates("pose")[5:]) == set(rig.fates("velocity")[5:]) == set(rig.fates("yaw")[5:]) == {Fate.FUSED}
+@cache
+def fused(duration_s: float) -> Copies[Rig]:
+    rig = Rig(booted(0.0, **BY_EXT_NAV).make())
+    rig.see(duration_s)
+    return Copies(rig)
 
 
-def test_aiding_starts_with_the_text_that_says_so(rig: Rig) -> None:
-    rig.see(2.0)
-    (said_us,) = (time_us for time_us, _, text in rig.bench.texts if text == "EKF3 IMU0 is using external nav data")
-    assert rig.watch.aiding() == [
+@pytest.fixture
+def steady() -> Rig:
+    """Return one whose camera has sent for 2 s; they are gone through once."""
+    return fused(2.0).make()
+
+
+@pytest.fixture
+def settled() -> Rig:
+    """Return one whose camera has sent for 4 s; they are gone through once."""
+    return fused(4.0).make()
+
+
+def test_fates_of_a_steady_stream(steady: Rig) -> None:
+    assert (
+        set(steady.fates("pose")[5:])
+        == set(steady.fates("velocity")[5:])
+        == set(steady.fates("yaw")[5:])
+        == {Fate.FUSED}
+    )
+
+
+def test_aiding_starts_with_the_text_that_says_so(steady: Rig) -> None:
+    (said_us,) = (time_us for time_us, _, text in steady.bench.texts if text == "EKF3 IMU0 is using external nav data")
+    assert steady.watch.aiding() == [
         (0, said_us, AidingMode.NONE),
-        (said_us, rig.bench.scheduler.now_us, AidingMode.ABSOLUTE),
+        (said_us, steady.bench.scheduler.now_us, AidingMode.ABSOLUTE),
     ]
 
 
-def test_aiding_ends_with_the_text_that_says_so(rig: Rig) -> None:
-    rig.see(2.0)
-    rig.wait(17.0)
-    (said_us,) = (time_us for time_us, _, text in rig.bench.texts if text == "EKF3 IMU0 stopped aiding")
-    assert rig.watch.aiding()[2] == (said_us, rig.bench.scheduler.now_us, AidingMode.NONE)
+@pytest.mark.slow
+def test_aiding_ends_with_the_text_that_says_so(steady: Rig) -> None:
+    steady.wait(17.0)
+    (said_us,) = (time_us for time_us, _, text in steady.bench.texts if text == "EKF3 IMU0 stopped aiding")
+    assert steady.watch.aiding()[2] == (said_us, steady.bench.scheduler.now_us, AidingMode.NONE)
 
 
 def test_without_a_state_there_is_no_aiding(make_bench: Callable[..., Bench]) -> None:
@@ -91,9 +115,9 @@ def test_without_a_state_there_is_no_aiding(make_bench: Callable[..., Bench]) ->
     ("velocity", {"vx": 6.0, "vy": -8.0}, 10.0, 0.01),
 ])  # fmt: skip
 def test_how_far_off_a_sample_is(
-    rig: Rig, kind: str, fields: dict[str, float], innovation: float, unit_tolerance: float
+    settled: Rig, kind: str, fields: dict[str, float], innovation: float, unit_tolerance: float
 ) -> None:
-    rig.see(4.0)
+    rig = settled
     before = rig.watch.innovations[kind].worst
     rig.told.clear()
     rig.see(0.5, **fields)
@@ -107,12 +131,11 @@ def test_how_far_off_a_sample_is(
     assert worst.worst_ratio == max(test.outcome.ratio or 0 for test in rejected) > 1
 
 
-def test_yaw_is_in_degrees(rig: Rig) -> None:
-    rig.see(4.0)
-    rig.told.clear()
+def test_yaw_is_in_degrees(settled: Rig) -> None:
+    settled.told.clear()
     half = 0.0872664626 / 2  # rad, 5 deg in all
-    rig.see(0.3, q=(1.0 - half**2 / 2, 0.0, 0.0, half))
-    tests = [test for test in rig.told if test.outcome.kind == "yaw" and test.innovation is not None]
+    settled.see(0.3, q=(1.0 - half**2 / 2, 0.0, 0.0, half))
+    tests = [test for test in settled.told if test.outcome.kind == "yaw" and test.innovation is not None]
     assert max(test.innovation or 0.0 for test in tests) == pytest.approx(5.0, abs=0.5)
 
 

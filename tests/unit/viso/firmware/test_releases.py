@@ -115,6 +115,7 @@ def _mentions(path: Path, names: set[str]) -> bool:
 # A further one
 
 
+@pytest.mark.slow
 def test_further_release_replays_as_it_does_things(viso: "Viso", further: Firmware, short: Path) -> None:
     outcome = viso("replay", str(short), "--versus", MADE_UP, "--json")
     assert outcome.code == 0

@@ -115,6 +115,7 @@ def test_log_closes_15_seconds_after_disarming(make_bench: MakeBench) -> None:
     assert not bench.vehicle.logger.is_open
 
 
+@pytest.mark.slow
 def test_failed_attempt_to_arm_is_logged_for_15_seconds(make_bench: MakeBench, tmp_path: Path) -> None:
     bench = make_bench(LOG_DISARMED=0, VISO_TYPE=1)
     assert bench.command(400, 1) == 4
@@ -123,6 +124,7 @@ def test_failed_attempt_to_arm_is_logged_for_15_seconds(make_bench: MakeBench, t
     assert not bench.vehicle.logger.is_open
 
 
+@pytest.mark.slow
 def test_arming_again_opens_another_log(make_bench: MakeBench) -> None:
     bench = make_bench(LOG_DISARMED=0)
     for _ in range(2):
@@ -132,6 +134,7 @@ def test_arming_again_opens_another_log(make_bench: MakeBench) -> None:
     assert len(bench.logs) == 2
 
 
+@pytest.mark.slow
 def test_log_stays_open_when_disarmed_with_log_disarmed_1(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.command(400, 1)

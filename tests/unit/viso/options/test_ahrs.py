@@ -37,7 +37,7 @@ def ahrs_of(choice: AhrsChoice, *default_imu: str) -> Ekf3Ahrs:
     ("script:figure_eight", ScriptSource),
     ("follow", FollowSource),
     ("hil", HilSource),
-    (f"log:{LOG}", RecordedSource),
+    pytest.param(f"log:{LOG}", RecordedSource, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_filter_has_the_sensors_that_were_chosen(imu: str | None, kind: Callable[..., object]) -> None:
     assert type(ahrs_of(replace(NOTHING, imu=imu)).source) is kind

@@ -38,8 +38,10 @@ def test_errors_that_differ_are_told_with_both_values(viso: "Viso", short: Path)
     assert change["messages"] == told["differs"]["changed_records"] > 1
     assert change["before"] == pytest.approx([1.517, 1.130], abs=1e-3)
     assert change["after"] == pytest.approx([1.625, 1.380], abs=1e-3)
+    assert told["differs"]["innovations"] == []  # they are told with the filter alone
 
 
+@pytest.mark.slow
 def test_difference_is_told_to_people(viso: "Viso", short: Path) -> None:
     outcome = viso("replay", str(short), "--firmware", "2026-02", "--versus", "4.6")
     assert outcome.code == 0
@@ -59,11 +61,7 @@ def test_what_the_filter_makes_of_other_errors_is_told(viso: "Viso", short: Path
     assert "Innovations that differ" in viso("replay", *args).out
 
 
-def test_innovations_are_told_with_the_filter_alone(viso: "Viso", short: Path) -> None:
-    told = json.loads(viso("replay", str(short), "--versus", "2026-02", "--json").out)
-    assert told["differs"]["innovations"] == []
-
-
+@pytest.mark.slow
 def test_releases_that_agree_differ_in_nothing(viso: "Viso", short: Path) -> None:
     outcome = viso("replay", str(short), "--firmware", "4.6", "--versus", "4.7-dev")
     assert "Errors of poses" not in outcome.out
@@ -71,6 +69,7 @@ def test_releases_that_agree_differ_in_nothing(viso: "Viso", short: Path) -> Non
     assert "records" not in outcome.out
 
 
+@pytest.mark.slow
 def test_parameters_of_a_file_hold_in_both(viso: "Viso", short: Path, tmp_path: Path) -> None:
     path = tmp_path / "old.parm"
     path.write_text("ARMING_CHECK 0\nSYSID_THISMAV 7\nVISO_QUAL_MIN 5\n")

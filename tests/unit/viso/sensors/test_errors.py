@@ -34,9 +34,9 @@ def is_single(sensors: Sensors) -> bool:
     return bool((numbers == numbers.astype(np.float32)).all())
 
 
-def run(errors: SensorErrors, seed: int = 0) -> list[Sensors]:
+def run(errors: SensorErrors, seed: int = 0, passes: int = PASSES) -> list[Sensors]:
     model = ErrorModel(errors, seed)
-    return [model.apply(sensors(100_000 * number)) for number in range(PASSES)]
+    return [model.apply(sensors(100_000 * number)) for number in range(passes)]
 
 
 def test_sensors_without_errors_are_left_alone() -> None:
@@ -62,10 +62,18 @@ def test_biases_and_scales_are_added() -> None:
     assert (spoilt.delta.del_vel_dt, spoilt.delta.del_ang_dt) == (DT, DT)
 
 
-def test_angle_and_velocity_walk_as_the_noise_density_says() -> None:
-    spoilt = run(SensorErrors(gyro_noise_deg_s_rthz=0.5, accel_noise_m_s2_rthz=0.02))
-    angles = np.array([one.delta.del_ang for one in spoilt]) - [0.1 * DT, 0, 0]
-    velocities = np.array([one.delta.del_vel for one in spoilt]) - [0, 0, -9.80665 * DT]
+@pytest.fixture(scope="module")
+def noisy() -> list[Sensors]:
+    """Return readings with all noise there is."""
+    noise = SensorErrors(
+        gyro_noise_deg_s_rthz=0.5, accel_noise_m_s2_rthz=0.02, baro_noise_m=0.3, compass_noise_mgauss=4.0
+    )
+    return run(noise)
+
+
+def test_angle_and_velocity_walk_as_the_noise_density_says(noisy: list[Sensors]) -> None:
+    angles = np.array([one.delta.del_ang for one in noisy]) - [0.1 * DT, 0, 0]
+    velocities = np.array([one.delta.del_vel for one in noisy]) - [0, 0, -9.80665 * DT]
     relative = FOUR_SIGMA / math.sqrt(2 * angles.size)
     assert np.std(angles) == pytest.approx(math.radians(0.5) * math.sqrt(DT), rel=relative)
     assert np.std(velocities) == pytest.approx(0.02 * math.sqrt(DT), rel=relative)
@@ -74,20 +82,19 @@ def test_angle_and_velocity_walk_as_the_noise_density_says() -> None:
     assert np.abs(velocities.sum(0)).max() < FOUR_SIGMA * 0.02 * math.sqrt(time_s)
 
 
-def test_noise_of_axes_and_passes_is_independent() -> None:
-    angles = np.array([one.delta.del_ang for one in run(SensorErrors(gyro_noise_deg_s_rthz=0.5))])
+def test_noise_of_axes_and_passes_is_independent(noisy: list[Sensors]) -> None:
+    angles = np.array([one.delta.del_ang for one in noisy])
     correlations = np.corrcoef(np.column_stack([angles[:-1], angles[1:]]).T)
     assert np.abs(correlations - np.eye(6)).max() < (FOUR_SIGMA + 1) / math.sqrt(PASSES)
 
 
-def test_readings_of_barometer_and_compass_scatter() -> None:
-    spoilt = run(SensorErrors(baro_noise_m=0.3, compass_noise_mgauss=4.0))
-    heights = np.array([one.baro[1] for one in spoilt if one.baro])
-    fields = np.array([one.mag[1] for one in spoilt if one.mag])
+def test_readings_of_barometer_and_compass_scatter(noisy: list[Sensors]) -> None:
+    heights = np.array([one.baro[1] for one in noisy if one.baro])
+    fields = np.array([one.mag[1] for one in noisy if one.mag])
     assert np.mean(heights) == pytest.approx(12.5, abs=FOUR_SIGMA * 0.3 / math.sqrt(PASSES))
     assert np.std(heights) == pytest.approx(0.3, rel=FOUR_SIGMA / math.sqrt(2 * PASSES))
     assert np.std(fields, axis=0) == pytest.approx([4.0] * 3, rel=FOUR_SIGMA / math.sqrt(2 * PASSES))
-    assert np.array_equal(spoilt[0].delta.del_ang, np.float32(spoilt[0].delta.del_ang))
+    assert np.array_equal(noisy[0].delta.del_ang, np.float32(noisy[0].delta.del_ang))
 
 
 def test_reading_keeps_its_error_while_it_is_repeated() -> None:
@@ -101,7 +108,7 @@ def test_reading_keeps_its_error_while_it_is_repeated() -> None:
 
 def test_errors_depend_on_the_seed_alone() -> None:
     errors = parse_errors(["gyro_noise_deg_s_rthz=1", "baro_noise_m=1"])
-    first, same, other = (run(errors, seed)[-1] for seed in (7, 7, 8))
+    first, same, other = (run(errors, seed, 100)[-1] for seed in (7, 7, 8))
     assert first.delta.del_ang.tolist() == same.delta.del_ang.tolist() != other.delta.del_ang.tolist()
     assert first.baro == same.baro != other.baro
 
@@ -120,7 +127,7 @@ def test_one_sensor_does_not_change_the_noise_of_another() -> None:
 
 def test_result_is_exact_in_single_precision() -> None:
     errors = SensorErrors((0.1, 0.2, 0.3), 0.1, 0.7, (0.1, 0.2, 0.3), 0.1, 0.7, 0.1, 0.1, 0.1)
-    assert all(map(is_single, run(errors)[:100]))
+    assert all(map(is_single, run(errors, passes=100)))
 
 
 def test_delta_is_rounded_to_single_precision() -> None:

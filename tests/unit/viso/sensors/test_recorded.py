@@ -210,6 +210,7 @@ def test_errors_may_be_added(path: Path) -> None:
     assert sense(play(path, one_pass(100_000, still(), baro(95, 1.5)), options=options), 100_000).baro == (95, 2.0)
 
 
+@pytest.mark.slow
 def test_recording_of_the_firmware_is_played_whole() -> None:
     source = read_recorded_source(str(FIRMWARE_LOG))(ImuOptions(has_compass=lambda: True))
     passes = [source.sense(now_us) for now_us in range(0, 60_000_000, LOOP_US)]

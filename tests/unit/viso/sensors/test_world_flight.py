@@ -54,7 +54,7 @@ def test_inertial_data_add_up_to_the_flight() -> None:
     source.sense(0)
     quat = quaternion.from_rotation_matrix(true_ned(0.0)[1])
     vel, pos, errors = np.zeros(3), np.zeros(3), []
-    for time_us in range(LOOP_US, 10_000_000, LOOP_US):
+    for time_us in range(LOOP_US, 10_000_001, LOOP_US):
         sensors = source.sense(time_us)
         assert sensors is not None
         delta = sensors.delta
@@ -63,7 +63,8 @@ def test_inertial_data_add_up_to_the_flight() -> None:
         vel = vel + quaternion.rotate_vectors(halfway, delta.del_vel) + [0.0, 0.0, GRAVITY_MSS * delta.del_vel_dt]
         pos = pos + 0.5 * (before + vel) * delta.del_vel_dt
         quat = quat * quat_of_rotation(delta.del_ang)
-        errors.append(np.linalg.norm(pos - true_ned(max(1e-6 * time_us - START_S, 0.0))[0]))
+        if time_us % 50_000 == 0:  # the truth takes longer than the sensors
+            errors.append(np.linalg.norm(pos - true_ned(max(1e-6 * time_us - START_S, 0.0))[0]))
     assert max(errors) < 0.02
 
 

@@ -173,11 +173,11 @@ def test_parameter_that_changed_is_set_at_its_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", [
-    "t265",
+    "bench_no_yaw_source",
     *(pytest.param(name, marks=pytest.mark.slow) for name in (
-        "bench_glitch_radius_0", "bench_no_yaw_source", "bench_odometry", "bench_pose_baro", "bench_pose_velocity",
+        "bench_glitch_radius_0", "bench_odometry", "bench_pose_baro", "bench_pose_velocity",
         "bench_steps", "bench_velocity_only", "bench_vertical_velocity_100hz", "dropout", "flight_mav_extyaw",
-        "flight_t265", "flight_voxl_reset", "prearm", "voxl",
+        "flight_t265", "flight_voxl_reset", "prearm", "t265", "voxl",
     )),
 ])  # fmt: skip
 def test_replay_of_a_log_leaves_the_firmwares_records(name: str) -> None:

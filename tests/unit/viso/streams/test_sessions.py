@@ -115,6 +115,7 @@ def written(stream: Stream) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_doctor_says_which_session_it_looks_at(viso: Viso) -> None:
     path = written(rebooted())
     outcome = viso("doctor", path, "--json", "--lead", "3")

@@ -70,6 +70,7 @@ def test_faults_are_those_of_viso_faults(make_plan_of: MakePlan, viso: Viso, tim
     assert row != row_of(make_plan_of())
 
 
+@pytest.mark.slow
 def test_seeds_and_fields_of_faults_change_what_happens(make_plan_of: MakePlan, tmp_path: Path) -> None:
     (tmp_path / "loss.yaml").write_text("faults: [{kind: loss}]")
     faults, values = [str(tmp_path / "loss.yaml")], ["faults.1.probability=0,0.5"]
@@ -80,6 +81,7 @@ def test_seeds_and_fields_of_faults_change_what_happens(make_plan_of: MakePlan, 
     assert all(0 < (row["messages"] or 0) < (none["messages"] or 0) for row in (half, other))
 
 
+@pytest.mark.slow
 def test_the_timelines_own_seed_counts_where_none_is_given(make_plan_of: MakePlan, timeline: Path) -> None:
     assert row_of(make_plan_of(faults=[str(timeline)])) == row_of(make_plan_of(faults=[str(timeline)], seeds="3"))
 

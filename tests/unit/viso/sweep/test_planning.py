@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plans that follow from wishes, and what cannot be had."""
 
+import lzma
 import math
 from pathlib import Path
 from typing import Any
@@ -62,13 +63,16 @@ def test_timeline_is_checked_with_the_values_that_it_will_have(make_plan_of: Mak
         make_plan_of(faults=[str(tmp_path / "bad.yaml")])
 
 
-def test_flight_log_with_sensors_is_replayed_with_them(make_plan_of: MakePlan) -> None:
-    log = DATA / "logs" / "prearm.BIN.xz"
+def test_flight_log_with_sensors_is_replayed_with_them(make_plan_of: MakePlan, tmp_path: Path) -> None:
+    log = tmp_path / "short.BIN"
+    with lzma.open(DATA / "logs" / "prearm.BIN.xz") as whole:
+        log.write_bytes(whole.read(300_000))
     assert make_plan_of(streams=[log]).recordings[0].imu == f"log:{log}"
     assert make_plan_of(streams=[log], imu="follow").recordings[0].imu == "follow"
     assert make_plan_of().recordings[0].imu == "follow"
 
 
+@pytest.mark.slow
 def test_capture_has_the_sensors_of_the_log_of_its_name(make_plan_of: MakePlan, tmp_path: Path) -> None:
     capture = CAPTURE.parent / "prearm.jsonl.gz"
     assert make_plan_of(streams=[capture]).recordings[0].imu == f"log:{DATA}/logs/prearm.BIN.xz"

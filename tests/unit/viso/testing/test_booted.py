@@ -33,9 +33,9 @@ def flown(booted: BootedVehicle) -> tuple[bytes, bytes]:
     "options",
     [
         AutopilotOptions(),
-        AutopilotOptions(preset="t265-compass", imu="bench"),
-        AutopilotOptions(preset="gps-and-extnav", params={"LOG_REPLAY": 1}),
-        AutopilotOptions(imu="hil"),
+        pytest.param(AutopilotOptions(preset="t265-compass", imu="bench"), marks=pytest.mark.slow),
+        pytest.param(AutopilotOptions(preset="gps-and-extnav", params={"LOG_REPLAY": 1}), marks=pytest.mark.slow),
+        pytest.param(AutopilotOptions(imu="hil"), marks=pytest.mark.slow),
     ],
     ids=str,
 )

@@ -166,6 +166,7 @@ def test_wrong_heading_fails_the_check(make_bench: MakeBench) -> None:
     assert texts(bench) == ["PreArm: VisOdom: yaw diff 30.0 deg (>10)"]
 
 
+@pytest.mark.slow
 def test_yaw_is_aligned_once_the_estimator_has_settled(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=2, heading_deg=30.5)
     bench.run_to(22.4)
@@ -174,6 +175,7 @@ def test_yaw_is_aligned_once_the_estimator_has_settled(make_bench: MakeBench) ->
     assert bench.command(400, 1) == 0
 
 
+@pytest.mark.slow
 def test_yaw_is_not_aligned_without_a_compass(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=2, COMPASS_USE=0, heading_deg=30)
     bench.run_to(22.4)
@@ -218,6 +220,7 @@ def test_disarming_twice_changes_nothing(make_bench: MakeBench) -> None:
     assert not vehicle.copter.disarm(force=False)
 
 
+@pytest.mark.slow
 def test_no_checks_are_made_while_armed(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=1, DISARM_DELAY=0)
     bench.see(0.2)
@@ -245,6 +248,7 @@ def test_yaw_source_of_the_chosen_set_counts(make_bench: MakeBench) -> None:
     assert bench.vehicle.ahrs.using_extnav_for_yaw()
 
 
+@pytest.mark.slow
 def test_camera_not_in_use_is_aligned_to_the_estimate(make_bench: MakeBench) -> None:
     bench = make_bench(make_ahrs=gps_bench, VISO_TYPE=3, EK3_SRC1_POSXY=3, EK3_SRC2_POSXY=6)
     bench.run_to(47)
@@ -253,6 +257,7 @@ def test_camera_not_in_use_is_aligned_to_the_estimate(make_bench: MakeBench) -> 
     assert (float(last["PX"]), float(last["PY"])) == pytest.approx((0, 0), abs=0.01)
 
 
+@pytest.mark.slow
 def test_camera_keeps_to_itself_while_there_is_no_estimate_to_align_it_to(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=3, EK3_SRC1_POSXY=3, EK3_SRC2_POSXY=6)
     bench.run_to(47)
@@ -260,6 +265,7 @@ def test_camera_keeps_to_itself_while_there_is_no_estimate_to_align_it_to(make_b
     assert float(bench.written("VISP")[-1]["PX"]) == 5.0
 
 
+@pytest.mark.slow
 def test_camera_in_use_is_not_aligned(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=3, EK3_SRC1_POSXY=6)
     bench.run_to(22.5)
@@ -294,6 +300,7 @@ def test_origin_and_home_are_logged(make_bench: MakeBench) -> None:
     assert {"Id": 25} in bench.written("EV")
 
 
+@pytest.mark.slow
 def test_origin_that_gps_sets_is_told_as_well(make_bench: MakeBench) -> None:
     bench = make_bench(make_ahrs=gps_bench)
     bench.run_to(20)
@@ -407,6 +414,7 @@ def test_aux_functions_are_logged(make_bench: MakeBench) -> None:
     assert (row["function"], row["pos"], row["source"], row["result"]) == (80, 2, 3, 1)
 
 
+@pytest.mark.slow
 def test_timesync_is_logged(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.run_for(11)

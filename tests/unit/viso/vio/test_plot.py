@@ -50,6 +50,7 @@ def test_picture_is_written(tmp_path: Path) -> None:
     assert picture.std() > 10
 
 
+@pytest.mark.slow
 def test_picture_of_nothing_is_written(tmp_path: Path) -> None:
     save_plot(VioLog(VioConfig()), None, "nothing", tmp_path / "none.png", aligned=False)
     assert (tmp_path / "none.png").stat().st_size > 0

@@ -395,12 +395,20 @@ def simulate(t: float) -> tuple[float, float]:
     return envelope * math.sin(since), envelope * math.cos(since) + growth * math.sin(since)
 
 
-@pytest.mark.parametrize("by_state", [False, True])
-def test_filter_follows_a_simulator(make_loop: "MakeLoop", hil: HilSource, by_state: bool) -> None:
+@pytest.mark.parametrize(
+    ("by_state", "end_us"),
+    [
+        (False, 10_000_000),
+        pytest.param(True, 10_000_000, marks=pytest.mark.slow),
+        pytest.param(False, 20_000_000, marks=pytest.mark.slow),
+        pytest.param(True, 20_000_000, marks=pytest.mark.slow),
+    ],
+)
+def test_filter_follows_a_simulator(make_loop: "MakeLoop", hil: HilSource, by_state: bool, end_us: int) -> None:
     loop = make_loop(hil)
     north, worst = 0.0, 0.0
     passes = 0
-    while loop.now_us < 20_000_000:
+    while loop.now_us < end_us:
         time_us = loop.now_us + LOOP_US
         speed, accel = simulate(1e-6 * time_us - 0.00125)
         north += 1e-6 * LOOP_US * speed
@@ -413,12 +421,13 @@ def test_filter_follows_a_simulator(make_loop: "MakeLoop", hil: HilSource, by_st
             loop.tell_pose((north, 0.0, 0.0), delay_ms=0)
         if time_us > 7_000_000:
             worst = max(worst, abs(loop.core.position()[0] - north))
-    assert passes == 8000 - 1
+    assert passes == end_us // LOOP_US - 1
     assert loop.is_aided()
     assert worst < 0.05
     assert not hil.ignored
 
 
+@pytest.mark.slow
 def test_filter_rests_while_the_simulator_is_silent(make_loop: "MakeLoop", hil: HilSource) -> None:
     loop = make_loop(hil)
     for time_us in (*range(0, 8_000_000, LOOP_US), *range(9_000_000, 12_000_000, LOOP_US)):

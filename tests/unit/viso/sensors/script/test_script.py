@@ -106,6 +106,7 @@ def felt_force(source: ScriptSource, time_us: float) -> Array:
     return force
 
 
+@pytest.mark.slow
 def test_a_minute_of_eights_adds_up_to_the_truth() -> None:
     source = make_source(EIGHT)
     *_, (now_us, pos, vel, quat) = dead_reckon(source, 60_000_000)
@@ -116,7 +117,7 @@ def test_a_minute_of_eights_adds_up_to_the_truth() -> None:
     assert np.linalg.norm(rotation_between(quat, quat_of(truth))) < 1e-4
 
 
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(ATTITUDES, LEGS)
 def test_any_shape_adds_up_to_the_truth(attitude: str, leg: str) -> None:
     source = make_source(script_of(attitude, leg))
@@ -127,6 +128,7 @@ def test_any_shape_adds_up_to_the_truth(attitude: str, leg: str) -> None:
     assert rotation_between(quat, quat_of(truth)) == pytest.approx((0, 0, 0), abs=1e-6)
 
 
+@settings(max_examples=40)
 @given(ATTITUDES, SMOOTH_LEGS, MOMENTS_S)
 def test_velocity_is_the_integral_of_the_force_felt(attitude: str, leg: str, time_s: float) -> None:
     source = make_source(script_of(attitude, leg))
@@ -138,6 +140,7 @@ def test_velocity_is_the_integral_of_the_force_felt(attitude: str, leg: str, tim
     assert delta.del_vel == pytest.approx(by_simpson, abs=2e-6)
 
 
+@settings(max_examples=40)
 @given(ATTITUDES, SMOOTH_LEGS, MOMENTS_S)
 def test_rotation_is_that_of_the_true_rates(attitude: str, leg: str, time_s: float) -> None:
     source = make_source(script_of(attitude, leg))
@@ -150,6 +153,7 @@ def test_rotation_is_that_of_the_true_rates(attitude: str, leg: str, time_s: flo
     assert angles == pytest.approx(np.array(turn) * LOOP_US / (2 * half_us), abs=2e-5)
 
 
+@settings(max_examples=40)
 @given(SMOOTH_LEGS, MOMENTS_S)
 def test_multirotor_feels_its_thrust_alone(leg: str, time_s: float) -> None:
     source = make_source(script_of("multirotor", leg))
@@ -225,6 +229,7 @@ def test_barometer_reads_the_height_when_it_was_read() -> None:
         assert baro[1] == pytest.approx(-source.truth(1000 * baro[0]).pos_ned[2], abs=1e-6)
 
 
+@settings(max_examples=40)
 @given(LEGS, st.floats(0.0, 6.0))
 def test_compass_tells_the_true_yaw(leg: str, time_s: float) -> None:
     source = make_source(script_of("multirotor", leg), has_compass=lambda: True)

@@ -188,6 +188,7 @@ def test_unusable_script_is_refused(text: str, error: str) -> None:
     assert error_of(text) == f"flight.toml: {error}"
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_any_text_is_a_script_or_refused(text: str) -> None:
     assert error_of(text).startswith("flight.toml: ")

@@ -161,7 +161,7 @@ def take(loop: FilterLoop, record: Any) -> None:
 class TestMovingCamera:
     """A stream without defects: 3 m/s, turns of 1 m/s^2, the noise of a camera."""
 
-    @pytest.mark.parametrize("has_velocity", [False, True])
+    @pytest.mark.parametrize("has_velocity", [pytest.param(False, marks=pytest.mark.slow), True])
     def test_innovations_stay_far_from_the_gates(
         self, make_loop: "MakeLoop", follow: FollowSource, has_velocity: bool
     ) -> None:
@@ -225,6 +225,7 @@ class TestDefect:
         assert believed.pos_innovation[0] == pytest.approx(0.0, abs=0.01)
         assert believed.timeouts == AIDED
 
+    @pytest.mark.slow
     def test_yaw_step_on_the_ground_slews_the_yaw(self, make_loop: "MakeLoop", follow: FollowSource) -> None:
         loop = feed(make_loop(follow), lambda t: (MARK, yawed(90.0 if t > EVENT_S else 0.0)), EVENT_S + 6.0)
         first = loop.at(EVENT_S + 0.2)
@@ -234,6 +235,7 @@ class TestDefect:
         assert np.diff(yaws).min() > 0.0
         assert np.diff(yaws).max() < 5.0
 
+    @pytest.mark.slow
     def test_velocity_step_is_rejected_for_ever(self, make_loop: "MakeLoop", follow: FollowSource) -> None:
         loop = feed(
             make_loop(follow), at_mark, EVENT_S + 6.0, velocity=lambda t: (15.0 if t > EVENT_S else 0.0, 0.0, 0.0)
@@ -243,11 +245,13 @@ class TestDefect:
         assert {report.timeouts for report in after} == {AIDED}
         assert max(abs(report.vel_ned[0]) for report in after) < 0.01
 
+    @pytest.mark.slow
     def test_silence_of_1_s_changes_nothing(self, make_loop: "MakeLoop", follow: FollowSource) -> None:
         loop = feed(make_loop(follow), silent(EVENT_S, EVENT_S + 1.0), EVENT_S + 3.0)
         assert {report.timeouts for report in loop.between(6.0)} == {AIDED}
         assert loop.reports[-1][1].pos_ned == pytest.approx(MARK, abs=0.01)
 
+    @pytest.mark.slow
     def test_silence_of_8_s_ends_in_a_reset(self, make_loop: "MakeLoop", follow: FollowSource) -> None:
         again = EVENT_S + 8.0
         loop = feed(make_loop(follow), silent(EVENT_S, again, moved((0.0, 3.0, 0.0), again)), EVENT_S + 10.0)
@@ -259,6 +263,7 @@ class TestDefect:
         assert after.moved_ne == pytest.approx((0.0, 3.0), abs=0.05)
         assert count(loop, "stopped aiding") == 0
 
+    @pytest.mark.slow
     def test_silence_of_20_s_ends_aiding_until_the_stream_comes_again(
         self, make_loop: "MakeLoop", follow: FollowSource
     ) -> None:
@@ -270,6 +275,7 @@ class TestDefect:
         assert count(loop, "is using external nav data") == 2
         assert loop.at(again + 0.5).pos_ned == pytest.approx(MARK, abs=0.02)
 
+    @pytest.mark.slow
     def test_stream_later_than_the_horizon_is_fused_late(self, make_loop: "MakeLoop", follow: FollowSource) -> None:
         # It is moved to the horizon, some 60 ms ago, and by then a vehicle of 2 m/s is 0.4 m further.
         loop = feed(
@@ -283,7 +289,10 @@ class TestDefect:
         behind_m = 2.0 * (now_s - EVENT_S) - report.pos_ned[0]
         assert behind_m == pytest.approx(2.0 * (0.260 - 0.065), abs=0.06)
 
-    @pytest.mark.parametrize(("yaw_deg", "least_m", "most_m"), [(0.0, 0.0, 0.15), (90.0, 0.5, 5.0)])
+    @pytest.mark.slow
+    @pytest.mark.parametrize(
+        ("yaw_deg", "least_m", "most_m"), [(0.0, 0.0, 0.15), pytest.param(90.0, 0.5, 5.0, marks=pytest.mark.slow)]
+    )
     def test_yaw_at_odds_with_the_compass_shows_as_the_vehicle_moves(
         self, make_loop: "MakeLoop", yaw_deg: float, least_m: float, most_m: float
     ) -> None:

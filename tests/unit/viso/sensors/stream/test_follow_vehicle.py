@@ -80,6 +80,7 @@ def follower(make_bench: Callable[..., "Bench"]) -> Follower:
     return made
 
 
+@pytest.mark.slow
 def test_vehicle_starts_aiding_aligns_and_arms(follower: Follower) -> None:
     assert follower.bench.command(ARM, 1) != ACCEPTED
     follower.run_to(READY_S)
@@ -90,6 +91,7 @@ def test_vehicle_starts_aiding_aligns_and_arms(follower: Follower) -> None:
     assert follower.bench.command(ARM, 1) == ACCEPTED
 
 
+@pytest.mark.slow
 def test_estimate_goes_where_the_camera_goes_turned_to_the_vehicles_heading(follower: Follower) -> None:
     follower.run_to(READY_S)
     assert follower.bench.command(ARM, 1) == ACCEPTED
@@ -102,6 +104,7 @@ def test_estimate_goes_where_the_camera_goes_turned_to_the_vehicles_heading(foll
         assert math.dist(follower.place(), there) < 0.1
 
 
+@pytest.mark.slow
 def test_leap_of_the_camera_is_rejected_by_the_gate(follower: Follower) -> None:
     follower.run_to(READY_S)
     before = follower.place()

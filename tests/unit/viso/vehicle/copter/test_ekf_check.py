@@ -21,7 +21,10 @@ ORIGIN = Location(-353632610, 1491652300, 58400)
 LOST = [(16, 2), (17, 1)]
 RESOLVED = [(16, 0), (17, 0)]
 
-NAVIGATING: dict[tuple[object, ...], Copies["Bench"]] = {}
+WARNS_S, SOON_S = 24.0, 8.0
+"""In the first 30 s since boot there is no text, though all else."""
+
+KNOWN: dict[tuple[object, ...], Copies["Bench"]] = {}
 
 
 def status(compass: float = 0, velocity: float = 0, position: float = 0) -> FilterStatus:
@@ -45,18 +48,30 @@ def test_two_variances_over_the_threshold_are_too_many(variances: tuple[float, f
     assert is_over_threshold(status(*variances), 0.8) is over
 
 
-def navigating(make_bench: MakeBench, *, origin: bool = True, **params: float) -> "Bench":
+def navigating(make_bench: MakeBench, *, origin: bool = True, from_s: float = WARNS_S, **params: float) -> "Bench":
     """Return a vehicle that navigates; the way there is gone once for each set of parameters."""
-    key = (origin, *sorted(params.items()))
-    if key not in NAVIGATING:
-        NAVIGATING[key] = Copies(start_navigating(make_bench, origin=origin, **params))
-    return NAVIGATING[key].make()
+    key = (origin, from_s, *sorted(params.items()))
+    if key not in KNOWN:
+        KNOWN[key] = Copies(start_navigating(make_bench, origin, from_s, **params))
+    return KNOWN[key].make()
 
 
-def start_navigating(make_bench: MakeBench, *, origin: bool, **params: float) -> "Bench":
+def lost(make_bench: MakeBench, *, armed: bool = False) -> "Bench":
+    """Return one that has navigated, and has had no sample for 12 s; the way there is gone once."""
+    key = ("lost", armed)
+    if key not in KNOWN:
+        bench = navigating(make_bench)
+        if armed:
+            bench.command(400, 1, 2989)
+        bench.run_for(12)
+        KNOWN[key] = Copies(bench)
+    return KNOWN[key].make()
+
+
+def start_navigating(make_bench: MakeBench, origin: bool, from_s: float, **params: float) -> "Bench":
     sources = {"EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 6, "EK3_SRC1_VELZ": 0}
     bench = make_bench(VISO_TYPE=1, GPS1_TYPE=0, DISARM_DELAY=0, **sources, **params)
-    bench.run_to(30)
+    bench.run_to(from_s)
     bench.see(1)
     if origin:
         bench.send(SET_GPS_GLOBAL_ORIGIN(1, ORIGIN.lat, ORIGIN.lng, ORIGIN.alt_cm * 10))
@@ -85,8 +100,7 @@ def test_vehicle_warns_8_s_after_the_last_sample(make_bench: MakeBench) -> None:
 
 
 def test_samples_that_come_back_resolve_it_after_a_second(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench)
-    bench.run_for(12)
+    bench = lost(make_bench)
     bench.see(0.8)
     assert errors(bench) == LOST
     bench.see(0.7)
@@ -103,19 +117,14 @@ def system_status(bench: "Bench") -> int:
 
 @pytest.mark.parametrize("armed", [False, True])
 def test_heartbeat_is_critical_until_it_is_resolved(make_bench: MakeBench, armed: bool) -> None:
-    bench = navigating(make_bench)
-    if armed:
-        bench.command(400, 1, 2989)
-    bench.run_for(12)
+    bench = lost(make_bench, armed=armed)
     assert system_status(bench) == 5
     bench.see(2)
     assert system_status(bench) == 3
 
 
 def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench)
-    bench.command(400, 1, 2989)
-    bench.run_for(12)
+    bench = lost(make_bench, armed=True)
     bench.see(0.5)
     assert bench.command(176, 1, 5) == 4
     assert (4, "Mode change to LOITER failed: requires position") in [(level, text) for _, level, text in bench.texts]
@@ -124,16 +133,14 @@ def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(make
 
 
 def test_armed_vehicle_tells_of_its_failsafe(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench)
-    bench.command(400, 1, 2989)
-    bench.run_for(12)
+    bench = lost(make_bench, armed=True)
     bench.see(2)
     assert said(bench) == [(2, "EKF variance"), (2, "EKF Failsafe"), (2, "EKF Failsafe Cleared")]
 
 
+@pytest.mark.slow
 def test_second_warning_waits_for_30_s(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench)
-    bench.run_for(12)
+    bench = lost(make_bench)
     bench.see(2)
     bench.run_for(12)
     assert errors(bench) == LOST + RESOLVED + LOST
@@ -141,25 +148,25 @@ def test_second_warning_waits_for_30_s(make_bench: MakeBench) -> None:
 
 
 def test_nothing_is_checked_without_an_origin(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench, origin=False)
+    bench = navigating(make_bench, origin=False, from_s=SOON_S)
     bench.run_for(12)
     assert (said(bench), errors(bench)) == ([], [])
 
 
 def test_nothing_is_checked_when_it_is_switched_off(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench, FS_EKF_THRESH=0)
+    bench = navigating(make_bench, FS_EKF_THRESH=0, from_s=SOON_S)
     bench.run_for(12)
     assert (said(bench), errors(bench)) == ([], [])
 
 
 def test_failsafe_ends_when_the_check_is_switched_off(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench)
-    bench.run_for(12)
+    bench = lost(make_bench)
     bench.set("FS_EKF_THRESH", 0)
     bench.run_for(1)
     assert errors(bench) == [*LOST, (17, 0)]
 
 
+@pytest.mark.slow
 def test_vehicle_that_never_had_a_position_does_not_warn(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=1, EK3_SRC1_POSXY=6)
     bench.vehicle.set_origin(ORIGIN)
