@@ -2,29 +2,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle warns when its estimator fails, and when it is well again."""
 
-from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
 
+from ap_core.log_field import LogValue
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.ports import Location
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
 from tests.copies import Copies
+from tests.unit.viso.conftest import NAVIGATES, booted
 from viso.vehicle.copter.ekf_check import is_over_threshold
 
 if TYPE_CHECKING:
-    from tests.unit.viso.conftest import Bench
+    from tests.unit.viso.conftest import Bench, CopterRig
 
-MakeBench = Callable[..., "Bench"]
 ORIGIN = Location(-353632610, 1491652300, 58400)
 LOST = [(16, 2), (17, 1)]
 RESOLVED = [(16, 0), (17, 0)]
 
-WARNS_S, SOON_S = 24.0, 8.0
-"""In the first 30 s since boot there is no text, though all else."""
-
-KNOWN: dict[tuple[object, ...], Copies["Bench"]] = {}
+SILENT_S = 12.0
+WELL = FilterStatus(NAVIGATES)
+ILL = FilterStatus(NAVIGATES, velocity_variance=1.0, compass_variance=1.0)
 
 
 def status(compass: float = 0, velocity: float = 0, position: float = 0) -> FilterStatus:
@@ -48,37 +48,97 @@ def test_two_variances_over_the_threshold_are_too_many(variances: tuple[float, f
     assert is_over_threshold(status(*variances), 0.8) is over
 
 
-def navigating(make_bench: MakeBench, *, origin: bool = True, from_s: float = WARNS_S, **params: float) -> "Bench":
-    """Return a vehicle that navigates; the way there is gone once for each set of parameters."""
-    key = (origin, from_s, *sorted(params.items()))
-    if key not in KNOWN:
-        KNOWN[key] = Copies(start_navigating(make_bench, origin, from_s, **params))
-    return KNOWN[key].make()
+def watch(rig: "CopterRig", duration_s: float, found: FilterStatus) -> None:
+    """Let the copter look at an estimator in such a state for a while, ten times a second."""
+    rig.ahrs.status = found
+    for _ in range(round(duration_s * 10)):
+        rig.clock.advance_us(100_000)
+        rig.copter.check_estimator()
 
 
-def lost(make_bench: MakeBench, *, armed: bool = False) -> "Bench":
-    """Return one that has navigated, and has had no sample for 12 s; the way there is gone once."""
-    key = ("lost", armed)
-    if key not in KNOWN:
-        bench = navigating(make_bench)
-        if armed:
-            bench.command(400, 1, 2989)
-        bench.run_for(12)
-        KNOWN[key] = Copies(bench)
-    return KNOWN[key].make()
+def told(rig: "CopterRig") -> tuple[list[tuple[LogValue, ...]], list[str]]:
+    """Return the errors that were logged and the texts that were sent since the last call."""
+    return [values for _, values in rig.written("ERR")], rig.take_texts()
 
 
-def start_navigating(make_bench: MakeBench, origin: bool, from_s: float, **params: float) -> "Bench":
+@pytest.fixture
+def watched(rig: "CopterRig") -> "CopterRig":
+    """Return a copter with an origin, whose estimator has been well, when texts are due again."""
+    rig.ahrs.ekf_origin = ORIGIN
+    rig.clock.set_us(40_000_000)
+    watch(rig, 0.5, WELL)
+    return rig
+
+
+def test_second_of_failures_is_told_and_a_second_without_resolves_it(watched: "CopterRig") -> None:
+    watch(watched, 0.9, ILL)
+    assert told(watched) == ([], [])
+    watch(watched, 0.1, ILL)
+    assert told(watched) == (LOST, ["EKF variance"])
+    assert watched.copter.is_in_failsafe()
+    watch(watched, 0.9, WELL)
+    assert told(watched) == ([], [])
+    watch(watched, 0.1, WELL)
+    assert told(watched) == (RESOLVED, [])
+    assert not watched.copter.is_in_failsafe()
+
+
+def test_second_warning_waits_for_30_s(watched: "CopterRig") -> None:
+    for _ in range(2):
+        watch(watched, 1.0, ILL)
+        watch(watched, 1.0, WELL)
+    assert told(watched) == ([*LOST, *RESOLVED, *LOST, *RESOLVED], ["EKF variance"])
+    watch(watched, 27.1, WELL)
+    watch(watched, 1.0, ILL)
+    assert told(watched) == (LOST, ["EKF variance"])
+
+
+def test_nothing_is_checked_without_an_origin(watched: "CopterRig") -> None:
+    watched.ahrs.ekf_origin = None
+    watch(watched, 3.0, ILL)
+    assert told(watched) == ([], [])
+
+
+def test_nothing_is_checked_when_it_is_switched_off(watched: "CopterRig") -> None:
+    watched.params.set("FS_EKF_THRESH", 0)
+    watch(watched, 3.0, ILL)
+    assert told(watched) == ([], [])
+
+
+def test_failsafe_ends_when_the_check_is_switched_off(watched: "CopterRig") -> None:
+    watch(watched, 1.0, ILL)
+    watched.params.set("FS_EKF_THRESH", 0)
+    watch(watched, 0.1, ILL)
+    assert told(watched) == ([*LOST, (17, 0)], ["EKF variance"])
+
+
+def test_vehicle_that_never_had_a_position_does_not_warn(rig: "CopterRig") -> None:
+    rig.ahrs.ekf_origin = ORIGIN
+    watch(rig, 3.0, FilterStatus(FilterFlag(0)))
+    assert told(rig) == ([], [])
+
+
+@cache
+def flown(*, armed: bool) -> Copies["Bench"]:
+    """Return a vehicle that has navigated, and has had no sample for 12 s."""
     sources = {"EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 6, "EK3_SRC1_VELZ": 0}
-    bench = make_bench(VISO_TYPE=1, GPS1_TYPE=0, DISARM_DELAY=0, **sources, **params)
-    bench.run_to(from_s)
+    bench = booted(0.0, VISO_TYPE=1, GPS1_TYPE=0, DISARM_DELAY=0, **sources).make()
+    bench.run_to(24)  # in the first 30 s since boot there is no text
     bench.see(1)
-    if origin:
-        bench.send(SET_GPS_GLOBAL_ORIGIN(1, ORIGIN.lat, ORIGIN.lng, ORIGIN.alt_cm * 10))
+    bench.send(SET_GPS_GLOBAL_ORIGIN(1, ORIGIN.lat, ORIGIN.lng, ORIGIN.alt_cm * 10))
     bench.see(1)
     bench.texts.clear()
     bench.records.clear()
-    return bench
+    if armed:
+        bench.command(400, 1, 2989)
+    bench.run_for(SILENT_S)
+    return Copies(bench)
+
+
+@pytest.fixture
+def lost() -> "Bench":
+    """Return one that is armed; it is flown once."""
+    return flown(armed=True).make()
 
 
 def said(bench: "Bench") -> list[tuple[int, str]]:
@@ -89,23 +149,20 @@ def errors(bench: "Bench") -> list[tuple[int, int]]:
     return [(record["Subsys"], record["ECode"]) for record in bench.written("ERR")]
 
 
-def test_vehicle_warns_8_s_after_the_last_sample(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench)
-    silent_us = bench.scheduler.now_us
-    bench.run_for(12)
-    assert said(bench) == [(2, "EKF variance")]
-    [told_us] = [time_us for time_us, _, text in bench.texts if text == "EKF variance"]
+def test_vehicle_warns_8_s_after_the_last_sample(lost: "Bench") -> None:
+    silent_us = lost.scheduler.now_us - round(SILENT_S * 1e6)
+    assert said(lost) == [(2, "EKF variance"), (2, "EKF Failsafe")]
+    [told_us] = [time_us for time_us, _, text in lost.texts if text == "EKF variance"]
     assert told_us - silent_us == pytest.approx(8_000_000, abs=200_000)
-    assert errors(bench) == LOST
+    assert errors(lost) == LOST
 
 
-def test_samples_that_come_back_resolve_it_after_a_second(make_bench: MakeBench) -> None:
-    bench = lost(make_bench)
-    bench.see(0.8)
-    assert errors(bench) == LOST
-    bench.see(0.7)
-    assert errors(bench) == LOST + RESOLVED
-    assert said(bench) == [(2, "EKF variance")]
+def test_samples_that_come_back_resolve_it_after_a_second(lost: "Bench") -> None:
+    lost.see(0.8)
+    assert errors(lost) == LOST
+    lost.see(0.7)
+    assert errors(lost) == LOST + RESOLVED
+    assert said(lost) == [(2, "EKF variance"), (2, "EKF Failsafe"), (2, "EKF Failsafe Cleared")]
 
 
 def system_status(bench: "Bench") -> int:
@@ -115,60 +172,17 @@ def system_status(bench: "Bench") -> int:
     return beat.system_status
 
 
-@pytest.mark.parametrize("armed", [False, True])
-def test_heartbeat_is_critical_until_it_is_resolved(make_bench: MakeBench, armed: bool) -> None:
-    bench = lost(make_bench, armed=armed)
+@pytest.mark.parametrize("armed", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_heartbeat_is_critical_until_it_is_resolved(armed: bool) -> None:
+    bench = flown(armed=armed).make()
     assert system_status(bench) == 5
     bench.see(2)
     assert system_status(bench) == 3
 
 
-def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(make_bench: MakeBench) -> None:
-    bench = lost(make_bench, armed=True)
-    bench.see(0.5)
-    assert bench.command(176, 1, 5) == 4
-    assert (4, "Mode change to LOITER failed: requires position") in [(level, text) for _, level, text in bench.texts]
-    bench.see(2)
-    assert bench.command(176, 1, 5) == 0
-
-
-def test_armed_vehicle_tells_of_its_failsafe(make_bench: MakeBench) -> None:
-    bench = lost(make_bench, armed=True)
-    bench.see(2)
-    assert said(bench) == [(2, "EKF variance"), (2, "EKF Failsafe"), (2, "EKF Failsafe Cleared")]
-
-
-@pytest.mark.slow
-def test_second_warning_waits_for_30_s(make_bench: MakeBench) -> None:
-    bench = lost(make_bench)
-    bench.see(2)
-    bench.run_for(12)
-    assert errors(bench) == LOST + RESOLVED + LOST
-    assert said(bench) == [(2, "EKF variance")]
-
-
-def test_nothing_is_checked_without_an_origin(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench, origin=False, from_s=SOON_S)
-    bench.run_for(12)
-    assert (said(bench), errors(bench)) == ([], [])
-
-
-def test_nothing_is_checked_when_it_is_switched_off(make_bench: MakeBench) -> None:
-    bench = navigating(make_bench, FS_EKF_THRESH=0, from_s=SOON_S)
-    bench.run_for(12)
-    assert (said(bench), errors(bench)) == ([], [])
-
-
-def test_failsafe_ends_when_the_check_is_switched_off(make_bench: MakeBench) -> None:
-    bench = lost(make_bench)
-    bench.set("FS_EKF_THRESH", 0)
-    bench.run_for(1)
-    assert errors(bench) == [*LOST, (17, 0)]
-
-
-@pytest.mark.slow
-def test_vehicle_that_never_had_a_position_does_not_warn(make_bench: MakeBench) -> None:
-    bench = make_bench(VISO_TYPE=1, EK3_SRC1_POSXY=6)
-    bench.vehicle.set_origin(ORIGIN)
-    bench.run_for(12)
-    assert (said(bench), errors(bench)) == ([], [])
+def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(lost: "Bench") -> None:
+    lost.see(0.5)
+    assert lost.command(176, 1, 5) == 4
+    assert (4, "Mode change to LOITER failed: requires position") in [(level, text) for _, level, text in lost.texts]
+    lost.see(2)
+    assert lost.command(176, 1, 5) == 0
