@@ -27,6 +27,8 @@ from viso import cli
 from viso.cli import COMMANDS, _command, command_function, command_help, make_app
 from viso.commands import serve as serve_command
 
+pytestmark = pytest.mark.usefixtures("uncounted")
+
 SHORT = 40
 SIMULATED = "viso demo --camera simulated"
 QUICK = "faults", "serve", "sweep"
@@ -489,7 +491,8 @@ def viso_process(*args: str | Path, **options: Any) -> subprocess.CompletedProce
     return subprocess.run(command, timeout=60, check=False, stderr=subprocess.PIPE, env=environment, **options)
 
 
-@pytest.mark.parametrize("command", ["vectors", pytest.param("replay", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["vectors", "replay"])
 def test_reader_that_leaves_is_no_error(command: str, vectors: Path, capture: Path) -> None:
     file = vectors if command == "vectors" else capture
     reader, writer = socket.socketpair()
@@ -500,6 +503,7 @@ def test_reader_that_leaves_is_no_error(command: str, vectors: Path, capture: Pa
     assert b"Traceback" not in result.stderr
 
 
+@pytest.mark.slow
 def test_full_disk_behind_standard_output_is_one_line(vectors: Path) -> None:
     with open("/dev/full", "wb") as full:
         result = viso_process("vectors", vectors, stdout=full)

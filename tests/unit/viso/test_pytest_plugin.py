@@ -128,6 +128,7 @@ def test_golden_log_is_written_and_then_held_against(pytester: pytest.Pytester) 
     result.stdout.fnmatch_lines(['E*-{*"PX": 1.5,*', 'E*+{*"PX": 2.5,*'])
 
 
+@pytest.mark.slow
 def test_same_tests_pass_over_udp_and_leave_the_same_golden_log(pytester: pytest.Pytester) -> None:
     tests = """
 import socket
@@ -167,6 +168,7 @@ def test_help_tells_option_and_marker(pytester: pytest.Pytester) -> None:
 # The page and the example
 
 
+@pytest.mark.slow
 def test_code_of_the_page_passes(pytester: pytest.Pytester) -> None:
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     for number, block in enumerate(blocks):

@@ -56,6 +56,7 @@ def test_vio_camera_leaves_log_and_plot_and_one_table(viso: Viso) -> None:
     assert {path.name for path in Path("here").iterdir()} == {"00000001.BIN", "00000001.png", "LASTLOG.TXT"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short")
 def test_vio_camera_for_machines(viso: Viso) -> None:
     answer = json.loads(viso("demo", *VIO, "--no-plot", "--json").out)
@@ -129,6 +130,7 @@ def test_without_matplotlib_says_what_to_install(
     assert json.loads(outcome.out)["plot"] is None
 
 
+@pytest.mark.slow
 def test_other_missing_module_is_not_taken_for_matplotlib(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "viso.demo.plot", raising=False)
     monkeypatch.setitem(sys.modules, "ekf_stub.fusion.aiding", None)

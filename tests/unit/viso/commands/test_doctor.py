@@ -61,6 +61,7 @@ def test_clean_stream_ends_well(viso: Viso) -> None:
     assert re.search(r"^clean: \d notes$", outcome.out, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_release_that_is_flown_has_names_and_texts_of_its_own(viso: Viso) -> None:
     outcome = viso(
         "doctor", written("clean"), "--firmware", "4.6", "--param", "SYSID_THISMAV=3", "--json", "--baud", "0"
@@ -100,6 +101,7 @@ def test_parameters_are_given(viso: Viso) -> None:
     assert "XN7-01" in {finding["code"] for finding in json.loads(outcome.out)["findings"]}
 
 
+@pytest.mark.slow
 def test_assumed_parameters_are_told(viso: Viso) -> None:
     data = json.loads(viso("doctor", written("clean", params=False), "--json", "--baud", "0").out)
     assert data["assumed"]["VISO_TYPE"] == 1

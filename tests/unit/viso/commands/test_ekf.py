@@ -184,6 +184,7 @@ def test_mavlogdump_prints_the_estimates(written: Path) -> None:
     assert any("EKF3 IMU1 is using external nav data" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_interrupted_run_leaves_what_there_was(viso: Viso, monkeypatch: pytest.MonkeyPatch, short: Path) -> None:
     begin_frame = EkfRun._begin_frame
 

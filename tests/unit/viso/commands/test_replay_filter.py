@@ -82,6 +82,7 @@ def replayed(viso: Viso, *args: str | Path) -> dict[str, Any]:
     return answer
 
 
+@pytest.mark.slow
 def test_replay_tells_what_the_filter_makes_of_a_stream(viso: Viso, leaping: Path) -> None:
     outcome = viso("replay", leaping, "--ekf")
     assert outcome.code == 0
@@ -190,6 +191,7 @@ def test_vehicle_serves_with_sensors_of_every_kind(serve: Viso, imu: str) -> Non
     assert {row["rule"] for row in json.loads(outcome.out)["filter"]} == {"not_started"}
 
 
+@pytest.mark.slow
 def test_vehicle_serves_with_the_sensors_of_a_log(serve: Viso, tmp_path: Path) -> None:
     path = tmp_path / "short.BIN"
     with lzma.open(LOG) as log:

@@ -118,6 +118,7 @@ def test_programs_of_the_documentation_print_what_it_says(
         assert f"prints\n\n```\n{capsys.readouterr().out}```" in text
 
 
+@pytest.mark.slow
 def test_commands_of_the_documentation_name_what_is_written(viso: Viso, log: Path, tmp_path: Path) -> None:
     log.rename(tmp_path / "flight.BIN")
     text = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")

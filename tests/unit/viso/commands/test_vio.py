@@ -142,6 +142,7 @@ def test_losing_the_way_is_exit_code_1(film: Viso, monkeypatch: pytest.MonkeyPat
     assert Path("flight.tum").exists()
 
 
+@pytest.mark.slow
 def test_interrupted_flight_is_written(film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     class Interrupted(list[int]):
         """Becomes full after a while, as when a signal comes."""

@@ -121,8 +121,13 @@ def seen_in(stream: Stream) -> list[SeenMessage]:
         while (received := codec.next_received()) is not None:
             if isinstance(received, Received) and received.message is not None:
                 header = received.header
-                ids = {"system_id": header.system_id, "component_id": header.component_id}
-                fields = {"sequence": header.sequence, "version": header.version, "frame": header.frame, **ids}
+                fields: dict[str, Any] = {
+                    "system_id": header.system_id,
+                    "component_id": header.component_id,
+                    "sequence": header.sequence,
+                    "version": header.version,
+                    "frame": header.frame,
+                }
                 found.append(seen(len(found) + 1, one.arrival_us or 0, received.message, **fields))
     return found
 

@@ -11,18 +11,12 @@ from tests.unit.viso.doctor.evidences import evidence_of, seen_in
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, recording, shifted
 from viso.doctor import RULES, Severity, diagnose
 
-ALWAYS = {"gate against messages without quality"}
-"""Those that are tried on a vehicle in every run; the rest takes two minutes of processor time."""
 BY_THE_VEHICLE = {
     *("XN1-04", "XN1-06", "XN1-08", "XN1-09", "XN2-01", "XN4-06", "XN4-07", "XN6-07", "XN6-08", "XN7-01", "XN7-02"),
     *("XN7-10", "XN9-02", "XN9-03", "XN9-04"),
 }
 """Codes for which the vehicle has to have its say."""
 CLEAN_ALWAYS = {"pose and speed against the vehicle", "reset with its counter"}
-
-
-def _cases(cases: tuple[Case, ...]) -> list[object]:
-    return [pytest.param(case, id=case.name, marks=() if case.name in ALWAYS else pytest.mark.slow) for case in cases]
 
 
 def _one_for_each_code() -> Iterator[object]:
@@ -53,18 +47,20 @@ def test_nothing_shows_in_what_is_sent_of_a_clean_stream(case: Case) -> None:
 def test_corpus_is_large_and_its_names_are_unique() -> None:
     names = [case.name for case in (*CLEAN, *CORPUS)]
     assert len(names) == len(set(names))
-    assert set(names) >= ALWAYS | CLEAN_ALWAYS
+    assert set(names) >= CLEAN_ALWAYS
     assert len(CORPUS) >= 60
     assert {case.base for case in CORPUS} >= {ODOMETRY, SPEED, POSE}
 
 
-@pytest.mark.parametrize("case", _cases(CORPUS))
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CORPUS, ids=lambda case: case.name)
 def test_planted_defect_is_found(case: Case) -> None:
     _, findings = examine(case.stream(), case.options())
     assert case.expected <= codes(findings)
 
 
-@pytest.mark.parametrize("case", _cases(CLEAN))
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CLEAN, ids=lambda case: case.name)
 def test_clean_stream_gives_no_warning(case: Case) -> None:
     _, findings = examine(case.stream(), case.options())
     assert codes(findings, Severity.WARNING) == set()

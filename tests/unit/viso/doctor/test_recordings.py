@@ -210,6 +210,7 @@ FIELD = st.one_of(
 TIME = st.one_of(st.integers(0, 2**63).map(str), st.floats(0, 1e6).map(repr), st.sampled_from(["0", "1e12", "nan"]))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=st.lists(st.tuples(TIME, st.lists(FIELD, min_size=7, max_size=7)), max_size=6), axes=st.booleans())
 def test_whatever_a_file_holds_becomes_messages_or_one_line(
@@ -234,6 +235,7 @@ def test_bag_with_a_time_far_off_is_one_line(tmp_path: Path) -> None:
         read_whole_stream(WRITERS["bag"](tmp_path, rows), 0)
 
 
+@pytest.mark.slow
 def test_command_takes_a_file_in_its_axes(viso: Viso) -> None:
     case = Case("scaled", ODOMETRY, "{kind: yawerr, yaw_deg: 25}", frozenset())
     path = WRITERS["euroc"](Path(), rows_of(case.stream()))

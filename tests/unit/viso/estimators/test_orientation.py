@@ -34,6 +34,7 @@ def vehicle() -> Motion:
     return motion(np.random.default_rng(20))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("orient", [0, 2, 4, 6, 24, 25])
 def test_mountings_made_of_the_recorded_flight_are_found(flight: Flight, orient: int) -> None:
     seen = turned(flight.quat_wxyz, body=rotation_matrix(orient))
@@ -159,6 +160,7 @@ def test_world_of_a_wrong_body_is_not_taken() -> None:
     assert not found.sufficient
 
 
+@pytest.mark.slow
 def test_world_of_the_recorded_flight_is_the_earth(flight: Flight) -> None:
     found = estimate_world_axes(flight.stamp_us, flight.quat_wxyz, flight.att_us, flight.att_wxyz, body_axes=OWN)
     assert (found.sufficient, found.name) == (True, "NED")

@@ -72,6 +72,7 @@ def test_delay_is_allowed_for_and_jumps_do_little() -> None:
     assert late.correlation > 0.99
 
 
+@pytest.mark.slow
 def test_scale_of_the_recorded_flight_is_one_and_a_planted_one_is_found(flight: Flight) -> None:
     reference = flight.ekf_us, flight.ekf_ned_m
     own = estimate_scale(flight.stamp_us, flight.pos_m, *reference)

@@ -158,6 +158,7 @@ def kinds_of(log: Any) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_kinds_are_read_as_from_the_whole_log() -> None:
     columns = read_columns(FIRMWARE_LOG)
     kept = read_kinds(FIRMWARE_LOG, columns, ["ATT", "XKF4"], kinds_of)

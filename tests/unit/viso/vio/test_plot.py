@@ -86,6 +86,7 @@ def test_features_have_gaps_where_there_is_no_output(tmp_path: Path, figures: li
     assert inliers[1][1] == 90
 
 
+@pytest.mark.slow
 def test_place_that_cannot_be_written_to_raises(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file"):
         save_plot(flown(MIXED), None, "a flight", tmp_path / "none" / "a.png", aligned=False)
