@@ -118,6 +118,7 @@ def test_missing_golden_log_fails_with_the_hint(pytester: pytest.Pytester) -> No
     assert not (pytester.path / "golden").exists()
 
 
+@pytest.mark.slow
 def test_golden_log_is_written_and_then_held_against(pytester: pytest.Pytester) -> None:
     run(pytester, GOLDEN.format(1.5), "--update-golden").assert_outcomes(passed=1)
     (line,) = (pytester.path / "golden" / "flight.jsonl").read_text().splitlines()

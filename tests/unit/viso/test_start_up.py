@@ -87,6 +87,7 @@ def test_the_list_of_commands_imports_none_of_them() -> None:
     assert modules & {*COMMANDS.values(), "numpy", "pymavlink", "rich"} == set()
 
 
+@pytest.mark.slow
 def test_serving_imports_nothing_heavy_up_to_an_accepted_message(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.settimeout(60)

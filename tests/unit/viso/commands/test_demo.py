@@ -117,7 +117,7 @@ def test_vio_camera_without_opencv_says_what_to_install(viso: Viso, monkeypatch:
     assert not Path("logs").exists()
 
 
-@pytest.mark.parametrize("camera", [SIMULATED, VIO])
+@pytest.mark.parametrize("camera", [SIMULATED, pytest.param(VIO, marks=pytest.mark.slow)])
 def test_without_matplotlib_says_what_to_install(
     viso: Viso, monkeypatch: pytest.MonkeyPatch, camera: tuple[str, str]
 ) -> None:

@@ -142,6 +142,7 @@ def test_lines_of_a_file_give_what_the_flight_gave(viso: Viso) -> None:
         assert one == pytest.approx(other)
 
 
+@pytest.mark.slow
 def test_several_files_are_merged_by_time(viso: Viso) -> None:
     events = flight()
     written("all.jsonl", events)
@@ -301,6 +302,7 @@ def test_what_has_no_innovation_is_told(viso: Viso) -> None:
     assert "landmark: seen twice in a picture; the first counts: 0 (1 times)" in outcome.out
 
 
+@pytest.mark.slow
 def test_errors_of_the_other_sign_are_told_so(viso: Viso) -> None:
     args = ("--demo-pitch-deg", "1", "--demo-delay-ms", "-80", "--demo-noise-px", "1")
     outcome = viso("landmarks", *SHORT, *args)

@@ -20,6 +20,7 @@ def test_same_texts_do_not_differ() -> None:
     assert compare_texts(TEXTS, TEXTS) == Differences((), 3, 0.0)
 
 
+@pytest.mark.slow
 @given(timed_texts)
 def test_any_texts_are_the_same_as_themselves(texts: list[tuple[float, str]]) -> None:
     assert compare_texts(texts, texts) == Differences((), len(texts), 0.0)

@@ -208,13 +208,14 @@ def test_level_of_the_log_leaves_nothing_out(rig: Rig, ours: list[Record]) -> No
     assert len(of(rig.run(params(EK3_LOG_LEVEL=1)), "XKF1")) == len(of(ours, "XKF1")) > 0
 
 
-@pytest.mark.parametrize(("mask", "cores"), [(1, {0}), (3, {0, 1})])
+@pytest.mark.parametrize(("mask", "cores"), [pytest.param(1, {0}, marks=pytest.mark.slow), (3, {0, 1})])
 def test_every_core_of_the_mask_has_records(rig: Rig, mask: int, cores: set[int]) -> None:
     ours = rig.run(params(EK3_IMU_MASK=mask), until_s=4.6)
     assert {fields["C"] for fields in of(ours, "XKF4")} == cores
     assert [text for _, text in texts(ours)] == [f"EKF3 IMU{core} initialised" for core in sorted(cores)]
 
 
+@pytest.mark.slow
 def test_second_imu_alone_is_the_first_core(rig: Rig) -> None:
     def change(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
         for found, changed in params(EK3_IMU_MASK=2)(name, fields, now_us):
@@ -262,6 +263,7 @@ def changed(name: str, value: float) -> dict[str, Any]:
     return {"TimeUS": 4_600_000, "Name": name, "Value": value, "Default": math.nan}
 
 
+@pytest.mark.slow
 def test_parameter_that_changes_in_flight_is_logged(rig: Rig) -> None:
     ours = rig.run(after_frame(4_600_000, ("PARM", changed("EK3_YAW_M_NSE", 0.25))))
     last = of(ours, "PARM")[-1]
@@ -294,7 +296,9 @@ def test_body_odometry_reaches_the_filter(rig: Rig) -> None:
     assert [fields["IX"] for fields in of(moving, "XKFD")] == pytest.approx([-10], abs=0.3)
 
 
-@pytest.mark.parametrize(("delay_ms", "known_us"), [(0, 5_249_566), (60, 5_149_606)])
+@pytest.mark.parametrize(
+    ("delay_ms", "known_us"), [pytest.param(0, 5_249_566, marks=pytest.mark.slow), (60, 5_149_606)]
+)
 def test_odometry_is_as_late_as_the_camera(rig: Rig, delay_ms: int, known_us: int) -> None:
     # Its own record tells no delay; the one of the camera does.
     extra = after_frame(5_100_000, odometry(5_100, 0.4))
@@ -330,6 +334,7 @@ def test_comparison_has_what_the_log_says(rig: Rig, recorded: list[Record]) -> N
     assert set(replay.ours) == set(replay.recorded) == set(LABELS)
 
 
+@pytest.mark.slow
 def test_comparison_may_end_early(rig: Rig) -> None:
     rig.write(unchanged)
     whole = replay_ekf(rig.path)
@@ -370,7 +375,7 @@ def spoilt(kind: str, at_us: int, **values: object) -> Change:
     return change
 
 
-@pytest.mark.parametrize(("value", "shown"), [(math.nan, "nan"), (math.inf, "inf")])
+@pytest.mark.parametrize(("value", "shown"), [(math.nan, "nan"), pytest.param(math.inf, "inf", marks=pytest.mark.slow)])
 def test_inertial_data_that_are_no_number_are_named(rig: Rig, value: float, shown: str) -> None:
     assert rig.fails_with(f"RISI.DAY is {shown} (at 4.602 s)", spoilt("RISI", 4_600_000, DAY=value))
 
@@ -382,7 +387,10 @@ def test_time_that_runs_backwards_is_named(rig: Rig) -> None:
     assert rig.fails_with("RFRH.TimeUS runs backwards, from 4451552 to 4000000 (at 4.452 s)", change)
 
 
-@pytest.mark.parametrize("missing", ["EK3_IMU_MASK", "EK3_SRC1_POSXY", "EK3_VELNE_M_NSE"])
+@pytest.mark.parametrize(
+    "missing",
+    ["EK3_IMU_MASK", *(pytest.param(name, marks=pytest.mark.slow) for name in ("EK3_SRC1_POSXY", "EK3_VELNE_M_NSE"))],
+)
 def test_missing_parameter_is_named(rig: Rig, missing: str) -> None:
     def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
         if fields.get("Name") != missing:

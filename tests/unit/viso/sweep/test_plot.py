@@ -49,6 +49,7 @@ def test_one_axis_is_a_line_with_its_minimum_marked(tmp_path: Path, monkeypatch:
     assert panel.get_yscale() == "log"
 
 
+@pytest.mark.slow
 def test_what_varies_beside_the_objective_gets_a_panel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = made_plan(DELAY, seeds=(1, 2))
     rows = made_rows(plan, lambda delay: delay + 100)
@@ -59,6 +60,7 @@ def test_what_varies_beside_the_objective_gets_a_panel(tmp_path: Path, monkeypat
     assert [line.get_label() for line in figure.axes[1].lines] == ["seed 1", "seed 2"]
 
 
+@pytest.mark.slow
 def test_two_axes_are_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = made_plan(DELAY, GATE)
     figure = drawn(plan, made_rows(plan, lambda delay, gate: delay + gate), tmp_path, monkeypatch)
@@ -82,6 +84,7 @@ def test_without_axes_each_group_has_a_row(tmp_path: Path, monkeypatch: pytest.M
     assert [label.get_text() for label in panel.get_yticklabels()] == ["faults none", "faults loss.yaml"]
 
 
+@pytest.mark.slow
 def test_points_without_a_figure_leave_a_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = made_plan(DELAY)
     rows = made_rows(plan, lambda delay: None if delay == 10 else delay)

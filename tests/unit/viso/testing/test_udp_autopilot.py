@@ -159,7 +159,7 @@ def test_what_is_no_speed_is_refused(autopilot: UdpAutopilot, speedup: float) ->
 
 
 def test_failure_of_the_vehicle_reaches_the_test(autopilot: UdpAutopilot, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_now_us: int) -> None:
+    def fail() -> None:
         raise ZeroDivisionError
 
     monkeypatch.setattr(autopilot.vehicle, "loop", fail)

@@ -169,6 +169,7 @@ def test_stamps_of_messages_are_now_and_of_the_log_the_recording_s(
     assert [frame.t_ns // 10**6 for frame in rig.log.frames] == [100 * index for index in range(20)]
 
 
+@pytest.mark.slow
 def test_same_recording_gives_the_same_messages(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rigs = [Rig(monkeypatch, film) for _ in range(2)]
     for rig in rigs:

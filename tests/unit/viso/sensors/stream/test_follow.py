@@ -175,6 +175,7 @@ class TestMovement:
         assert rig.pos[0] == pytest.approx(walk_north(2.0)(20.0)[0], abs=0.01)
         assert rig.vel[0] == pytest.approx(2.0, abs=0.02)
 
+    @pytest.mark.slow
     def test_steady_acceleration_has_no_lag(self) -> None:
         rig = Rig()
         rig.run(13.0, lambda t: (0.5 * max(0.0, t - BEGIN_S) ** 2, 0.0, 0.0))
@@ -286,6 +287,7 @@ class TestJump:
         rig.run(12.0, walk_north(100.0))
         assert np.abs(rig.vel).max() < 0.05
 
+    @pytest.mark.slow
     def test_agile_turning_is_no_jump(self) -> None:
         rig = Rig()
         rig.run(14.0, turn=lambda t: yawed(40.0 * math.sin(4.0 * max(0.0, t - BEGIN_S))))
@@ -295,6 +297,7 @@ class TestJump:
 class TestGap:
     """A stream that stops, and comes again."""
 
+    @pytest.mark.slow
     def test_it_brakes_to_rest_and_levels(self) -> None:
         tilted = quat_of_rotation(np.radians([0.0, -10.0, 0.0]))
         rig = Rig()
@@ -418,6 +421,7 @@ class TestTime:
         assert_at_rest(rig)
         assert rig.source.ignored["not_newer"] == 3
 
+    @pytest.mark.slow
     def test_stamps_from_the_future_count_as_new(self) -> None:
         rig = Rig(age_ms=-5000)
         rig.run(12.0, lambda t: walk_north(1.0)(t - 5.0))
