@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("uncounted")
 
 SHORT = 40
 SIMULATED = "viso demo --camera simulated"
-QUICK = "faults", "serve", "sweep"
+QUICK = "faults", "play", "serve", "vectors"
 """Commands whose example takes a moment."""
 
 
