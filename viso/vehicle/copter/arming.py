@@ -4,12 +4,13 @@
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.param import ParamGroup
 from ap_core.sinks import TextSink
+from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.releases import REFERENCE, ParameterRelease
 
 PREARM_DISPLAY_PERIOD_MS: Final = 30_000
@@ -63,16 +64,6 @@ class CheckLists(NamedTuple):
     arm: Sequence[Check] = ()
 
 
-class ArmLog(Protocol):
-    """Where arming and disarming are logged."""
-
-    def arming(self, *, armed: bool, checks: int, forced: bool, method: int) -> None:
-        """Write an ARM record."""
-
-    def event(self, event: int) -> None:
-        """Write an EV record."""
-
-
 class Arming:
     """Runs the checks in order, tells their failures, arms and disarms.
 
@@ -94,7 +85,7 @@ class Arming:
         checks: CheckLists,
         params: ParamGroup,
         texts: TextSink,
-        log: ArmLog,
+        log: VehicleLog,
         clock: Clock,
         release: ParameterRelease = REFERENCE,
     ) -> None:

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When checks run and speak, which of them count, and what arming and disarming say."""
 
+from typing import cast
+
 import pytest
 
 from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
+from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
 from viso.vehicle.copter.arming import ANY_CHECK, Arming, ArmMethod, Check, CheckLists
 
@@ -42,7 +45,7 @@ class Rig:
             mandatory=[self._check(0, "position"), self._check(0, "height")],
             arm=[self._check(0, "mode"), self._check(ANY_CHECK, "switch")],
         )
-        self.arming = Arming(checks, self.params.group("ARMING_"), self, self.log, self.clock)
+        self.arming = Arming(checks, self.params.group("ARMING_"), self, cast(VehicleLog, self.log), self.clock)
 
     def _check(self, bit: int, name: str) -> Check:
         def run() -> str | None:
