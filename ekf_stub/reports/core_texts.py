@@ -17,13 +17,6 @@ def cores_of_mask(imu_mask: int) -> tuple[int, ...]:
     return tuple(imu for imu in range(NUMBER_OF_IMUS) if imu_mask >> imu & 1)
 
 
-class NoTexts:
-    """Where texts go that nobody wants."""
-
-    def send_text(self, severity: int, text: str) -> None:
-        """Forget the text."""
-
-
 class CoreTexts:
     """Collects the lines of one frame and sends them, all of one core and then all of the next.
 

@@ -4,7 +4,7 @@
 
 import pytest
 
-from ekf_stub.reports.core_texts import CoreTexts, NoTexts, cores_of_mask
+from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
 
 
 class Sink:
@@ -39,9 +39,3 @@ def test_lines_are_sent_once() -> None:
     texts.flush()
     texts.flush()
     assert sink.texts == [(6, "EKF3 IMU1 one")]
-
-
-def test_texts_may_be_unwanted() -> None:
-    texts = CoreTexts(NoTexts(), (0,))
-    texts.add("one")
-    texts.flush()
