@@ -19,7 +19,6 @@ from ap_core.sinks import RecordSink
 from ekf_stub.log.ekf_log_structure import XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2
 from ekf_stub.reports.core_report import CoreReport, OdometryReport, RunReport
 
-UNINITIALISED_FAULT: Final = 128
 COVARIANCE_INTERVAL_MS: Final = 490
 TILT_INTERVAL_MS: Final = 500
 STILLNESS_INTERVAL_MS: Final = 200
@@ -34,43 +33,8 @@ _100: Final = f32(100)
 _FULL_TURN_CDEG: Final = f32(36000)
 _ANGLES, _OTHERS, _FIELDS = 7, 9, 9  # of what XKF1 to XKF3 have scaled in single precision, and by what
 _SCALES: Final = np.repeat(np.array((RAD_TO_DEG, 1, 1000), np.float32), (_ANGLES, _OTHERS, _FIELDS))
-_REST: Final = (0.0, 0.0, 0.0)
 
-UNINITIALISED: Final = CoreReport(
-    rpy_rad=_REST,
-    quat_wxyz=(1.0, 0.0, 0.0, 0.0),
-    vel_ned=_REST,
-    pos_ned=_REST,
-    height_rate=0.0,
-    gyro_bias=_REST,
-    accel_bias=_REST,
-    origin_height_m=0.0,
-    vel_innovation=_REST,
-    pos_innovation=_REST,
-    yaw_innovation=0.0,
-    mag_innovation=_REST,
-    earth_field=_REST,
-    body_field=_REST,
-    mag_fusion=0,
-    vel_ratio=0.0,
-    pos_ratio=0.0,
-    height_ratio=0.0,
-    mag_ratio=0.0,
-    yaw_ratio=0.0,
-    tilt_error_rad=0.0,
-    moved_ne=(0.0, 0.0),
-    faults=UNINITIALISED_FAULT,
-    timeouts=0,
-    flags=0,
-    gps_bits=0,
-    angle_error=0.0,
-    vel_error=0.0,
-    pos_error=0.0,
-    variances=(0.0,) * 24,
-    odometry=None,
-    stillness=None,
-    source_set=0,
-)
+UNINITIALISED: Final = CoreReport()
 """What a core says before it has a state."""
 
 Values = tuple[LogValue, ...]

@@ -3,8 +3,12 @@
 """What a filter core says of itself at a moment: the source of its log records and of telemetry."""
 
 from dataclasses import dataclass
+from typing import Final
 
 Three = tuple[float, float, float]
+
+UNINITIALISED_FAULT: Final = 128
+_REST: Final = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +48,7 @@ class RunReport:
 
 @dataclass(slots=True)
 class CoreReport:
-    """What a core knows, at the present time unless said otherwise.
+    """What a core knows, at the present time unless said otherwise. By default it has no state yet.
 
     Attributes:
         rpy_rad: roll, pitch and yaw of the outputs, without the vehicle's trim.
@@ -72,36 +76,36 @@ class CoreReport:
         source_set: the active one, 0..2.
     """
 
-    rpy_rad: Three
-    quat_wxyz: tuple[float, float, float, float]
-    vel_ned: Three
-    pos_ned: Three
-    height_rate: float
-    gyro_bias: Three
-    accel_bias: Three
-    origin_height_m: float
-    vel_innovation: Three
-    pos_innovation: Three
-    yaw_innovation: float
-    mag_innovation: Three
-    earth_field: Three
-    body_field: Three
-    mag_fusion: int
-    vel_ratio: float
-    pos_ratio: float
-    height_ratio: float
-    mag_ratio: float
-    yaw_ratio: float
-    tilt_error_rad: float
-    moved_ne: tuple[float, float]
-    faults: int
-    timeouts: int
-    flags: int
-    gps_bits: int
-    angle_error: float
-    vel_error: float
-    pos_error: float
-    variances: tuple[float, ...]
-    odometry: OdometryReport | None
-    stillness: StillnessReport | None
-    source_set: int
+    rpy_rad: Three = _REST
+    quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    vel_ned: Three = _REST
+    pos_ned: Three = _REST
+    height_rate: float = 0.0
+    gyro_bias: Three = _REST
+    accel_bias: Three = _REST
+    origin_height_m: float = 0.0
+    vel_innovation: Three = _REST
+    pos_innovation: Three = _REST
+    yaw_innovation: float = 0.0
+    mag_innovation: Three = _REST
+    earth_field: Three = _REST
+    body_field: Three = _REST
+    mag_fusion: int = 0
+    vel_ratio: float = 0.0
+    pos_ratio: float = 0.0
+    height_ratio: float = 0.0
+    mag_ratio: float = 0.0
+    yaw_ratio: float = 0.0
+    tilt_error_rad: float = 0.0
+    moved_ne: tuple[float, float] = (0.0, 0.0)
+    faults: int = UNINITIALISED_FAULT
+    timeouts: int = 0
+    flags: int = 0
+    gps_bits: int = 0
+    angle_error: float = 0.0
+    vel_error: float = 0.0
+    pos_error: float = 0.0
+    variances: tuple[float, ...] = (0.0,) * 24
+    odometry: OdometryReport | None = None
+    stillness: StillnessReport | None = None
+    source_set: int = 0
