@@ -10,7 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from ap_core.cint import u32
 from ap_core.clock import Clock
+from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
@@ -66,6 +68,18 @@ class AhrsBase:
     def initialised(self) -> bool:
         """Tell whether the AHRS has run for more than 20 s (AP_AHRS::initialised)."""
         return self.estimator_started() and self._now_ms() - self._start_us // 1000 > AP_AHRS_NAVEKF_SETTLE_TIME_MS
+
+    def dcm_yaw_initialised(self) -> bool:
+        """Tell whether DCM has had a yaw reference."""
+        return False
+
+    def get_yaw_rad(self) -> np.float32:
+        """Return the yaw in radians, -pi..pi."""
+        return f32(0)
+
+    def get_quaternion(self) -> Quaternion | None:
+        """Return the attitude, body (FRD) to earth (NED), or None while there is none."""
+        return None
 
     def using_extnav_for_yaw(self) -> bool:
         """Tell whether yaw comes from external navigation.
@@ -152,6 +166,10 @@ class AhrsBase:
         self._log.pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
         if self._ingest is not None:
             self._ingest.write_pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
+        self._tell_pose(pos, quat, u32(timeStamp_ms - delay_ms), resetTime_ms)
+
+    def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
+        """Tell who listens of a pose at the time of its observation."""
 
     def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
         """Log a velocity sample, then hand it to the estimator, if there is one."""
@@ -172,4 +190,9 @@ class AhrsBase:
         """Log a body odometry sample, then hand it to the estimator, if there is one."""
         self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms)
         if self._ingest is not None:
-            self._ingest.write_odometry(quality, (delPos, delAng, delTime), timeStamp_ms, delay_ms, posOffset)
+            place = self._from_imu(posOffset)
+            self._ingest.write_odometry(quality, (delPos, delAng, delTime), timeStamp_ms, delay_ms, place)
+
+    def _from_imu(self, place: Vector3f) -> Vector3f:
+        """Return a place on the vehicle as counted from the IMU."""
+        return place

@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import u32
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.param_cache import FromParams, Numbers
@@ -361,35 +360,13 @@ class Ekf3Ahrs(AhrsBase):
 
     # Calls of the driver
 
-    def writeExtNavData(
-        self,
-        pos: Vector3f,
-        quat: Quaternion,
-        posErr: np.float32,
-        angErr: np.float32,
-        timeStamp_ms: int,
-        delay_ms: int,
-        resetTime_ms: int,
-    ) -> None:
-        """Log a position and attitude, hand them to the filter, and tell who listens."""
-        super().writeExtNavData(pos, quat, posErr, angErr, timeStamp_ms, delay_ms, resetTime_ms)
+    def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
         if self.on_pose is not None:
-            is_reset = resetTime_ms != self._reset_ms
-            self._reset_ms = resetTime_ms
+            is_reset = reset_ms != self._reset_ms
+            self._reset_ms = reset_ms
             lever = self._lever_arm()
             place = pos - quat.rotate_vector(Vector3f(*lever)) if any(lever) else pos
-            self.on_pose(place, quat, u32(timeStamp_ms - delay_ms), is_reset)
+            self.on_pose(place, quat, time_ms, is_reset)
 
-    def writeBodyFrameOdom(
-        self,
-        quality: np.float32,
-        delPos: Vector3f,
-        delAng: Vector3f,
-        delTime: np.float32,
-        timeStamp_ms: int,
-        delay_ms: int,
-        posOffset: Vector3f,
-    ) -> None:
-        """Log a body odometry sample and hand it to the filter, its place counted from the IMU."""
-        place = posOffset - self._place_of_imu()
-        super().writeBodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, place)
+    def _from_imu(self, place: Vector3f) -> Vector3f:
+        return place - self._place_of_imu()

@@ -52,7 +52,7 @@ _FATES: Final[Mapping[str, Fate]] = MappingProxyType(
 RULES_BY_CODE: Final[Mapping[str, Rule]] = MappingProxyType({rule.code: rule for rule in rules.RULES})
 
 FilterCounts = Mapping[tuple[str, str], int]
-"""How many samples by kind and code of the rule, as in ``VehicleAhrs.ext_nav_counts``."""
+"""How many samples by kind and code of the rule, as in ``AhrsBase.ext_nav_counts``."""
 
 
 def is_final(rule: Rule) -> bool:

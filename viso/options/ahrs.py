@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from ekf_stub.ahrs.parts import AhrsParts
 from viso.errors import InputError
@@ -17,7 +18,7 @@ from viso.logs.recorded import read_recorded_states
 from viso.sensors.errors import parse_errors
 from viso.sensors.inertial_sources import IMU_HELP, read_source
 from viso.sensors.options import ImuOptions
-from viso.vehicle.config import VehicleAhrs, by_ekf3
+from viso.vehicle.config import by_ekf3
 
 AhrsOption = Annotated[
     Path | None,
@@ -66,7 +67,7 @@ def imu_options(choice: AhrsChoice) -> ImuOptions:
     )
 
 
-def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], VehicleAhrs]:
+def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], AhrsBase]:
     """Return the maker of the AHRS that was chosen; files are read now.
 
     Raises:

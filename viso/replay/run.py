@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from viso.fates.labels import FilterCounts
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
@@ -14,7 +15,6 @@ from viso.logs.sink import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts
-from viso.vehicle.config import VehicleAhrs
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
@@ -37,7 +37,7 @@ class ReplaySetup:
         firmware: what the vehicle claims to be.
     """
 
-    make_ahrs: Callable[[AhrsParts], VehicleAhrs]
+    make_ahrs: Callable[[AhrsParts], AhrsBase]
     baud: int | None = None
     with_filter: bool = False
     firmware: Firmware = REFERENCE

@@ -10,6 +10,7 @@ from typing import Final
 
 import yaml
 
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.companion.trials.evaluation import TimedPoses
@@ -24,7 +25,7 @@ from viso.streams.stream_kinds import Stream, StreamMessage, TrajectoryOptions, 
 from viso.sweep.dimensions import fault_field
 from viso.sweep.objectives import Judge, Row
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
-from viso.vehicle.config import VehicleAhrs, by_ekf3
+from viso.vehicle.config import by_ekf3
 
 _KEPT: Final = 4
 """How many files of a kind a process remembers."""
@@ -102,7 +103,7 @@ def _read_stream(path: str, lead_us: int, options: TrajectoryOptions) -> Stream:
     return read_stream(Path(path), lead_us, options)
 
 
-def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[AhrsParts], VehicleAhrs]:
+def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[AhrsParts], AhrsBase]:
     if recorded.ahrs is not None:
         return _following(recorded.ahrs)
     choice = AhrsChoice(None, recorded.imu, list(plan.imu_errors), seed or 0, plan.heading_deg)
@@ -110,7 +111,7 @@ def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[Ah
 
 
 @lru_cache(_KEPT)
-def _following(log: str) -> Callable[[AhrsParts], VehicleAhrs]:
+def _following(log: str) -> Callable[[AhrsParts], AhrsBase]:
     return ahrs_maker(AhrsChoice(Path(log), None, None, 0, 0.0))
 
 

@@ -20,7 +20,7 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
-from ekf_stub.ahrs.ahrs_base import AHRS_START_US
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -36,7 +36,7 @@ from viso.parameters.conversion import carry_over
 from viso.parameters.table import make_groups
 from viso.sensors.hil.source import HilSource
 from viso.vehicle.banner import banner
-from viso.vehicle.config import VehicleAhrs, VehicleConfig, bench
+from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
@@ -45,7 +45,7 @@ from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.rtc import Rtc, RtcSource
 
-__all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleAhrs", "VehicleConfig", "bench"]
+__all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleConfig", "bench"]
 
 LOOP_PERIOD_US: Final = 2500
 ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30
@@ -119,7 +119,7 @@ class Vehicle:
             flying_ms=lambda: self.copter.landing.flying_ms(),
             home=lambda: self.copter.home.place,
         )
-        self.ahrs: VehicleAhrs = config.make_ahrs(parts)
+        self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
@@ -23,7 +24,7 @@ from mav_handlers.wire.messages import (
 from tests.parity.behaviours.logs import Log
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 
@@ -52,9 +53,7 @@ class Parked:
         received: what it has sent, with the time in s.
     """
 
-    def __init__(
-        self, make_ahrs: Callable[[AhrsParts], VehicleAhrs], params: Mapping[str, float], folder: Path
-    ) -> None:
+    def __init__(self, make_ahrs: Callable[[AhrsParts], AhrsBase], params: Mapping[str, float], folder: Path) -> None:
         self._folder = folder
         self._file = MemoryLog()
         self._read_log: Log | None = None

@@ -12,6 +12,7 @@ import pytest
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -25,7 +26,7 @@ from viso.logs.sink import MemoryLog
 from viso.running import virtual_time
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import bench
-from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 
@@ -43,7 +44,7 @@ class SpyAhrs(RememberedCalls):
         runs: whether the filter does; else it goes on saying what it said last, as it would of a vehicle at rest.
     """
 
-    def __init__(self, ahrs: VehicleAhrs) -> None:
+    def __init__(self, ahrs: AhrsBase) -> None:
         super().__init__()
         self._ahrs = ahrs
         self.runs = True
@@ -153,9 +154,9 @@ class Bench:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
 
-        def make_ahrs(parts: AhrsParts) -> VehicleAhrs:
+        def make_ahrs(parts: AhrsParts) -> AhrsBase:
             spies.append(SpyAhrs(bench()(parts)))
-            return cast("VehicleAhrs", spies[-1])
+            return cast("AhrsBase", spies[-1])
 
         config = VehicleConfig(
             make_ahrs, links=len(bauds), defaults=params, open_log=lambda: self.log, firmware=firmware

@@ -19,6 +19,7 @@ from ap_core.log_field import LogValue
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_settable import SettableAhrs
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
@@ -38,11 +39,11 @@ from viso.running.virtual_time import Scheduler
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
-from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig, bench
+from viso.vehicle.vehicle import Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
 
-MakeAhrs = Callable[[AhrsParts], VehicleAhrs]
+MakeAhrs = Callable[[AhrsParts], AhrsBase]
 
 
 class Bench:
@@ -286,7 +287,7 @@ class CopterRig:
                 texts=self,
                 log=VehicleLog(self.logger, self.clock),
                 logger=self.logger,
-                ahrs=cast(VehicleAhrs, self.ahrs),
+                ahrs=cast(AhrsBase, self.ahrs),
                 visual_odom=cast(AP_VisualOdom, self.visual_odom),
                 internal_errors=self.errors,
                 gps=lambda: self.gps,

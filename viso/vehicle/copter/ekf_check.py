@@ -9,9 +9,9 @@ from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.param import ParamTable
 from ap_core.sinks import TextSink
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.reports.filter_status import FilterStatus
 from viso.logs.vehicle_log import VehicleLog
-from viso.vehicle.config import VehicleAhrs
 
 ITERATIONS_MAX: Final = 10
 WARNING_PERIOD_MS: Final = 30_000
@@ -54,7 +54,7 @@ class EkfCheck:
 
     def __init__(
         self,
-        ahrs: VehicleAhrs,
+        ahrs: AhrsBase,
         params: ParamTable,
         texts: TextSink,
         log: VehicleLog,

@@ -4,8 +4,8 @@
 
 from collections.abc import Callable, Iterator
 
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
-from viso.vehicle.config import VehicleAhrs
 
 
 class Estimates:
@@ -22,7 +22,7 @@ class Estimates:
 
     def __init__(
         self,
-        ahrs: VehicleAhrs,
+        ahrs: AhrsBase,
         is_armed: Callable[[], bool],
         aids_relative_position: Callable[[], bool],
         is_in_failsafe: Callable[[], bool],

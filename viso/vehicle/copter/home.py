@@ -10,9 +10,9 @@ from ap_core.clock import Clock
 from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
 from ap_core.sinks import TextSink
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from mav_handlers.mission import Mission
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
-from viso.vehicle.config import VehicleAhrs
 
 EV_SET_HOME: Final = 25
 FIELD_ELEVATION_PERIOD_MS: Final = 1000
@@ -40,7 +40,7 @@ class Home:
 
     def __init__(
         self,
-        ahrs: VehicleAhrs,
+        ahrs: AhrsBase,
         is_armed: Callable[[], bool],
         *,
         mission: Mission,

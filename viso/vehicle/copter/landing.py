@@ -10,8 +10,8 @@ from typing import Final
 
 from ap_core.clock import Clock
 from ap_core.param import ParamTable
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.logs.vehicle_log import VehicleLog
-from viso.vehicle.config import VehicleAhrs
 from viso.vehicle.copter.modes import Mode, ModeNumber, UserTakeoff
 
 EV_AUTO_ARMED: Final = 15
@@ -35,13 +35,10 @@ class Landing:
         params: all parameters.
         clock: time since boot.
         mode: returns the flight mode.
-
-    Attributes:
-        landed: whether it stands on the ground.
     """
 
     def __init__(
-        self, ahrs: VehicleAhrs, log: VehicleLog, params: ParamTable, clock: Clock, mode: Callable[[], Mode]
+        self, ahrs: AhrsBase, log: VehicleLog, params: ParamTable, clock: Clock, mode: Callable[[], Mode]
     ) -> None:
         self._ahrs = ahrs
         self._log = log

@@ -10,11 +10,11 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_core.sinks import TextSink
 from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.gps_sample import GpsSample
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.releases import REFERENCE, ParameterRelease
-from viso.vehicle.config import VehicleAhrs
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class CopterParts:
     texts: TextSink
     log: VehicleLog
     logger: Logger
-    ahrs: VehicleAhrs
+    ahrs: AhrsBase
     visual_odom: AP_VisualOdom
     internal_errors: InternalErrors
     gps: Callable[[], GpsSample | None]

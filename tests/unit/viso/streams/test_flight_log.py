@@ -14,6 +14,7 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_structure import FMT, FMTU, MSG, MULT, PARM, UNIT, LogStructure
 from ap_visualodom.log_structure import VISO, VISP, VISV
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.codec import Codec, Received
@@ -31,7 +32,6 @@ from viso.logs.recorded import read_log, read_recorded_states
 from viso.logs.sink import MemoryLog
 from viso.replay.feed import Replay
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
-from viso.vehicle.config import VehicleAhrs
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 LOGS = DATA / "logs"
@@ -82,7 +82,7 @@ def replayed(stream: Stream, states: Path | None = None) -> dict[str, list[Row]]
     if states is not None:
         recorded = read_recorded_states(states)
 
-        def follow(parts: AhrsParts) -> VehicleAhrs:
+        def follow(parts: AhrsParts) -> AhrsBase:
             return RecordedAhrs(parts.clock, parts.sources, parts.log, recorded)
 
         config = replace(config, make_ahrs=follow)

@@ -17,12 +17,12 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS, OF
 from viso.parameters.table import make_groups
 from viso.vehicle.gps import MavlinkGps
-from viso.vehicle.vehicle import VehicleAhrs
 from viso.vehicle.vehicle import bench as bench_ahrs
 
 if TYPE_CHECKING:
@@ -340,7 +340,7 @@ def test_time_of_day_needs_a_week_and_a_3d_fix(packet: GPS_INPUT) -> None:
 def test_estimator_and_endpoint_are_given_the_same(make_bench: "MakeBench") -> None:
     seen: list[AhrsParts] = []
 
-    def make(parts: AhrsParts) -> VehicleAhrs:
+    def make(parts: AhrsParts) -> AhrsBase:
         seen.append(parts)
         return bench_ahrs()(parts)
 

@@ -20,7 +20,7 @@ from ekf_stub.inputs.gps_sample import GpsSample
 from mav_handlers.ports import Location, OriginResult
 from mav_handlers.wire.messages import ATTITUDE, COMMAND_LONG, HEARTBEAT, SET_GPS_GLOBAL_ORIGIN, SYSTEM_TIME, TIMESYNC
 from viso.vehicle.rtc import OLDEST_VALID_UTC_US
-from viso.vehicle.vehicle import Vehicle, VehicleAhrs, VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 from viso.vehicle.vehicle import bench as bench_ahrs
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def texts(bench: "Bench") -> list[str]:
     return [text for _, _, text in bench.texts]
 
 
-def gps_bench(parts: AhrsParts) -> VehicleAhrs:
+def gps_bench(parts: AhrsParts) -> AhrsBase:
     """Make an AHRS whose GPS says all the time that it stands at a place."""
 
     def fix() -> GpsSample:
@@ -489,7 +489,7 @@ def test_time_of_day_is_put_forward_but_never_back(make_bench: MakeBench) -> Non
 def test_ahrs_is_made_of_the_vehicles_parts() -> None:
     seen: list[AhrsParts] = []
 
-    def make(parts: AhrsParts) -> VehicleAhrs:
+    def make(parts: AhrsParts) -> AhrsBase:
         seen.append(parts)
         return bench_ahrs()(parts)
 
