@@ -79,9 +79,6 @@ class ModeControl:
 
     Flight and yaw sources it looks at in frames in which they can have changed.
 
-    Args:
-        core: the core, whose parts it looks at and resets.
-
     Attributes:
         vehicle: what is known of the vehicle.
         tilt_aligned: roll and pitch are known.

@@ -168,11 +168,7 @@ class ErrorState(NominalState):
         return self.fuse_spread(*self.spread_of(row), innovation, variance)
 
     def spread_of(self, row: Array) -> tuple[Array, float]:
-        """Return how errors go with a prediction, shape (22,), and the prediction's variance.
-
-        Args:
-            row: shape (22,), how the prediction depends on the errors.
-        """
+        """Return how errors go with a prediction that depends on them by ``row``, shape (22,), and its variance."""
         spread = self.cov.dot(row)
         return spread, float(row.dot(spread))
 
@@ -193,8 +189,7 @@ class ErrorState(NominalState):
     def update_states(self, wanted: Sequence[tuple[int, float, float]]) -> list[float]:
         """Fuse measurements of states of velocity or position, one after the other; return their innovations.
 
-        Args:
-            wanted: for each the state, what was measured, and the variance of that.
+        Each is the state, what was measured, and the variance of that.
         """
         innovations = []
         for index, measured, variance in wanted:

@@ -126,8 +126,7 @@ def is_sound(inertial: InertialDelta | InertialStep) -> bool:
 class InertialGuard:
     """Keeps unsound inertial data from the filter, which goes on with what was last sound; level rest at first.
 
-    Attributes:
-        refused: in how many passes it did.
+    ``refused`` tells in how many passes it did.
     """
 
     def __init__(self) -> None:

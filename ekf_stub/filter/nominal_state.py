@@ -52,11 +52,8 @@ class _Part:
 class NominalState:
     """The states.
 
-    Args:
-        quat: attitude, body (FRD) to earth (NED).
-
     Attributes:
-        quat: the attitude.
+        quat: attitude, body (FRD) to earth (NED).
         vel, pos: m/s and m, NED.
         gyro_bias, accel_bias: rad and m/s a step of the filter of average length.
         earth_field, body_field: magnetic fields of the earth (NED) and of the vehicle (body), Gauss.

@@ -20,14 +20,7 @@ _MIN_DT: Final = 1e-3
 
 
 class BodyOdometry:
-    """Tests and fuses body odometry, axis after axis.
-
-    Args:
-        parts: what it shares with the other fusions.
-
-    Attributes:
-        is_fused: whether an axis was fused since aiding ended last.
-    """
+    """Tests and fuses body odometry, axis after axis; ``is_fused`` if an axis was since aiding ended last."""
 
     def __init__(self, parts: FilterParts) -> None:
         self._state = parts.state

@@ -56,9 +56,6 @@ class Vehicle:
 class HeightSource:
     """Chooses the source of height, and measures by it.
 
-    Args:
-        parts: what it shares with the other fusions.
-
     Attributes:
         active: the source.
         is_new: whether it gave another height in this step.

@@ -51,9 +51,6 @@ class MagSample(NamedTuple):
 class Delayed:
     """The last measurements that the horizon has reached.
 
-    Args:
-        ingest: where external navigation waits.
-
     Attributes:
         pose, velocity: the last of each, however old.
         has_pose, has_velocity: whether it came in this step.

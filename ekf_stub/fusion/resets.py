@@ -25,9 +25,6 @@ _POS_D: Final = slice(POS.start + 2, POS.stop)
 class Resets:
     """Puts state, covariance and outputs where a measurement says, and tells the aiding that all is well again.
 
-    Args:
-        parts: what it shares with the other fusions.
-
     Attributes:
         moved_ne: by how much the last reset of position moved, m north and east (posResetNE).
         last_known_ne: where the vehicle counts as being without aiding.

@@ -69,13 +69,7 @@ class _Observed:
 class VelPosFusion:
     """Chooses what to fuse in a step, tests it, and fuses it or resets to it.
 
-    Args:
-        parts: what it shares with the other fusions.
-        resets: what resets the filter.
-        height: where height comes from.
-
-    Attributes:
-        innovations: as they were at the last test, velocities as they were when last fused.
+    ``innovations`` are as they were at the last test, velocities as they were when last fused.
     """
 
     def __init__(self, parts: FilterParts, resets: Resets, height: HeightSource) -> None:

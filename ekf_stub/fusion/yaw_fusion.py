@@ -44,9 +44,6 @@ def wrap_pi(angle: float) -> float:
 class YawFusion:
     """Where yaw comes from, and what becomes of it.
 
-    Args:
-        parts: what it shares with the other fusions.
-
     Attributes:
         has_compass: tells whether a compass is in use.
         aligned: whether yaw has been set from a measurement.

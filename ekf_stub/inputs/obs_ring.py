@@ -35,8 +35,7 @@ NOTHING_DUE: Final[Recalled[Any]] = Recalled(None, 0, 0)
 class ObsRing(Generic[T]):
     """A buffer in order of arrival; the oldest sample gives way when it is full (ekf_ring_buffer).
 
-    Args:
-        size: how many samples it holds; 0 for a buffer that was never allocated.
+    It holds ``size`` samples; 0 stands for a buffer that was never allocated.
     """
 
     def __init__(self, size: int) -> None:

@@ -119,12 +119,7 @@ class ReplayLog(ExtNavLog):
     # A frame
 
     def start_frame(self, now_us: int, flying_ms: int) -> bool:
-        """Begin a frame at ``now_us`` since boot; tell whether its inputs are wanted.
-
-        Args:
-            now_us: time since boot.
-            flying_ms: for how long the vehicle has been flying, 0 on the ground.
-        """
+        """Begin a frame at ``now_us`` since boot, ``flying_ms`` in flight; tell whether its inputs are wanted."""
         if not self._enabled():
             self._is_wanted = False
             self._done = 0

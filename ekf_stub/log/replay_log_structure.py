@@ -23,11 +23,7 @@ class FrameStructure(LogStructure):
         return partial(struct.Struct("<3s" + self.format).pack, bytes((HEAD_BYTE1, HEAD_BYTE2, self.msg_type)))
 
     def pack(self, values: Sequence[LogValue]) -> bytes:
-        """Return a whole record; what does not fit is treated as in any other record.
-
-        Raises:
-            ValueError: if the number of values is wrong, or text and numbers are mixed up.
-        """
+        """Return a whole record; what does not fit is treated as in any other record, ValueError included."""
         try:
             return self._whole(*values)
         except (struct.error, OverflowError):

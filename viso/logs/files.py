@@ -56,11 +56,7 @@ class LogFile:
         return self._descriptor is None
 
     def write(self, data: bytes) -> bool:
-        """Append whole records; return False if they are lost.
-
-        Raises:
-            ValueError: if the file was closed.
-        """
+        """Append whole records; return False if they are lost. Raises ValueError if the file was closed."""
         if self._descriptor is None:
             if self.reason is None:
                 raise ValueError(f"{self.path}: write to a closed log")
@@ -75,8 +71,7 @@ class LogFile:
     def flush_if_due(self, now_us: int) -> bool:
         """Write what is waiting once 2 s have passed since the last time; return False after an error.
 
-        Args:
-            now_us: microseconds since boot; a clock that was set back makes the flush due.
+        The time is in us since boot; a clock that was set back makes the flush due.
         """
         if 0 <= now_us - self._flushed_us < FLUSH_INTERVAL_US:
             return self.reason is None
@@ -169,10 +164,8 @@ class LogStore:
     def open_next(self) -> LogFile:
         """Open the log after the last one, or the last one again if it is empty or missing.
 
-        Numbers of logs that hold data, or that another process is writing, are passed over.
-
-        Raises:
-            LogStoreError: if the directory or a file cannot be made, or every number is taken.
+        Numbers of logs that hold data, or that another process is writing, are passed over. Raises LogStoreError if the
+        directory or a file cannot be made, or every number is taken.
         """
         try:
             self._directory.mkdir(parents=True, exist_ok=True)

@@ -19,11 +19,7 @@ def numbers(record: Any, *labels: str) -> list[float]:
 
 
 def finite(record: Any, *labels: str) -> list[float]:
-    """Return fields of a record of which none may be NaN or infinite.
-
-    Raises:
-        RecordError: if a field is missing, or no such number.
-    """
+    """Return fields of a record. Raises RecordError if one is missing, NaN, infinite, or no number."""
     values = numbers(record, *labels)
     for label, value in zip(labels, values, strict=True):
         if not math.isfinite(value):

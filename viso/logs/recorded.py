@@ -77,11 +77,7 @@ def _collect_from_bytes(data: bytes, collect: "Callable[[DFReader_binary], T]") 
 
 
 def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
-    """Return what ``collect`` makes of a log (.BIN or .BIN.xz), record by record.
-
-    Raises:
-        InputError: if it cannot be read.
-    """
+    """Return what ``collect`` makes of a log (.BIN or .BIN.xz). Raises InputError if it cannot be read."""
     with _problems_told(path):
         if path.suffix == ".xz":
             return _collect_from_bytes(_read_bytes(path), collect)
@@ -102,27 +98,21 @@ def read_columns(path: Path) -> LogColumns:
 def read_kinds(path: Path, columns: LogColumns, kinds: Iterable[str], collect: "Callable[[DFReader_binary], T]") -> T:
     """Return what ``collect`` makes of some kinds of records, one by one; the others are left out beforehand.
 
-    In most logs these are few: what is left is read many times faster. Damage is left out as well.
+    In most logs these are few: what is left is read many times faster. Damage is left out as well. Raises InputError if
+    the log cannot be read.
 
     Args:
         path: of the log, for messages.
         columns: the log.
         kinds: the types that ``collect`` asks for.
         collect: is given a log of those, and of what DFReader follows on its own account.
-
-    Raises:
-        InputError: if it cannot be read.
     """
     with _problems_told(path):
         return _collect_from_bytes(columns.only((*kinds, *_FOLLOWED_BY_DFREADER)), collect)
 
 
 def read_recorded_states(path: Path) -> RecordedStates:
-    """Return attitude and position of a log (.BIN or .BIN.xz).
-
-    Raises:
-        InputError: if it cannot be read, or holds no ATT records.
-    """
+    """Return attitude and position of a log. Raises InputError if it cannot be read, or holds no ATT records."""
     log = read_columns(path)
     if not log.counts.get("ATT"):
         raise InputError(f"{path}: holds no ATT records to take the attitude from")

@@ -26,11 +26,7 @@ class SingleLog:
         return next((file.reason for file in self._opened if file.reason), None)
 
     def open(self) -> LogFile:
-        """Return the open log; a log that is opened again is continued.
-
-        Raises:
-            LogStoreError: if the file has become one that cannot be opened.
-        """
+        """Return the open log; one that is opened again is continued. Raises LogStoreError if it cannot be opened."""
         try:
             descriptor = os.open(self._path, _APPEND, 0o644)
         except OSError as error:

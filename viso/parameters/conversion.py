@@ -30,8 +30,7 @@ def same_value(value: float) -> float:
 def skip_instead_of_check(value: float) -> float:
     """Return the ARMING_SKIPCHK of an ARMING_CHECK: what was not asked for is skipped, and without any, all there is.
 
-    Raises:
-        ValueError: no finite value.
+    Raises ValueError for no finite value.
     """
     checks = int(assigned(value, ParamType.INT32))
     if checks == 0:

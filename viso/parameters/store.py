@@ -56,8 +56,7 @@ class ParamStore:
     def load(self) -> dict[str, float]:
         """Return the stored values by name, integers as int, all else as float; none when there is no file.
 
-        Raises:
-            ParamStoreError: if the file cannot be read or is damaged.
+        Raises ParamStoreError if the file cannot be read or is damaged.
         """
         return self._loaded(self._read())
 
@@ -71,9 +70,7 @@ class ParamStore:
         """Give a vehicle's parameters their stored values; names it does not know are logged, and kept in the file.
 
         What an earlier release has stored under another name is carried over, and kept under the old name as well.
-
-        Raises:
-            ParamStoreError: if the file cannot be read, is damaged, or has a value that its parameter cannot take.
+        Raises ParamStoreError if the file cannot be read, is damaged, or has a value that its parameter cannot take.
         """
         found = self._read()
         for name, (value, line_number) in found.items():

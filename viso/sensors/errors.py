@@ -115,8 +115,7 @@ class ErrorModel:
 def parse_errors(assignments: Sequence[str]) -> SensorErrors:
     """Return the errors that ``NAME=VALUE`` texts give; a bias takes one value for all axes, or ``X,Y,Z``.
 
-    Raises:
-        InputError: for an unknown name or an unusable value.
+    Raises InputError for an unknown name or an unusable value.
     """
     values: dict[str, Any] = dict(map(_parse_error, assignments))
     return SensorErrors(**values)

@@ -52,8 +52,7 @@ IMU_HELP: Final = "; ".join(
 def read_source(text: str) -> MakeSource:
     """Return what makes the source that ``NAME`` or ``NAME:ARGUMENT`` names; files are read now.
 
-    Raises:
-        InputError: there is no such source, or its argument cannot be used.
+    Raises InputError if there is no such source, or its argument cannot be used.
     """
     name, colon, argument = text.partition(":")
     source = IMU_SOURCES.get(name)

@@ -97,11 +97,7 @@ class _Reader:
 
 
 def read_recording(path: Path) -> Recording:
-    """Return what the sensors of a log (.BIN or .BIN.xz) said.
-
-    Raises:
-        InputError: it cannot be read, or has no replay records.
-    """
+    """Return what the sensors of a log said. Raises InputError if it cannot be read, or has no replay records."""
 
     def collect(log: Any) -> _Reader:
         reader = _Reader()

@@ -40,11 +40,7 @@ KERNELS: Final[Mapping[str, Callable[[], Kernel]]] = {PLAIN: _plain, NUMBA: _com
 
 
 def kernel_of(name: str) -> Kernel:
-    """Return a kernel by its name; the plain one, and a warning, when an extra is missing.
-
-    Raises:
-        InputError: there is no such kernel.
-    """
+    """Return a kernel by its name; the plain one, and a warning, when an extra is missing. Raises InputError."""
     if name not in KERNELS:
         raise InputError(f"{KERNEL_VARIABLE}={name}: no such kernel; there are {', '.join(KERNELS)}")
     return KERNELS[name]()

@@ -102,11 +102,7 @@ def _delta_between(before: State, now: State, dt: float) -> InertialDelta:
 
 
 def read_script_source(argument: str) -> Callable[[ImuOptions], ScriptSource]:
-    """Return what makes sources from a script's file, or the name of an example.
-
-    Raises:
-        InputError: the script cannot be used.
-    """
+    """Return what makes sources from a script's file or an example's name. Raises InputError if it cannot be used."""
     path = EXAMPLES.get(argument, Path(argument))
     try:
         text = read_text(path)

@@ -29,12 +29,8 @@ class Pose(NamedTuple):
 class StreamFrame:
     """Turned about the vertical against the vehicle's frame, and shifted.
 
-    Args:
-        first: a pose of the stream.
-        where: where the vehicle is then; its heading is that of the pose.
-
-    Attributes:
-        jumps: how many jumps there were, by ``position``, ``yaw`` and ``reset``.
+    The vehicle is at ``where`` at the time of the pose ``first``, and its heading is that of the pose. ``jumps`` counts
+    jumps by ``position``, ``yaw`` and ``reset``.
     """
 
     def __init__(self, first: Pose, where: Movement) -> None:
@@ -53,7 +49,7 @@ class StreamFrame:
     def settle_jump(
         self, pose: Pose, expected: Movement, interval_s: float, *, steady: Pose | None = None, is_reset: bool
     ) -> bool:
-        """Let the frame jump, if a pose is too far from what was expected, so that it no longer is.
+        """Let the frame jump, if a pose is too far from what was expected, so that it is not; tell whether it has.
 
         Args:
             pose: a pose of the stream.
@@ -61,9 +57,6 @@ class StreamFrame:
             interval_s: for how long there was no pose.
             steady: where the stream itself should be then; a pose near that has not jumped either.
             is_reset: the frame has jumped in any case.
-
-        Returns:
-            Whether it has jumped.
         """
         has_turned = self._is_turned(pose, expected, interval_s, steady)
         if has_turned or is_reset:

@@ -36,13 +36,10 @@ def _within(value: float, limit: float) -> float:
 
 
 class ImaginedVehicle:
-    """A point with an attitude, at rest and level at first.
+    """A point with an attitude, at rest and level at first, with a heading.
 
     Acceleration and body rates are continuous; jerk and angular acceleration are what steers. Limits hold for each
     axis: 15 m/s^2, 150 m/s^3, 60 rad/s^2; what has been left behind is caught up with at 2 m/s and 3 rad/s.
-
-    Args:
-        heading_rad: where it points.
     """
 
     def __init__(self, heading_rad: float) -> None:

@@ -39,10 +39,7 @@ class StreamTracker:
     """Estimates velocity and acceleration from positions, rates from attitudes.
 
     Whatever moves with constant acceleration, or turns at a constant rate, is shown without lag. Speed, acceleration
-    and rate are limited to 20 m/s, 15 m/s^2 and 10 rad/s.
-
-    Attributes:
-        time_s: when the newest sample was observed.
+    and rate are limited to 20 m/s, 15 m/s^2 and 10 rad/s. The newest sample was observed at ``time_s``.
     """
 
     def __init__(self, time_s: float, start: Movement) -> None:

@@ -31,12 +31,7 @@ _ABSENT: Final = Failure(errno.ENOENT)
 
 
 class BytesFile:
-    """Bytes in memory, open for reading.
-
-    Args:
-        data: the contents.
-        size: what clients are told.
-    """
+    """Bytes in memory, open for reading; ``size`` is what clients are told."""
 
     def __init__(self, data: bytes, size: int) -> None:
         self._data = data
@@ -51,12 +46,7 @@ class BytesFile:
 
 
 class ParamPckFile:
-    """``param.pck`` open for reading. The first read fixes the size of all reads, as it decides on the padding.
-
-    Args:
-        params: the list.
-        query: what part of it, and how.
-    """
+    """``param.pck`` open for reading. The first read fixes the size of all reads, as it decides on the padding."""
 
     def __init__(self, params: ParamTable, query: PckQuery) -> None:
         self._params = params
@@ -92,11 +82,7 @@ class ParamPckFile:
 
 
 class ParamUpload:
-    """``param.pck`` open for writing; closing hands over what is whole and well-formed.
-
-    Args:
-        on_upload: takes the parameters.
-    """
+    """``param.pck`` open for writing; closing hands over what is whole and well-formed."""
 
     def __init__(self, on_upload: OnUpload) -> None:
         self._on_upload = on_upload
@@ -119,12 +105,7 @@ class ParamUpload:
 
 
 class DiskFile:
-    """A regular file on disk, open for reading.
-
-    Args:
-        descriptor: closed by ``close``.
-        size: what clients are told.
-    """
+    """A regular file on disk, open for reading; ``size`` is what clients are told."""
 
     def __init__(self, descriptor: int, size: int) -> None:
         self._descriptor = descriptor

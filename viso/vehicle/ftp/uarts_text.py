@@ -23,12 +23,7 @@ class UartCounts:
 
 
 class UartsText:
-    """Makes the report.
-
-    Args:
-        read_counts: returns the links, always in the same order.
-        now_us: returns the time since boot.
-    """
+    """Makes the report of the links that ``read_counts`` returns, always in the same order."""
 
     def __init__(self, read_counts: Callable[[], Sequence[UartCounts]], now_us: Callable[[], int]) -> None:
         self._read_counts = read_counts
