@@ -44,7 +44,7 @@ class Copter:
         self.home = Home(
             parts.ahrs, self.is_armed, mission=self.mission, log=parts.log, texts=parts.texts, clock=parts.clock
         )
-        self.modes = FlightModes(self, parts.texts, parts.log)
+        self.modes = FlightModes(self.estimates, self.home, self.is_armed, parts.texts, parts.log)
         self.landing = Landing(parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current)
         checks = ArmingChecks(parts, self).lists()
         group = parts.params.group("ARMING_")
@@ -66,27 +66,13 @@ class Copter:
     def _aids_relative_position(self) -> bool:
         return self._parts.visual_odom.enabled() or self._parts.params.get_int("FLOW_TYPE") != 0
 
-    # What entering a mode depends on
-
     def is_armed(self) -> bool:
         """Tell whether the vehicle is armed."""
         return self.arming.armed
 
-    def position_ok(self) -> bool:
-        """Tell whether the position is good enough for a mode that requires it."""
-        return self.estimates.position_ok()
-
-    def alt_ok(self) -> bool:
-        """Tell whether the height is known."""
-        return self.estimates.alt_ok()
-
     def has_home(self) -> bool:
         """Tell whether home is set."""
         return self.home.place is not None
-
-    def has_return_path(self) -> bool:
-        """Tell whether there is a path back for SMART_RTL."""
-        return self.home.has_return_path
 
     # What happens by itself
 

@@ -6,14 +6,16 @@ FIRMWARE PARITY: there is no flight controller. A mode is a number that is told 
 about entering it, arming in it and taking off in it; none flies.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from typing import Final, Protocol
+from typing import Final
 
 from ap_core.sinks import TextSink
 from mav_handlers.ports import AvailableMode
 from viso.logs.vehicle_log import VehicleLog
+from viso.vehicle.copter.estimates import Estimates
+from viso.vehicle.copter.home import Home
 
 ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
 
@@ -141,30 +143,11 @@ _NEVER_ENTERED: Final = frozenset(
 )
 
 
-class ModeConditions(Protocol):
-    """What entering a mode depends on."""
-
-    def is_armed(self) -> bool:
-        """Tell whether the vehicle is armed."""
-
-    def position_ok(self) -> bool:
-        """Tell whether the position is good enough for a mode that requires it."""
-
-    def alt_ok(self) -> bool:
-        """Tell whether the height is known."""
-
-    def has_home(self) -> bool:
-        """Tell whether home is set."""
-
-    def has_return_path(self) -> bool:
-        """Tell whether there is a path back for SMART_RTL."""
-
-
 class FlightModes:
     """The flight mode, STABILIZE at first.
 
     Args:
-        conditions: what entering a mode depends on.
+        estimates, home, is_armed: what entering a mode depends on.
         texts: where refusals are told.
         log: where changes and refusals are logged.
 
@@ -173,8 +156,12 @@ class FlightModes:
         reason: why it is that.
     """
 
-    def __init__(self, conditions: ModeConditions, texts: TextSink, log: VehicleLog) -> None:
-        self._conditions = conditions
+    def __init__(
+        self, estimates: Estimates, home: Home, is_armed: Callable[[], bool], texts: TextSink, log: VehicleLog
+    ) -> None:
+        self._estimates = estimates
+        self._home = home
+        self._is_armed = is_armed
         self._texts = texts
         self._log = log
         self.current = MODES[ModeNumber.STABILIZE]
@@ -209,23 +196,22 @@ class FlightModes:
 
     def _failure(self, mode: Mode) -> str | None:
         # Disarmed, any mode may be chosen: arming has its own checks.
-        if self._conditions.is_armed():
-            if mode.requires_position and not self._conditions.position_ok():
+        if self._is_armed():
+            if mode.requires_position and not self._estimates.position_ok():
                 return "requires position"
             takes_over_height = self.current.manual_throttle and not mode.manual_throttle
-            if takes_over_height and not self._conditions.alt_ok():
+            if takes_over_height and not self._estimates.alt_ok():
                 return "need alt estimate"
         return None if self._init(mode) else "init failed"
 
     def _init(self, mode: Mode) -> bool:
         """Do what the mode itself checks (Mode::init of each)."""
-        conditions = self._conditions
         if mode.number in _TEXTS:
             self._texts.send_text(_MAV_SEVERITY_WARNING, _TEXTS[mode.number])
         if mode.number in _NEVER_ENTERED:
             return False
         if mode.number in (ModeNumber.AUTO, ModeNumber.THROW):  # there is no mission, and no throwing once armed
-            return not conditions.is_armed()
+            return not self._is_armed()
         if mode.number == ModeNumber.RTL:
-            return not conditions.is_armed() or conditions.has_home()
-        return mode.number != ModeNumber.SMART_RTL or conditions.has_return_path()
+            return not self._is_armed() or self._home.place is not None
+        return mode.number != ModeNumber.SMART_RTL or self._home.has_return_path

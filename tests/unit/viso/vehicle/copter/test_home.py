@@ -71,7 +71,7 @@ def test_home_of_an_armed_vehicle_is_level_with_the_origin(rig: "CopterRig") -> 
     rig.ahrs.stand_at(PLACE)
     rig.run_for(0.1)
     assert rig.copter.home.place == Location(PLACE.lat, PLACE.lng, ORIGIN.alt_cm)
-    assert rig.copter.has_return_path()
+    assert rig.copter.home.has_return_path
 
 
 def test_arming_sets_home_again(rig: "CopterRig") -> None:
