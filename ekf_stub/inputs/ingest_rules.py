@@ -11,6 +11,8 @@ from typing import Final
 from ap_core.verdict import Rule
 
 _MEASUREMENTS: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::"
+_POS_VEL: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::"
+_MAG: Final = "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::"
 _BUFFER: Final = "EKF_Buffer.cpp, ekf_ring_buffer::"
 
 TAKEN: Final = Rule("taken", "put into the buffer of the estimator", _MEASUREMENTS + "writeExtNavData")
@@ -28,34 +30,22 @@ NO_BUFFER: Final = Rule(
 OVERWRITTEN: Final = Rule("model_overwritten", "the buffer was full; the oldest sample gave way", _BUFFER + "push")
 SUPERSEDED: Final = Rule("model_superseded", "a newer sample came due in the same step", _BUFFER + "recall")
 TOO_OLD: Final = Rule("model_too_old", "100 ms or more behind the horizon", _BUFFER + "recall")
-NOT_FINITE: Final = Rule(
-    "model_not_finite",
-    "infinite, which no gate lets through",
-    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
-)
+NOT_FINITE: Final = Rule("model_not_finite", "infinite, which no gate lets through", _POS_VEL + "FuseVelPosNED")
 UNUSED: Final = Rule(
     "model_unused",
     "not used: its source is not in use, or the estimator is not ready for it",
-    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
+    _POS_VEL + "SelectVelPosFusion",
 )
-FUSED: Final = Rule("model_fused", "used by the estimator", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED")
-
-_FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
-RESET_TO: Final = Rule(
-    "model_reset", "the estimator was reset to it", "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::ResetPosition"
-)
-GATE_POSITION: Final = Rule("model_gate_position", "rejected: horizontal position gate", _FUSE)
-GATE_VELOCITY: Final = Rule("model_gate_velocity", "rejected: velocity gate", _FUSE)
-GATE_HEIGHT: Final = Rule("model_gate_height", "rejected: height gate", _FUSE)
-GATE_YAW: Final = Rule(
-    "model_gate_yaw", "rejected: yaw gate, in flight", "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
-)
+FUSED: Final = Rule("model_fused", "used by the estimator", _POS_VEL + "FuseVelPosNED")
+RESET_TO: Final = Rule("model_reset", "the estimator was reset to it", _POS_VEL + "ResetPosition")
+GATE_POSITION: Final = Rule("model_gate_position", "rejected: horizontal position gate", _POS_VEL + "FuseVelPosNED")
+GATE_VELOCITY: Final = Rule("model_gate_velocity", "rejected: velocity gate", _POS_VEL + "FuseVelPosNED")
+GATE_HEIGHT: Final = Rule("model_gate_height", "rejected: height gate", _POS_VEL + "FuseVelPosNED")
+GATE_YAW: Final = Rule("model_gate_yaw", "rejected: yaw gate, in flight", _MAG + "fuseEulerYaw")
 GATE_ODOMETRY: Final = Rule(
-    "model_gate_odometry",
-    "rejected: body odometry gate, on an axis",
-    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectBodyOdomFusion",
+    "model_gate_odometry", "rejected: body odometry gate, on an axis", _POS_VEL + "SelectBodyOdomFusion"
 )
-ALIGNED_TO: Final = Rule("model_aligned", "yaw was set to it", "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::alignYawAngle")
+ALIGNED_TO: Final = Rule("model_aligned", "yaw was set to it", _MAG + "alignYawAngle")
 
 RULES: Final = (
     TAKEN,
