@@ -22,7 +22,7 @@ from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of, run_report_of, three
-from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome

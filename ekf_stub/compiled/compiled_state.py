@@ -14,9 +14,10 @@ import numpy as np
 from ekf_stub.compiled import compiled_kernel as kernel
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import yaw_by_components
-from ekf_stub.filter.error_state import EARTH, ErrorState, ProcessNoise
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, InertialStep, limited
-from ekf_stub.filter.states import STATES
+from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.states import EARTH, STATES
 
 
 def _components(quat: quaternion.quaternion) -> tuple[float, float, float, float]:

@@ -25,10 +25,13 @@ from ap_core.location import Location
 from ekf_stub.core.frame import Frame as Frame
 from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.core.mode_control import ModeControl
-from ekf_stub.filter.error_state import EARTH_RATE, ErrorState, ProcessNoise, quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, InertialDelta, InertialStep, limited
 from ekf_stub.filter.inertial_pass import StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.nominal_state import EARTH_RATE
+from ekf_stub.filter.process_model import ProcessNoise
 from ekf_stub.fusion.aiding import Aiding, AidingMode
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.height_source import HeightSource

@@ -15,9 +15,10 @@ from ap_core.cint import u32
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ekf_stub.core.frame import Frame
-from ekf_stub.filter.error_state import GYRO, ErrorState
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.nominal_state import down_of
+from ekf_stub.filter.states import GYRO
 from ekf_stub.fusion.aiding import Aiding, AidingMode, Ready
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.filter_flags import FilterState, filter_flags

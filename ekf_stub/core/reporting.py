@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from ekf_stub.core.ekf3_core import Ekf3Core
-from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.states import STATES
 from ekf_stub.reports.core_report import CoreReport, RunReport, Three

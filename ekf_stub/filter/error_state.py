@@ -14,28 +14,11 @@ import numpy as np
 
 from ekf_stub.filter import covariance
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import by_rotation, euler_of, quat_of_euler, yaw_by_components
-from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep, is_sound, limited
-from ekf_stub.filter.nominal_state import EARTH_RATE, NominalState
+from ekf_stub.filter.attitude import by_rotation, yaw_by_components
+from ekf_stub.filter.inertial import Array, InertialStep, is_sound, limited
+from ekf_stub.filter.nominal_state import NominalState
 from ekf_stub.filter.process_model import ProcessModel, ProcessNoise
 from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, MAX_ATT_VAR, MIN_ACCEL_VAR, POS, STATES, VEL
-
-__all__ = [
-    "ACCEL",
-    "ATT",
-    "BODY",
-    "EARTH",
-    "EARTH_RATE",
-    "GRAVITY_MSS",
-    "GYRO",
-    "POS",
-    "STATES",
-    "VEL",
-    "ErrorState",
-    "ProcessNoise",
-    "euler_of",
-    "quat_of_euler",
-]
 
 INITIAL_ATT_VAR: Final = 0.1**2
 INITIAL_GYRO_BIAS_DEG_S: Final = 2.5

@@ -8,8 +8,7 @@ Only asked while yaw comes from elsewhere than the compass.
 import math
 from typing import Final
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
-from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
 from ekf_stub.reports.core_report import StillnessReport, Three
 
 GYRO_LIMIT: Final = math.radians(3.0)

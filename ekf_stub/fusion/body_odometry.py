@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter.error_state import ATT, STATES, VEL
 from ekf_stub.filter.inertial import Array, InertialStep
-from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.filter.states import ATT, STATES, VEL
+from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import OdometrySample
 from ekf_stub.inputs.sources import SourceXY
@@ -19,15 +19,11 @@ GATE_SIGMAS: Final = 5.0
 _MIN_DT: Final = 1e-3
 
 
-class BodyOdometry:
+class BodyOdometry(Fusion):
     """Tests and fuses body odometry, axis after axis; ``is_fused`` if an axis was since aiding ended last."""
 
     def __init__(self, parts: FilterParts) -> None:
-        self._state = parts.state
-        self._aiding = parts.aiding
-        self._sources = parts.sources
-        self._ingest = parts.ingest
-        self._texts = parts.texts
+        super().__init__(parts)
         self._recalled = 0
         self._innovation: Array = np.zeros(3)
         self._variance: Array = np.zeros(3)

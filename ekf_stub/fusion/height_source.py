@@ -8,7 +8,7 @@ from typing import Final
 from ap_core.cint import u32
 from ekf_stub.filter.inertial import limited
 from ekf_stub.fusion.measurements import BaroSample
-from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL
 from ekf_stub.inputs.obs_ring import ObsRing
 from ekf_stub.inputs.sources import SourceZ
@@ -53,7 +53,7 @@ class Vehicle:
     tilt_aligned: bool = True
 
 
-class HeightSource:
+class HeightSource(Fusion):
     """Chooses the source of height, and measures by it.
 
     Attributes:
@@ -66,13 +66,7 @@ class HeightSource:
     """
 
     def __init__(self, parts: FilterParts) -> None:
-        self._state = parts.state
-        self._aiding = parts.aiding
-        self._sources = parts.sources
-        self._delayed = parts.delayed
-        self._ingest = parts.ingest
-        self._gps = parts.gps
-        self._get_float = parts.get_float
+        super().__init__(parts)
         self.baro: ObsRing[BaroSample] = ObsRing(parts.ring_size)
         self.baro_height = 0.0
         self.active = BARO

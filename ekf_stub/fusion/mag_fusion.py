@@ -12,8 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter.error_state import ATT, BODY, EARTH, STATES, ErrorState
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, InertialStep, limited
+from ekf_stub.filter.states import ATT, BODY, EARTH, STATES
 from ekf_stub.fusion.measurements import MagSample
 
 RATE_SCALE: Final = 0.005  # of the noise, Gauss per rad/s

@@ -44,3 +44,18 @@ class FilterParts:
     get_float: Callable[[str], float]
     has_compass: Callable[[], bool]
     ring_size: int
+
+
+class Fusion:
+    """What every fusion holds of the parts."""
+
+    def __init__(self, parts: FilterParts) -> None:
+        self._state = parts.state
+        self._output = parts.output
+        self._aiding = parts.aiding
+        self._sources = parts.sources
+        self._delayed = parts.delayed
+        self._ingest = parts.ingest
+        self._gps = parts.gps
+        self._texts = parts.texts
+        self._get_float = parts.get_float

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import i32, u32
-from ekf_stub.filter.error_state import POS, VEL
 from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
-from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs.sources import SourceXY
 
 FRESH_VELOCITY_MS: Final = 250
@@ -22,7 +22,7 @@ POS_NE: Final = slice(POS.start, POS.start + 2)
 _POS_D: Final = slice(POS.start + 2, POS.stop)
 
 
-class Resets:
+class Resets(Fusion):
     """Puts state, covariance and outputs where a measurement says, and tells the aiding that all is well again.
 
     Attributes:
@@ -31,14 +31,7 @@ class Resets:
     """
 
     def __init__(self, parts: FilterParts) -> None:
-        self._state = parts.state
-        self._output = parts.output
-        self._aiding = parts.aiding
-        self._sources = parts.sources
-        self._delayed = parts.delayed
-        self._ingest = parts.ingest
-        self._gps = parts.gps
-        self._get_float = parts.get_float
+        super().__init__(parts)
         self.moved_ne: Array = np.zeros(2)
         self.last_known_ne: Array = np.zeros(2)
 

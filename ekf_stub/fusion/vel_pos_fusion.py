@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Rule
-from ekf_stub.filter.error_state import POS, VEL
 from ekf_stub.filter.inertial import Array, limited
+from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import BARO, EXT_NAV, HeightSource, Vehicle
 from ekf_stub.fusion.measurements import Velocity
-from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.resets import NORTH_EAST, POS_NE, Resets
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.gps_reading import GpsFix
@@ -66,22 +66,16 @@ class _Observed:
     vel_gate_variance: float = 0.0
 
 
-class VelPosFusion:
+class VelPosFusion(Fusion):
     """Chooses what to fuse in a step, tests it, and fuses it or resets to it.
 
     ``innovations`` are as they were at the last test, velocities as they were when last fused.
     """
 
     def __init__(self, parts: FilterParts, resets: Resets, height: HeightSource) -> None:
-        self._state = parts.state
+        super().__init__(parts)
         self._resets = resets
-        self._aiding = parts.aiding
-        self._sources = parts.sources
-        self._delayed = parts.delayed
-        self._ingest = parts.ingest
-        self._gps = parts.gps
         self._height = height
-        self._get_float = parts.get_float
         self.innovations = Innovations()
         self._pos_source = parts.sources.pos_xy()
         self._pos_source_changed = False

@@ -11,7 +11,7 @@ from ekf_stub.fusion.compass_yaw import ALWAYS, CompassAlignment
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.mag_fusion import MagFusion
 from ekf_stub.fusion.measurements import MagSample
-from ekf_stub.fusion.parts import FilterParts
+from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import YawSample
 from ekf_stub.inputs.gps_reading import MIN_YAW_ERR
@@ -41,7 +41,7 @@ def wrap_pi(angle: float) -> float:
     return math.remainder(angle, 2 * math.pi)
 
 
-class YawFusion:
+class YawFusion(Fusion):
     """Where yaw comes from, and what becomes of it.
 
     Attributes:
@@ -56,13 +56,7 @@ class YawFusion:
     """
 
     def __init__(self, parts: FilterParts) -> None:
-        self._state = parts.state
-        self._output = parts.output
-        self._sources = parts.sources
-        self._ingest = parts.ingest
-        self._gps = parts.gps
-        self._texts = parts.texts
-        self._get_float = parts.get_float
+        super().__init__(parts)
         self.has_compass = parts.has_compass
         self.aligned = False
         self.resets = 0

@@ -25,22 +25,13 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
 from ekf_stub.compiled.compiled_pass import COMPILED
-from ekf_stub.filter.error_state import (
-    ACCEL,
-    ATT,
-    BODY,
-    EARTH,
-    GYRO,
-    POS,
-    STATES,
-    VEL,
-    ErrorState,
-    ProcessNoise,
-    quat_of_euler,
-)
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, InertialGuard, InertialStep
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.filter.output_predictor import OutputState
+from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)

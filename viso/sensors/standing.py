@@ -4,8 +4,7 @@
 
 from typing import Final
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
-from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.sensors.errors import exact_delta

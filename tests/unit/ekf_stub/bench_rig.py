@@ -18,7 +18,7 @@ from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.ekf3_core import Ekf3Core
-from ekf_stub.filter.error_state import GYRO
+from ekf_stub.filter.states import GYRO
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame

@@ -11,7 +11,8 @@ import quaternion
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.output_predictor import OutputPredictor
 from ekf_stub.fusion import parts
 from ekf_stub.fusion.aiding import Aiding

@@ -14,9 +14,22 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.filter.error_state import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, ErrorState, ProcessNoise
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep
-from ekf_stub.filter.states import MIN_ACCEL_VAR, MIN_ACCEL_VAR_RATIO, MIN_VEL_POS_VAR
+from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.states import (
+    ACCEL,
+    ATT,
+    BODY,
+    EARTH,
+    GYRO,
+    MIN_ACCEL_VAR,
+    MIN_ACCEL_VAR_RATIO,
+    MIN_VEL_POS_VAR,
+    POS,
+    STATES,
+    VEL,
+)
 
 DT = 0.0125
 SECONDS = 60

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
-from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.attitude import euler_of
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array
 from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from viso.sensors.attitude import halfway, rotate_to_body, rotation_between

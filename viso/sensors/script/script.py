@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
-from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text

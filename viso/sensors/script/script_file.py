@@ -59,7 +59,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import GRAVITY_MSS
 from viso.errors import InputError
 from viso.sensors.script.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
 from viso.sensors.script.scripted_motion import Trajectory

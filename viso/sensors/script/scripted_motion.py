@@ -9,7 +9,7 @@ from itertools import accumulate
 from typing import NamedTuple
 
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.error_state import GRAVITY_MSS
+from ekf_stub.filter.inertial import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.script.legs import Leg, Motion
 from viso.sensors.vectors import Three

@@ -11,7 +11,7 @@ from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.errors import exact_delta

@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Final, NamedTuple
 
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.stream.imagined_vehicle import Movement
 from viso.sensors.vectors import ZERO, Three, added

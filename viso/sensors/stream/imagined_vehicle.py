@@ -5,7 +5,8 @@
 from typing import Final, NamedTuple
 
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
+from ekf_stub.filter.attitude import euler_of
+from ekf_stub.filter.inertial import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy, rotation_between
 from viso.sensors.vectors import ZERO, Three
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from ekf_stub.compiled.compiled_pass import CompiledPass
-from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, InertialStep
 from ekf_stub.filter.inertial_pass import InertialPass
 from ekf_stub.filter.output_predictor import OutputState

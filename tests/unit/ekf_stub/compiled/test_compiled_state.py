@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ekf_stub.compiled.compiled_state import CompiledErrorState
-from ekf_stub.filter.error_state import ATT, BODY, EARTH, GYRO, STATES, VEL, ErrorState, ProcessNoise, quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, InertialStep
+from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.states import ATT, BODY, EARTH, GYRO, STATES, VEL
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)

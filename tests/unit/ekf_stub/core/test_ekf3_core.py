@@ -11,8 +11,9 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.error_state import POS, VEL, euler_of
+from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.inertial import GRAVITY_MSS
+from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample
 

@@ -10,21 +10,11 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.filter.error_state import (
-    ACCEL,
-    ATT,
-    BODY,
-    EARTH,
-    GYRO,
-    POS,
-    STATES,
-    VEL,
-    ErrorState,
-    ProcessNoise,
-    euler_of,
-    quat_of_euler,
-)
+from ekf_stub.filter.attitude import euler_of, quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialStep
+from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL
 
 DT = 0.0125
 NOISE = ProcessNoise(gyro=0.015, accel=0.35, gyro_bias=0.001, accel_bias=0.02, earth_field=0.001, body_field=0.0001)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
 from ekf_stub.filter.output_predictor import Output, OutputPredictor
 

@@ -12,8 +12,8 @@ import quaternion
 
 from ap_core.fmath import f32
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.error_state import ATT, POS, VEL
 from ekf_stub.filter.inertial import Array, InertialStep
+from ekf_stub.filter.states import ATT, POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ekf_stub.filter.error_state import ErrorState, quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.fusion.compass_yaw import CompassAlignment, angle_between
 from ekf_stub.fusion.height_source import Vehicle
 

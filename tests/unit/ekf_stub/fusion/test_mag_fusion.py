@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.filter.error_state import ATT, BODY, EARTH, ErrorState, euler_of, quat_of_euler
+from ekf_stub.filter.attitude import euler_of, quat_of_euler
+from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, InertialStep
+from ekf_stub.filter.states import ATT, BODY, EARTH
 from ekf_stub.fusion.mag_fusion import MagFusion
 from ekf_stub.fusion.measurements import MagSample
 

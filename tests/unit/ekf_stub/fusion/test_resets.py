@@ -10,7 +10,7 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.error_state import POS, VEL
+from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample
 

@@ -11,8 +11,8 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.error_state import POS, VEL
 from ekf_stub.filter.inertial import Array
+from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import BARO, EXT_NAV, Vehicle
 from ekf_stub.fusion.measurements import BaroSample

@@ -15,8 +15,9 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.error_state import ATT, euler_of, quat_of_euler
+from ekf_stub.filter.attitude import euler_of, quat_of_euler
 from ekf_stub.filter.inertial import Array, InertialStep, pure_quat
+from ekf_stub.filter.states import ATT
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.measurements import MagSample
 from ekf_stub.inputs.gps_sample import GpsSample

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
-from ekf_stub.filter.inertial import quat_of_rotation
+from ekf_stub.filter.inertial import GRAVITY_MSS, quat_of_rotation
 from viso.companion.trials.scripted_flight import Flight
 from viso.demo.flight import flight_source
 from viso.sensors.options import ImuOptions

@@ -10,7 +10,7 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.filter.error_state import quat_of_euler
+from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.inertial import quat_of_rotation
 from viso.sensors.attitude import halfway, quat_of_rpy, rotate_to_body, rotation_between
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
-from ekf_stub.filter.inertial import quat_of_rotation
+from ekf_stub.filter.inertial import GRAVITY_MSS, quat_of_rotation
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz

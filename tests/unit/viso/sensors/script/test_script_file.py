@@ -10,7 +10,7 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.filter.error_state import euler_of
+from ekf_stub.filter.attitude import euler_of
 from viso.errors import InputError
 from viso.sensors.script import script_file
 from viso.sensors.script.script_file import EXAMPLES, SHAPES, Script, parse_script

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.error_state import GRAVITY_MSS, euler_of
-from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation
+from ekf_stub.filter.attitude import euler_of
+from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, quat_of_rotation
 from ekf_stub.inputs.sensors import Sensors
 from tests.unit.viso.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
 from viso.sensors.errors import SensorErrors

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import quaternion
 
-from ekf_stub.filter.error_state import GRAVITY_MSS
-from ekf_stub.filter.inertial import quat_of_rotation
+from ekf_stub.filter.inertial import GRAVITY_MSS, quat_of_rotation
 from viso.sensors.attitude import quat_of_rpy, rotation_between
 from viso.sensors.stream.imagined_vehicle import (
     MAX_ACCEL,
