@@ -8,7 +8,8 @@ than the BLAS does.
 """
 
 import math
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, TypeVar, cast
 
 import numba
 import numpy as np
@@ -28,20 +29,23 @@ _ACCEL: Final = ACCEL.start
 _ATT_END: Final = ATT.stop
 QUATERNION_EPS: Final = 1e-14  # of numpy-quaternion
 
-compiled: Any = numba.njit(cache=True, error_model="numpy")
-
+F = TypeVar("F", bound=Callable[..., Any])
 Quat = tuple[float, float, float, float]
 
 
-def _normalized(w: float, x: float, y: float, z: float) -> Quat:
+def compiled(function: F) -> F:
+    """Return what numba makes of a function as it is first called; to the types it is the function."""
+    return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+
+
+@compiled
+def normalized(w: float, x: float, y: float, z: float) -> Quat:
     length = math.sqrt(w * w + x * x + y * y + z * z)
     return w / length, x / length, y / length, z / length
 
 
-normalized: Any = compiled(_normalized)
-
-
-def _times(first: Quat, second: Quat) -> Quat:
+@compiled
+def times(first: Quat, second: Quat) -> Quat:
     a, b, c, d = first
     w, x, y, z = second
     return (
@@ -52,10 +56,8 @@ def _times(first: Quat, second: Quat) -> Quat:
     )
 
 
-times: Any = compiled(_times)
-
-
-def _turned_by(quat: Quat, x: float, y: float, z: float) -> Quat:
+@compiled
+def turned_by(quat: Quat, x: float, y: float, z: float) -> Quat:
     """Return a quaternion after a rotation by a vector, of which half is given, in rad."""
     length = math.sqrt(x * x + y * y + z * z)
     w, scale = 1.0, 0.0
@@ -66,20 +68,16 @@ def _turned_by(quat: Quat, x: float, y: float, z: float) -> Quat:
     return turned
 
 
-turned_by: Any = compiled(_turned_by)
-
-
-def _set_rotation(rotation: Array, quat: Quat) -> None:
+@compiled
+def set_rotation(rotation: Array, quat: Quat) -> None:
     w, x, y, z = quat
     rotation[0, 0], rotation[0, 1], rotation[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     rotation[1, 0], rotation[1, 1], rotation[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-set_rotation: Any = compiled(_set_rotation)
-
-
-def _limit(values: Array, lowest: Array, highest: Array) -> None:
+@compiled
+def limit(values: Array, lowest: Array, highest: Array) -> None:
     for index in range(len(values)):
         if values[index] < lowest[index]:
             values[index] = lowest[index]
@@ -87,10 +85,8 @@ def _limit(values: Array, lowest: Array, highest: Array) -> None:
             values[index] = highest[index]
 
 
-limit: Any = compiled(_limit)
-
-
-def _move(
+@compiled
+def move(
     quat: Quat,
     states: Array,
     rotation: Array,
@@ -136,18 +132,14 @@ def _move(
     return after
 
 
-move: Any = compiled(_move)
-
-
-def _by_rotation(quat: Quat) -> Array:
+@compiled
+def by_rotation(quat: Quat) -> Array:
     w, x, y, z = 0.5 * quat[0], 0.5 * quat[1], 0.5 * quat[2], 0.5 * quat[3]
     return np.array(((-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w)))
 
 
-by_rotation: Any = compiled(_by_rotation)
-
-
-def _by_attitude(quat: Quat, del_ang: Array, del_vel: Array) -> Array:
+@compiled
+def by_attitude(quat: Quat, del_ang: Array, del_vel: Array) -> Array:
     """Return how attitude and velocity after a step depend on the attitude before it, shape (7, 4)."""
     w, x, y, z = 2 * quat[0], 2 * quat[1], 2 * quat[2], 2 * quat[3]
     ax, ay, az = 0.5 * del_ang[0], 0.5 * del_ang[1], 0.5 * del_ang[2]
@@ -165,12 +157,8 @@ def _by_attitude(quat: Quat, del_ang: Array, del_vel: Array) -> Array:
     )
 
 
-by_attitude: Any = compiled(_by_attitude)
-
-
-def _transit(
-    out: Array, cov: Array, by_att: Array, by_turn: Array, rotation: Array, dt: float, first_axis: int
-) -> None:
+@compiled
+def transit(out: Array, cov: Array, by_att: Array, by_turn: Array, rotation: Array, dt: float, first_axis: int) -> None:
     """Multiply the transition by a matrix. A position follows its velocity from ``first_axis`` on."""
     for row in range(_ATT_END):
         a, b, c, d = by_att[row]
@@ -194,10 +182,8 @@ def _transit(
             out[_POS + axis, column] += dt * cov[_VEL + axis, column]
 
 
-transit: Any = compiled(_transit)
-
-
-def _grow(
+@compiled
+def grow(
     cov: Array,
     quat: Quat,
     rotation: Array,
@@ -227,10 +213,8 @@ def _grow(
         cov[state, state] += variances[state - _VEL]
 
 
-grow: Any = compiled(_grow)
-
-
-def _clear(cov: Array, first: int, end: int, variance: float, highest: float) -> None:
+@compiled
+def clear(cov: Array, first: int, end: int, variance: float, highest: float) -> None:
     """Forget what some errors have to do with others, and give them a variance (covariance.clear)."""
     for state in range(first, end):
         for other in range(STATES):
@@ -242,10 +226,8 @@ def _clear(cov: Array, first: int, end: int, variance: float, highest: float) ->
         cov[state, state] = value
 
 
-clear: Any = compiled(_clear)
-
-
-def _lift(cov: Array, lowest_var: Array) -> None:
+@compiled
+def lift(cov: Array, lowest_var: Array) -> None:
     """Raise variances that are too small (covariance.lift)."""
     largest = max(cov[_ACCEL, _ACCEL], cov[_ACCEL + 1, _ACCEL + 1], cov[_ACCEL + 2, _ACCEL + 2])
     for axis in range(3):
@@ -255,10 +237,8 @@ def _lift(cov: Array, lowest_var: Array) -> None:
             cov[state, state] = lowest_var[state]
 
 
-lift: Any = compiled(_lift)
-
-
-def _bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
+@compiled
+def bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
     """Shrink errors whose variance is too large, and raise what is too small (covariance.lower, covariance.lift)."""
     for state in range(STATES):
         if cov[state, state] > highest_var[state]:
@@ -271,10 +251,8 @@ def _bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
     lift(cov, lowest_var)
 
 
-bound: Any = compiled(_bound)
-
-
-def _freeze_unobservable(cov: Array, rotation: Array, frozen: Array, on_ground: bool, highest_var: Array) -> None:
+@compiled
+def freeze_unobservable(cov: Array, rotation: Array, frozen: Array, on_ground: bool, highest_var: Array) -> None:
     """Let biases rest that cannot be told from tilt; ``frozen`` has their variances, or NaN (ErrorState.predict)."""
     for axis in range(3):
         state = _ACCEL + axis
@@ -286,10 +264,8 @@ def _freeze_unobservable(cov: Array, rotation: Array, frozen: Array, on_ground: 
             frozen[axis] = math.nan
 
 
-freeze_unobservable: Any = compiled(_freeze_unobservable)
-
-
-def _isolate(cov: Array, learns_biases: bool, frozen: Array, highest_var: Array) -> None:
+@compiled
+def isolate(cov: Array, learns_biases: bool, frozen: Array, highest_var: Array) -> None:
     """Keep what is not estimated apart (ErrorState.predict)."""
     if not learns_biases:
         clear(cov, _GYRO, _ACCEL, 0.0, highest_var[_GYRO])
@@ -299,30 +275,24 @@ def _isolate(cov: Array, learns_biases: bool, frozen: Array, highest_var: Array)
             clear(cov, _ACCEL + axis, _ACCEL + axis + 1, frozen[axis], highest_var[_ACCEL + axis])
 
 
-isolate: Any = compiled(_isolate)
-
-
-def _tilt_variance(cov: Array, quat: Quat) -> float:
+@compiled
+def tilt_variance(cov: Array, quat: Quat) -> float:
     """Return the variance of the direction of down (ErrorState.tilt_variance)."""
     w, x, y, z = quat
     variance: float = 4 * ((x * x + y * y) * (cov[0, 0] + cov[3, 3]) + (w * w + z * z) * (cov[1, 1] + cov[2, 2]))
     return min(variance, MAX_TILT_VAR)
 
 
-tilt_variance: Any = compiled(_tilt_variance)
-
-
-def _is_sound(del_ang: Array, del_vel: Array, del_ang_dt: float, del_vel_dt: float) -> bool:
+@compiled
+def is_sound(del_ang: Array, del_vel: Array, del_ang_dt: float, del_vel_dt: float) -> bool:
     """Tell whether inertial data is finite, and no more than a vehicle survives (inertial.is_sound)."""
     ang, vel = abs(del_ang[0]) + abs(del_ang[1]) + abs(del_ang[2]), abs(del_vel[0]) + abs(del_vel[1]) + abs(del_vel[2])
     are_short = 0.0 <= del_ang_dt <= MAX_DT and 0.0 <= del_vel_dt <= MAX_DT
     return are_short and ang <= MAX_DEL_ANG and vel <= MAX_DEL_VEL
 
 
-is_sound: Any = compiled(_is_sound)
-
-
-def _predict(
+@compiled
+def predict(
     cov: Array,
     quat: Quat,
     states: Array,
@@ -380,10 +350,8 @@ def _predict(
     return w, x, y, z, tilt_variance(cov, quat)
 
 
-predict: Any = compiled(_predict)
-
-
-def _fuse(
+@compiled
+def fuse(
     cov: Array,
     spread: Array,
     expected: float,
@@ -426,10 +394,8 @@ def _fuse(
     return True, w, x, y, z
 
 
-fuse: Any = compiled(_fuse)
-
-
-def _set_spread(spread: Array, cov: Array, w: float, x: float, y: float, z: float) -> float:
+@compiled
+def set_spread(spread: Array, cov: Array, w: float, x: float, y: float, z: float) -> float:
     """Set how errors go with what depends on the attitude alone, as given; return its variance."""
     for state in range(STATES):
         spread[state] = cov[state, 0] * w + cov[state, 1] * x + cov[state, 2] * y + cov[state, 3] * z
@@ -437,10 +403,8 @@ def _set_spread(spread: Array, cov: Array, w: float, x: float, y: float, z: floa
     return variance
 
 
-set_spread: Any = compiled(_set_spread)
-
-
-def _update_states(
+@compiled
+def update_states(
     cov: Array,
     quat: Quat,
     states: Array,
@@ -470,6 +434,3 @@ def _update_states(
             cov[:] = after
     w, x, y, z = quat
     return refused, w, x, y, z
-
-
-update_states: Any = compiled(_update_states)

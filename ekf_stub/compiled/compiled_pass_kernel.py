@@ -8,7 +8,7 @@ number in it nothing.
 """
 
 import math
-from typing import Any, Final
+from typing import Final
 
 from ekf_stub.compiled.compiled_kernel import QUATERNION_EPS, Quat, compiled, normalized, times, turned_by
 from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Array
@@ -53,33 +53,28 @@ _STATE_GYRO: Final = GYRO.start - ATT.stop
 _STATE_ACCEL: Final = ACCEL.start - ATT.stop
 
 
-def _rotated(quat: Quat, x: float, y: float, z: float) -> tuple[float, float, float]:
+@compiled
+def rotated(quat: Quat, x: float, y: float, z: float) -> tuple[float, float, float]:
     w, i, j, k = quat
     _, x, y, z = times(times(quat, (0.0, x, y, z)), (w, -i, -j, -k))
     return x, y, z
 
 
-rotated: Any = compiled(_rotated)
-
-
-def _length(values: Array, first: int) -> float:
+@compiled
+def length(values: Array, first: int) -> float:
     return math.sqrt(values[first] ** 2 + values[first + 1] ** 2 + values[first + 2] ** 2)
 
 
-length: Any = compiled(_length)
-
-
-def _clamped(value: float, low: float, high: float) -> float:
+@compiled
+def clamped(value: float, low: float, high: float) -> float:
     """Return the value within limits; ``low`` for what is not a number (inertial.limited)."""
     if not value >= low:
         return low
     return min(value, high)
 
 
-clamped: Any = compiled(_clamped)
-
-
-def _sense(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> None:
+@compiled
+def sense(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> None:
     """Filter the data of a pass (Stillness.sense)."""
     if mem[ALPHA] == 0.0:
         mem[ALPHA] = loop_dt / (loop_dt + 1.0 / (2.0 * math.pi * CUTOFF_HZ))
@@ -91,10 +86,8 @@ def _sense(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: fl
             mem[ACCEL_FILTERED + axis] += alpha * (del_vel[axis] / vel_dt - mem[ACCEL_FILTERED + axis])
 
 
-sense: Any = compiled(_sense)
-
-
-def _smoothed(mem: Array, filtered: int, before: int, diff: int, bias: int) -> float:
+@compiled
+def smoothed(mem: Array, filtered: int, before: int, diff: int, bias: int) -> float:
     """Follow how fast a rate without its bias changes; return how large it is."""
     size = change = 0.0
     for axis in range(3):
@@ -106,10 +99,8 @@ def _smoothed(mem: Array, filtered: int, before: int, diff: int, bias: int) -> f
     return math.sqrt(size)
 
 
-smoothed: Any = compiled(_smoothed)
-
-
-def _test(mem: Array, known: int, scale: float) -> int:
+@compiled
+def test(mem: Array, known: int, scale: float) -> int:
     """Test for standing still (Stillness.test); return what is known now."""
     gyro = smoothed(mem, GYRO_FILTERED, GYRO_BEFORE, GYRO_DIFF, BIAS_RATES)
     accel = smoothed(mem, ACCEL_FILTERED, ACCEL_BEFORE, ACCEL_DIFF, BIAS_RATES + 3)
@@ -125,10 +116,8 @@ def _test(mem: Array, known: int, scale: float) -> int:
     return HAS_BEFORE | HAS_RATIOS | (IS_STILL if is_still else 0)
 
 
-test: Any = compiled(_test)
-
-
-def _add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> bool:
+@compiled
+def add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> bool:
     """Add up the data of a pass (DownSampler.add); tell whether a step is complete, which is then at ``STEP``."""
     dt_imu = mem[DT_IMU_AVG]
     mem[DT_IMU_AVG] = dt_imu + _SLOW_SAMPLING * (clamped(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
@@ -147,7 +136,8 @@ def _add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: floa
     return True
 
 
-def _complete(mem: Array) -> None:
+@compiled
+def complete(mem: Array) -> None:
     for axis in range(3):
         mem[STEP + axis] = mem[DEL_VEL + axis]
         mem[DEL_VEL + axis] = 0.0
@@ -160,7 +150,8 @@ def _complete(mem: Array) -> None:
     mem[TURNED], mem[TURNED + 1], mem[TURNED + 2], mem[TURNED + 3] = 1.0, 0.0, 0.0, 0.0
 
 
-def _set_rotation_vector(mem: Array, target: int, quat: int) -> None:
+@compiled
+def set_rotation_vector(mem: Array, target: int, quat: int) -> None:
     """Write the rotation vector of a quaternion, the shorter way round (inertial.rotation_of_quat)."""
     sign = 1.0 if mem[quat] >= 0 else -1.0
     w, sine = sign * mem[quat], length(mem, quat + 1)
@@ -169,12 +160,8 @@ def _set_rotation_vector(mem: Array, target: int, quat: int) -> None:
         mem[target + axis] = scale * (sign * mem[quat + 1 + axis]) * 2.0
 
 
-set_rotation_vector: Any = compiled(_set_rotation_vector)
-complete: Any = compiled(_complete)
-add: Any = compiled(_add)
-
-
-def _integrate(
+@compiled
+def integrate(
     mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, states: Array, height_filter_hz: float
 ) -> None:
     """Move the output on by a pass (OutputPredictor.integrate)."""
@@ -201,25 +188,23 @@ def _integrate(
     move(mem, 2, z, vel_dt)
 
 
-def _move(mem: Array, axis: int, del_vel: float, dt: float) -> None:
+@compiled
+def move(mem: Array, axis: int, del_vel: float, dt: float) -> None:
     before = mem[NOW + 4 + axis]
     vel = mem[NOW + 4 + axis] = before + del_vel
     mem[NOW + 7 + axis] += (vel + before) * (0.5 * dt)
 
 
-def _filter_height(mem: Array, del_vel_down: float, dt: float, omega: float) -> None:
+@compiled
+def filter_height(mem: Array, del_vel_down: float, dt: float, omega: float) -> None:
     error = clamped(mem[NOW + 9] - mem[FILTERED_DOWN], -1e5, 1e5)
     mem[FILTERED_ACCEL] += error * omega**3 * dt
     mem[HEIGHT_RATE] += del_vel_down + (mem[FILTERED_ACCEL] + error * omega**2 * 3) * dt
     mem[FILTERED_DOWN] += (mem[HEIGHT_RATE] + error * omega * 3) * dt
 
 
-move: Any = compiled(_move)
-filter_height: Any = compiled(_filter_height)
-integrate: Any = compiled(_integrate)
-
-
-def _advance(
+@compiled
+def advance(
     mem: Array,
     del_vel: Array,
     del_ang: Array,
@@ -241,10 +226,8 @@ def _advance(
     return known
 
 
-advance: Any = compiled(_advance)
-
-
-def _follow(
+@compiled
+def follow(
     mem: Array,
     history: Array,
     del_vel: Array,
@@ -284,14 +267,11 @@ def _follow(
         steer(mem, history, 7 + axis, POS_ERROR + axis, POS_INTEGRAL + axis, gain)
 
 
-def _steer(mem: Array, history: Array, column: int, error: int, integral: int, gain: float) -> None:
+@compiled
+def steer(mem: Array, history: Array, column: int, error: int, integral: int, gain: float) -> None:
     """Move one number of all the history, and the present one, by what is wrong with it."""
     mem[integral] += mem[error]
     shift = mem[error] * gain + mem[integral] * (INTEGRAL_GAIN * gain * gain)
     for row in range(len(history)):
         history[row, column] += shift
     mem[NOW + column] += shift
-
-
-steer: Any = compiled(_steer)
-follow: Any = compiled(_follow)
