@@ -73,8 +73,7 @@ def _made(request: pytest.FixtureRequest, make: "Callable[[AutopilotOptions, Gol
 def _wanted(item: pytest.Item) -> "AutopilotOptions":
     """Return the options of a test: of its markers the nearest one wins, parameter by parameter.
 
-    Raises:
-        ValueError: a marker has an argument that there is not.
+    Raises ValueError: a marker has an argument that there is not.
     """
     from viso.testing import AutopilotOptions
 

@@ -168,11 +168,7 @@ def _bands(axes: Any, story: _Story) -> None:
 
 
 def save_plot(loop: CompanionLoop, path: Path) -> None:
-    """Write the picture of a loop up to now as PNG.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write the picture of a loop up to now as PNG. Raises OSError if it cannot be written."""
     story = _Story(loop)
     figure = Figure(figsize=(14, 10), layout="constrained")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.35), height_ratios=(1.25, 1, 1, 1))

@@ -135,11 +135,7 @@ def _flags(axes: Any, result: DemoResult) -> None:
 
 
 def save_plot(result: DemoResult, path: Path) -> None:
-    """Write the picture as PNG.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write the picture as PNG. Raises OSError if it cannot be written."""
     times = np.arange(math.floor(FLIGHT.start_s) - 6, FLIGHT.end_s + 2, 0.05)
     figure = Figure(figsize=(13, 11.5), layout="constrained")
     grid = figure.add_gridspec(5, 2, width_ratios=(1, 1.4), height_ratios=(1, 1, 1, 1.1, 1))

@@ -66,8 +66,7 @@ def check_output(path: Path, source: Path) -> None:
 def write_recording(path: Path, frames: Iterable[TimedFrame], recording: Recording) -> int:
     """Write a stream in the form that the file's name tells; return how many pieces a .tlog cannot hold.
 
-    Raises:
-        InputError: if it cannot be written.
+    Raises InputError if it cannot be written.
     """
     stream = recording.stream
     if stream is None or not path.name.lower().endswith(CAPTURE):

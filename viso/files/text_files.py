@@ -25,8 +25,7 @@ def _open(path: Path) -> TextIO:
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the numbers, from 1, and the texts of a file's lines; blank lines are passed over.
 
-    Raises:
-        InputError: if the file cannot be read or is not text.
+    Raises InputError if the file cannot be read or is not text.
     """
     number = 0
     try:
@@ -55,8 +54,7 @@ def read_text(path: Path) -> str:
 def write_text(path: Path) -> Iterator[TextIO]:
     """Open a file for writing, through gzip when its name ends in .gz.
 
-    Raises:
-        InputError: if the file cannot be written.
+    Raises InputError if the file cannot be written.
     """
     opens = gzip.open if path.suffix == ".gz" else open
     with file_errors(path), opens(path, "wt", encoding="utf-8") as file:

@@ -52,11 +52,7 @@ class AnyLines:
         return self._unknown + (Counter() if self._reader is None else self._reader.refused)
 
     def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return what a line tells.
-
-        Raises:
-            InputError: if an extra is missing that reads such lines.
-        """
+        """Return what a line tells. Raises InputError if an extra is missing that reads such lines."""
         if not line.strip():
             return []
         if self._reader is None:
@@ -88,11 +84,7 @@ class Merged:
     _readers: list[tuple[str, FileReader | AnyLines]] = field(default_factory=list)
 
     def events(self) -> Iterator[Event]:
-        """Yield what all of them tell.
-
-        Raises:
-            InputError: if one cannot be read.
-        """
+        """Yield what all of them tell. Raises InputError if one cannot be read."""
         begun = []
         for name in self.names:
             try:

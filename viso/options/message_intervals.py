@@ -20,8 +20,7 @@ _MAX_DIGITS: Final = 9
 def load_message_intervals(folder: Path, links: int) -> dict[int, Mapping[int, int]]:
     """Return the intervals in ms by message id, for each of the first ``links`` links that has a file in a folder.
 
-    Raises:
-        InputError: a file cannot be read, or a line is not an id and an interval.
+    Raises InputError: a file cannot be read, or a line is not an id and an interval.
     """
     paths = {index: folder / f"message-intervals-chan{index}.txt" for index in range(links)}
     return {index: _load(path) for index, path in paths.items() if path.exists()}

@@ -20,8 +20,7 @@ PRESET_HELP: Final = f"Parameters of a usual set-up, before those of files: {', 
 def preset_files(name: str | None) -> list[Path]:
     """Return the file of a preset as a list to put other files behind; an empty one for None.
 
-    Raises:
-        InputError: there is no preset of that name.
+    Raises InputError: there is no preset of that name.
     """
     if name is None:
         return []

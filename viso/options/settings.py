@@ -92,8 +92,7 @@ def parse_assignments(
 ) -> dict[str, float]:
     """Return the values of several ``NAME=VALUE`` by canonical name; of one name the last counts.
 
-    Raises:
-        InputError: for the first that cannot be used.
+    Raises InputError for the first that cannot be used.
     """
     table = known_parameters(links, firmware)
     return dict(parse_assignment(text, table, option) for text in texts)
@@ -115,8 +114,7 @@ def load_settings(
 ) -> Mapping[str, float]:
     """Return parameter values from defaults files, then from assignments, which win.
 
-    Raises:
-        InputError: for anything that cannot be used.
+    Raises InputError for anything that cannot be used.
     """
     table = known_parameters(links, firmware)
     values: dict[str, float] = {}

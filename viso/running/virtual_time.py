@@ -21,8 +21,7 @@ class Scheduler:
     def run_until(self, time_us: int) -> None:
         """Run every pass of the main loop up to and including ``time_us``, then stand there.
 
-        Raises:
-            ValueError: if that time has passed.
+        Raises ValueError if that time has passed.
         """
         if time_us < self.now_us:
             raise ValueError(f"time {time_us} us has passed, it is {self.now_us} us")

@@ -68,8 +68,7 @@ class Autopilot:
     def advance(self, *, ms: float | None = None, s: float | None = None) -> None:
         """Let the vehicle run for a while of its own time, in ms or in s; that takes a fraction of it.
 
-        Raises:
-            ValueError: not one of the two is given, or it is no duration.
+        Raises ValueError: not one of the two is given, or it is no duration.
         """
         if (ms is None) is (s is None):
             raise ValueError("advance takes either ms= or s=")
@@ -284,8 +283,7 @@ class Autopilot:
     def assert_text(self, part: str) -> None:
         """Claim that the autopilot said something that contains a part.
 
-        Raises:
-            AssertionError: it did not; the text tells what it did say.
+        Raises AssertionError: it did not; the text tells what it did say.
         """
         __tracebackhide__ = True
         claims.check_text(part, self.status_texts)
@@ -293,8 +291,7 @@ class Autopilot:
     def assert_healthy(self) -> None:
         """Claim that now neither the camera nor the estimator would keep the vehicle from arming.
 
-        Raises:
-            AssertionError: the text has the words of the pre-arm checks, and what became of messages.
+        Raises AssertionError: the text has the words of the pre-arm checks, and what became of messages.
         """
         __tracebackhide__ = True
         verdicts = self.verdicts

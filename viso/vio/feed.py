@@ -75,11 +75,7 @@ class RecordingFeed:
         return self._due_ns
 
     def hand_over(self, now_ns: int) -> None:
-        """Hand over what is due.
-
-        Raises:
-            SourceError: if the recording cannot be read on.
-        """
+        """Hand over what is due. Raises SourceError if the recording cannot be read on."""
         while self._next is not None and (due_ns := self.next_due_ns()) is not None and due_ns <= now_ns:
             self._hand(self._next)
             self._next = next(self._events, None)

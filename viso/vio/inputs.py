@@ -40,8 +40,7 @@ def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
 def configured(source: Recording | LiveCamera, file: Path | None, strategy: str | None) -> VioConfig:
     """Return the configuration: a file's or else what suits the source, with another strategy if one is named.
 
-    Raises:
-        InputError: if the file is none, or the strategy is not to be had.
+    Raises InputError if the file is none, or the strategy is not to be had.
     """
     try:
         config = source.config if file is None else load_config(file)

@@ -49,8 +49,7 @@ class VioSession:
     def run_through(self) -> None:
         """Go through a recording as fast as can be; the same data give the same poses.
 
-        Raises:
-            InputError: if the recording cannot be read on.
+        Raises InputError if the recording cannot be read on.
         """
         source = self._source()
         assert isinstance(source, Recording)
@@ -128,8 +127,7 @@ class VioSession:
 def event_logger(path: Path | None) -> Iterator[logging.Logger]:
     """Yield a logger of its own that writes events to a file, each as a line of JSON; or nowhere.
 
-    Raises:
-        InputError: if the file cannot be written.
+    Raises InputError if the file cannot be written.
     """
     logger = logging.Logger("viso.vio", logging.CRITICAL + 1 if path is None else logging.INFO)
     if path is None:

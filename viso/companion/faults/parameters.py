@@ -28,8 +28,7 @@ def parameters_of(fault: Any) -> tuple["dataclasses.Field[Any]", ...]:
 def check_parameters(fault: Any) -> None:
     """Check every parameter and bring it into its own type.
 
-    Raises:
-        ValueError: ``name: what`` for the first that cannot be used.
+    Raises ValueError: ``name: what`` for the first that cannot be used.
     """
     for field in parameters_of(fault):
         try:
@@ -69,11 +68,7 @@ def _number(kind: type[int] | type[float], value: Any, metadata: Any) -> int | f
 
 
 def as_number(value: Any) -> float:
-    """Return a number of a timeline; YAML takes some, such as 1e6, for text.
-
-    Raises:
-        ValueError: if it is none.
-    """
+    """Return a number of a timeline; YAML takes some, such as 1e6, for text. Raises ValueError if it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"{value!r} is no number")
     try:

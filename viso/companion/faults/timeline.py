@@ -69,11 +69,7 @@ class Timeline:
 
 
 def load_timeline(path: Path) -> Timeline:
-    """Return the timeline in a YAML file.
-
-    Raises:
-        TimelineError: naming file, entry and field.
-    """
+    """Return the timeline in a YAML file. Raises TimelineError, naming file, entry and field."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -147,8 +143,7 @@ def _entry(number: int, fields: Any) -> Entry:
 def make_entry(kind: str, fields: Mapping[str, Any]) -> Entry:
     """Return an entry of a known kind from its other fields.
 
-    Raises:
-        ValueError: ``field: what`` for one that is unknown or cannot be used.
+    Raises ValueError: ``field: what`` for one that is unknown or cannot be used.
     """
     cls = FAULTS[kind]
     own = [field.name for field in parameters_of(cls)]

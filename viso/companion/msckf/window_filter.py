@@ -174,11 +174,7 @@ class WindowFilter:
         self.cov = self.cov[np.ix_(rows, rows)]
 
     def index_of(self, number: int) -> int:
-        """Return which clone is that of a frame.
-
-        Raises:
-            KeyError: if there is none.
-        """
+        """Return which clone is that of a frame. Raises KeyError if there is none."""
         for index, clone in enumerate(self.clones):
             if clone.number == number:
                 return index

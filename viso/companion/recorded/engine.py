@@ -67,11 +67,7 @@ class RecordedEngine:
         return self._next_taken_us() + self._playback.latency_us
 
     def report(self) -> tuple[Message, ...]:
-        """Return the messages of the next record, and go on to the one after it.
-
-        Raises:
-            IndexError: if there is none.
-        """
+        """Return the messages of the next record, and go on to the one after it. Raises IndexError if there is none."""
         playback, pose = self._playback, self._trajectory.pose(self._next)
         resets = self._lap * self._lap_resets + pose.resets
         pose = replace(pose, velocity=pose.velocity * playback.speed, resets=resets)

@@ -63,8 +63,7 @@ PRESETS: Final[Mapping[str, AxesPreset]] = MappingProxyType(
 def axes_matrix(letters: str) -> Array:
     """Return the matrix [3, 3] that maps coordinates in these axes to NED, or FRD.
 
-    Raises:
-        ValueError: if they are not three letters for three perpendicular directions.
+    Raises ValueError if they are not three letters for three perpendicular directions.
     """
     directions = [_DIRECTIONS.get(letter) for letter in letters.upper()]
     matrix = np.zeros((3, 3))
@@ -79,8 +78,7 @@ def axes_matrix(letters: str) -> Array:
 def parse_axes(text: str) -> tuple[Array, Array]:
     """Return the matrices of the world and of the body of a preset, or of WORLD/BODY in letters.
 
-    Raises:
-        ValueError: if there is no such preset, or one of the two is mirrored and the other is not.
+    Raises ValueError if there is no such preset, or one of the two is mirrored and the other is not.
     """
     preset = PRESETS.get(text.lower())
     world, slash, body = (preset.world, "/", preset.body) if preset else text.partition("/")

@@ -95,8 +95,7 @@ _BY_ENDING: Final = MappingProxyType({".bag": "ros1", ".mcap": "ros2", ".db3": "
 def format_of(path: Path) -> str:
     """Return the name of the format of a file, by its ending or else by its content.
 
-    Raises:
-        TrajectoryError: if it has none of them, or cannot be read.
+    Raises TrajectoryError if it has none of them, or cannot be read.
     """
     if path.is_dir():
         return "ros2"
@@ -125,7 +124,6 @@ def load_records(source: Source, format_name: str | None = None) -> Records:
 def load_trajectory(source: Source, format_name: str | None = None) -> RecordedTrajectory:
     """Read the trajectory of what a file holds; arguments and errors as of ``load_records``.
 
-    Raises:
-        TrajectoryError: also if fewer than 2 records can be used; messages without a stamp have the time of the bag.
+    Raises TrajectoryError also if fewer than 2 records can be used; messages without a stamp have the time of the bag.
     """
     return usable(load_records(source, format_name))

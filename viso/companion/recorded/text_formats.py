@@ -56,11 +56,7 @@ OKVIS: Final = Layout((7, 4, 5, 6), velocity=8, nanoseconds=True)
 
 
 def read_text(path: Path) -> str:
-    """Return what a text file holds.
-
-    Raises:
-        TrajectoryError: if it cannot be read or is not text.
-    """
+    """Return what a text file holds. Raises TrajectoryError if it cannot be read or is not text."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -108,8 +104,7 @@ def read_table(path: Path, layout: Layout) -> RecordedTrajectory:
 def table_records(path: Path, layout: Layout) -> Records:
     """Read a file whose rows hold a time and a pose.
 
-    Raises:
-        TrajectoryError: naming the file, and the line where that is to blame.
+    Raises TrajectoryError, naming the file, and the line where that is to blame.
     """
     rows, left_out = _full_rows(path, layout.columns)
     times_ns = [_time_ns(path, row, nanoseconds=layout.nanoseconds) for row in rows]
@@ -124,8 +119,7 @@ def table_records(path: Path, layout: Layout) -> Records:
 def kitti_records(path: Path, times: Path | None) -> Records:
     """Read rows of 12 numbers, the upper three of a homogeneous matrix, and a file with the time of each in s.
 
-    Raises:
-        TrajectoryError: naming the file, and the line where that is to blame.
+    Raises TrajectoryError, naming the file, and the line where that is to blame.
     """
     if times is None:
         raise TrajectoryError(f"{path}: KITTI's poses have no times: the file that holds them is needed as well")

@@ -61,11 +61,7 @@ class SourceOptions:
     mounting: Array | None = None
 
     def load_calibration(self) -> CameraCalibration | None:
-        """Return the calibration that was given, or None.
-
-        Raises:
-            SourceError: if the file is none.
-        """
+        """Return the calibration that was given, or None. Raises SourceError if the file is none."""
         try:
             return None if self.calibration is None else load_calibration(self.calibration)
         except CalibrationError as error:

@@ -65,11 +65,7 @@ class CameraFrames:
         self._lock = threading.Lock()  # a capture must not be released while it is being read
 
     def read(self) -> NavCameraFrame | None:
-        """Wait for the next frame; None once closed.
-
-        Raises:
-            OSError: if the camera gives none.
-        """
+        """Wait for the next frame; None once closed. Raises OSError if the camera gives none."""
         while True:
             with self._lock:
                 if self._closed:
@@ -99,11 +95,7 @@ def sounds_like_camera(name: str) -> bool:
 
 
 def open_camera(options: SourceOptions) -> LiveCamera:
-    """Return a camera that may be opened.
-
-    Raises:
-        SourceError: if there is no calibration.
-    """
+    """Return a camera that may be opened. Raises SourceError if there is no calibration."""
     calibration = options.load_calibration()
     if calibration is None:
         raise SourceError(f"camera {options.name}: --calibration FILE is missing")

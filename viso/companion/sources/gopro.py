@@ -59,11 +59,7 @@ def has_telemetry(path: Path) -> bool:
 
 
 def read_telemetry(path: Path) -> Telemetry:
-    """Return the telemetry in a video.
-
-    Raises:
-        SourceError: if there is none, or it is damaged.
-    """
+    """Return the telemetry in a video. Raises SourceError if there is none, or it is damaged."""
     payloads = read_payloads(path, TELEMETRY)
     try:
         parts = _parts(payloads)

@@ -63,11 +63,7 @@ class Stream:
 
 
 def streams_of(payload: bytes) -> Iterator[Stream]:
-    """Yield the streams of all devices in a payload.
-
-    Raises:
-        GpmfError: if it is damaged.
-    """
+    """Yield the streams of all devices in a payload. Raises GpmfError if it is damaged."""
     for device in items_of(memoryview(payload)):
         if device.key == "DEVC" and not device.kind:
             for item in items_of(device.data):
@@ -76,11 +72,7 @@ def streams_of(payload: bytes) -> Iterator[Stream]:
 
 
 def items_of(data: memoryview) -> Iterator[Item]:
-    """Yield the items that lie one after the other.
-
-    Raises:
-        GpmfError: if one is longer than what there is.
-    """
+    """Yield the items that lie one after the other. Raises GpmfError if one is longer than what there is."""
     while len(data) >= 8:
         key, kind, width, count = struct.unpack(">4scBH", data[:8])
         length = width * count

@@ -27,11 +27,7 @@ _TRUTH_RATE_HZ: Final = 50
 
 
 def open_euroc(options: SourceOptions) -> Recording:
-    """Open a folder in the layout of the EuRoC data sets.
-
-    Raises:
-        SourceError: if a file in it cannot be used.
-    """
+    """Open a folder in the layout of the EuRoC data sets. Raises SourceError if a file in it cannot be used."""
     try:
         recording = load_euroc(Path(options.name))
     except EurocError as error:
@@ -52,8 +48,7 @@ def open_euroc(options: SourceOptions) -> Recording:
 def open_gopro(options: SourceOptions) -> Recording:
     """Open a GoPro's video; where its drone has told where it was, begin with the first frame after that.
 
-    Raises:
-        SourceError: if the file cannot be used, or there is no calibration for pictures of its size.
+    Raises SourceError if the file cannot be used, or there is no calibration for pictures of its size.
     """
     path = Path(options.name)
     telemetry = read_telemetry(path)
@@ -78,8 +73,7 @@ def open_gopro(options: SourceOptions) -> Recording:
 def open_video(options: SourceOptions) -> Recording:
     """Open a video with inertial data in a file of their own.
 
-    Raises:
-        SourceError: if one of the files cannot be used or is missing.
+    Raises SourceError if one of the files cannot be used or is missing.
     """
     path = Path(options.name)
     video_size(path)
@@ -98,8 +92,7 @@ def open_video(options: SourceOptions) -> Recording:
 def open_synthetic(options: SourceOptions) -> Recording:
     """Make a flight over generated ground, whose name may hold a seed: ``synthetic:7``.
 
-    Raises:
-        SourceError: if what stands there is no seed.
+    Raises SourceError if what stands there is no seed.
     """
     seed = options.name.partition(":")[2] or "0"
     if not (seed.isascii() and seed.isdigit()):

@@ -19,11 +19,7 @@ _SILENT: Final = "-8"
 
 
 def opencv() -> Any:
-    """Return the module cv2.
-
-    Raises:
-        SourceError: if it is not installed; says what to install.
-    """
+    """Return the module cv2. Raises SourceError if it is not installed; says what to install."""
     try:
         import cv2
     except ModuleNotFoundError as error:
@@ -33,11 +29,7 @@ def opencv() -> Any:
 
 
 def video_size(path: Path) -> tuple[int, int]:
-    """Return width and height of a video in pixels.
-
-    Raises:
-        SourceError: if it cannot be opened.
-    """
+    """Return width and height of a video in pixels. Raises SourceError if it cannot be opened."""
     cv2 = opencv()
     with _opened(path) as capture:
         return round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))

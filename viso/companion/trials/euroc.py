@@ -77,8 +77,7 @@ class EurocRecording:
     def events(self) -> Iterator[ImuSample | NavCameraFrame]:
         """Yield the data as they arrive, each frame after the first IMU sample that is not before it.
 
-        Raises:
-            EurocError: if a picture cannot be decoded or has another size than the calibration's.
+        Raises EurocError if a picture cannot be decoded or has another size than the calibration's.
         """
         samples = iter(self.samples)
         last_ns = -1
@@ -122,8 +121,7 @@ class EurocRecording:
 def load_euroc(folder: Path) -> EurocRecording:
     """Read all of a recording but the pictures, of which only the names are looked at.
 
-    Raises:
-        EurocError: naming the file, and the line where that is to blame.
+    Raises EurocError, naming the file, and the line where that is to blame.
     """
     root = folder / "mav0" if (folder / "mav0").is_dir() else folder
     truth = _find(root, _TRUTHS)

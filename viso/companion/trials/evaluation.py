@@ -80,8 +80,7 @@ class TimedPoses:
     def interpolated(self, t_ns: npt.NDArray[np.int64]) -> "TimedPoses":
         """Return the poses at other times: positions linear, quaternions linear and normalised.
 
-        Raises:
-            EvaluationError: if a time is not within these.
+        Raises EvaluationError if a time is not within these.
         """
         times = np.asarray(t_ns, np.int64)
         if len(self) < 2 or (len(times) and (times.min() < self.t_ns[0] or times.max() > self.t_ns[-1])):
@@ -144,8 +143,7 @@ def umeyama(source: Array, target: Array) -> tuple[SE3, float]:
 def absolute_error(estimate: TimedPoses, truth: TimedPoses) -> AbsoluteError:
     """Compare the positions of an estimate with the truth, interpolated to its times.
 
-    Raises:
-        EvaluationError: if fewer than 3 of its poses are within the time of the truth.
+    Raises EvaluationError if fewer than 3 of its poses are within the time of the truth.
     """
     estimate, truth = in_common(estimate, truth)
     alignment, scale = umeyama(estimate.positions_xyz, truth.positions_xyz)

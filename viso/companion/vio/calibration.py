@@ -42,8 +42,7 @@ class CalibrationError(ValueError):
 def load_calibration(path: Path) -> CameraCalibration:
     """Return the calibration in a ``.toml`` file of our own or in a ``.yaml`` file as EuRoC's.
 
-    Raises:
-        CalibrationError: if the file cannot be read, lacks a field, or has one that is unknown or wrong.
+    Raises CalibrationError if the file cannot be read, lacks a field, or has one that is unknown or wrong.
     """
     try:
         text = path.read_text(encoding="utf-8")

@@ -84,8 +84,7 @@ def _checked(field: "dataclasses.Field[Any]", value: Any) -> Any:
 def _read(kind: type[_T], table: Any, path: str) -> _T:
     """Return the section of a TOML table; keys that are missing have their defaults.
 
-    Raises:
-        ConfigError: ``key: what`` for a key that is unknown or a value that cannot be used.
+    Raises ConfigError: ``key: what`` for a key that is unknown or a value that cannot be used.
     """
     if not isinstance(table, Mapping):
         raise ConfigError(f"{path}: not a table")
@@ -260,11 +259,7 @@ def config_from_table(tables: Mapping[str, Any], file: str) -> VioConfig:
 
 
 def config_from_text(text: str, file: str) -> VioConfig:
-    """Return the configuration of TOML text.
-
-    Raises:
-        ConfigError: naming file, and key or line.
-    """
+    """Return the configuration of TOML text. Raises ConfigError, naming file, and key or line."""
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -273,11 +268,7 @@ def config_from_text(text: str, file: str) -> VioConfig:
 
 
 def load_config(path: Path) -> VioConfig:
-    """Return the configuration in a TOML file.
-
-    Raises:
-        ConfigError: naming file, and key or line.
-    """
+    """Return the configuration in a TOML file. Raises ConfigError, naming file, and key or line."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

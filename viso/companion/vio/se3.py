@@ -23,8 +23,7 @@ _IDENTITY: Final = np.eye(3)
 def read_only(value: Any, shape: tuple[int, ...], field: str, *, finite: bool = True) -> Array:
     """Return a C-contiguous float64 copy that cannot be written to.
 
-    Raises:
-        ValueError: if the shape differs or, unless told otherwise, a number is not finite; names the field.
+    Raises ValueError if the shape differs or, unless told otherwise, a number is not finite; names the field.
     """
     array = np.array(value, dtype=np.float64, order="C")
     if array.shape != shape:
@@ -115,8 +114,7 @@ def right_jacobian_inverse(rotation_vector: Array) -> Array:
 def rotation_from_quat_wxyz(quat_wxyz: Any) -> Array:
     """Return the rotation matrix [3, 3] of a quaternion (w, x, y, z) of any length but 0.
 
-    Raises:
-        ValueError: if it has no direction.
+    Raises ValueError if it has no direction.
     """
     quat = np.asarray(quat_wxyz, dtype=np.float64)
     length = float(np.linalg.norm(quat))
@@ -198,11 +196,7 @@ class SE3:
 
     @classmethod
     def from_matrix(cls, matrix: Any) -> Self:
-        """Return the motion of a homogeneous matrix [4, 4].
-
-        Raises:
-            ValueError: if it is none.
-        """
+        """Return the motion of a homogeneous matrix [4, 4]. Raises ValueError if it is none."""
         full = read_only(matrix, (4, 4), "matrix")
         if np.abs(full[3] - [0, 0, 0, 1]).max() > ORTHONORMAL:
             raise ValueError("matrix: its last row is not 0 0 0 1")

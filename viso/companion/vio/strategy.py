@@ -112,8 +112,7 @@ class StrategyBase(abc.ABC):
     def reset_to_warm_start(self, pose: WarmStartPose) -> None:
         """Forget all and start from a given state.
 
-        Raises:
-            VioFatalError: if the state is not finite or its rotation none; or another call is under way.
+        Raises VioFatalError if the state is not finite or its rotation none; or another call is under way.
         """
         with self._alone():
             try:
@@ -146,8 +145,7 @@ class StrategyBase(abc.ABC):
     def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
         """Work on a frame that has passed the checks, and return what ``_conclude`` returns.
 
-        Raises:
-            VioError: as ``process_frame``; any other exception ends in LOST.
+        Raises VioError, as ``process_frame``; any other exception ends in LOST.
         """
 
     @abc.abstractmethod

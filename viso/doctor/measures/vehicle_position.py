@@ -140,7 +140,6 @@ def _params(log: LogColumns) -> Iterator[tuple[str, float]]:
 def position_of_log(path: Path) -> PositionSeries | None:
     """Return where a DataFlash log says that the vehicle was; None if it tells nothing that counts.
 
-    Raises:
-        InputError: if it cannot be read.
+    Raises InputError if it cannot be read.
     """
     return position_in(read_columns(path))

@@ -46,8 +46,7 @@ class InputOptions:
 def open_file(path: Path, options: InputOptions | None = None) -> FileReader:
     """Return the reader of a file, or of a folder.
 
-    Raises:
-        InputFileError: if it cannot be read, is of no known kind, or an extra is missing.
+    Raises InputFileError if it cannot be read, is of no known kind, or an extra is missing.
     """
     options = options or InputOptions()
     name = path.name.lower()
@@ -67,8 +66,7 @@ def open_file(path: Path, options: InputOptions | None = None) -> FileReader:
 def line_reader(line: str, utc_offset_s: float = 0.0) -> LineReader | None:
     """Return the reader of a format by one of its lines; None if it is none known.
 
-    Raises:
-        InputFileError: if an extra is missing.
+    Raises InputFileError if an extra is missing.
     """
     line = line.strip()
     if line.startswith("{"):

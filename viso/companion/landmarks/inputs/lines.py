@@ -43,8 +43,7 @@ class TextFile:
 def file_lines(path: Path) -> Iterator[str]:
     """Yield the lines of a text file, plain or gzip; bytes that are no UTF-8 become replacement characters.
 
-    Raises:
-        InputFileError: if it cannot be read, or is not text at all.
+    Raises InputFileError if it cannot be read, or is not text at all.
     """
     number = 0
     try:

@@ -52,7 +52,7 @@ def watch(rig: "CopterRig", duration_s: float, found: FilterStatus) -> None:
     """Let the copter look at an estimator in such a state for a while, ten times a second."""
     rig.ahrs.status = found
     for _ in range(round(duration_s * 10)):
-        rig.clock.advance_us(100_000)
+        rig.clock.set_us(rig.clock.micros64() + 100_000)
         rig.copter.check_estimator()
 
 
