@@ -104,6 +104,7 @@ def test_example_is_one_small_module(folder: Path) -> None:
     assert len(code) <= 50
 
 
+@pytest.mark.slow
 def test_broken_plugin_is_one_line_on_standard_error_and_the_rest_works(tmp_path: Path) -> None:
     install(EXAMPLES[0], tmp_path)  # without its module
     program = "from viso.doctor import all_rules\nfrom mav_handlers.links.table import all_links\n"

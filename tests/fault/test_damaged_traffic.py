@@ -110,6 +110,7 @@ def name_of(damage: Damage) -> str:
     return damage.__name__
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES, ids=name_of)
 def test_damaged_traffic_yields_nothing_but_what_was_sent(make_bench: "MakeBench", damage: Damage) -> None:
     stand_damage(make_bench(), SHORTENED, damage, FEW_FRAMES)

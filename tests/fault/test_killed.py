@@ -94,6 +94,7 @@ def kill_again_and_again(folder: Path, rounds: int, seed: int) -> None:
         check_what_is_left(folder, number)
 
 
+@pytest.mark.slow
 def test_vehicle_killed_in_the_middle_of_writing_leaves_whole_files(tmp_path: Path) -> None:
     kill_again_and_again(tmp_path, rounds=1, seed=1)
 

@@ -76,6 +76,7 @@ def check_list(bench: "Bench") -> None:
     assert Counter(value.param_index for value in values) == Counter(range(len(wanted)))
 
 
+@pytest.mark.slow
 def test_storm_of_parameter_requests_leaves_legal_values_and_whole_files(make_bench: "MakeBench") -> None:
     bench = make_bench(links=LINKS)
     rage(bench, Storm(bench, 7), 500)

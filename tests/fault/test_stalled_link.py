@@ -97,6 +97,7 @@ def test_link_that_stalls_for_a_minute_keeps_no_other_waiting() -> None:
     powered.close()
 
 
+@pytest.mark.slow
 def test_output_for_a_link_that_takes_nothing_is_bounded_and_counted(make_bench: "MakeBench") -> None:
     bench = make_bench()
     bench.send(0, *[TIMESYNC(0, -1)] * QUESTIONS)

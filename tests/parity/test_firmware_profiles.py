@@ -67,6 +67,7 @@ def test_scenarios_of_the_mav_backend_are_those_of_all_releases() -> None:
     assert [differences(lines, firmware)[1] for firmware in PROFILES.values()] == [0, 0, 0]
 
 
+@pytest.mark.slow
 def test_scenarios_of_the_reference_are_those_of_4_6_and_not_of_the_later_one() -> None:
     lines = tuple(line for line in scenarios(REFERENCE_VECTORS)[:40] if '"align_position"' in line)
     found = {name: differences(lines, firmware)[1] for name, firmware in PROFILES.items()}
@@ -93,6 +94,7 @@ def errors_of(records: Any) -> list[list[str]]:
     return [record[LABELS["PErr"] : LABELS["AErr"] + 1] for record in records if record[0] == VISP.name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "count"),
     [
@@ -106,6 +108,7 @@ def test_captures_come_out_as_their_release_alone_has_them(name: str, count: int
     assert differ == {STABLE_4_6.name, REFERENCE.name}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "count"),
     [("mav", 130), *(pytest.param(*case, marks=pytest.mark.slow) for case in (("mocap", 160), ("t265", 110)))],

@@ -146,6 +146,7 @@ def test_state_of_the_camera_changes_as_the_firmwares(both: tuple[Rows, Rows]) -
     assert [row["H"] for row in theirs[len(ours) :]] == [0]
 
 
+@pytest.mark.slow
 def test_units_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
     ours, _ = meanings_of(replayed("t265").log)
     assert ours == meanings_of(firmware_log("t265"))[0]
@@ -192,6 +193,7 @@ def test_log_names_the_vehicle_for_its_modes(replayed: Replays) -> None:
         assert log.flightmode == "STABILIZE"
 
 
+@pytest.mark.slow
 def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
     run = replayed("t265")
     script = Path(sys.executable).parent / "mavlogdump.py"

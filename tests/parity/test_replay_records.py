@@ -170,6 +170,7 @@ def test_records_and_their_order_are_the_firmwares(name: str, frames: Callable[[
     assert [name for name, _ in recorded[len(ours) :]] in ([], ["RFRF"])
 
 
+@pytest.mark.slow
 def test_another_release_logs_events_in_another_order(frames: Callable[[str], list[Sequence[Row]]]) -> None:
     recorded, ours = recorded_and_ours(frames(LATER))
     different = {name for (name, before), (_, after) in zip(recorded, ours, strict=False) if before != after}

@@ -208,6 +208,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Both]:
     return run
 
 
+@pytest.mark.slow
 def test_filter_navigates_in_this_flight(both: Callable[[], Both]) -> None:
     texts = [text for _, text in both().flight.texts]
     assert "is using external nav data" in texts

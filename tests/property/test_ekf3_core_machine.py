@@ -498,6 +498,7 @@ def test_whatever_comes_the_filter_keeps_its_head() -> None:
     run_state_machine_as_test(CoreMachine, settings=steps(5))
 
 
+@pytest.mark.slow
 def test_same_input_gives_the_same_output() -> None:
     run_state_machine_as_test(TwinMachine, settings=steps(2))
 

@@ -201,6 +201,7 @@ class CompiledMachine(FilterMachine):
     kernel = COMPILED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", [FilterMachine, CompiledMachine])
 def test_filter_stands_whatever_it_is_given(machine: type[FilterMachine]) -> None:
     run_state_machine_as_test(
@@ -304,6 +305,7 @@ def test_covariance_is_one_throughout_a_million_steps() -> None:
     assert wanderer.fused > 100_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "kernel"), [(2, PLAIN), (2, COMPILED), pytest.param(3, PLAIN, marks=pytest.mark.slow)]
 )

@@ -96,6 +96,7 @@ def vehicles(kind: int) -> list[Recorded]:
     return [Recorded(firmware, kind) for firmware in PROFILES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [1, 2, 3])
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(messages=st.lists(MESSAGES, min_size=1, max_size=6))

@@ -118,6 +118,7 @@ def made_logs(draw: st.DrawFn) -> tuple[bytes, int]:
     return described + b"".join(records), len(described)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(made=made_logs())
 def test_any_log_is_read_as_by_dfreader(made: tuple[bytes, int]) -> None:
@@ -143,6 +144,7 @@ def damaged(data: bytes, begin: int, kinds: list[str], seed: int) -> bytes:
     return data
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(made=made_logs(), kinds=st.lists(DAMAGE, min_size=1, max_size=4), seed=st.integers(0, 2**32 - 1))
 def test_damaged_log_is_read_on_where_dfreader_does(made: tuple[bytes, int], kinds: list[str], seed: int) -> None:

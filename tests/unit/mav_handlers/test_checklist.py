@@ -158,6 +158,7 @@ def test_streams_are_off_by_default_and_a_requested_rate_is_not_saved(bench: "Be
     assert "MAV1_EXTRA1" not in bench.vehicle.params.stored_values()
 
 
+@pytest.mark.slow
 def test_burst_order_of_messages_in_a_bucket(make_bench: "MakeBench") -> None:
     bench = make_bench(until_ms=25_000)
     feed_poses(bench, 0.5)
@@ -395,6 +396,7 @@ def test_samples_closer_than_20_ms_are_dropped_and_older_ones_are_not(make_bench
     assert (counts["pose", "taken"], counts["pose", "too_soon"]) == (3, 1)
 
 
+@pytest.mark.slow
 def test_flags_go_from_167_to_831_without_origin_and_local_position_starts_and_stops(make_bench: "MakeBench") -> None:
     sources = {"EK3_SRC1_POSXY": 6, "EK3_SRC1_POSZ": 1, "EK3_SRC1_VELXY": 6, "EK3_SRC1_VELZ": 0, "EK3_SRC1_YAW": 1}
     bench = make_bench(filter_runs=True, until_ms=20_000, **sources)
@@ -433,6 +435,7 @@ def test_second_origin_fails_by_command_and_is_passed_over_as_a_message(bench: "
     assert not sends(client, GPS_GLOBAL_ORIGIN)
 
 
+@pytest.mark.slow
 def test_requester_sees_the_origin_twice_and_home_goes_to_all_links(make_bench: "MakeBench") -> None:
     bench = make_bench(bauds=(None, None), EK3_SRC1_POSXY=6, EK3_SRC1_YAW=6, until_ms=25_000, filter_runs=True)
     first, second = bench.clients

@@ -399,6 +399,7 @@ class TestScheduling:
         assert sequences[-1] == 6
         assert sequences[0] > 6
 
+    @pytest.mark.slow
     def test_peer_that_never_reads_costs_limited_memory(self, make_bench: "MakeBench") -> None:
         bench = make_bench(MAV1_EXTRA1=333)
         bench.run_ms(10_000)

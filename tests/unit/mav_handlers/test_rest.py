@@ -223,6 +223,7 @@ def compare(make_bench: "MakeBench", steps: Iterable[Step]) -> None:
     assert one.records == other.records
 
 
+@pytest.mark.slow
 @given(parts=st.lists(STEPS, min_size=1, max_size=15))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 def test_poll_that_returns_at_once_would_have_sent_nothing(make_bench: "MakeBench", parts: list[list[Step]]) -> None:

@@ -103,6 +103,7 @@ def test_short_texts_use_up_no_id(queue: StatusTextQueue) -> None:
     assert ids(queue) == [1, 0, 2]
 
 
+@pytest.mark.slow
 def test_id_after_65535_is_1(queue: StatusTextQueue) -> None:
     for _ in range(65536):
         queue.send_text(INFO, "x" * 51)

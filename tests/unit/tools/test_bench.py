@@ -31,7 +31,7 @@ from viso.errors import InputError
 from viso.logs.files import LogStore
 from viso.vehicle.kernels import KERNEL_VARIABLE, PLAIN
 
-SLOW = {"start", "growth", "loop", "loop-numba"}
+SLOW = {"start", "growth", "loop", "loop-numba", "vio-640x480", "vio-5472x3648"}
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,7 @@ def test_what_benches_are_compared_with_is_a_bench_in_the_same_unit() -> None:
     assert all(BENCHES[row.beside].unit == row.unit for row in BENCHES.values() if row.beside)
 
 
+@pytest.mark.slow
 def test_benches_that_are_named_are_written_to_a_file(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tools.bench", "parse", "log", "--debug-single-value", "-o", "speed.json"]
     command[-1] = str(tmp_path / command[-1])
@@ -57,6 +58,7 @@ def test_benches_that_are_named_are_written_to_a_file(tmp_path: Path) -> None:
     assert {"commit", "packages", "cpu_count", "python_version"} <= suite.get_metadata().keys()
 
 
+@pytest.mark.slow
 def test_bench_that_does_not_exist_is_told() -> None:
     command = [sys.executable, "-m", "tools.bench", "nosuch"]
     done = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True, timeout=120)
@@ -64,6 +66,7 @@ def test_bench_that_does_not_exist_is_told() -> None:
     assert "no such bench: nosuch" in done.stderr
 
 
+@pytest.mark.slow
 def test_vehicle_fuses_what_it_is_sent_and_logs(tmp_path: Path) -> None:
     run = FullVehicle(tmp_path)
     run.run(WARM_UP_MESSAGES)
@@ -103,6 +106,7 @@ def test_odometry_is_what_the_autopilot_takes() -> None:
     assert not math.isnan(message.pose_covariance[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("enlargement", [1, 2])
 def test_strategy_of_the_bench_tracks(enlargement: int) -> None:
     flown = FlownStrategy(generate_texture(), 320, 240, enlargement)
@@ -116,16 +120,19 @@ def test_log_of_the_bench_is_read() -> None:
     assert read_all(log_of(400)) > 400
 
 
+@pytest.mark.slow
 def test_time_counts_until_a_message_is_accepted(tmp_path: Path) -> None:
     assert startup.serve_until_accepted(tmp_path) > 0
     assert (tmp_path / "storage.parm").exists()
 
 
+@pytest.mark.slow
 def test_autopilot_that_does_not_start_is_told() -> None:
     with pytest.raises(InputError, match="viso serve has ended before it connected"):
         startup.serve_until_accepted(Path("/dev/null/logs"))
 
 
+@pytest.mark.slow
 def test_memory_is_told_of_each_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(memory, "MINUTE_S", 5)
     memory.main(["2"])

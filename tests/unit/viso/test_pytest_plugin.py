@@ -51,6 +51,7 @@ def test_turn(extnav_autopilot, turn):
     run(pytester, tests).assert_outcomes(passed=2)
 
 
+@pytest.mark.slow
 def test_nearest_marker_wins_parameter_by_parameter(pytester: pytest.Pytester) -> None:
     tests = """
 pytestmark = pytest.mark.extnav_autopilot(preset="voxl", imu="bench", params={"VISO_DELAY_MS": 20, "VISO_SCALE": 2})
@@ -84,6 +85,7 @@ def test_marker_that_cannot_be_used_is_told_in_one_line(pytester: pytest.Pyteste
     result.stdout.no_fnmatch_line("*pytest_plugin.py*")
 
 
+@pytest.mark.slow
 def test_failed_claim_points_at_the_test_and_tells_what_came(pytester: pytest.Pytester) -> None:
     tests = """
 def test_it(extnav_autopilot):
@@ -109,6 +111,7 @@ def test_it(extnav_autopilot):
 """
 
 
+@pytest.mark.slow
 def test_missing_golden_log_fails_with_the_hint(pytester: pytest.Pytester) -> None:
     result = run(pytester, GOLDEN.format(1.5))
     result.assert_outcomes(failed=1)
@@ -151,6 +154,7 @@ def test_it(request, way):
     run(pytester, tests).assert_outcomes(passed=2)
 
 
+@pytest.mark.slow
 def test_plugin_imports_nothing_heavy_before_a_fixture_is_used(tmp_path: Path) -> None:
     test = tmp_path / "test_it.py"
     test.write_text(

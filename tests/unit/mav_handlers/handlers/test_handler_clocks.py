@@ -88,6 +88,7 @@ class TestTimesync:
         client.tell(TIMESYNC(99, 0))
         assert bench.logged("TSYN") == []
 
+    @pytest.mark.slow
     def test_reply_on_another_link_is_ignored(self, make_bench: "MakeBench") -> None:
         bench = make_bench(bauds=(None, None), until_ms=0)
         late = bench.clients[1].channel

@@ -81,6 +81,7 @@ def test_darkness_degrades_and_beginning_anew_steps_the_counter(loop: CompanionL
     assert codes == {"consumed", "quality_below_min"}
 
 
+@pytest.mark.slow
 def test_loop_can_be_drawn(loop: CompanionLoop, tmp_path: Path) -> None:
     save_plot(loop, tmp_path / "loop.png")
     assert (tmp_path / "loop.png").read_bytes().startswith(b"\x89PNG")

@@ -21,6 +21,7 @@ def without_compass(_run: int) -> tuple[list[str], bytes]:
     return loop.record.texts(AUTOPILOT), bytes(log.data)
 
 
+@pytest.mark.slow
 def test_yaw_is_aligned_to_external_navigation() -> None:
     wanted = ["EKF3 IMU0 yaw aligned", "EKF3 IMU0 is using external nav data", "Arming motors"]
     assert [text for text in without_compass(0)[0] if text in wanted] == wanted

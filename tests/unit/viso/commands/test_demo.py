@@ -79,6 +79,7 @@ def test_simulated_camera_leaves_log_and_plot(viso: Viso) -> None:
     assert {path.name for path in Path("here").iterdir()} == {"00000001.BIN", "00000001.png", "LASTLOG.TXT"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short")
 def test_simulated_camera_for_machines(viso: Viso) -> None:
     answer = json.loads(viso("demo", *SIMULATED, "--no-plot", "--json").out)
@@ -138,6 +139,7 @@ def test_other_missing_module_is_not_taken_for_matplotlib(viso: Viso, monkeypatc
         viso("demo", *SIMULATED)
 
 
+@pytest.mark.slow
 def test_strategy_that_is_not_there_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "viso.companion.strategies.klt_ransac", None)
     outcome = viso("demo", *VIO)
@@ -155,12 +157,14 @@ def test_place_that_cannot_be_written_to_is_one_line(viso: Viso) -> None:
     assert failed_with(viso("demo", *SIMULATED), "logs: File exists")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short")
 def test_plot_that_cannot_be_written_is_one_line(viso: Viso) -> None:
     Path("logs/00000001.png").mkdir(parents=True)
     assert failed_with(viso("demo", *SIMULATED), "logs/00000001.png: Is a directory")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short")
 def test_log_that_cannot_be_written_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_descriptor: int, _data: bytes) -> int:

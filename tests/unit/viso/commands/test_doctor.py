@@ -94,6 +94,7 @@ def test_findings_for_machines(viso: Viso) -> None:
     assert ET.parse("out.xml").getroot().attrib["failures"] == "1"
 
 
+@pytest.mark.slow
 def test_parameters_are_given(viso: Viso) -> None:
     path = written("clean")
     outcome = viso("doctor", path, "--param", "VISO_TYPE=0", "--json", "--baud", "0")

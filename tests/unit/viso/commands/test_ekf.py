@@ -167,6 +167,7 @@ def test_pymavlink_reads_the_log_to_its_end(written: Path, capfd: pytest.Capture
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_estimates_are_near_the_logs_own_record_by_record(short: Path, written: Path) -> None:
     theirs = [record for record in records_of(short, "XKF1") if record.TimeUS <= UNTIL_S * 1e6]
     ours = [record for record in records_of(written, "XKF1") if record.C == 0]

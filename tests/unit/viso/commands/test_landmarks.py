@@ -229,6 +229,7 @@ def test_estimate_warns_and_predicts_only_when_asked_to(viso: Viso) -> None:
     assert poses == [{"odom"}, {"odom", "estimated"}]
 
 
+@pytest.mark.slow
 def test_plot_is_the_last_picture(viso: Viso) -> None:
     outcome = viso("landmarks", *SHORT, "--until", "1", "--plot", "out.png", "--all-sky", "--palette", "classic")
     assert outcome.out.splitlines()[-1] == "plot: out.png"

@@ -105,6 +105,7 @@ def test_place_that_cannot_be_written_is_one_line(viso: Viso, log: Path, tmp_pat
     assert outcome.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_programs_of_the_documentation_print_what_it_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

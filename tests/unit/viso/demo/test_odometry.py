@@ -119,6 +119,7 @@ def test_log_is_closed_at_the_end() -> None:
     assert not ran().demo.loop.vehicle.logger.is_open
 
 
+@pytest.mark.slow
 def test_run_can_be_stopped() -> None:
     demo = VioDemo(1, MemoryLog)
     seconds: list[float] = []

@@ -71,6 +71,7 @@ def test_given_parameters_win_over_those_of_the_recording() -> None:
     assert evidence.viso_type == 3
 
 
+@pytest.mark.slow
 def test_without_parameters_a_set_up_that_fits_is_assumed() -> None:
     evidence = gather(stream_of(companion()))
     assumed = {one.name: one.value for one in evidence.assumed}
@@ -79,6 +80,7 @@ def test_without_parameters_a_set_up_that_fits_is_assumed() -> None:
     assert summarise(evidence).aiding_from_us is not None
 
 
+@pytest.mark.slow
 def test_what_the_autopilot_said_is_told_from_the_companion() -> None:
     evidence = gather(stream_of([*companion(), *autopilot(7)]))
     assert evidence.param("MAV_SYSID") == 7
@@ -93,6 +95,7 @@ def test_what_the_autopilot_said_is_told_from_the_companion() -> None:
     assert all(one.sender == (1, 197) for one in evidence.vision)
 
 
+@pytest.mark.slow
 def test_heading_of_the_vehicle_is_where_it_starts() -> None:
     params = {**SETUP, "EK3_SRC1_YAW": 1.0}
     found = gather(stream_of([*companion(), *autopilot(1)], params))
@@ -124,6 +127,7 @@ def test_empty_stream_has_no_vision() -> None:
     assert summarise(evidence).healthy_from_us is None
 
 
+@pytest.mark.slow
 def test_summary_counts_what_became_of_messages_and_samples() -> None:
     summary = summarise(gather(stream_of(companion(), dict(SETUP))))
     assert sum(summary.outcomes.values()) == 50

@@ -45,6 +45,7 @@ def test_recorded_sequence_is_named_for_what_it_is(name: str) -> None:
     assert "XN3-02" not in found
 
 
+@pytest.mark.slow
 def test_a_leap_of_half_a_minute_is_found_where_it_is() -> None:
     leaps = 0
     for stamp_us, arrival_us in sequences().values():

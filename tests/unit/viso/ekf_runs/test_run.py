@@ -271,6 +271,7 @@ def test_parameter_that_changes_in_flight_is_logged(rig: Rig) -> None:
     assert 4_600_000 <= last["TimeUS"] < 4_602_500
 
 
+@pytest.mark.slow
 def test_source_set_is_chosen_by_an_event(rig: Rig) -> None:
     ours = rig.run(after_frame(5_200_000, ("REV3", {"Event": 14})))
     assert [fields["Id"] for fields in of(ours, "EV")] == [62, 86]

@@ -104,6 +104,7 @@ def test_log_that_arming_opens_holds_the_fact(make_bench: MakeBench, tmp_path: P
     assert [r["Id"] for r in records if r["name"] == "EV"] == [10, 60]
 
 
+@pytest.mark.slow
 def test_log_closes_15_seconds_after_disarming(make_bench: MakeBench) -> None:
     bench = make_bench(LOG_DISARMED=0)
     bench.command(400, 1)

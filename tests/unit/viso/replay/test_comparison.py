@@ -92,6 +92,7 @@ def test_records_may_differ_where_no_verdict_does() -> None:
     assert "log records of 3 messages differ, first of message 1" in printed(comparison)
 
 
+@pytest.mark.slow
 def test_fates_in_the_filter_that_differ_are_told_by_sample() -> None:
     recorded = stream(*(90,) * 30, start_us=START_US)
     before, after = (run(recorded, {**SETTINGS, "EK3_SRC1_POSXY": source}, WATCHED) for source in (6, 0))

@@ -289,6 +289,7 @@ def test_unwatched_replay_ends_with_the_last_message_and_has_no_fates() -> None:
     assert {"filter" in message.as_dict() for message in messages} == {False}
 
 
+@pytest.mark.slow
 def test_watching_changes_nothing_else() -> None:
     recorded = flown(30)
     vehicle = Vehicle(VehicleConfig(by_ekf3(FollowSource, ImuOptions()), defaults=recorded.params))

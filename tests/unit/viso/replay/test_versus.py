@@ -28,6 +28,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_errors_that_differ_are_told_with_both_values(viso: "Viso", short: Path) -> None:
     outcome = viso("replay", str(short), "--versus", "2026-02", "--json")
     assert outcome.code == 0

@@ -124,6 +124,7 @@ def test_empty_log_makes_a_page_that_says_what_is_absent(tmp_path: Path) -> None
     assert "No VISP: position and attitude of vision." in text
 
 
+@pytest.mark.slow
 def test_numbers_that_are_none_are_drawn_as_nothing(tmp_path: Path) -> None:
     maker = LogMaker()
     nan = float("nan")

@@ -172,6 +172,7 @@ def test_parameter_that_changed_is_set_at_its_time(tmp_path: Path) -> None:
 # Logs of the firmware
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [
     "bench_no_yaw_source",
     *(pytest.param(name, marks=pytest.mark.slow) for name in (

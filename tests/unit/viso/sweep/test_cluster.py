@@ -46,6 +46,7 @@ def test_no_result_is_lost_or_doubled_when_a_worker_is_killed(make_plan_of: Make
     assert sorted(results, key=lambda result: result.number) == [run_point(plan, point) for point in points]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_scheduler_that_does_not_answer_is_one_line(plan: SweepPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viso.sweep.cluster._TIMEOUT_S", 0.1)

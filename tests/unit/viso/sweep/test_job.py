@@ -62,6 +62,7 @@ def test_figures_are_those_of_a_replay(plan: SweepPlan, viso: Viso, tmp_path: Pa
     assert row["fused_share"] == fused / of_use
 
 
+@pytest.mark.slow
 def test_faults_are_those_of_viso_faults(make_plan_of: MakePlan, viso: Viso, timeline: Path, tmp_path: Path) -> None:
     row = row_of(make_plan_of(faults=[str(timeline)]))
     assert viso("faults", short(tmp_path), "-o", "faulty.jsonl", "--timeline", timeline).code == 0
@@ -86,6 +87,7 @@ def test_the_timelines_own_seed_counts_where_none_is_given(make_plan_of: MakePla
     assert row_of(make_plan_of(faults=[str(timeline)])) == row_of(make_plan_of(faults=[str(timeline)], seeds="3"))
 
 
+@pytest.mark.slow
 def test_sensor_noise_follows_the_seed(make_plan_of: MakePlan) -> None:
     plan = make_plan_of(set=["VISO_DELAY_MS=0"], seeds="0,1", imu="bench", imu_error=["accel_noise_m_s2_rthz=0.5"])
     assert row_of(plan, 0)["nis"] != row_of(plan, 1)["nis"]

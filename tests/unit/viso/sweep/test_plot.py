@@ -70,6 +70,7 @@ def test_two_axes_are_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert (values_of(best, "x"), values_of(best, "y")) == ([0.0], [300.0])
 
 
+@pytest.mark.slow
 def test_samples_are_points_against_each_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     axes = [Axis(name, span=(0.0, 1.0)) for name in ("VISO_SCALE", "VISO_POS_X", "VISO_POS_Y", "VISO_POS_Z")]
     plan = made_plan(*axes, sampling=Sampling("latin", 6))

@@ -20,6 +20,7 @@ def at(after_boot_s: float) -> str:
     return f"{BOOTED_US / 1e6 + after_boot_s:9.3f} s  "
 
 
+@pytest.mark.slow
 def test_first_verdict_of_each_kind_is_told(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -255,6 +255,7 @@ def test_silence_is_not_healthy(autopilot: Autopilot) -> None:
         autopilot.assert_healthy()
 
 
+@pytest.mark.slow
 def test_vehicle_without_external_navigation_is_not_healthy() -> None:
     autopilot = Autopilot(AutopilotOptions(params={"VISO_TYPE": 0}))
     autopilot.send(odometry())

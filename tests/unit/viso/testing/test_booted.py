@@ -29,6 +29,7 @@ def flown(booted: BootedVehicle) -> tuple[bytes, bytes]:
     return bytes(booted.logs[-1].data), sent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

@@ -149,6 +149,7 @@ def test_numbers_that_are_none_become_null(watch: Callable[..., Watched]) -> Non
     assert watched.batch()["point"]["vision"]["pos"] is None
 
 
+@pytest.mark.slow
 def test_failed_checks_stand_until_they_pass(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.vehicle.copter.arming.pre_arm_checks(display=True)

@@ -17,6 +17,7 @@ from viso.web.live_view import LiveView
 PAGE = ROOT / "docs" / "web.md"
 
 
+@pytest.mark.slow
 def test_address_is_printed_and_everything_closes_at_the_end(serve: Viso) -> None:
     outcome = serve("--web", "127.0.0.1:0")
     assert outcome.code == 0
@@ -60,6 +61,7 @@ def test_page_names_every_command_and_every_fault() -> None:
     assert [switch.label for switch in SWITCHES if f"| {switch.label} | {switch.about} |" not in text] == []
 
 
+@pytest.mark.slow
 def test_what_is_there_for_good_is_kept_from_the_collector_for_as_long() -> None:
     frozen = gc.get_freeze_count()
     with long_lived.long_lived():

@@ -97,6 +97,7 @@ def known(value: float | None) -> float:
     return value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("yaw_deg", "pitch_deg", "delay_s", "motion"),
     [

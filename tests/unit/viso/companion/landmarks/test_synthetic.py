@@ -58,6 +58,7 @@ def test_events_come_in_the_order_of_their_times() -> None:
     assert times == sorted(times)
 
 
+@pytest.mark.slow
 def test_noise_has_its_sigma_and_its_seed() -> None:
     flight = SyntheticFlight(CAMERA, noise_px=2.0, seed=3, traffic=())
     values = np.array(innovations(flown(flight)))

@@ -172,6 +172,7 @@ class TestBoth:
         windows = updated_windows(relief_m, plane)
         assert np.mean(windows.errors_left) < 0.8 * np.mean(windows.errors)
 
+    @pytest.mark.slow
     def test_innovation_is_as_large_as_stated(self, relief_m: float, plane: Plane | None) -> None:
         # A little below 1, as the gate refuses the worst of the good tracks. With 41 degrees of freedom or more, three
         # standard errors of the mean of 25 are 0.13.

@@ -223,6 +223,7 @@ def sound_bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [path for path in found if path.suffix != ".yaml"]
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     which=st.integers(0, 2),

@@ -145,6 +145,7 @@ def test_landmarks_that_are_elsewhere_are_dropped() -> None:
     assert flight.place_error_m() < 0.2
 
 
+@pytest.mark.slow
 def test_body_at_rest_stays_where_it_is() -> None:
     state = start()
     state.v = np.zeros(3)

@@ -72,5 +72,6 @@ def test_errors_are_within_three_sigma() -> None:
     assert (errors < 3).mean() >= 0.95
 
 
+@pytest.mark.slow
 def test_errors_leave_three_sigma_when_the_bias_is_not_known() -> None:
     assert (np.abs(relative_errors(every=40, bias_known=False)) < 3).mean() < 0.5

@@ -45,6 +45,7 @@ def test_imu_shows_its_biases() -> None:
     assert biases[-1] == pytest.approx(biases[0], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [pytest.param(100, marks=pytest.mark.slow), 400])
 def test_white_noise_has_its_density(rate_hz: int) -> None:
     noise = ImuNoise(gyro=2e-3, accel=3e-2, gyro_walk=1e-12, accel_walk=1e-12)

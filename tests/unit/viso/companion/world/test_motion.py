@@ -43,6 +43,7 @@ def test_specific_force_and_gravity_integrate_to_the_velocity(name: str, start_s
     assert gained == pytest.approx(motion.velocity_w[-1] - motion.velocity_w[0], abs=2e-6)
 
 
+@pytest.mark.slow
 @given(flights, times)
 def test_rates_integrate_to_the_attitude(name: str, start_s: float) -> None:
     motion = FLIGHTS[name].motion(start_s + MILLISECONDS)

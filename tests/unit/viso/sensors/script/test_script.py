@@ -117,6 +117,7 @@ def test_a_minute_of_eights_adds_up_to_the_truth() -> None:
     assert np.linalg.norm(rotation_between(quat, quat_of(truth))) < 1e-4
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(ATTITUDES, LEGS)
 def test_any_shape_adds_up_to_the_truth(attitude: str, leg: str) -> None:

@@ -255,6 +255,7 @@ class TestJump:
         rig.run(20.0, lambda t: (walk_north(1.0)(t)[0] + (5.0 if t > 12.0 else 0.0), 0.0, 0.0))
         assert rig.pos[0] == pytest.approx(12.0, abs=0.05)
 
+    @pytest.mark.slow
     def test_after_a_jump_of_yaw_the_way_is_turned_with_the_frame(self) -> None:
         # What the camera calls east from then on is the vehicle's north.
         rig = Rig()

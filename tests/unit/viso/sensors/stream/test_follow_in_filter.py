@@ -161,6 +161,7 @@ def take(loop: FilterLoop, record: Any) -> None:
 class TestMovingCamera:
     """A stream without defects: 3 m/s, turns of 1 m/s^2, the noise of a camera."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("has_velocity", [pytest.param(False, marks=pytest.mark.slow), True])
     def test_innovations_stay_far_from_the_gates(
         self, make_loop: "MakeLoop", follow: FollowSource, has_velocity: bool
@@ -211,6 +212,7 @@ class TestDefect:
         assert after.vel_ned[0] == pytest.approx(0.0, abs=0.001)
         assert max(horizontal(report) for report in loop.between(EVENT_S)) < 0.01
 
+    @pytest.mark.slow
     def test_jump_of_30_m_without_counter_is_rejected_for_7_s_then_believed(
         self, make_loop: "MakeLoop", follow: FollowSource
     ) -> None:
