@@ -73,6 +73,7 @@ def stand_soak(bench: "Bench", seconds: int) -> None:
     assert sum(path.stat().st_size for path in bench.store.directory.glob("*.BIN")) == bench.vehicle.logger.size
 
 
+@pytest.mark.slow
 def test_six_seconds_at_200_hz_lose_nothing(make_bench: "MakeBench") -> None:
     stand_soak(make_bench(**STREAMS), 6)
 

@@ -116,7 +116,7 @@ def without(texts: list[str], exceptions: list[str]) -> list[str]:
     return left[::-1]
 
 
-USUAL = {"dropout", "mav", "t265", "voxl", "2026-02/t265"}
+USUAL = {"mav", "t265", "voxl", "2026-02/t265"}
 """One of each backend and release; the usual run takes these."""
 
 

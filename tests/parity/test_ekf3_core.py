@@ -35,7 +35,9 @@ PIECES: Final = {
     "bench_vertical_velocity_100hz": 9.0,
     "dropout": 12.0,
 }
-"""The usual run takes the beginnings of these, up to so many s since boot."""
+"""The beginnings of these, up to so many s since boot."""
+
+USUAL_PIECES: Final = ("bench_odometry", "bench_velocity_only", "dropout")
 
 SAME_FRAME_S: Final = 0.03
 WORST: Final = {
@@ -86,13 +88,20 @@ def test_whole_log_is_the_firmwares(name: str, recordings: Recordings) -> None:
     assert [target for target in comparison.checks if not target.passed] == []
 
 
-@pytest.mark.parametrize(("name", "until_s"), PIECES.items())
+@pytest.mark.parametrize(
+    ("name", "until_s"),
+    [
+        pytest.param(name, until_s, marks=() if name in USUAL_PIECES else pytest.mark.slow)
+        for name, until_s in PIECES.items()
+    ],
+)
 def test_beginning_of_a_log_is_the_firmwares(name: str, until_s: float) -> None:
     run = replay_ekf(LOGS / f"{name}.BIN.xz", until_s=until_s)
     assert run.time_s[-1] > until_s - 0.2
     check(run)
 
 
+@pytest.mark.slow
 def test_same_log_gives_the_same_estimates(recordings: Recordings) -> None:
     first, again = recordings.replay(SHORTEST).until(8.0), replay_ekf(LOGS / f"{SHORTEST}.BIN.xz", until_s=8.0)
     assert all(np.array_equal(again.ours[label], first.ours[label]) for label in again.ours)

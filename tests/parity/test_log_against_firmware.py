@@ -153,6 +153,7 @@ def test_units_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str]
     assert [ours["VISP"][name] for name in ("CTimeMS", "PX", "Y", "Q")] == ["ms", "m", "degheading", "%"]
 
 
+@pytest.mark.slow
 def test_unit_and_multiplier_records_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
     assert meanings_of(replayed("t265").log)[1] == meanings_of(firmware_log("t265"))[1]
 

@@ -33,6 +33,8 @@ from viso.logs.logger import STRUCTURES, Logger
 from viso.logs.sink import MemoryLog
 from viso.parameters.table import make_groups
 
+pytestmark = pytest.mark.slow
+
 LAYOUTS: Final = {structure.name: structure for structure in STRUCTURES}
 PARAMETERS: Final = {
     **{f"EK3_SRC1_{name}": 6 for name in ("POSXY", "VELXY", "VELZ")},

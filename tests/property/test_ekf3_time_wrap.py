@@ -257,7 +257,7 @@ def assert_same(one: Voyage, other: Voyage, within: float = 0.0) -> None:
 @pytest.mark.parametrize(
     ("name", "wrap_s"),
     [
-        *(("pose", 10), ("forced reset", 15)),
+        ("pose", 10),
         *(
             pytest.param(*case, marks=pytest.mark.slow)
             for case in (
@@ -269,7 +269,7 @@ def assert_same(one: Voyage, other: Voyage, within: float = 0.0) -> None:
                     ("nothing", 10),
                     ("nothing but a compass", 10),
                 ),
-                *(("no odometry", 45), ("odometry", 46), ("GPS", 46), ("forced reset", 6)),
+                *(("no odometry", 45), ("odometry", 46), ("GPS", 46), ("forced reset", 6), ("forced reset", 15)),
             )
         ),
     ],

@@ -211,7 +211,9 @@ def covariance_of(pos_err: float, ang_err: float) -> Covariance:
 def _variances(error: float) -> Three:
     """Return the variances of three axes that make an error, found by trial near what theory says."""
     guess = f32(math.sqrt(error**3 / 3))
-    tried = [(first, first, last) for first in _around(guess, _STEPS) for last in _around(first, 1)]
+    tried = [
+        (first, first, last) for steps in (1, 16) for first in _around(guess, _STEPS) for last in _around(first, steps)
+    ]
     for variances in tried:
         if _error_of(variances) == error:
             return variances

@@ -12,6 +12,7 @@ def cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split(" | ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES)
 def test_every_row_has_a_cell_for_each_column(name: str) -> None:
     head, _, *rows = render(name).splitlines()

@@ -265,6 +265,7 @@ def test_replay_writes_the_log(viso: Viso, capture: Path) -> None:
     assert Path("out.BIN").read_bytes().startswith(bytes.fromhex("a3 95 80 80 59 46 4d 54 00"))
 
 
+@pytest.mark.slow
 def test_replay_twice_writes_the_same_bytes(viso: Viso, capture: Path) -> None:
     for name in ("first.BIN", "second.BIN"):
         viso("replay", capture, "--log", name, "--records", f"{name}.jsonl")
@@ -283,6 +284,7 @@ def first_speed_record(viso: Viso, capture: Path, *args: str) -> list[Any]:
     return next(out for out in records if out[0] == "VISV")
 
 
+@pytest.mark.slow
 def test_transport_time_may_be_switched_off(viso: Viso, capture: Path) -> None:
     modelled, without = (first_speed_record(viso, capture, *args)[3] for args in ([], ["--baud", "0"]))
     assert without - modelled >= 5
@@ -297,6 +299,7 @@ def test_heading_counts_without_a_log_of_attitudes(viso: Viso, heading_deg: int)
     assert float(aligned.split()[-2]) == pytest.approx(heading_deg, abs=1)
 
 
+@pytest.mark.slow
 def test_telemetry_log_is_replayed(viso: Viso, tmp_path: Path, capture: Path) -> None:
     frames = [json.loads(line)["msg"] for line in capture.read_text().splitlines()[1:]]
     entries = [(10**5 * number).to_bytes(8, "big") + bytes.fromhex(frame) for number, frame in enumerate(frames)]

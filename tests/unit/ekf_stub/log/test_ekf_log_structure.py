@@ -52,6 +52,7 @@ def test_order_is_that_of_the_firmwares_table() -> None:
     assert ids == sorted(ids)
 
 
+@pytest.mark.slow
 def test_recorded_log_describes_the_same(tmp_path: Path) -> None:
     path = tmp_path / "voxl.BIN"
     path.write_bytes(lzma.decompress((DATA / "logs" / "voxl.BIN.xz").read_bytes()))

@@ -143,6 +143,7 @@ def test_rows_for_machines_are_json(figures: LoopFigures) -> None:
     assert row["odometry"]["horizontal_rms_m"] == figures.odometry.horizontal_rms_m
 
 
+@pytest.mark.slow
 def test_loop_that_has_not_begun_has_figures() -> None:
     loop = CompanionLoop(make_setup(7.0), MemoryLog)
     loop.run_until(100_000)

@@ -11,6 +11,8 @@ from tests.unit.viso.closed_loop.hops import ARM_S, COMPANION_S, HOP_END_S, HOP_
 from viso.closed_loop.record import AUTOPILOT, COMPANION, Health, LoopRecord, Said, StateSpan
 from viso.companion.vio.types import VioState
 
+pytestmark = pytest.mark.slow
+
 TRACKING, DEGRADED, INIT = VioState.TRACKING, VioState.DEGRADED, VioState.INIT
 
 

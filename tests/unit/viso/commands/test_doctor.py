@@ -77,6 +77,7 @@ def test_error_is_told_with_its_fix_and_fails(viso: Viso) -> None:
     assert "\n    fix: Data can stay as they are: set frame_id 20 and child_frame_id 12." in outcome.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fail_on", "code"), [("error", 0), ("warning", 1), ("note", 1)])
 def test_severity_that_fails_is_chosen(viso: Viso, fail_on: str, code: int) -> None:
     assert viso("doctor", written("twice"), "--baud", "0", "--fail-on", fail_on).code == code

@@ -230,6 +230,7 @@ def test_file_that_is_no_log_is_one_line(viso: Viso) -> None:
     assert failed_with(viso("text.BIN"), "text.BIN: not a DataFlash log")
 
 
+@pytest.mark.slow
 def test_log_of_another_kind_is_one_line(viso: Viso, written: Path) -> None:
     assert failed_with(viso(written), f"{written}: no replay records; LOG_REPLAY was off, or the EKF was")
 

@@ -154,6 +154,7 @@ def test_several_files_are_merged_by_time(viso: Viso) -> None:
     assert len(innovations(viso("landmarks", *args))) == len(innovations(together)) > 150
 
 
+@pytest.mark.slow
 def test_standard_input_is_a_file_among_others(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     events = flight()
     written("map.jsonl", events[:1])
@@ -208,6 +209,7 @@ def test_csv_has_a_row_an_innovation(viso: Viso) -> None:
         assert float(row["observed_u_px"]) - float(row["predicted_u_px"]) == pytest.approx(float(row["du_px"]))
 
 
+@pytest.mark.slow
 def test_records_are_read_again(viso: Viso) -> None:
     assert viso("landmarks", *SHORT, "--estimate", "--records", "out.jsonl").code == 0
     rows = [json.loads(line) for line in Path("out.jsonl").read_text().splitlines()]

@@ -123,6 +123,7 @@ def test_replay_tells_machines_the_same_and_writes_lines_that_agree(viso: Viso, 
     assert found == {(row["kind"], row["rule"]): row["count"] for row in answer["filter"]}
 
 
+@pytest.mark.slow
 def test_replay_without_the_filter_is_as_it_was(viso: Viso, capture: Path) -> None:
     answer = replayed(viso, capture, "--records", "out.jsonl")
     assert set(answer) == {"stream", "verdicts", "texts"}

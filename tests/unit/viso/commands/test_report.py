@@ -40,6 +40,7 @@ def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch:
     assert all(b"<svg" in (tmp_path / name).read_bytes() for name in written[-2:])
 
 
+@pytest.mark.slow
 def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path) -> None:
     outcome = viso("report", log)
     assert (outcome.code, outcome.err) == (0, "")

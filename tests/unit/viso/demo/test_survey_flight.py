@@ -31,6 +31,7 @@ def test_survey_has_its_height_and_speed() -> None:
     assert np.linalg.norm(motion.velocity_w[:, :2], axis=1).mean() == pytest.approx(6.0, rel=0.25)
 
 
+@pytest.mark.slow
 def test_nothing_jerks() -> None:
     motion = PLAN.trajectory().motion(np.arange(0.0, 27.0, 0.005))
     assert np.abs(np.diff(motion.specific_force_b, axis=0)).max() < 0.15

@@ -61,6 +61,7 @@ def test_camera_is_in_order_on_a_vehicle_once_its_mounting_is_set(orient: int) -
     assert codes(findings, Severity.WARNING) == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("orient", ALL)
 def test_camera_is_in_order_once_its_mounting_is_set(orient: int) -> None:
     findings = diagnose(mounted(orient), RULES)

@@ -146,6 +146,7 @@ def test_yaw_that_leaves_the_vehicles_once_aligned_is_told(turned: range, is_fou
         assert "by up to 23 deg" in found["XN8-08"].evidence
 
 
+@pytest.mark.slow
 def test_short_disagreement_of_roll_and_pitch_is_let_pass() -> None:
     straight, series = swaying(300)
     tilted, _ = swaying(300, np.array([math.cos(0.2), math.sin(0.2), 0.0, 0.0]))

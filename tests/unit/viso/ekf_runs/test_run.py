@@ -180,6 +180,7 @@ def test_estimates_come_in_the_order_of_the_logs(ours: list[Record], recorded: l
     assert first == [name for name, fields in recorded if name.startswith("XK")][:20]
 
 
+@pytest.mark.slow
 def test_log_without_estimates_gets_them_ten_times_a_second(rig: Rig) -> None:
     ours = of(rig.run(without("XKF4", "XKF1", "XKF3")), "XKF4")
     times_us = [fields["TimeUS"] for fields in ours if fields["C"] == 0]
@@ -187,6 +188,7 @@ def test_log_without_estimates_gets_them_ten_times_a_second(rig: Rig) -> None:
     assert all(100_000 <= after - before < 102_500 for before, after in pairwise(times_us))
 
 
+@pytest.mark.slow
 def test_estimates_are_those_of_the_frame_whenever_in_it_they_are_logged(rig: Rig, ours: list[Record]) -> None:
     # The firmware writes RFRF, which tells that the filter ran, only after the estimates; or before, as it happens.
     def late(name: str, fields: dict[str, Any], now_us: int) -> Iterator[Record]:
@@ -208,6 +210,7 @@ def test_level_of_the_log_leaves_nothing_out(rig: Rig, ours: list[Record]) -> No
     assert len(of(rig.run(params(EK3_LOG_LEVEL=1)), "XKF1")) == len(of(ours, "XKF1")) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mask", "cores"), [pytest.param(1, {0}, marks=pytest.mark.slow), (3, {0, 1})])
 def test_every_core_of_the_mask_has_records(rig: Rig, mask: int, cores: set[int]) -> None:
     ours = rig.run(params(EK3_IMU_MASK=mask), until_s=4.6)
@@ -254,6 +257,7 @@ def test_same_log_gives_the_same_bytes(rig: Rig, tmp_path: Path) -> None:
 # What is fed
 
 
+@pytest.mark.slow
 def test_parameter_that_changes_in_flight_counts_at_once(rig: Rig) -> None:
     ours = rig.run(after_frame(4_600_000, ("PARM", changed("EK3_SRC1_POSXY", 0.0))))
     assert not [text for _, text in texts(ours) if "external nav" in text]
@@ -279,6 +283,7 @@ def test_source_set_is_chosen_by_an_event(rig: Rig) -> None:
     assert set(sets) == {(False, 0), (True, 1)}
 
 
+@pytest.mark.slow
 def test_origin_is_logged_once(rig: Rig) -> None:
     place = {"Lat": -353632610 & 0xFFFFFFFF, "Lon": 1491652300, "Alt": 58400}
     ours = rig.run(after_frame(4_600_000, ("RSO3", place), ("RSO3", {**place, "Alt": 1})))
@@ -292,11 +297,13 @@ def odometry(time_ms: int, forward_m: float) -> Record:
     return "RBOH", {**fields, "Q": 90.0, "DPX": forward_m, "DT": 0.04, "TS": time_ms, "D": 0}
 
 
+@pytest.mark.slow
 def test_body_odometry_reaches_the_filter(rig: Rig) -> None:
     moving = rig.run(after_frame(5_100_000, odometry(5_100, 0.4)))
     assert [fields["IX"] for fields in of(moving, "XKFD")] == pytest.approx([-10], abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("delay_ms", "known_us"), [pytest.param(0, 5_249_566, marks=pytest.mark.slow), (60, 5_149_606)]
 )
@@ -310,6 +317,7 @@ def test_odometry_is_as_late_as_the_camera(rig: Rig, delay_ms: int, known_us: in
     assert [fields["TimeUS"] for fields in of(rig.run(change), "XKFD")] == [known_us]
 
 
+@pytest.mark.slow
 def test_camera_off_the_imu_is_allowed_for(rig: Rig, ours: list[Record]) -> None:
     def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
         yield name, {**fields, "OX": -2.0} if name == "RVOH" else fields
@@ -318,6 +326,7 @@ def test_camera_off_the_imu_is_allowed_for(rig: Rig, ours: list[Record]) -> None
     assert starts == [f"EKF3 IMU0 initial pos NED = {north_m},-0.0,0.0 (m)" for north_m in (0.0, 2.0)]
 
 
+@pytest.mark.slow
 def test_place_of_the_imu_counts_against_that_of_the_camera(rig: Rig) -> None:
     started = [text for _, text in texts(rig.run(params(INS_POS1_X=2.0))) if "IMU0 initial pos" in text]
     assert started == ["EKF3 IMU0 initial pos NED = 2.0,-0.0,0.0 (m)"]
@@ -326,6 +335,7 @@ def test_place_of_the_imu_counts_against_that_of_the_camera(rig: Rig) -> None:
 # What is compared
 
 
+@pytest.mark.slow
 def test_comparison_has_what_the_log_says(rig: Rig, recorded: list[Record]) -> None:
     rig.write(unchanged)
     replay = replay_ekf(rig.path)
@@ -346,12 +356,14 @@ def test_comparison_may_end_early(rig: Rig) -> None:
     assert part.our_texts == part.recorded_texts != whole.recorded_texts
 
 
+@pytest.mark.slow
 def test_run_may_end_early(rig: Rig) -> None:
     ours = rig.run(until_s=4.5)
     assert max(fields["TimeUS"] for _, fields in ours if "TimeUS" in fields) <= 4_500_000
     assert [text for _, text in texts(ours)] == ["EKF3 IMU0 initialised", "EKF3 IMU1 initialised"]
 
 
+@pytest.mark.slow
 def test_nothing_to_compare_is_one_line(rig: Rig) -> None:
     rig.write(without("XKF4"))
     with pytest.raises(InputError, match=r"short\.BIN: no XKF records to compare with\Z"):
@@ -376,6 +388,7 @@ def spoilt(kind: str, at_us: int, **values: object) -> Change:
     return change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("value", "shown"), [(math.nan, "nan"), pytest.param(math.inf, "inf", marks=pytest.mark.slow)])
 def test_inertial_data_that_are_no_number_are_named(rig: Rig, value: float, shown: str) -> None:
     assert rig.fails_with(f"RISI.DAY is {shown} (at 4.602 s)", spoilt("RISI", 4_600_000, DAY=value))

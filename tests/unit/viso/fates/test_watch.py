@@ -139,6 +139,7 @@ def test_yaw_is_in_degrees(settled: Rig) -> None:
     assert max(test.innovation or 0.0 for test in tests) == pytest.approx(5.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_odometry_is_the_length_of_its_velocity(make_bench: Callable[..., Bench]) -> None:
     rig = Rig(make_bench(**{**BY_EXT_NAV, "EK3_SRC1_POSXY": 0, "EK3_SRC1_POSZ": 1, "EK3_SRC1_VELZ": 0}))
     for _ in range(20):
@@ -148,6 +149,7 @@ def test_odometry_is_the_length_of_its_velocity(make_bench: Callable[..., Bench]
     assert first.innovation == pytest.approx(0.5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_is_not_tested_has_no_innovation(make_bench: Callable[..., Bench]) -> None:
     rig = Rig(make_bench(**{**BY_EXT_NAV, "EK3_SRC1_YAW": 1}))
     rig.see(1.0)
@@ -171,6 +173,7 @@ def test_vehicle_without_a_filter_cannot_be_followed() -> None:
         FilterWatch(vehicle)
 
 
+@pytest.mark.slow
 def test_nothing_that_is_sent_breaks_it(rig: Rig) -> None:
     wild = {"x": float("inf"), "vx": 3e38, "z": -3e38, "q": (0.0, 0.0, 0.0, 0.0)}
     rig.see(1.0)

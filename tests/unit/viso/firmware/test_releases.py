@@ -136,6 +136,7 @@ def test_further_release_is_known_to_every_command(
     assert "missing" in outcome.err
 
 
+@pytest.mark.slow
 def test_further_release_is_an_autopilot_for_tests(further: Firmware) -> None:
     autopilot = Autopilot(AutopilotOptions(firmware=MADE_UP))
     try:

@@ -286,6 +286,7 @@ def test_short_writes_are_continued(store: LogStore, monkeypatch: pytest.MonkeyP
     assert log.path.read_bytes() == RECORD
 
 
+@pytest.mark.slow
 def test_killed_process_leaves_a_readable_log(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", WRITE_UNTIL_KILLED, str(tmp_path)], timeout=60, check=False)
     assert done.returncode == -signal.SIGKILL
@@ -298,6 +299,7 @@ def test_killed_process_leaves_a_readable_log(tmp_path: Path) -> None:
     assert 1000 - len(events) <= CHUNK_BYTES // len(RECORD) + 1
 
 
+@pytest.mark.slow
 def test_log_after_a_killed_process_gets_the_next_number(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", WRITE_UNTIL_KILLED, str(tmp_path)], timeout=60, check=False)
     assert write_log(LogStore(tmp_path)) == 2

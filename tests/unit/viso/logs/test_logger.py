@@ -166,6 +166,7 @@ def test_log_begins_with_parameters_then_texts_version_and_mode(make_bench: Make
     ]
 
 
+@pytest.mark.slow
 def test_start_up_tells_value_and_effective_default(make_bench: MakeBench, tmp_path: Path) -> None:
     bench = make_bench(VISO_TYPE=1)
     (row,) = (r for r in bench.log_records(tmp_path) if r["name"] == "PARM" and r["Name"] == "VISO_TYPE")

@@ -136,6 +136,7 @@ def test_file_that_is_no_log_is_refused(path: Path, data: bytes) -> None:
     assert error_of(path) == f"{path}: not a DataFlash log"
 
 
+@pytest.mark.slow
 def test_log_that_cannot_be_understood_is_refused(path: Path) -> None:
     path.write_bytes(bytes.fromhex("a3 95 80 80") + b"\xff" * 300)
     with warnings.catch_warnings():

@@ -223,6 +223,7 @@ def run_watched(recorded: Stream) -> list[dict[str, Any]]:
     return [message.as_dict() for message in watched(recorded)[1].run()]
 
 
+@pytest.mark.slow
 def test_line_has_the_fates_of_its_samples() -> None:
     line = run_watched(flown(30))[-1]
     assert [(fate["kind"], fate["outcome"], fate["model"]) for fate in line["filter"]] == [
@@ -235,6 +236,7 @@ def test_line_has_the_fates_of_its_samples() -> None:
     assert 0 < min(delays_us) <= max(delays_us) < 250_000
 
 
+@pytest.mark.slow
 def test_line_of_a_message_without_samples_has_none() -> None:
     (line,) = run_watched(stream((START_US, SILENT)))
     assert line["filter"] == []
@@ -249,12 +251,14 @@ def test_line_tells_which_gate_rejected_a_sample() -> None:
     assert {fates["velocity"]["rule"] for fates in by_pose[80:]} == {"model_fused"}
 
 
+@pytest.mark.slow
 def test_lines_keep_the_order_of_the_stream() -> None:
     recorded = flown(40)
     expected = [message.arrival_us for message in recorded.messages]
     assert [line["arrival_us"] for line in run_watched(recorded)] == expected
 
 
+@pytest.mark.slow
 def test_line_is_held_back_until_its_fates_are_known() -> None:
     vehicle, replay = watched(flown(30))
     for message, _ in zip(replay.run(), range(25), strict=False):
@@ -262,6 +266,7 @@ def test_line_is_held_back_until_its_fates_are_known() -> None:
         assert latest_us <= vehicle.clock.micros64() <= latest_us + 2 * PERIOD_US
 
 
+@pytest.mark.slow
 def test_line_does_not_wait_for_ever() -> None:
     # While yaw has no source nothing calls it out of its buffer, which holds more than half a second.
     recorded = flown(40)
@@ -275,6 +280,7 @@ def test_line_does_not_wait_for_ever() -> None:
         assert kinds == {"pose", "velocity", "height"}
 
 
+@pytest.mark.slow
 def test_vehicle_runs_on_until_the_last_fate() -> None:
     vehicle, replay = watched(flown(30))
     assert len(list(replay.run())) == 30

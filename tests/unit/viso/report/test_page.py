@@ -18,6 +18,8 @@ from viso.report.page import make_page
 from viso.report.summary import summarise
 from viso.report.timeline import MOST_TEXTS, chosen
 
+pytestmark = pytest.mark.slow
+
 VOID = {"meta", "br", "link", "img", "hr", "input"}
 
 

@@ -71,6 +71,7 @@ def noisy() -> list[Sensors]:
     return run(noise)
 
 
+@pytest.mark.slow
 def test_angle_and_velocity_walk_as_the_noise_density_says(noisy: list[Sensors]) -> None:
     angles = np.array([one.delta.del_ang for one in noisy]) - [0.1 * DT, 0, 0]
     velocities = np.array([one.delta.del_vel for one in noisy]) - [0, 0, -9.80665 * DT]

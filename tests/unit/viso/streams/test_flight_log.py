@@ -203,6 +203,7 @@ def test_replay_of_a_log_leaves_the_firmwares_records(name: str) -> None:
             assert largest_difference(*pairs, label) <= limit, f"{kind}.{label}"
 
 
+@pytest.mark.slow
 def test_rate_of_the_uart_is_found_out() -> None:
     assert read_stream(LOGS / "bench_velocity_only.BIN.xz", 0).baud == 115200
 

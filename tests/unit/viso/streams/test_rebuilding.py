@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ap_core.fmath import f32
@@ -47,8 +47,10 @@ def test_scale_of_zero_leaves_nothing() -> None:
     assert unscaled(3.0, f32(0)) == 0
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(ERRORS, ERRORS)
+@example(1.0, 61.35748291015625)  # which takes a last variance that is further off
 def test_covariance_gives_the_errors_to_the_last_bit(pos_err: float, ang_err: float) -> None:
     assert tuple(map(float, pose_errors(covariance_of(pos_err, ang_err)))) == (pos_err, ang_err)
 

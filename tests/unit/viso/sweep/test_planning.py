@@ -63,6 +63,7 @@ def test_timeline_is_checked_with_the_values_that_it_will_have(make_plan_of: Mak
         make_plan_of(faults=[str(tmp_path / "bad.yaml")])
 
 
+@pytest.mark.slow
 def test_flight_log_with_sensors_is_replayed_with_them(make_plan_of: MakePlan, tmp_path: Path) -> None:
     log = tmp_path / "short.BIN"
     with lzma.open(DATA / "logs" / "prearm.BIN.xz") as whole:

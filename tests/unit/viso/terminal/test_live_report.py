@@ -74,6 +74,7 @@ def test_first_fate_of_each_kind_that_is_not_use_is_told(
     ]
 
 
+@pytest.mark.slow
 def test_rejected_sample_is_told_as_a_models_opinion(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -97,6 +97,7 @@ def test_nothing_of_the_start_is_seen_but_in_the_log(autopilot: Autopilot, tmp_p
     assert [record.PX for record in records if record.get_type() == "VISP"] == [1.5]
 
 
+@pytest.mark.slow
 def test_without_a_log_there_is_none_to_write(tmp_path: Path) -> None:
     autopilot = Autopilot(AutopilotOptions(params={"LOG_DISARMED": 0}))
     assert autopilot.log_bytes == b""
@@ -164,6 +165,7 @@ def test_parameters_that_there_are_not_are_refused(autopilot: Autopilot) -> None
         autopilot.params["VISO_SCALE"] = float("nan")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("firmware", "params", "read"),
     [

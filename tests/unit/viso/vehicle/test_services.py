@@ -155,6 +155,7 @@ def test_private_link_is_left_out(make_rig: MakeRig) -> None:
     assert rig.ground.got(VISION_POSITION_ESTIMATE) == []
 
 
+@pytest.mark.slow
 def test_peer_that_does_not_read_loses_forwarded_frames_which_are_counted(rig: Rig) -> None:
     for _ in range(3000):
         rig.companion.send(POSE)
@@ -300,6 +301,7 @@ def test_set_parameter_survives_closing_at_once(make_rig: MakeRig) -> None:
     assert float(make_rig().vehicle.params.get_float("VISO_SCALE")) == 1.25
 
 
+@pytest.mark.slow
 def test_value_of_the_command_line_wins_over_a_stored_one_and_is_not_stored(make_rig: MakeRig) -> None:
     first = make_rig()
     first.ground.send(PARAM_SET(1, 1, "VISO_DELAY_MS", 42.0, 9))

@@ -59,6 +59,7 @@ def origin_message(place: Location = PLACE) -> SET_GPS_GLOBAL_ORIGIN:
 # Booting
 
 
+@pytest.mark.slow
 def test_boot_is_announced(make_bench: MakeBench) -> None:
     bench = make_bench(boot=False)
     bench.run_to(10)
@@ -208,6 +209,7 @@ def test_arming_and_disarming_are_logged(make_bench: MakeBench) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_arming_with_all_bits_of_arming_check_is_logged(make_bench: MakeBench, tmp_path: Path) -> None:
     bench = make_bench(ARMING_CHECK=-1)
     bench.command(400, 1)
@@ -239,6 +241,7 @@ def test_choice_of_a_source_set_is_an_event(make_bench: MakeBench) -> None:
     assert bench.written("EV")[1:] == [{"Id": 86}, {"Id": 87}, {"Id": 85}]
 
 
+@pytest.mark.slow
 def test_yaw_source_of_the_chosen_set_counts(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=1, EK3_SRC1_YAW=1, EK3_SRC2_YAW=6)
     bench.see(0.2)
@@ -331,6 +334,7 @@ def test_only_the_cores_there_are_tell_of_the_origin(make_bench: MakeBench) -> N
     assert texts(bench) == ["EKF3 IMU0 origin set"]
 
 
+@pytest.mark.slow
 def test_log_that_comes_later_begins_with_origin_and_home(make_bench: MakeBench, tmp_path: Path) -> None:
     bench = navigating(make_bench, LOG_DISARMED=0)
     bench.send(origin_message())
@@ -423,6 +427,7 @@ def test_timesync_is_logged(make_bench: MakeBench) -> None:
     assert [row["SysID"] for row in bench.written("TSYN")] == [255]
 
 
+@pytest.mark.slow
 def test_samples_are_logged_for_a_replay_when_wanted(make_bench: MakeBench) -> None:
     bench = make_bench(VISO_TYPE=1, LOG_REPLAY=1)
     bench.see(0.1)

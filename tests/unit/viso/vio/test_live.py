@@ -149,6 +149,7 @@ def never() -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_recording_becomes_odometry_at_its_rate(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rig = Rig(monkeypatch, film)
     rig.live.run(never)
@@ -160,6 +161,7 @@ def test_recording_becomes_odometry_at_its_rate(monkeypatch: pytest.MonkeyPatch,
     assert {message.quality > 0 for _, message in sent} == {True}
 
 
+@pytest.mark.slow
 def test_stamps_of_messages_are_now_and_of_the_log_the_recording_s(
     monkeypatch: pytest.MonkeyPatch, film: Recording
 ) -> None:
@@ -178,6 +180,7 @@ def test_same_recording_gives_the_same_messages(monkeypatch: pytest.MonkeyPatch,
     assert repr(rigs[0].odometry()) == repr(rigs[1].odometry())  # NaN is not equal to itself
 
 
+@pytest.mark.slow
 def test_heartbeats_and_clock_requests_are_sent_meanwhile(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rig = Rig(monkeypatch, film)
     rig.live.run(never, delay_s=5.0)
@@ -187,6 +190,7 @@ def test_heartbeats_and_clock_requests_are_sent_meanwhile(monkeypatch: pytest.Mo
     assert rig.live.sent() == dict(sorted(counts.items()))
 
 
+@pytest.mark.slow
 def test_frames_wait_for_the_delay(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rig = Rig(monkeypatch, film)
     rig.live.run(never, delay_s=5.0)
@@ -206,6 +210,7 @@ def test_without_a_link_nobody_is_told(monkeypatch: pytest.MonkeyPatch, film: Re
     assert (rig.live.sent(), rig.live.wait_for_vehicle(1.0, never)) == ({}, False)
 
 
+@pytest.mark.slow
 def test_texts_of_the_vehicle_are_told(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rig = Rig(monkeypatch, film)
     rig.say(STATUSTEXT(6, "EKF3 IMU0 is using external nav data"))
@@ -227,6 +232,7 @@ def test_patience_ends(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None
     assert (rig.now_ns - rig.start_ns) * 1e-9 == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_heading_of_the_vehicle_turns_the_local_frame(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rig = Rig(monkeypatch, film)
 
@@ -240,6 +246,7 @@ def test_heading_of_the_vehicle_turns_the_local_frame(monkeypatch: pytest.Monkey
     assert rig.requests() == {30}  # ATTITUDE
 
 
+@pytest.mark.slow
 def test_known_north_asks_for_nothing(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     rig = Rig(monkeypatch, dataclasses.replace(film, world_is_north=True))
     rig.live.run(never)
@@ -259,6 +266,7 @@ def test_known_start_is_taken(monkeypatch: pytest.MonkeyPatch, film: Recording) 
     np.testing.assert_allclose(pose.t, [7, 8, 9], atol=0.1)
 
 
+@pytest.mark.slow
 def test_heights_reach_the_strategy(monkeypatch: pytest.MonkeyPatch, film: Recording) -> None:
     heights: list[tuple[float, float]] = []
     monkeypatch.setattr(KltRansac, "add_height", lambda _self, _t_ns, height, sigma: heights.append((height, sigma)))
@@ -299,6 +307,7 @@ def camera(film: Recording, tmp_path: Path) -> LiveCamera:
     return LiveCamera(str(write_film(tmp_path / "long.avi", count=25)), film.calibration, None, config)
 
 
+@pytest.mark.slow
 def test_camera_goes_with_the_autopilot_s_imu(monkeypatch: pytest.MonkeyPatch, camera: LiveCamera) -> None:
     rig = Rig(monkeypatch, camera)
     rig.on_wait = lambda: rig.say(at_rest(rig.now_ns - 1_000_000))
@@ -322,6 +331,7 @@ def test_range_finder_of_the_autopilot_counts(monkeypatch: pytest.MonkeyPatch, c
     assert heights[0] == pytest.approx((12.34, 0.7))
 
 
+@pytest.mark.slow
 def test_camera_that_dies_ends_it(monkeypatch: pytest.MonkeyPatch, camera: LiveCamera) -> None:
     rig = Rig(monkeypatch, camera)
     rig.live.run(never)

@@ -41,6 +41,7 @@ def lines(figure: Figure, panel: int) -> list[Any]:
     return [np.array(line.get_data()) for line in figure.axes[panel].get_lines()]
 
 
+@pytest.mark.slow
 def test_picture_is_written(tmp_path: Path) -> None:
     path = tmp_path / "flight.png"
     save_plot(flown(MIXED), truth(), "a flight", path, aligned=True)

@@ -114,6 +114,7 @@ def messages(wire: PairLink) -> list[Any]:
     return found
 
 
+@pytest.mark.slow
 def test_companion_asks_for_what_it_wants_to_know_once() -> None:
     lonely = Lonely().run(1200)
     commands = [message for message in lonely.sent if type(message).__name__ == "COMMAND_LONG"]
@@ -123,6 +124,7 @@ def test_companion_asks_for_what_it_wants_to_know_once() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_odometry_begins_with_the_second_frame_and_its_latency() -> None:
     lonely = Lonely().run(900)
     assert [update.health.state for update in lonely.updates] == [VioState.INIT, VioState.INIT, VioState.TRACKING]
@@ -130,12 +132,14 @@ def test_odometry_begins_with_the_second_frame_and_its_latency() -> None:
     assert kinds["ODOMETRY"] == 5  # from 0.7 s on, 20 a second
 
 
+@pytest.mark.slow
 def test_without_an_autopilot_nothing_begins() -> None:
     lonely = Lonely().run(1300, says_attitude=False)
     assert lonely.companion.worker.health().state is VioState.INIT
     assert "ODOMETRY" not in {type(message).__name__ for message in lonely.sent}
 
 
+@pytest.mark.slow
 def test_frames_are_altered_before_anybody_sees_them() -> None:
     lonely = Lonely().run(900)
     lonely.companion.alter_frame = rename_camera
@@ -149,6 +153,7 @@ def rename_camera(frame: NavCameraFrame) -> NavCameraFrame:
     return dataclasses.replace(frame, camera_id="another")
 
 
+@pytest.mark.slow
 def test_same_time_twice_changes_nothing() -> None:
     lonely = Lonely().run(900)
     before = len(lonely.updates)

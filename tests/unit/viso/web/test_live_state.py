@@ -63,6 +63,7 @@ def rows(batch: dict[str, Any], link: str = "client") -> list[tuple[str, str, st
     return [(run["name"], run["outcome"], run["rule"], run["count"]) for run in batch["runs"] if run["link"] == link]
 
 
+@pytest.mark.slow
 def test_dropped_odometry_is_told_with_its_reason(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(0.5, frame_id=1)
@@ -72,6 +73,7 @@ def test_dropped_odometry_is_told_with_its_reason(watch: Callable[..., Watched])
     assert run["source"] == "GCS_Common.cpp, GCS_MAVLINK::handle_odometry"
 
 
+@pytest.mark.slow
 def test_rates_tell_what_the_filter_used(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(4)
@@ -90,6 +92,7 @@ def test_dropped_messages_are_offered_and_never_fused(watch: Callable[..., Watch
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_rates_go_back_to_nothing_when_nothing_comes(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(1)
@@ -99,6 +102,7 @@ def test_rates_go_back_to_nothing_when_nothing_comes(watch: Callable[..., Watche
     assert rate["total"]["offered"] == 20
 
 
+@pytest.mark.slow
 def test_path_and_innovations_follow_vision_and_filter(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(4, x=0.5, z=-0.25)
@@ -112,6 +116,7 @@ def test_path_and_innovations_follow_vision_and_filter(watch: Callable[..., Watc
     assert pose["value"] / pose["gate"] == pytest.approx(pose["ratio"], rel=0.05, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_sample_that_is_rejected_is_counted_with_its_innovation(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(4)
@@ -125,6 +130,7 @@ def test_sample_that_is_rejected_is_counted_with_its_innovation(watch: Callable[
     assert ("pose", "rejected", "model_gate_position") in [row[:3] for row in rows(batch, "filter")]
 
 
+@pytest.mark.slow
 def test_ignored_sample_is_marked_in_the_path(watch: Callable[..., Watched]) -> None:
     watched = watch(VISO_QUAL_MIN=50.0)
     watched.bench.see(0.2, quality=10)

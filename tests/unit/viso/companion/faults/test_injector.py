@@ -84,6 +84,7 @@ def test_same_stream_timeline_and_seed_give_the_same(gaps: list[TimedFrame], tim
     assert list(inject(stream, timeline, seed)) == list(inject(stream, timeline, seed))
 
 
+@pytest.mark.slow
 @given(gaps=STREAMS, timeline=TIMELINES)
 def test_every_frame_is_accounted_for_and_none_comes_from_nothing(gaps: list[TimedFrame], timeline: Timeline) -> None:
     stream = at_times(gaps)

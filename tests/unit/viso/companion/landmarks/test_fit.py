@@ -118,6 +118,7 @@ def test_planted_errors_are_recovered(yaw_deg: float, pitch_deg: float, delay_s:
     assert errors.used > 5 * errors.rejected
 
 
+@pytest.mark.slow
 def test_without_noise_the_errors_are_exact() -> None:
     # Poses every 0.05 s with straight lines between them: that is what is left.
     errors = Recording(0.1, 0.02, 0.1, noise_px=0.0, wrong_share=0.0).fit()
@@ -126,6 +127,7 @@ def test_without_noise_the_errors_are_exact() -> None:
     assert known(errors.delay_s) == pytest.approx(0.1, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_third_of_wrong_matches_does_no_harm() -> None:
     errors = Recording(0.17, 0.02, 0.2, wrong_share=0.33, duration_s=30.0).fit()
     assert math.degrees(known(errors.yaw_offset_rad)) == pytest.approx(math.degrees(0.17), abs=0.2)
@@ -213,6 +215,7 @@ def test_landmarks_behind_the_camera_are_no_stumbling_block() -> None:
     assert errors.rejected >= len(pictures)
 
 
+@pytest.mark.slow
 def test_order_and_repetition_of_poses_do_not_matter() -> None:
     recording = Recording(0.1, 0.02, 0.1, duration_s=10.0)
     poses = recording.poses
@@ -220,6 +223,7 @@ def test_order_and_repetition_of_poses_do_not_matter() -> None:
     assert again == recording.fit()
 
 
+@pytest.mark.slow
 def test_a_detection_that_is_there_twice_counts_once() -> None:
     recording = Recording(duration_s=10.0)
     twice = [replace(one, landmarks=one.landmarks * 2) for one in recording.pictures]

@@ -126,6 +126,7 @@ def test_aircraft_are_triangles_with_address_and_range() -> None:
     assert shown[f"aircraft_id:{ICAO}"].get_text() == f"{ICAO} {range_km:.2f} km baro"
 
 
+@pytest.mark.slow
 def test_range_of_a_corrected_height_does_not_say_baro() -> None:
     flight = dataclasses.replace(FLIGHT, qnh_offset_m=30.0)
     shown = elements(draw(last_scene(flight, qnh_offset_m=30.0)))
@@ -212,6 +213,7 @@ def test_horizon_leans_with_a_vehicle_that_banks() -> None:
     assert (left - middle, right - middle) == pytest.approx((640 * math.tan(roll), -640 * math.tan(roll)))
 
 
+@pytest.mark.slow
 def test_prediction_outside_the_image_is_kept_faint_and_counted() -> None:
     narrow = dataclasses.replace(last_scene().situation, camera=Camera(width_px=400))
     figure = draw(make_scene(1, narrow, Detections(0.0)))
@@ -268,6 +270,7 @@ def test_cone_has_the_field_of_view(extent_m: float, length_m: float) -> None:
     assert (angles[0], angles[-1]) == pytest.approx((yaw - half, yaw + half))
 
 
+@pytest.mark.slow
 def test_estimated_vehicle_and_the_way_to_it_are_drawn() -> None:
     scene = estimated_scene()
     shown = elements(draw(scene))

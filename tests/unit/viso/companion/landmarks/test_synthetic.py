@@ -25,6 +25,7 @@ def innovations(scenes: list[Scene]) -> list[tuple[float, float]]:
     return [(one.du_px, one.dv_px) for residual in residuals for one in residual.innovations]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", FrameMode)
 @pytest.mark.parametrize("qnh_offset_m", [pytest.param(None, marks=pytest.mark.slow), 44.0])
 def test_innovations_are_exactly_zero_without_noise(mode: FrameMode, qnh_offset_m: float | None) -> None:
@@ -68,6 +69,7 @@ def test_noise_has_its_sigma_and_its_seed() -> None:
     assert innovations(flown(again)) == innovations(flown(again)) != innovations(flown(other))
 
 
+@pytest.mark.slow
 def test_share_of_detections_is_of_another_landmark() -> None:
     scenes = flown(dataclasses.replace(SHORT, duration_s=60.0, wrong_share=0.1, traffic=()))
     all_of = [one for scene in scenes for one in scene.landmark_residuals.innovations]

@@ -154,6 +154,7 @@ def test_without_sightings_it_is_soon_off_course() -> None:
     assert blind.position_error_m() > 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clones", [2, 11])
 def test_pose_to_be_kept_is_kept(clones: int) -> None:
     flight = Flight(PointWorld(), GROUND, clones=clones)

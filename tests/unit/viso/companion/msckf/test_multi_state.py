@@ -178,6 +178,7 @@ class TestBoth:
         # standard errors of the mean of 25 are 0.13.
         assert np.mean(updated_windows(relief_m, plane).nis_per_dof) == pytest.approx(0.95, abs=0.13)
 
+    @pytest.mark.slow
     def test_errors_left_are_as_large_as_stated(self, relief_m: float, plane: Plane | None) -> None:
         # With 6 degrees of freedom, three standard errors of the mean of 25 are 0.35.
         assert np.mean(updated_windows(relief_m, plane).nees_per_dof) == pytest.approx(1.0, abs=0.35)
@@ -245,6 +246,7 @@ class TestBoth:
         assert used.depth_m == pytest.approx(40.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_passes_bring_a_state_that_is_far_off_nearer() -> None:
     """By relief, whose points are found anew with each pass."""
     once: list[float] = []

@@ -125,6 +125,7 @@ class TestPropagation:
         expected = transition @ spread(MOTION) @ transition.T
         assert np.allclose(middle.cov - certain.cov, expected, atol=1e-6 * np.abs(expected).max())
 
+    @pytest.mark.slow
     def test_covariance_is_that_of_drawn_noise(self) -> None:
         data, true = steps(20), make(np.zeros((MOTION, MOTION)))
         true.propagate(data)

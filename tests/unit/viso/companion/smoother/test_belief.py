@@ -83,6 +83,7 @@ def test_adopting_leaves_one_clone() -> None:
     assert state.cov.shape == (21, 21)
 
 
+@pytest.mark.slow
 def test_nis_of_honest_corrections_is_one() -> None:
     rng = np.random.default_rng(5)
     ratios = []

@@ -70,6 +70,7 @@ def test_first_node_begins() -> None:
     assert [clone.number for clone in flight.estimator.state.clones] == [0]
 
 
+@pytest.mark.slow
 def test_wrong_velocity_is_found_out() -> None:
     flight = Flight(WRONG_VELOCITY)
     flight.go(10)
@@ -77,6 +78,7 @@ def test_wrong_velocity_is_found_out() -> None:
     assert flight.place_error_m() < 0.05
 
 
+@pytest.mark.slow
 def test_landmarks_are_where_they_were_expected() -> None:
     flight = Flight(WRONG_VELOCITY)
     facts = flight.go(10)
@@ -102,6 +104,7 @@ def test_between_nodes_the_filter_carries_on() -> None:
     assert np.allclose(state.p, pose_at(flight.t_ns + PERIOD_NS // 2).t, atol=0.05)
 
 
+@pytest.mark.slow
 def test_relative_pose_is_that_to_the_keyframe_and_so_are_its_errors() -> None:
     flight = Flight()
     flight.go(8)
@@ -134,6 +137,7 @@ def test_nodes_further_apart_than_the_lag_are_no_obstacle() -> None:
     assert flight.facts[-1].landmarks > 15
 
 
+@pytest.mark.slow
 def test_landmarks_that_are_elsewhere_are_dropped() -> None:
     flight = Flight()
     flight.go(8)

@@ -131,6 +131,7 @@ def test_karma_is_tracked_at_3_frames_a_second_and_never_lost() -> None:
 # EuRoC
 
 
+@pytest.mark.slow
 @needs_clip
 def test_euroc_starts_from_the_truth() -> None:
     recording = open_euroc(SourceOptions(str(CLIP)))

@@ -103,6 +103,7 @@ def is_keyframe(frame: TrialFrame) -> bool:
     return frame.update.output is not None and frame.update.output.is_keyframe
 
 
+@pytest.mark.slow
 def test_too_few_landmarks_are_not_tracking() -> None:
     trial = fly(1.5, config={"scene": "general"}, frame_rate_hz=10.0)  # landmarks want three nodes, outputs two frames
     healths = [frame.update.health for frame in trial.frames]
@@ -144,6 +145,7 @@ def test_unsolvable_frame_is_a_lost_one_and_the_next_a_keyframe(monkeypatch: pyt
     assert np.linalg.norm(trial.position_errors(), axis=1).max() < 1.0
 
 
+@pytest.mark.slow
 def test_smoother_that_always_fails_leaves_inertial_data(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LagSmoother, "solve", failing(range(5, 10_000)))
     trial = fly(3.0, config={"lost_frames_fatal": 4})

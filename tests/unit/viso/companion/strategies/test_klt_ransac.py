@@ -150,6 +150,7 @@ class TestKeyframes:
         )
         assert 1 <= gaps.max() <= 5
 
+    @pytest.mark.slow
     def test_standing_still_makes_no_keyframes_and_keeps_no_poses(self) -> None:
         quiet = ImuNoise(gyro=2e-4, accel=2e-3)
         standing = record(trajectory=from_ground(nadir_survey(5.0, 20.0, seed=1)), duration_s=3.0, imu_noise=quiet)
@@ -169,6 +170,7 @@ def _clones(on_board: Aboard) -> int:
 class TestWindow:
     """What it keeps."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("clones", [2, 6])
     def test_window_is_as_long_as_configured(self, clones: int) -> None:
         flying = Aboard(survey(), survey().warm_start(), window_clones=clones)

@@ -44,6 +44,7 @@ class TestBeginning:
         assert [health.state for health in flown.healths[:4]] == [VioState.INIT] * 2 + [VioState.TRACKING] * 2
         assert [output is None for output in flown.outputs[:3]] == [True, True, False]
 
+    @pytest.mark.slow
     def test_body_in_motion_waits(self) -> None:
         flying = Aboard(survey()).fly(15)
         assert {health.state for health in flying.healths} == {VioState.INIT}
@@ -92,6 +93,7 @@ class TestBeginning:
 class TestWorld:
     """Where the world's origin is makes no difference."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("by_m", [(1e6, -2e6, 0.0), (0.0, 0.0, 800.0)])
     def test_poses_are_as_far_away_as_the_start(self, flown: Aboard, by_m: tuple[float, float, float]) -> None:
         far = Aboard(survey(), shifted(survey().warm_start(), by_m), ground_z_m=by_m[2]).fly(15).last()
@@ -138,6 +140,7 @@ class TestBadData:
 
         return survey().changed(cut)
 
+    @pytest.mark.slow
     def test_gap_in_the_inertial_data_is_degraded_and_passes(self) -> None:
         flying = begun(20, self.without_imu(2_450_000_000, 2_500_000_000))
         assert flying.reasons().count(IMU_GAP) >= 1

@@ -56,6 +56,7 @@ def in_evo(poses: TimedPoses) -> PoseTrajectory3D:
     )
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_absolute_error_is_evos(seed: int) -> None:
     truth = flown(seed)

@@ -138,6 +138,7 @@ def test_bias_jacobian_is_the_derivative(column: int) -> None:
     assert np.allclose(middle.jac_bias[:, column], derivative, atol=2e-5 * np.abs(middle.jac_bias).max())
 
 
+@pytest.mark.slow
 def test_covariance_is_that_of_drawn_noise() -> None:
     rng, count, dt_s = np.random.default_rng(1), 20, 0.01
     gyro, accel = np.array([1.0, -2.0, 1.5]), np.array([1.0, 2.0, 9.8])

@@ -59,6 +59,7 @@ def test_defaults_are_a_minute_at_a_third_of_a_second() -> None:
     assert flown.truth(0).t[2] == pytest.approx(40, abs=1.5)
 
 
+@pytest.mark.slow
 def test_there_is_an_event_for_each_reading() -> None:
     flown = flight(frame_rate_hz=10.0, imu_rate_hz=100)
     assert len(only(NavCameraFrame, flown)) == len(only(HeightMeasurement, flown)) == 20
@@ -147,6 +148,7 @@ def test_warm_start_is_that_of_the_first_frame() -> None:
     assert flown.warm_start().body_T_world.inverse().t == pytest.approx(flown.truth(first).t)
 
 
+@pytest.mark.slow
 def test_warm_start_has_errors_of_the_size_asked_for() -> None:
     angles, speeds = [], []
     for seed in range(150):

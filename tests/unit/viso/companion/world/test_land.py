@@ -49,6 +49,7 @@ def test_small_piece_of_land_is_one_parcel_without_borders() -> None:
     assert len(lay_parcels(bare(size=64, metres_per_pixel=0.1))) == 0
 
 
+@pytest.mark.slow
 def test_same_chance_gives_the_same_land() -> None:
     first, second = bare(4), bare(4)
     lay_parcels(first)

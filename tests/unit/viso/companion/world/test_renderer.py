@@ -184,6 +184,7 @@ def test_frame_says_what_it_is() -> None:
     assert frame.pixels.shape == (480, 640)
 
 
+@pytest.mark.slow
 def test_frame_ids_increase() -> None:
     renderer = PlaneRenderer(flat(), CALIBRATION)
     ids = [renderer.render(above(0, 0, 40), k, k * 300_000_000).frame_id for k in range(5)]

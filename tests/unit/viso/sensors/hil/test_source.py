@@ -168,6 +168,7 @@ class TestRefusal:
         assert sensors is not None
         assert sensors.delta.del_vel_dt == pytest.approx(0.005)
 
+    @pytest.mark.slow
     @settings(max_examples=100)
     @given(
         values=st.tuples(*[st.floats(width=32)] * 13),
@@ -186,6 +187,7 @@ class TestRefusal:
                 assert 0.0 < sensors.delta.del_vel_dt < 1.0
             assert math.isfinite(hil.yaw_rad())
 
+    @pytest.mark.slow
     @settings(max_examples=100)
     @given(
         quat=st.tuples(*[st.floats(width=32)] * 4),

@@ -122,6 +122,7 @@ def assert_at_rest(rig: Rig) -> None:
 class TestRest:
     """Before there is anything to follow."""
 
+    @pytest.mark.slow
     def test_it_stands_level_with_its_heading(self) -> None:
         rig = Rig(ImuOptions(heading_rad=1.0))
         rig.run(10.0, path=None)
@@ -134,6 +135,7 @@ class TestRest:
         assert_at_rest(rig)
         assert set(rig.source.ignored) == {"at_rest_after_boot"}
 
+    @pytest.mark.slow
     def test_it_stays_where_the_stream_begins(self) -> None:
         rig = Rig()
         rig.run(12.0, path=lambda _t: (100.0, -50.0, -5.0))
@@ -146,6 +148,7 @@ class TestRest:
 class TestMovement:
     """What the inertial data add up to."""
 
+    @pytest.mark.slow
     def test_it_goes_where_the_stream_goes(self) -> None:
         rig = Rig()
         rig.run(BEGIN_S + 4.0, circle)
@@ -182,18 +185,21 @@ class TestMovement:
         assert rig.pos[0] == pytest.approx(12.5, abs=0.02)
         assert rig.vel[0] == pytest.approx(5.0, abs=0.02)
 
+    @pytest.mark.slow
     def test_half_of_a_step_of_acceleration_is_followed_after_the_delay_that_it_states(self) -> None:
         rig = Rig()
         rig.run(13.0, lambda t: (0.5 * max(0.0, t - BEGIN_S) ** 2, 0.0, 0.0))
         half_way = int(np.argmax(rig.accels()[:, 0] > 0.5)) * 1e-6 * LOOP_US
         assert half_way == pytest.approx(BEGIN_S + ACCELERATION_DELAY_S, abs=0.03)
 
+    @pytest.mark.slow
     def test_turning_steadily_has_no_lag(self) -> None:
         rig = Rig()
         rate_deg_s = 60.0
         rig.run(15.0, turn=lambda t: yawed(rate_deg_s * max(0.0, t - BEGIN_S)))
         assert math.degrees(euler_of(rig.quat)[2]) == pytest.approx(60.0 * 7.0 - 360.0, abs=0.5)
 
+    @pytest.mark.slow
     def test_it_takes_the_tilt_of_the_stream(self) -> None:
         tilt = quat_of_rotation(np.radians([10.0, -5.0, 0.0]))
         rig = Rig()
@@ -223,6 +229,7 @@ class TestMovement:
 class TestJump:
     """What no vehicle can do."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "way",
         [(0.7, 0.0, 0.0), *(pytest.param(way, marks=pytest.mark.slow) for way in ((0.0, -30.0, 0.0), (0.0, 0.0, 4.0)))],
@@ -233,6 +240,7 @@ class TestJump:
         assert_at_rest(rig)
         assert rig.source.jumps == {"position": 1}
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("degrees", [-10.0, *(pytest.param(way, marks=pytest.mark.slow) for way in (-170.0, 90.0))])
     def test_jump_of_yaw_is_not_followed(self, degrees: float) -> None:
         rig = Rig()
@@ -240,6 +248,7 @@ class TestJump:
         assert np.abs(rig.rates()).max() < 1e-6
         assert rig.source.jumps == {"yaw": 1}
 
+    @pytest.mark.slow
     def test_any_change_with_a_reset_is_a_jump(self) -> None:
         rig = Rig()
         rig.run(8.0)
@@ -263,6 +272,7 @@ class TestJump:
         rig.run(14.0, lambda t: (0.0, max(0.0, t - 10.0), 0.0), lambda _t: yawed(90.0))
         assert rig.pos == pytest.approx([4.0, 0.0, 0.0], abs=0.02)
 
+    @pytest.mark.slow
     def test_single_outlier_leaves_no_trace(self) -> None:
         rig = Rig()
         rig.run(8.0)
@@ -270,6 +280,7 @@ class TestJump:
         rig.run(13.0)
         assert_at_rest(rig)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("speed", "pose_us"),
         [
@@ -283,6 +294,7 @@ class TestJump:
         rig.run(20.0, walk_north(speed))
         assert rig.vel[0] == pytest.approx(speed, rel=0.02)
 
+    @pytest.mark.slow
     def test_movement_that_is_too_fast_is_not_followed(self) -> None:
         rig = Rig()
         rig.run(12.0, walk_north(100.0))
@@ -325,6 +337,7 @@ class TestGap:
         assert math.degrees(euler_of(rig.quat)[2]) == pytest.approx(20.0, abs=0.1)
         assert fastest < 2.5
 
+    @pytest.mark.slow
     def test_it_stays_where_it_is_when_the_stream_comes_again_far_away(self) -> None:
         rig = Rig()
         rig.run(8.0)
@@ -336,6 +349,7 @@ class TestGap:
 class TestYaw:
     """Whose heading is the truth."""
 
+    @pytest.mark.slow
     def test_with_a_compass_the_vehicle_keeps_its_heading_and_the_way_is_turned(self) -> None:
         rig = Rig(ImuOptions(heading_rad=0.0, has_compass=lambda: True))
         rig.run(14.0, walk_north(1.0), lambda _t: yawed(90.0))
@@ -372,6 +386,7 @@ class TestReadings:
         assert max(readings)[1] == pytest.approx(12.0, abs=0.1)
         assert all(float(np.float32(height)) == height for _, height in readings)
 
+    @pytest.mark.slow
     def test_compass_shows_the_true_heading(self) -> None:
         rig = Rig(ImuOptions(heading_rad=math.radians(30.0), has_compass=lambda: True))
         rig.run(12.0, turn=lambda t: yawed(0.0 if t < BEGIN_S else min(60.0, 30.0 * (t - BEGIN_S))))
@@ -386,6 +401,7 @@ class TestReadings:
         rig.run(7.0)
         assert {sensors.mag is None for sensors in rig.sensors} == {True}
 
+    @pytest.mark.slow
     def test_inertial_data_are_exact_in_single_precision(self) -> None:
         rig = Rig()
         rig.run(10.0, circle)
@@ -408,11 +424,13 @@ class TestTime:
         assert source.sense(2500) is None
         assert source.sense(0) is None
 
+    @pytest.mark.slow
     def test_age_of_a_pose_is_made_up_for(self) -> None:
         rig = Rig(age_ms=250)
         rig.run(14.0, walk_north(2.0))
         assert rig.pos[0] == pytest.approx(12.0, abs=0.02)
 
+    @pytest.mark.slow
     def test_stamps_that_repeat_or_step_back_are_ignored(self) -> None:
         rig = Rig()
         rig.run(10.0)

@@ -172,6 +172,7 @@ def system_status(bench: "Bench") -> int:
     return beat.system_status
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("armed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_heartbeat_is_critical_until_it_is_resolved(armed: bool) -> None:
     bench = flown(armed=armed).make()
