@@ -494,6 +494,7 @@ def steps(examples: int) -> settings:
     )
 
 
+@pytest.mark.slow
 def test_whatever_comes_the_filter_keeps_its_head() -> None:
     run_state_machine_as_test(CoreMachine, settings=steps(5))
 

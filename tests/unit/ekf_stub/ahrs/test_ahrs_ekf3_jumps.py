@@ -98,6 +98,7 @@ def test_pose_alone_that_jumps_is_rejected_for_7_s_and_then_reset_to(make_bench:
     assert bench.said(since_s=9) == []
 
 
+@pytest.mark.slow
 def test_pose_that_jumps_while_velocity_passes_is_fused_after_10_s_and_counts_as_lost_for_good(
     make_bench: MakeBench,
 ) -> None:

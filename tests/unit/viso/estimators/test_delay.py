@@ -51,6 +51,7 @@ def test_fast_gyro_of_the_recorded_flight_says_what_slow_attitudes_say(flight: F
     assert by_gyro.delay_ms == pytest.approx(SET_MS, abs=RECORDED_TOLERANCE_MS)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(delay_ms=st.floats(-60, 260), seed=st.integers(0, 2**32 - 1), hz=st.sampled_from([10, 30, 90]))
 def test_any_delay_is_found_within_its_uncertainty(delay_ms: float, seed: int, hz: int) -> None:

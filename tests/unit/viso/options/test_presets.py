@@ -108,6 +108,7 @@ def test_every_preset_has_a_stream_here() -> None:
     assert list(STREAMS) == list(PRESETS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=() if name == "t265-compass" else pytest.mark.slow) for name in STREAMS]
 )

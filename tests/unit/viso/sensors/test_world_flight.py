@@ -48,6 +48,7 @@ def test_passes_of_the_loop_are_the_same_one_by_one() -> None:
         assert np.array(at_once.at(tick / 400)) == pytest.approx(np.array(one), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_inertial_data_add_up_to_the_flight() -> None:
     source = flight_source(FLIGHT, START_S, ImuOptions())
     source.sense(0)

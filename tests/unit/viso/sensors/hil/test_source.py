@@ -397,6 +397,7 @@ def simulate(t: float) -> tuple[float, float]:
     return envelope * math.sin(since), envelope * math.cos(since) + growth * math.sin(since)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("by_state", "end_us"),
     [

@@ -149,6 +149,7 @@ def errors(bench: "Bench") -> list[tuple[int, int]]:
     return [(record["Subsys"], record["ECode"]) for record in bench.written("ERR")]
 
 
+@pytest.mark.slow
 def test_vehicle_warns_8_s_after_the_last_sample(lost: "Bench") -> None:
     silent_us = lost.scheduler.now_us - round(SILENT_S * 1e6)
     assert said(lost) == [(2, "EKF variance"), (2, "EKF Failsafe")]
