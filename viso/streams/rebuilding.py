@@ -7,6 +7,7 @@ covariance. What is lost for good stays lost: a covariance below the least error
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -210,14 +211,16 @@ def covariance_of(pos_err: float, ang_err: float) -> Covariance:
 @lru_cache(maxsize=4096)
 def _variances(error: float) -> Three:
     """Return the variances of three axes that make an error, found by trial near what theory says."""
+    exact = next((variances for variances in _near(error) if _error_of(variances) == error), None)
+    return exact or min(_near(error), key=lambda variances: abs(_error_of(variances) - error))
+
+
+def _near(error: float) -> Iterator[Three]:
+    """Yield variances to try; those further off, which few errors take, are made only where they are asked for."""
     guess = f32(math.sqrt(error**3 / 3))
-    tried = [
-        (first, first, last) for steps in (1, 16) for first in _around(guess, _STEPS) for last in _around(first, steps)
-    ]
-    for variances in tried:
-        if _error_of(variances) == error:
-            return variances
-    return min(tried, key=lambda variances: abs(_error_of(variances) - error))
+    for steps in (1, 16):
+        for first in _around(guess, _STEPS):
+            yield from ((first, first, last) for last in _around(first, steps))
 
 
 def _around(number: float | np.float32, steps: int) -> list[float]:
