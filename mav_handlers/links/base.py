@@ -3,7 +3,8 @@
 """What every link is: bytes in, bytes out, counters, and no exception once it is open."""
 
 import os
-import selectors
+import resource
+import select
 import socket
 from collections import Counter
 from collections.abc import Iterable
@@ -13,6 +14,9 @@ from typing import Protocol
 DROP_CLOSED = "link closed"
 DROP_NO_PEER = "no peer"
 DROP_BACKLOG_FULL = "backlog full"
+
+SPARE_DESCRIPTORS = 16
+"""So many file descriptors are kept from newcomers, for what the vehicle itself opens: its logs, its parameters."""
 
 
 class LinkError(Exception):
@@ -111,15 +115,28 @@ def cannot_open(name: str, error: Exception) -> LinkError:
     return LinkError(f"cannot open {name}: {reason_of(error)}")
 
 
+def is_short_of_descriptors(descriptor: int) -> bool:
+    """Tell whether a descriptor that the system has just given is one of the last few that the process may have.
+
+    The system gives the lowest that is free, so this one tells how many are in use. A newcomer with such a descriptor
+    is turned away; one whose descriptor was refused altogether would have taken the vehicle's last ones.
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return limit != resource.RLIM_INFINITY and descriptor >= limit - SPARE_DESCRIPTORS
+
+
 def wait_readable(links: Iterable[Link], timeout_s: float) -> list[Link]:
     """Wait until a link has something to read, or for ``timeout_s`` seconds, and return those that have.
 
     A link without a descriptor is never returned: poll it. The descriptors are asked for anew in each call
-    because a link that lost its peer may come back under the same number, which a kept selector would miss.
+    because a link that lost its peer may come back under the same number, which a kept set would miss. It takes no
+    descriptor itself, so that a process that has none left goes on.
     """
-    with selectors.DefaultSelector() as selector:
-        for link in links:
-            fd = link.fileno()
-            if fd >= 0:
-                selector.register(fd, selectors.EVENT_READ, link)
-        return [key.data for key, _ in selector.select(timeout_s)]
+    poller = select.poll()
+    waiting: dict[int, Link] = {}
+    for link in links:
+        fd = link.fileno()
+        if fd >= 0:
+            poller.register(fd, select.POLLIN)
+            waiting[fd] = link
+    return [waiting[fd] for fd, _ in poller.poll(max(0.0, timeout_s) * 1000.0)]

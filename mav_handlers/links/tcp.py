@@ -8,7 +8,7 @@ import socket
 import time
 
 from mav_handlers.links.address import SocketAddress, parse_host_port, resolve
-from mav_handlers.links.base import cannot_open
+from mav_handlers.links.base import cannot_open, is_short_of_descriptors
 from mav_handlers.links.retry import Backoff, Monotonic
 from mav_handlers.links.stream import StreamLink
 
@@ -117,7 +117,13 @@ class TcpServerLink(StreamLink):
         except OSError:  # the client has gone already, or the process is out of descriptors
             self._counters.open_failures += 1
             return -1
+        if is_short_of_descriptors(self._client.fileno()):
+            self._client.close()
+            self._client = None
+            self._counters.open_failures += 1
+            return -1
         _configure(self._client)
+        self._client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         return self._client.fileno()
 
     def _close_stream(self) -> None:
