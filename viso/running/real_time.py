@@ -13,8 +13,9 @@ from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 NOW_S: Final = time.monotonic
 """The wall clock, in seconds."""
-MAX_READ_BYTES: Final = 65536
 MAX_READS: Final = 64
+READ_BUDGET_BYTES: Final = 8192
+"""What a link may hand in before the next link's turn: some 30 messages, which take a few milliseconds."""
 
 
 class Pacer:
@@ -80,11 +81,14 @@ class Pacer:
 
     def _read(self) -> None:
         for link, channel in zip(self._links, self._powered.channels, strict=True):
-            # A peer that never stops must not keep the main loop from its turn.
+            # A peer that never stops must not keep other links, or the main loop, from their turn: what is over the
+            # budget waits in the system, which slows a TCP peer down.
+            budget = READ_BUDGET_BYTES
             for _ in range(MAX_READS):
-                data = link.receive(MAX_READ_BYTES)
+                data = link.receive(budget) if budget else b""
                 if not data:
                     break
+                budget -= len(data)
                 self._powered.vehicle.clock.set_us(self._now_us())
                 self._powered.vehicle.receive_bytes(channel, data)
 

@@ -152,12 +152,19 @@ def test_each_link_feeds_its_channel(make: Callable[..., Rig]) -> None:
     assert [channel.frames_received for channel in rig.vehicle.endpoint.channels] == [0, 1]
 
 
-def test_all_waiting_bytes_are_read_at_once(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(realtime, "MAX_READ_BYTES", 10)
+def test_link_hands_in_no_more_than_its_budget_before_the_next_ones_turn(make: Callable[..., Rig]) -> None:
     rig = make()
-    rig.clients[0].send(Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3)))
+    codec = Codec(255, 190)
+    frame = codec.encode(HEARTBEAT(6, 8, 0, 0, 4, 3))
+    fits = realtime.READ_BUDGET_BYTES // len(frame)
+    for client, count in zip(rig.clients, (3 * fits, 1), strict=True):
+        client.send(frame * count)
     rig.pacer.step()
-    assert rig.vehicle.endpoint.channels[0].frames_received == 1
+    assert [channel.frames_received for channel in rig.vehicle.endpoint.channels] == [fits, 1]
+    rig.pacer.step()
+    rig.pacer.step()
+    rig.pacer.step()
+    assert rig.vehicle.endpoint.channels[0].frames_received == 3 * fits
 
 
 def test_peer_that_never_stops_does_not_keep_the_main_loop_from_its_turn(
