@@ -32,7 +32,7 @@ class DatagramLink(ABC):
         self._closed = False
 
     @abstractmethod
-    def _accept(self, peer: SocketAddress) -> bool:
+    def _accept(self, peer: SocketAddress, data: bytes) -> bool:
         """Note who sent a datagram, and tell whether to take it."""
 
     @abstractmethod
@@ -83,7 +83,7 @@ class DatagramLink(ABC):
             except OSError as error:
                 self._counters.drop(0, reason_of(error))
                 continue
-            if self._accept(peer) and data:
+            if self._accept(peer, data) and data:
                 self._counters.bytes_in += len(data)
                 return data
         return b""

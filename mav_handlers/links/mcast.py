@@ -47,7 +47,7 @@ class McastLink(DatagramLink):
         super().close()
         self._sender.close()
 
-    def _accept(self, peer: SocketAddress) -> bool:
+    def _accept(self, peer: SocketAddress, data: bytes) -> bool:
         return peer != self._own_address
 
     def _transmit(self, data: bytes) -> None:

@@ -8,18 +8,22 @@ from mav_handlers.links.address import SocketAddress, parse_host_port, resolve
 from mav_handlers.links.base import DROP_NO_PEER, cannot_open
 from mav_handlers.links.datagram import DatagramLink, datagram_socket
 from mav_handlers.links.retry import Monotonic
+from mav_handlers.wire.codec import begins_with_frame
 
 PEER_TIMEOUT_S = 60.0
 MAX_PEERS = 16
+LIVE_S = 5.0
+"""A peer heard within so many seconds gives its place to nobody: clients send a heartbeat every second."""
 
 
 class UdpInLink(DatagramLink):
     """Bind, and send to every peer heard in the last 60 s.
 
     Several programs may share the port, as with pymavlink, which keeps every peer for ever unless told
-    otherwise. Here one that falls silent is forgotten, but never the last one heard: a program that only
-    listens after its first datagram keeps getting data. More than 16 peers push out the one not heard for
-    longest.
+    otherwise. A sender becomes a peer by a datagram that begins with a valid frame; other datagrams are read all the
+    same. A peer that is silent for 60 s is forgotten: it is sent nothing more until it is heard again. There are at
+    most 16 peers. A newcomer takes the place of the one that has been silent for longest, if that is for 5 s or more;
+    otherwise it is not sent anything, and counts as an ``open_failures``.
 
     pymavlink shares the port with anyone who asks; here a port in use is an error, since the system would
     give all datagrams to one of the two.
@@ -42,12 +46,24 @@ class UdpInLink(DatagramLink):
         self._forget_silent()
         return tuple(self._heard_s)
 
-    def _accept(self, peer: SocketAddress) -> bool:
-        if self._heard_s.pop(peer, None) is None:
-            self._counters.connects += 1
+    def _accept(self, peer: SocketAddress, data: bytes) -> bool:
+        if self._heard_s.pop(peer, None) is None and not self._introduce(data):
+            return True
         self._heard_s[peer] = self._monotonic()
-        if len(self._heard_s) > MAX_PEERS:
-            self._forget(next(iter(self._heard_s)))
+        return True
+
+    def _introduce(self, data: bytes) -> bool:
+        """Tell whether a sender that is no peer yet becomes one, and make room for it."""
+        if not begins_with_frame(data):
+            return False
+        self._forget_silent()
+        if len(self._heard_s) >= MAX_PEERS:
+            longest_silent, heard_s = next(iter(self._heard_s.items()))
+            if self._monotonic() - heard_s < LIVE_S:
+                self._counters.open_failures += 1
+                return False
+            self._forget(longest_silent)
+        self._counters.connects += 1
         return True
 
     def _transmit(self, data: bytes) -> None:
@@ -59,7 +75,7 @@ class UdpInLink(DatagramLink):
 
     def _forget_silent(self) -> None:
         now_s = self._monotonic()
-        for peer, heard_s in list(self._heard_s.items())[:-1]:
+        for peer, heard_s in list(self._heard_s.items()):
             if now_s - heard_s > PEER_TIMEOUT_S:
                 self._forget(peer)
 
@@ -80,7 +96,7 @@ class UdpOutLink(DatagramLink):
             raise cannot_open(name, error) from None
         super().__init__(name, sock)
 
-    def _accept(self, peer: SocketAddress) -> bool:
+    def _accept(self, peer: SocketAddress, data: bytes) -> bool:
         return True
 
     def _transmit(self, data: bytes) -> None:

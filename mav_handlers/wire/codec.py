@@ -165,6 +165,14 @@ def _without_extensions(frame: bytes, layout: _Layout) -> bytes:
     return frame[:1] + body + struct.pack("<H", crc)
 
 
+def begins_with_frame(data: bytes) -> bool:
+    """Tell whether bytes begin with a whole frame of a message of the dialect whose checksum is right."""
+    codec = Codec(0, 0)
+    codec.feed(data)
+    received = codec.next_received()
+    return isinstance(received, Received) and received.header.message_id in _NAME_OF_ID
+
+
 class Codec:
     """One direction-pair of a link: parses what comes in, numbers and packs what goes out.
 
@@ -318,6 +326,7 @@ __all__ = [
     "Codec",
     "Header",
     "Received",
+    "begins_with_frame",
     "full_length",
     "message_id",
     "message_name",

@@ -63,8 +63,8 @@ class FencedUdpLink(UdpInLink):
         super().close()
         self._fence.close()
 
-    def _accept(self, peer: SocketAddress) -> bool:
+    def _accept(self, peer: SocketAddress, data: bytes) -> bool:
         if peer == self._fence_address:
             self._is_fence_read = True
             return False
-        return super()._accept(peer)
+        return super()._accept(peer, data)

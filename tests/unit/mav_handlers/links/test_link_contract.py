@@ -14,6 +14,8 @@ from mav_handlers.links.mcast import McastLink
 from mav_handlers.links.serial_port import SerialLink
 from mav_handlers.links.tcp import TcpServerLink
 from mav_handlers.links.udp import UdpInLink
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import HEARTBEAT
 
 Collect = Callable[[Link, int], bytes]
 Until = Callable[[Callable[[], bool], Link], None]
@@ -101,6 +103,7 @@ WIRES = {
     "serial": _serial,
     "pair": _pair,
 }
+HELLO = Codec(1, 197).encode(HEARTBEAT(18, 8, 0, 0, 4, 3))  # without which nobody is a peer of udpin
 NEVER_KNOW_OF_A_DEAD_PEER = {"udpin", "mcast"}  # sockets without connection get no report
 
 
@@ -116,9 +119,9 @@ def wire(scheme: str, group: tuple[str, int], until: Until) -> Iterator[Wire]:
 
     def greeted() -> bool:
         if not got["link"]:
-            made.peer.send(b"?")
+            made.peer.send(HELLO)
         if not got["peer"]:
-            made.link.send(b"!")
+            made.link.send(HELLO)
         got["link"] += made.link.receive()
         got["peer"] += made.peer.receive()
         return bool(got["link"] and got["peer"])

@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from mav_handlers.links import Link, LinkError, open_link, wait_readable
-from mav_handlers.links.udp import MAX_PEERS, UdpInLink, UdpOutLink
+from mav_handlers.links.udp import LIVE_S, MAX_PEERS, UdpInLink, UdpOutLink
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
 
 Collect = Callable[[Link, int], bytes]
 Until = Callable[[Callable[[], bool], Link], None]
+HELLO = Codec(1, 197).encode(HEARTBEAT(18, 8, 0, 0, 4, 3))
 
 
 class Clock:
@@ -66,40 +67,71 @@ class TestServer:
         self, server: UdpInLink, clients: list[socket.socket], collect: Collect
     ) -> None:
         for client in clients[:3]:
-            client.send(b"x")
-            collect(server, 1)
+            client.send(HELLO)
+            collect(server, len(HELLO))
         server.send(b"for all")
         assert [client.recv(100) for client in clients[:3]] == [b"for all"] * 3
 
     def test_peer_silent_for_60_s_is_kept_and_forgotten_after_that(
         self, server: UdpInLink, clock: Clock, clients: list[socket.socket], collect: Collect
     ) -> None:
-        clients[0].send(b"x")
-        collect(server, 1)
+        clients[0].send(HELLO)
+        collect(server, len(HELLO))
         clock.now_s += 60.0
-        clients[1].send(b"x")
-        collect(server, 1)
+        clients[1].send(HELLO)
+        collect(server, len(HELLO))
         kept = server.peers
         clock.now_s += 0.001
         assert [*kept] == [clients[0].getsockname(), clients[1].getsockname()]
         assert [*server.peers] == [clients[1].getsockname()]
         assert (server.stats.connects, server.stats.disconnects) == (2, 1)
 
-    def test_last_peer_heard_is_never_forgotten(
+    def test_last_peer_heard_is_forgotten_like_any_other(
         self, server: UdpInLink, clock: Clock, clients: list[socket.socket], collect: Collect
     ) -> None:
-        clients[0].send(b"x")
-        collect(server, 1)
-        clock.now_s += 1.0e6
+        clients[0].send(HELLO)
+        collect(server, len(HELLO))
+        clock.now_s += 60.001
         server.send(b"still there?")
-        assert clients[0].recv(100) == b"still there?"
+        assert (server.peers, server.stats.drop_reasons) == ((), {"no peer": 1})
 
-    def test_number_of_peers_is_bounded_and_the_longest_silent_one_goes(
+    @pytest.mark.parametrize("junk", [b"x", HELLO[:-1], HELLO[:-1] + b"x", b"x" + HELLO, b"\xfd" + bytes(30)])
+    def test_sender_of_junk_is_no_peer_and_is_heard(
+        self, server: UdpInLink, clients: list[socket.socket], collect: Collect, junk: bytes
+    ) -> None:
+        clients[0].send(junk)
+        assert collect(server, len(junk)) == junk
+        assert (server.peers, server.stats.connects) == ((), 0)
+
+    def test_peer_may_send_what_it_likes_once_it_is_known(
         self, server: UdpInLink, clients: list[socket.socket], collect: Collect
     ) -> None:
-        for client in (*clients[:-1], clients[0], clients[-1]):
-            client.send(b"x")
-            collect(server, 1)
+        clients[0].send(HELLO)
+        clients[0].send(b"x")
+        collect(server, len(HELLO) + 1)
+        assert server.peers == (clients[0].getsockname(),)
+
+    def test_newcomer_does_not_push_out_a_live_peer(
+        self, server: UdpInLink, clock: Clock, clients: list[socket.socket], collect: Collect
+    ) -> None:
+        for client in clients[:-1]:
+            client.send(HELLO)
+            collect(server, len(HELLO))
+        clock.now_s += LIVE_S - 0.001
+        clients[-1].send(HELLO)
+        collect(server, len(HELLO))
+        assert set(server.peers) == {client.getsockname() for client in clients[:-1]}
+        assert server.stats.open_failures == 1
+
+    def test_newcomer_takes_the_place_of_the_longest_silent_peer(
+        self, server: UdpInLink, clock: Clock, clients: list[socket.socket], collect: Collect
+    ) -> None:
+        for client in (*clients[:-1], clients[0]):
+            client.send(HELLO)
+            collect(server, len(HELLO))
+        clock.now_s += LIVE_S
+        clients[-1].send(HELLO)
+        collect(server, len(HELLO))
         assert len(server.peers) == MAX_PEERS
         assert clients[1].getsockname() not in server.peers
         assert clients[0].getsockname() in server.peers
@@ -118,13 +150,13 @@ class TestServer:
         until(both, server)
         assert got == [b"one", b"two"]
 
-    def test_empty_datagram_introduces_a_peer_and_hides_nothing(
+    def test_empty_datagram_introduces_nobody_and_hides_nothing(
         self, server: UdpInLink, clients: list[socket.socket], collect: Collect
     ) -> None:
         clients[0].send(b"")
         clients[1].send(b"data")
         assert collect(server, 4) == b"data"
-        assert server.stats.connects == 2
+        assert server.stats.connects == 0
 
 
 class TestClient:
@@ -153,8 +185,8 @@ class TestClient:
     def test_stranger_is_not_heard(self, server: UdpInLink, clients: list[socket.socket], collect: Collect) -> None:
         link = open_link(f"udpout:127.0.0.1:{server.address[1]}")
         assert isinstance(link, UdpOutLink)
-        link.send(b"x")
-        collect(server, 1)
+        link.send(HELLO)
+        collect(server, len(HELLO))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
             stranger.sendto(b"intruder", ("127.0.0.1", link.address[1]))
         server.send(b"friend")
