@@ -37,6 +37,15 @@ main()
 """
 
 
+DESCRIPTORS = 64
+FEW_DESCRIPTORS_START = f"""
+import resource
+resource.setrlimit(resource.RLIMIT_NOFILE, ({DESCRIPTORS}, {DESCRIPTORS}))
+from viso.cli import main
+main()
+"""
+
+
 def free_port(kind: socket.SocketKind) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
@@ -70,12 +79,12 @@ class Server:
 
 
 @contextmanager
-def serving(folder: Path, start: str = START) -> Iterator[Server]:
+def serving(folder: Path, start: str = START, *options: str) -> Iterator[Server]:
     """Start `viso serve` and end it, whatever happens."""
     tcp_port, udp_port = free_port(socket.SOCK_STREAM), free_port(socket.SOCK_DGRAM)
     command = [sys.executable, "-c", start, "serve", "--master", f"tcpin:127.0.0.1:{tcp_port}", "--json"]
     command += ["--master", f"udpin:127.0.0.1:{udp_port}", "--log-dir", str(folder), "--speedup", str(SPEEDUP)]
-    command += ["--param", "VISO_TYPE=1"]
+    command += ["--param", "VISO_TYPE=1", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield Server(process, tcp_port, udp_port)
@@ -229,4 +238,29 @@ def test_log_without_space_does_not_end_the_vehicle(tmp_path: Path) -> None:
         _, said = server.stop()
     assert "log: log cannot be written" in said
     assert (tmp_path / "00000001.BIN").stat().st_size == LOG_LIMIT_BYTES
+    assert last_log_times(tmp_path)
+
+
+@pytest.mark.parametrize("target", ["page", "link"])
+def test_connections_that_ask_for_nothing_cost_others_nothing(tmp_path: Path, target: str) -> None:
+    web_port = free_port(socket.SOCK_STREAM)
+    options = ("--web", f"127.0.0.1:{web_port}")
+    with serving(tmp_path, FEW_DESCRIPTORS_START, *options) as server, Watcher(server) as watcher:
+        watcher.wait_beats(6)
+        port = web_port if target == "page" else server.tcp_port
+        idle = []
+        for _ in range(2 * DESCRIPTORS):
+            connection = socket.socket()
+            connection.setblocking(False)
+            with suppress(BlockingIOError):
+                connection.connect(("127.0.0.1", port))
+            idle.append(connection)
+            watcher.listen()
+        watcher.wait_beats(20)
+        open_descriptors = len(list(Path(f"/proc/{server.process.pid}/fd").iterdir()))
+        for connection in idle:
+            connection.close()
+        _, said = server.stop()
+    assert open_descriptors < DESCRIPTORS
+    assert "Traceback" not in said
     assert last_log_times(tmp_path)

@@ -4,6 +4,7 @@
 
 import asyncio
 import contextlib
+import logging
 import socket
 import threading
 from collections import deque
@@ -20,15 +21,19 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from viso.web.connections import BoundedProtocol
 from viso.web.desk import MAX_REQUEST_CHARS
 from viso.web.encoding import encode
 from viso.web.events import Answer
 from viso.web.live_state import LiveState, Seen
 from viso.web.same_site import SameSite
 
+_log = logging.getLogger(__name__)
+
 BATCH_PERIOD_S: Final = 0.1
 MAX_CLIENTS: Final = 8
 MESSAGES_WAITING: Final = 20
+WAITING_CONNECTIONS: Final = 8  # so many are accepted at once, which must be fewer than the spare descriptors
 STOP_PATIENCE_S: Final = 3.0
 TRY_LATER: Final = 1013
 FILES: Final = {
@@ -165,6 +170,8 @@ def make_app(broadcaster: Broadcaster, host: str) -> Starlette:
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        # It would print a traceback for each connection that the system has no descriptor for.
+        asyncio.get_running_loop().set_exception_handler(lambda _loop, context: _log.debug("%s", context["message"]))
         task = asyncio.create_task(broadcaster.run())
         yield
         task.cancel()
@@ -199,7 +206,8 @@ class PageServer:
             log_level="critical",
             access_log=False,
             lifespan="on",
-            http="h11",
+            http=BoundedProtocol,
+            backlog=WAITING_CONNECTIONS,
             ws="websockets-sansio",
             ws_max_size=4 * MAX_REQUEST_CHARS,
             ws_per_message_deflate=False,
@@ -214,7 +222,7 @@ class PageServer:
 
     def start(self) -> None:
         """Begin to serve."""
-        self._listening.listen()
+        self._listening.listen(WAITING_CONNECTIONS)
         self._thread.start()
 
     def _run(self) -> None:

@@ -7,7 +7,7 @@ import http.client
 import json
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from websockets.typing import Origin
 from tests.places import ROOT
 from tests.unit.viso.conftest import Bench
 from viso.errors import InputError
+from viso.web.connections import MAX_CONNECTIONS
 from viso.web.live_view import LiveView
 from viso.web.server import FILES, MAX_CLIENTS, MESSAGES_WAITING, Client
 
@@ -165,6 +166,47 @@ def test_there_is_a_limit_to_pages(served: Served) -> None:
             until(page, "all")
         with pytest.raises(InvalidStatus), served.page():
             pass
+
+
+def test_connection_over_the_limit_is_closed_and_the_page_goes_on(served: Served) -> None:
+    idle = [socket.create_connection(("127.0.0.1", served.port), LIMIT_S) for _ in range(MAX_CONNECTIONS)]
+    with socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as late:
+        assert is_closed(late)
+    for connection in idle:
+        connection.close()
+    for _ in range(100):  # until the server has noticed
+        with suppress(ConnectionError, http.client.HTTPException):
+            assert served.get("/")[0] == 200
+            return
+    pytest.fail("the page does not come back")
+
+
+def test_connection_that_asks_for_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viso.web.connections.CONNECTION_S", 0.05)
+    with socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as slow:
+        slow.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n")
+        assert is_closed(slow)
+
+
+def test_socket_of_a_page_stays_open(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viso.web.connections.CONNECTION_S", 0.05)
+    with served.page() as page, socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as slow:
+        assert is_closed(slow)  # by when the page's own time is over as well
+        until(page, "batch")
+
+
+def test_connection_with_one_of_the_last_descriptors_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viso.web.connections.is_short_of_descriptors", lambda _descriptor: True)
+    with socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as newcomer:
+        assert is_closed(newcomer)
+
+
+def is_closed(connection: socket.socket) -> bool:
+    """Wait until the server has closed a connection."""
+    try:
+        return connection.recv(1) == b""
+    except ConnectionResetError:
+        return True
 
 
 def test_closing_leaves_every_page(served: Served) -> None:
