@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from mav_handlers.channel import Channel
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
 from viso.running.power import PoweredVehicle
@@ -13,9 +14,11 @@ from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 NOW_S: Final = time.monotonic
 """The wall clock, in seconds."""
-MAX_READS: Final = 64
-READ_BUDGET_BYTES: Final = 8192
-"""What a link may hand in before the next link's turn: some 30 messages, which take a few milliseconds."""
+MAX_ROUNDS: Final = 64
+READ_BYTES: Final = 1024
+"""What a link may hand in before the next link's turn: some 30 messages at most, which take a few milliseconds."""
+READ_BUDGET_S: Final = 0.01
+"""How long the links may hand in by turns before the main loop's turn."""
 
 
 class Pacer:
@@ -80,17 +83,20 @@ class Pacer:
             self._power_up()
 
     def _read(self) -> None:
-        for link, channel in zip(self._links, self._powered.channels, strict=True):
-            # A peer that never stops must not keep other links, or the main loop, from their turn: what is over the
-            # budget waits in the system, which slows a TCP peer down.
-            budget = READ_BUDGET_BYTES
-            for _ in range(MAX_READS):
-                data = link.receive(budget) if budget else b""
-                if not data:
-                    break
-                budget -= len(data)
-                self._powered.vehicle.clock.set_us(self._now_us())
-                self._powered.vehicle.receive_bytes(channel, data)
+        # A peer that never stops must not keep other links, or the main loop, from their turn: what is over the budget
+        # waits in the system, which slows a TCP peer down.
+        end_s = self._now_s() + READ_BUDGET_S
+        waiting = list(zip(self._links, self._powered.channels, strict=True))
+        for _ in range(MAX_ROUNDS):
+            waiting = [(link, channel) for link, channel in waiting if self._take(channel, link.receive(READ_BYTES))]
+            if not waiting or self._now_s() > end_s:
+                break
+
+    def _take(self, channel: Channel, data: bytes) -> bool:
+        if data:
+            self._powered.vehicle.clock.set_us(self._now_us())
+            self._powered.vehicle.receive_bytes(channel, data)
+        return bool(data)
 
     def _write(self) -> None:
         for link, channel in zip(self._links, self._powered.channels, strict=True):
