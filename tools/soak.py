@@ -47,6 +47,7 @@ class Peer:
     missing: int = 0
     round_trips_ms: list[float] = field(default_factory=list)
     attitude_times_ms: list[int] = field(default_factory=list)
+    beat_times_s: list[float] = field(default_factory=list)
     _next_sequence: int | None = None
 
     def __post_init__(self) -> None:
@@ -86,6 +87,8 @@ class Peer:
         self._next_sequence = (message.get_seq() + 1) % 256
         if message.get_type() == "TIMESYNC" and message.tc1 != 0:
             self.round_trips_ms.append((time.monotonic_ns() - message.ts1) / 1e6)
+        if message.get_type() == "HEARTBEAT":
+            self.beat_times_s.append(time.monotonic())
         if message.get_type() == "ATTITUDE":
             self.attitude_times_ms.append(message.time_boot_ms)
 
@@ -99,6 +102,10 @@ class Process:
     def resident_mb(self) -> float:
         """Return its memory."""
         return int((self._folder / "statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def open_descriptors(self) -> int:
+        """Return how many files, sockets and pipes it has open."""
+        return sum(1 for _ in (self._folder / "fd").iterdir())
 
     def cpu_s(self) -> float:
         """Return the processor time that it has used."""
@@ -131,9 +138,9 @@ class Figures:
         return found + ([f"memory grew by {growth_mb:.1f} MB"] if grew else [])
 
 
-def free_port() -> int:
-    """Return a UDP port that nobody uses."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    """Return a port that nobody uses, of UDP if not of SOCK_STREAM."""
+    with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
