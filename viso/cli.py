@@ -20,6 +20,7 @@ import typer
 from typer.core import TyperGroup
 
 from viso.terminal.long_lived import uncollected
+from viso.terminal.printable import printable_output
 
 EXIT_USAGE: Final = 2
 HELP: Final = "The autopilot's end of ArduPilot external navigation."
@@ -145,6 +146,7 @@ def _reported() -> tuple[type[Exception], ...]:
     return InputError, LinkError, LogStoreError
 
 
+@printable_output()
 def main() -> None:
     """Run the command line: exit code 0 fine, 1 findings, 2 usage or unreadable input."""
     atexit.register(gc.freeze)  # at the end everything goes anyway; to look through it for cycles first takes long

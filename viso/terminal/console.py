@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the commands share on the terminal: tables, progress, notes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
 
 from ap_core.verdict import Outcome, Rule
 from mav_handlers.all_verdicts import ALL_VERDICTS
+from viso.terminal.printable import printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -28,7 +30,25 @@ VerdictCounts = Mapping[tuple[str, Outcome, str], int]
 
 
 class _PlainConsole(Console):
-    """A console that lets the command line decide what a reader's leaving means."""
+    """A console that makes printable what it prints, and lets the command line decide what a reader's leaving means."""
+
+    @property
+    def file(self) -> IO[str]:
+        """The stream, which is to take the console's own escapes as they are."""
+        return getattr(super().file, "rich_proxied_file", super().file)
+
+    @file.setter
+    def file(self, new_file: IO[str]) -> None:
+        self._file = new_file
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Yield the pieces of something to print."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
+
+    def print_json(self, *args: Any, **options: Any) -> None:
+        """Print JSON in ASCII, which has escapes of its own."""
+        super().print_json(*args, ensure_ascii=True, **options)
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError

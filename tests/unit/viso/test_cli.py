@@ -240,6 +240,18 @@ def test_replay_prints_texts_and_counts(viso: Viso, capture: Path) -> None:
     assert "handed to the EKF" in outcome.out
 
 
+def test_replay_spells_out_what_a_recording_may_not_do_to_the_terminal(viso: Viso, tmp_path: Path) -> None:
+    path = tmp_path / "hostile.jsonl"
+    path.write_text(json.dumps({"name": "n", "params": {"A\x1b[31m\x9b": 1}}) + "\n")
+    told = viso("replay", path).err
+    assert told == "note: parameters of the recording without effect here: A\\x1b[31m\\x9b\n"
+
+
+@pytest.mark.parametrize("name", ["\x1b]0;title\x07.tum", "\udcff\x9b.tum"])
+def test_file_name_in_an_error_is_spelled_out(viso: Viso, name: str) -> None:
+    assert failed_with(viso("replay", name), f"{ascii(name)[1:-1]}: No such file or directory")
+
+
 def test_replay_notes_parameters_without_effect(viso: Viso, capture: Path) -> None:
     assert viso("replay", capture).err == "note: parameters of the recording without effect here: SIM_GPS1_ENABLE\n"
 

@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Findings for machines: JSON, SARIF 2.1.0 for code hosts, JUnit for build servers."""
 
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from typing import Final
+from urllib.parse import quote
 
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Finding, Rule, Severity, numbers_text
 from viso.doctor.outputs.summary import Summary
+from viso.terminal.printable import printable
 
 SARIF_VERSION: Final = "2.1.0"
 _NUMBERS_IN_SARIF: Final = 100
@@ -52,7 +55,7 @@ def _sarif_result(finding: Finding, index: int, file: str) -> dict[str, object]:
         "message": {"text": whole_text(finding)},
         "locations": [
             {
-                "physicalLocation": {"artifactLocation": {"uri": file}},
+                "physicalLocation": {"artifactLocation": {"uri": quote(os.fsencode(file), safe="/:")}},
                 "logicalLocations": [{"name": numbers_text(finding.message_numbers) or "the whole stream"}],
             }
         ],
@@ -90,9 +93,11 @@ def as_sarif(file: str, version: str, rules: Sequence[Rule], findings: Iterable[
 def as_junit(file: str, rules: Sequence[Rule], findings: Sequence[Finding], fail_on: Severity) -> str:
     """Return findings as JUnit XML: a test case a rule, which fails with findings at or above a severity.
 
-    Findings below it are in the output of their case.
+    Findings below it are in the output of their case. XML cannot hold control characters: they are spelled out.
     """
-    suite = ET.Element("testsuite", name=f"viso doctor {file}", tests=str(len(rules)), errors="0", skipped="0")
+    suite = ET.Element(
+        "testsuite", name=f"viso doctor {printable(file)}", tests=str(len(rules)), errors="0", skipped="0"
+    )
     failed = 0
     for rule in rules:
         case = ET.SubElement(suite, "testcase", classname=f"doctor.{rule.family}", name=f"{rule.code} {rule.title}")
@@ -100,16 +105,11 @@ def as_junit(file: str, rules: Sequence[Rule], findings: Sequence[Finding], fail
         bad = [finding for finding in of_rule if finding.severity.at_least(fail_on)]
         if bad:
             failed += 1
-            failure = ET.SubElement(case, "failure", message=_clean(bad[0].evidence), type=bad[0].severity.value)
-            failure.text = _clean("\n".join(map(whole_text, bad)))
+            failure = ET.SubElement(case, "failure", message=printable(bad[0].evidence), type=bad[0].severity.value)
+            failure.text = printable("\n".join(map(whole_text, bad)))
         mild = [finding for finding in of_rule if finding not in bad]
         if mild:
-            ET.SubElement(case, "system-out").text = _clean("\n".join(map(whole_text, mild)))
+            ET.SubElement(case, "system-out").text = printable("\n".join(map(whole_text, mild)))
     suite.set("failures", str(failed))
     ET.indent(suite)
     return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _clean(text: str) -> str:
-    """Return text without characters that XML cannot hold: texts of an autopilot may have any."""
-    return "".join(char if char == "\n" or char.isprintable() else "?" for char in text)

@@ -71,6 +71,22 @@ def test_sarif_names_every_rule_and_every_finding() -> None:
         assert location["physicalLocation"]["artifactLocation"]["uri"] == "my.tlog"
 
 
+@pytest.mark.parametrize(
+    ("file", "uri"),
+    [("logs/my log.tlog", "logs/my%20log.tlog"), ("\x1b#\udcff", "%1B%23%FF"), ("udpin::14550", "udpin::14550")],
+)
+def test_sarif_names_the_file_by_its_uri(file: str, uri: str) -> None:
+    log: dict[str, Any] = as_sarif(file, "1.2", RULES, FINDINGS[:1])
+    (location,) = log["runs"][0]["results"][0]["locations"]
+    assert location["physicalLocation"]["artifactLocation"]["uri"] == uri
+
+
+def test_junit_spells_out_what_xml_cannot_hold() -> None:
+    text = as_junit("\x1b\udcff.tlog", RULES, FINDINGS, Severity.NOTE)
+    assert ET.fromstring(text).attrib["name"] == r"viso doctor \x1b\udcff.tlog"
+    assert r"EKF \x00 &lt;says&gt; &amp; so" in text
+
+
 @pytest.mark.parametrize("fail_on", list(Severity))
 def test_junit_has_a_case_a_rule_that_fails_from_a_severity_on(fail_on: Severity) -> None:
     suite = ET.fromstring(as_junit("my.tlog", RULES, FINDINGS, fail_on))
