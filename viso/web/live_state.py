@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from ap_core.cint import i32
 from ap_core.log_field import LogValue
 from mav_handlers.endpoint import MessageEvent
 from viso.fates.labels import Fate, fate_of, is_final, is_model
@@ -143,7 +144,7 @@ class LiveState:
     def take_record(self, has_position: bool, values: Sequence[LogValue]) -> None:
         """Take a VISP or a VISV record: its values, TimeUS first."""
         time_us, _, corrected_ms = (int(value) for value in values[:3])
-        self._lags_ms.append(time_us / 1e3 - corrected_ms)
+        self._lags_ms.append(i32(time_us // 1000 - corrected_ms) + time_us % 1000 / 1e3)  # the stamp has 32 bits
         if has_position:
             x, y, z = (finite(value, 3) for value in values[3:6])
             self._vision = {"pos": None if None in (x, y, z) else [x, y, z], "ignored": bool(values[-2])}

@@ -149,6 +149,13 @@ def test_lag_is_the_time_since_the_corrected_stamp(watch: Callable[..., Watched]
     assert watched.batch()["point"]["lag"] is None
 
 
+@pytest.mark.parametrize("arrived_ms", [30, 5], ids=["both after the wrap", "stamp before the wrap"])
+def test_lag_survives_the_wrap_of_the_corrected_stamp_after_49_days(arrived_ms: int) -> None:
+    state = LiveState("a banner")
+    state.take_record(False, (((1 << 32) + arrived_ms) * 1000 + 500, 0, (arrived_ms - 20) % (1 << 32), 0, 0))
+    assert state.batch()["point"]["lag"] == [20.5, 20.5]
+
+
 def test_numbers_that_are_none_become_null(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(0.2, x=math.nan)
