@@ -188,6 +188,20 @@ def test_values_beyond_the_field_wrap() -> None:
     assert [Rig().fields("XKF3", report)[label] for label in ("IPN", "IPE", "IPD")] == [32767, -32767, 25536]
 
 
+@pytest.mark.parametrize("number", [1e20, 1e38, math.inf, -math.inf, math.nan])
+def test_values_beyond_every_integer_are_zero(number: float) -> None:
+    report = replace(REPORT, vel_innovation=(number, 0.0, 0.0), yaw_innovation=number, mag_innovation=(number,) * 3)
+    found = Rig().fields("XKF3", report)
+    assert [found[label] for label in ("IVN", "IMX", "IYAW")] == [0, 0, 0]
+
+
+@pytest.mark.parametrize(("ratio", "score"), [(1e38, pytest.approx(1e38)), (1e40, math.inf), (math.inf, math.inf)])
+def test_score_beyond_single_precision_is_infinite(ratio: float, score: float) -> None:
+    found = Rig().fields("XKF3", replace(REPORT, pos_ratio=2 * ratio, height_ratio=ratio))
+    assert found["ErSc"] == score
+    assert Rig().fields("XKF4", replace(REPORT, pos_ratio=ratio))["SP"] == 0
+
+
 @pytest.mark.parametrize(("yaw_deg", "centidegrees"), [(0, 0), (90, 9000), (-90, 27000), (180, 18000), (-0.5, 35950)])
 def test_yaw_is_written_as_a_heading(yaw_deg: float, centidegrees: int) -> None:
     found = Rig().fields("XKF1", replace(REPORT, rpy_rad=(0, 0, math.radians(yaw_deg))))["Yaw"]
