@@ -4,7 +4,7 @@
 
 from mav_handlers.links.base import Link, LinkError, LinkStats, wait_readable
 from mav_handlers.links.pair import PairLink, make_pair
-from mav_handlers.links.table import LINKS, LinkFactory, open_link
+from mav_handlers.links.table import LINKS, LinkFactory, is_open_to_network, open_link
 from mav_handlers.links.tlog import TlogEntry, TlogError, TlogReader, TlogWriter, read_tlog
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "TlogError",
     "TlogReader",
     "TlogWriter",
+    "is_open_to_network",
     "make_pair",
     "open_link",
     "read_tlog",

@@ -20,6 +20,11 @@ class HostPort:
     port: int
 
 
+def is_loopback(address: SocketAddress) -> bool:
+    """Tell whether only this machine reaches an IPv4 address."""
+    return address[0].startswith("127.")
+
+
 def parse_host_port(name: str, address: str, default_host: str = LOOPBACK, *, any_port: bool = False) -> HostPort:
     """Read ``HOST:PORT``, ``:PORT`` or ``PORT``; without a host it is the default.
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ap_core.plugins import with_plugins
+from mav_handlers.links.address import is_loopback
 from mav_handlers.links.base import ConnectionStringError, Link, LinkError, bad_string
-from mav_handlers.links.mcast import open_mcast
-from mav_handlers.links.tcp import open_tcp, open_tcpin
-from mav_handlers.links.udp import open_udpin, open_udpout
+from mav_handlers.links.mcast import McastLink, open_mcast
+from mav_handlers.links.tcp import TcpServerLink, open_tcp, open_tcpin
+from mav_handlers.links.udp import UdpInLink, open_udpin, open_udpout
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,11 @@ def open_link(connection: str) -> Link:
     except ConnectionStringError as error:
         forms = ", ".join(factory.form for factory in all_links().values())
         raise LinkError(f"{error}; known forms: {forms}") from None
+
+
+def is_open_to_network(link: Link) -> bool:
+    """Tell whether a link takes what anybody sends who reaches this machine."""
+    return isinstance(link, UdpInLink | TcpServerLink | McastLink) and not is_loopback(link.address)
 
 
 def _split(connection: str) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mav_handlers.links import Link, open_link
+from mav_handlers.links import Link, is_open_to_network, open_link
 from viso.errors import InputError, file_errors
 from viso.files.key_store import FileKeyStore
 from viso.firmware.releases import PROFILES, Firmware
@@ -200,6 +200,8 @@ def serve(
         stack.callback(powered.close)
         stop = stack.enter_context(stop_on_signal())
         console.print(f"{title}; {_profile_text(profile)}; logs in {log_dir}; Ctrl-C ends")
+        for link in filter(is_open_to_network, links):
+            console.print(f"{link.name} is open to the network; whoever reaches it can command the vehicle")
         if view is not None:
             console.print(view.introduction)
         counted = powered.verdict_counts, powered.filter_counts

@@ -6,7 +6,7 @@ import socket
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mav_handlers.links.address import LOOPBACK, parse_host_port, resolve
+from mav_handlers.links.address import LOOPBACK, is_loopback, parse_host_port, resolve
 from mav_handlers.links.base import Link, LinkError, reason_of
 from viso.errors import InputError
 from viso.extras import pip_install
@@ -57,9 +57,9 @@ class LiveView:
         desk = Desk(switches)
         self.feed = Feed(desk, switches, now_s=now_s)
         listening, host = _listen(address)
-        name, port = listening.getsockname()
-        self.url = f"http://{host}:{port}/"
-        warning = "" if name.startswith("127.") else "; whoever reaches it can command the vehicle"
+        bound = listening.getsockname()
+        self.url = f"http://{host}:{bound[1]}/"
+        warning = "" if is_loopback(bound) else "; whoever reaches it can command the vehicle"
         self.introduction = f"live view at {self.url}{warning}"
         seen = self.feed.seen
         broadcaster = Broadcaster(LiveState(banner, lambda: seen.lost), seen.take_all, desk.ask)

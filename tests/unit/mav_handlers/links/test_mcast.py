@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from mav_handlers.links import Link, LinkError
+from mav_handlers.links import Link, LinkError, is_open_to_network
 from mav_handlers.links.mcast import McastLink
 
 Collect = Callable[[Link, int], bytes]
@@ -18,6 +18,7 @@ def test_member_hears_the_others_but_not_itself(group: tuple[str, int], collect:
     second.send(b"yours")
     assert collect(first, 5) == b"yours"
     assert first.receive() == b""
+    assert is_open_to_network(first)
     first.close()
     second.close()
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from mav_handlers.links import LINKS, LinkError, open_link
+from mav_handlers.links import LINKS, LinkError, is_open_to_network, open_link
 from mav_handlers.links.mcast import McastLink
 from mav_handlers.links.serial_port import SerialLink
 from mav_handlers.links.tcp import TcpLink, TcpServerLink
@@ -30,6 +30,23 @@ def test_scheme_selects_the_link_and_name_is_the_string(connection: str, kind: t
     assert type(link) is kind
     assert link.name == connection
     link.close()
+
+
+@pytest.mark.parametrize(
+    ("connection", "is_open"),
+    [
+        ("udpin:0", False),
+        ("udpin:0.0.0.0:0", True),
+        ("udpout:127.0.0.1:14550", False),
+        ("tcp:127.0.0.1:1", False),
+        ("tcpin:localhost:0", False),
+        ("tcpin:0.0.0.0:0", True),
+    ],
+)
+def test_link_that_listens_beyond_this_machine_is_open_to_the_network(connection: str, is_open: bool) -> None:
+    link = open_link(connection)
+    link.close()
+    assert is_open_to_network(link) is is_open
 
 
 @pytest.mark.parametrize("form", ["{}", "{},57600", "serial:{}", "serial:{},57600"])

@@ -54,6 +54,17 @@ def test_help_lists_the_presets(
     assert not [name for name in PRESETS if name not in text]
 
 
+# Who may come
+
+
+@pytest.mark.parametrize(("host", "warns"), [("0.0.0.0", True), ("127.0.0.1", False)])
+def test_link_that_others_can_reach_is_warned_of(viso: Viso, host: str, warns: bool) -> None:
+    link = f"udpin:{host}:0"
+    told = viso("serve", "--master", link, "--speedup", "1000", "--duration", "0.02").out
+    warning = f"{link} is open to the network; whoever reaches it can command the vehicle\n"
+    assert (warning in told, "whoever" in told) == (warns, warns)
+
+
 # Lines of verdicts
 
 
