@@ -10,7 +10,7 @@ from mav_handlers.links.base import Link, LinkStats
 from viso.companion.faults import Injector, TimedFrame, Timeline, make_entry
 from viso.companion.faults.splitter import FrameSplitter
 
-_MAX_READS: Final = 64
+_LONGEST_FRAME: Final = 280  # bytes; with fewer at a time there might be none to return
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +99,9 @@ class FaultyLink:
         if not self._faults and not self._ready and not self._splitter.unread_bytes:
             return self._link.receive(max_bytes)
         now_us = self._now_us()
-        for _ in range(_MAX_READS):
-            data = self._link.receive(max_bytes)
-            if not data:
-                break
+        room = max(max_bytes, _LONGEST_FRAME) - len(self._ready)
+        while room > 0 and (data := self._link.receive(room)):
+            room -= len(data)
             self._pass(((now_us, piece) for piece in self._splitter.feed(data)), list(self._faults))
         self._pass((), list(self._faults))
         taken = bytes(self._ready[:max_bytes])

@@ -56,6 +56,13 @@ def test_without_a_fault_every_byte_comes_as_it_was_sent(rig: Rig) -> None:
     assert rig.link.receive() == b" frame \xfd\x01"
 
 
+def test_link_with_a_fault_reads_no_more_than_it_is_asked_for(rig: Rig) -> None:
+    sent = rig.send(*[ALIVE] * 50)
+    rig.switches.set("loss", on=True)
+    assert rig.link.receive(300) == sent[:294]  # the rest of the last frame is still to come
+    assert rig.inner.stats.bytes_in == 300
+
+
 @pytest.mark.parametrize("switch", SWITCHES, ids=lambda switch: str(switch.name))
 def test_every_switch_changes_vision_and_nothing_else(rig: Rig, switch: Any) -> None:
     sent: list[Message] = [odometry(1_000_000 + 1000 * number, x=float(number)) for number in range(20)]
