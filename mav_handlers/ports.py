@@ -94,6 +94,9 @@ class AhrsPort(Protocol):
     def initialised(self) -> bool:
         """Tell whether the estimator has been running for its settling time."""
 
+    def healthy(self) -> bool:
+        """Tell whether the estimator runs well."""
+
     def get_quaternion(self) -> Quaternion | None:
         """Return the attitude, body (FRD) to earth (NED), or None while there is none."""
 
@@ -147,7 +150,13 @@ class HomePort(Protocol):
 
 
 class CopterPort(Protocol):
-    """What makes the vehicle a copter: its mode, its home, arming, and whether it stands on the ground."""
+    """What makes the vehicle a copter: its mode, its home, arming, and whether it stands on the ground.
+
+    Attributes:
+        safety_on: the safety switch keeps the motors off.
+    """
+
+    safety_on: bool
 
     @property
     def mission(self) -> Mission:
@@ -178,6 +187,9 @@ class CopterPort(Protocol):
 
     def set_mode(self, number: int) -> bool:
         """Enter a mode; tell whether the vehicle is in it now. A refusal is told as a text."""
+
+    def is_holding_height(self) -> bool:
+        """Tell whether the mode runs the vertical position controller."""
 
     def is_holding_position(self) -> bool:
         """Tell whether the mode runs the horizontal position controller."""
@@ -245,8 +257,13 @@ class RtcPort(Protocol):
 
 
 class VehiclePort(Protocol):
-    """The vehicle as the endpoint sees it."""
+    """The vehicle as the endpoint sees it.
 
+    Attributes:
+        battery_monitor: BATT_MONITOR at boot, which is when monitors are looked for.
+    """
+
+    battery_monitor: int
     params: ParamTable
     texts: StatusTextQueue
     visual_odom: AP_VisualOdom
@@ -301,6 +318,9 @@ class VehiclePort(Protocol):
 
     def is_initialised(self) -> bool:
         """Tell whether booting is over."""
+
+    def is_time_to_log(self) -> bool:
+        """Tell whether the vehicle is in a state in which it logs."""
 
     def request_reboot(self) -> None:
         """Restart, once the answer to the command has left."""

@@ -44,10 +44,8 @@ _ALWAYS_HEALTHY: Final = (
     | SENSOR_ANGULAR_RATE_CONTROL
     | SENSOR_ATTITUDE_STABILIZATION
     | SENSOR_YAW_POSITION
-    | SENSOR_MOTOR_OUTPUTS
     | SENSOR_RC_RECEIVER
     | SENSOR_TERRAIN
-    | SENSOR_BATTERY
     | SENSOR_PROPULSION
 )
 # A fence that was not crossed, and proximity sensors of which none has failed, as there is none.
@@ -60,14 +58,19 @@ _NO_CURRENT: Final = 0
 _BENCH_LOAD: Final = 0
 
 
-def _controller_bits(vehicle: VehiclePort) -> Bits:
+def _height_control_bits(vehicle: VehiclePort) -> Bits:
+    runs = vehicle.copter.is_holding_height()
+    return True, runs, runs
+
+
+def _position_control_bits(vehicle: VehiclePort) -> Bits:
     runs = vehicle.copter.is_holding_position()
     return True, runs, runs
 
 
 def _ahrs_bits(vehicle: VehiclePort) -> Bits:
     settled = vehicle.ahrs.initialised()
-    return True, settled, settled
+    return True, settled, settled and vehicle.ahrs.healthy()
 
 
 def _compass_bits(vehicle: VehiclePort) -> Bits:
@@ -86,9 +89,17 @@ def _flow_bits(vehicle: VehiclePort) -> Bits:
     return enabled, enabled, healthy
 
 
+def _battery_bits(vehicle: VehiclePort) -> Bits:
+    monitor = vehicle.battery_monitor
+    return True, monitor != 0, monitor in (0, vehicle.params.get_int("BATT_MONITOR"))
+
+
 def _logging_bits(vehicle: VehiclePort) -> Bits:
-    enabled = vehicle.copter.is_armed() or vehicle.params.get_int("LOG_DISARMED") != 0
-    return True, enabled, not vehicle.log.failed()
+    return True, vehicle.is_time_to_log(), not vehicle.log.failed()
+
+
+def _motor_bits(vehicle: VehiclePort) -> Bits:
+    return True, not vehicle.copter.safety_on, True
 
 
 def _visual_odom_bits(vehicle: VehiclePort) -> Bits:
@@ -102,12 +113,15 @@ def _prearm_bits(vehicle: VehiclePort) -> Bits:
 
 
 _CHANGING: Final = {
-    SENSOR_Z_ALTITUDE_CONTROL | SENSOR_XY_POSITION_CONTROL: _controller_bits,
+    SENSOR_Z_ALTITUDE_CONTROL: _height_control_bits,
+    SENSOR_XY_POSITION_CONTROL: _position_control_bits,
     SENSOR_AHRS: _ahrs_bits,
     SENSOR_3D_MAG: _compass_bits,
     SENSOR_GPS: _gps_bits,
     SENSOR_OPTICAL_FLOW: _flow_bits,
+    SENSOR_BATTERY: _battery_bits,
     SENSOR_LOGGING: _logging_bits,
+    SENSOR_MOTOR_OUTPUTS: _motor_bits,
     SENSOR_VISION_POSITION: _visual_odom_bits,
     SENSOR_PREARM_CHECK: _prearm_bits,
 }

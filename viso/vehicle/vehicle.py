@@ -70,6 +70,7 @@ class Vehicle:
 
     Attributes:
         clock, params, texts, log, logger, logs, files: what all share.
+        battery_monitor: BATT_MONITOR at boot, 0 for none.
         ahrs, visual_odom, gps, flow, rtc, copter: what it is made of.
         hil: the simulator that its sensors come from, None where they do not.
         endpoint: its end of MAVLink.
@@ -135,6 +136,7 @@ class Vehicle:
         self._attitude_period_us = FromParams(self.params, self._find_attitude_period_us)
         self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
         self.flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
+        self.battery_monitor = self.params.get_int("BATT_MONITOR")
         self._initialised = False
         self.copter = self._make_copter()
         self._last_location: Location | None = None
@@ -207,7 +209,7 @@ class Vehicle:
             self._run_sensors(now_us)
         self._run_slow_tasks(now_us)
         self.endpoint.poll(now_us)
-        self.logger.update(self._log_wanted(now_us), self.params)
+        self.logger.update(self._log_wanted(), self.params)
 
     def receive_bytes(self, channel: Channel, data: bytes, read_us: int | None = None) -> None:
         """Handle what a link delivered; ``read_us`` since boot if it was read earlier than now."""
@@ -216,7 +218,7 @@ class Vehicle:
     def _finish_boot(self) -> None:
         self._initialised = True
         self.copter.enter_initial_mode()
-        self.logger.update(self._log_wanted(self.clock.micros64()), self.params)
+        self.logger.update(self._log_wanted(), self.params)
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
 
@@ -256,8 +258,7 @@ class Vehicle:
             self.ahrs.log_estimates()
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US
-            if not self.copter.arming.armed:
-                self.copter.arming.update()
+            self.copter.arming.update()
             self.log.statistics(self.endpoint.channels)
             self._store_parameters()
 
@@ -268,18 +269,11 @@ class Vehicle:
     def _store_parameters(self) -> None:
         self._config.param_store.save_if_changed(self.params.stored_values())
 
-    def _log_wanted(self, now_us: int) -> bool:
+    def _log_wanted(self) -> bool:
         # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
-        if not self._initialised:
+        if not self._initialised or (self.logs.suspends_logging and not self.copter.arming.armed):
             return False
-        if self.copter.arming.armed:
-            return True
-        if self.logs.suspends_logging:
-            return False
-        if self._logs_disarmed():
-            return True
-        disarmed_us = self.copter.disarmed_us
-        return disarmed_us is not None and now_us - disarmed_us < LOG_AFTER_DISARM_US
+        return self.is_time_to_log()
 
     def close(self) -> None:
         """Close the log properly, and keep the parameters."""
@@ -311,6 +305,13 @@ class Vehicle:
     def is_initialised(self) -> bool:
         """Tell whether booting is over."""
         return self._initialised
+
+    def is_time_to_log(self) -> bool:
+        """Tell whether it is armed, was so or was to be so a moment ago, or logs while disarmed (LOG_DISARMED)."""
+        if self.copter.arming.armed or self._logs_disarmed():
+            return True
+        disarmed_us = self.copter.disarmed_us
+        return disarmed_us is not None and self.clock.micros64() - disarmed_us < LOG_AFTER_DISARM_US
 
     def request_reboot(self) -> None:
         """Ask whoever runs the vehicle for a restart."""

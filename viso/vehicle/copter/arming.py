@@ -113,7 +113,7 @@ class Arming:
         return bool(self._params.get_int("OPTIONS") & bit)
 
     def update(self) -> None:
-        """Run the checks, as once a second while disarmed; display failures now and then (AP_Arming::update)."""
+        """Run the checks, as once a second; display failures now and then (AP_Arming::update)."""
         now_ms = self._clock.millis()
         since_display_ms = u32(now_ms - self._last_display_ms)
         display = since_display_ms > PREARM_DISPLAY_PERIOD_MS or (
@@ -125,10 +125,8 @@ class Arming:
         self.pre_arm_checks(display and not self._option(OPTION_DISABLE_PREARM_DISPLAY))
 
     def pre_arm_checks(self, display: bool) -> bool:
-        """Run all checks, as a rule even after one failed; tell failures when asked to."""
-        if self.armed:
-            return True
-        self.passed = self._pre_arm("PreArm", display)
+        """Run all checks unless armed, as a rule even after one failed; tell failures when asked to."""
+        self.passed = self.armed or self._pre_arm("PreArm", display)
         return self.passed
 
     def _pre_arm(self, prefix: str, display: bool) -> bool:

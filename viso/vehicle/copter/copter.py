@@ -115,6 +115,10 @@ class Copter:
         """Return the flight modes that clients may list."""
         return AVAILABLE_MODES
 
+    def is_holding_height(self) -> bool:
+        """Tell whether the mode runs the vertical position controller."""
+        return self.modes.current.holds_height
+
     def is_holding_position(self) -> bool:
         """Tell whether the mode runs the horizontal position controller."""
         return self.modes.current.holds_position

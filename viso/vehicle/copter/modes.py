@@ -79,7 +79,7 @@ class Mode:
         manual_throttle: the pilot has the throttle, so that no height is needed.
         arms: it may be armed in by a ground station.
         takeoff: whether NAV_TAKEOFF works in it.
-        holds_position: it runs the horizontal position controller, on the ground too.
+        holds_height, holds_position: it runs the vertical, the horizontal position controller, on the ground too.
         lands: it brings the vehicle down and disarms it there.
     """
 
@@ -89,6 +89,7 @@ class Mode:
     manual_throttle: bool = False
     arms: bool = True
     takeoff: UserTakeoff = UserTakeoff.NEVER
+    holds_height: bool = True
     holds_position: bool = True
     lands: bool = False
 
@@ -101,20 +102,20 @@ _N = ModeNumber
 
 MODES: Final = _modes(
     Mode(_N.AUTO, "AUTO", requires_position=True, arms=False),
-    Mode(_N.ACRO, "ACRO", manual_throttle=True, holds_position=False),
-    Mode(_N.STABILIZE, "STABILIZE", manual_throttle=True, holds_position=False),
+    Mode(_N.ACRO, "ACRO", manual_throttle=True, holds_height=False, holds_position=False),
+    Mode(_N.STABILIZE, "STABILIZE", manual_throttle=True, holds_height=False, holds_position=False),
     Mode(_N.ALT_HOLD, "ALT_HOLD", takeoff=UserTakeoff.BY_PILOT, holds_position=False),
     Mode(_N.CIRCLE, "CIRCLE", requires_position=True, arms=False),
     Mode(_N.LOITER, "LOITER", requires_position=True, takeoff=UserTakeoff.ALWAYS),
     Mode(_N.GUIDED, "GUIDED", requires_position=True, takeoff=UserTakeoff.ALWAYS),
     Mode(_N.LAND, "LAND", arms=False, lands=True),
     Mode(_N.RTL, "RTL", requires_position=True, arms=False, lands=True),
-    Mode(_N.DRIFT, "DRIFT", requires_position=True, holds_position=False),
-    Mode(_N.FLIP, "FLIP", arms=False, holds_position=False),
+    Mode(_N.DRIFT, "DRIFT", requires_position=True, holds_height=False, holds_position=False),
+    Mode(_N.FLIP, "FLIP", arms=False, holds_height=False, holds_position=False),
     Mode(_N.AUTOTUNE, "AUTOTUNE", arms=False),
     Mode(_N.POSHOLD, "POSHOLD", requires_position=True, takeoff=UserTakeoff.ALWAYS),
     Mode(_N.BRAKE, "BRAKE", requires_position=True, arms=False),
-    Mode(_N.THROW, "THROW", requires_position=True, holds_position=False),
+    Mode(_N.THROW, "THROW", requires_position=True, holds_height=False, holds_position=False),
     Mode(_N.AVOID_ADSB, "AVOID_ADSB", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
     Mode(_N.GUIDED_NOGPS, "GUIDED_NOGPS", takeoff=UserTakeoff.ALWAYS),
     Mode(_N.SMART_RTL, "SMARTRTL", requires_position=True, arms=False, lands=True),

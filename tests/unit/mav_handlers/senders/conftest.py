@@ -38,6 +38,7 @@ class KnownAhrs:
     location: Location | None = None
     status: FilterStatus | None = None
     is_initialised: bool = True
+    is_healthy: bool = True
     place_of_origin: Location | None = None
 
     def face(self, roll: float, pitch: float, yaw: float) -> None:
@@ -46,6 +47,9 @@ class KnownAhrs:
 
     def initialised(self) -> bool:
         return self.is_initialised
+
+    def healthy(self) -> bool:
+        return self.is_healthy
 
     def get_quaternion(self) -> Quaternion | None:
         return self.quat

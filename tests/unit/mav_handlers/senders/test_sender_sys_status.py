@@ -13,22 +13,27 @@ from mav_handlers.ports import Location
 from mav_handlers.senders.sys_status import (
     SENSOR_3D_MAG,
     SENSOR_AHRS,
+    SENSOR_BATTERY,
     SENSOR_GPS,
     SENSOR_LOGGING,
+    SENSOR_MOTOR_OUTPUTS,
     SENSOR_PREARM_CHECK,
     SENSOR_VISION_POSITION,
+    SENSOR_XY_POSITION_CONTROL,
+    SENSOR_Z_ALTITUDE_CONTROL,
     sensor_bits,
     sys_status,
 )
 from mav_handlers.wire.messages import VISION_SPEED_ESTIMATE
+from viso.vehicle.copter.modes import MODES
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, MakeBench
     from tests.unit.mav_handlers.senders.conftest import Desk
 
-# Gyro, accelerometer, barometer, rate, attitude and yaw control, motors, radio, terrain, battery, propulsion.
-ALWAYS = 0x1 | 0x2 | 0x8 | 0x400 | 0x800 | 0x1000 | 0x8000 | 0x10000 | 0x400000 | 0x2000000 | 0x40000000
-POSITION_CONTROL = 0x2000 | 0x4000
+# Gyro, accelerometer, barometer, rate, attitude and yaw control, motors, radio, terrain, propulsion.
+ALWAYS = 0x1 | 0x2 | 0x8 | 0x400 | 0x800 | 0x1000 | 0x8000 | 0x10000 | 0x400000 | 0x40000000
+POSITION_CONTROL = SENSOR_Z_ALTITUDE_CONTROL | SENSOR_XY_POSITION_CONTROL
 FENCE = 0x100000
 PROXIMITY = 0x4000000
 CHANGING = SENSOR_AHRS | SENSOR_3D_MAG | SENSOR_GPS | SENSOR_LOGGING | SENSOR_PREARM_CHECK | SENSOR_VISION_POSITION
@@ -49,9 +54,9 @@ def test_sys_status_is_withheld_until_initialised(make_bench: "MakeBench") -> No
 
 def test_masks_are_those_of_the_simulated_vehicle(bench: "Bench") -> None:
     present, enabled, healthy = (mask & ~CHANGING for mask in sensor_bits(bench.vehicle))
-    assert present == ALWAYS | POSITION_CONTROL | FENCE
+    assert present == ALWAYS | POSITION_CONTROL | FENCE | SENSOR_BATTERY
     assert enabled == ALWAYS
-    assert healthy == ALWAYS | FENCE | PROXIMITY
+    assert healthy == ALWAYS | FENCE | PROXIMITY | SENSOR_BATTERY
 
 
 def test_message_holds_the_masks(desk: "Desk") -> None:
@@ -64,15 +69,41 @@ def test_message_holds_the_masks(desk: "Desk") -> None:
     assert told == sensor_bits(desk.vehicle)
 
 
-def test_mode_that_holds_position_runs_both_position_controllers(desk: "Desk", monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desk.vehicle.copter, "is_holding_position", lambda: True)
-    assert [mask & POSITION_CONTROL for mask in sensor_bits(desk.vehicle)] == [POSITION_CONTROL] * 3
+@pytest.mark.parametrize(
+    ("mode", "runs"), [(0, 0), (2, SENSOR_Z_ALTITUDE_CONTROL), (4, POSITION_CONTROL), (18, 0)], ids="mode {}".format
+)
+def test_position_controllers_are_those_that_the_mode_runs(
+    desk: "Desk", monkeypatch: pytest.MonkeyPatch, mode: int, runs: int
+) -> None:
+    monkeypatch.setattr(desk.bench.vehicle.copter.modes, "current", MODES[mode])
+    assert [mask & POSITION_CONTROL for mask in sensor_bits(desk.vehicle)] == [POSITION_CONTROL, runs, runs]
 
 
 @pytest.mark.parametrize("settled", [False, True])
-def test_ahrs_is_enabled_and_healthy_once_it_has_settled(desk: "Desk", settled: bool) -> None:
-    desk.ahrs.is_initialised = settled
-    assert bits(desk.bench, SENSOR_AHRS) == (True, settled, settled)
+@pytest.mark.parametrize("healthy", [False, True])
+def test_ahrs_is_enabled_once_it_has_settled_and_then_may_be_healthy(
+    desk: "Desk", settled: bool, healthy: bool
+) -> None:
+    desk.ahrs.is_initialised, desk.ahrs.is_healthy = settled, healthy
+    assert bits(desk.bench, SENSOR_AHRS) == (True, settled, settled and healthy)
+
+
+@pytest.mark.parametrize(
+    ("at_boot", "now", "expected"),
+    [(0, 0, (True, False, True)), (4, 4, (True,) * 3), (4, 0, (True, True, False)), (0, 4, (True, False, True))],
+)
+def test_battery_is_enabled_with_a_monitor_and_healthy_while_that_is_configured(
+    make_bench: "MakeBench", at_boot: int, now: int, expected: tuple[bool, ...]
+) -> None:
+    bench = make_bench(BATT_MONITOR=at_boot)
+    bench.vehicle.params.set("BATT_MONITOR", now)
+    assert bits(bench, SENSOR_BATTERY) == expected
+
+
+@pytest.mark.parametrize("on", [False, True])
+def test_motors_are_enabled_unless_the_safety_switch_is_on(bench: "Bench", on: bool) -> None:
+    bench.vehicle.copter.set_safety(on)
+    assert bits(bench, SENSOR_MOTOR_OUTPUTS) == (True, not on, True)
 
 
 @pytest.mark.parametrize("enabled", [False, True])
@@ -97,8 +128,18 @@ def test_logging_is_enabled_while_disarmed_if_the_parameter_says_so(make_bench: 
 
 def test_logging_is_enabled_while_armed(make_bench: "MakeBench", monkeypatch: pytest.MonkeyPatch) -> None:
     bench = make_bench(LOG_DISARMED=0)
-    monkeypatch.setattr(bench.vehicle.copter, "is_armed", lambda: True)
+    monkeypatch.setattr(bench.vehicle.copter.arming, "armed", True)
     assert bits(bench, SENSOR_LOGGING) == (True, True, True)
+
+
+@pytest.mark.parametrize(("age_ms", "enabled"), [(14_999, True), (15_000, False)])
+def test_logging_is_enabled_for_15_s_after_a_failed_attempt_to_arm(
+    make_bench: "MakeBench", age_ms: int, enabled: bool
+) -> None:
+    bench = make_bench(LOG_DISARMED=0)
+    assert not bench.vehicle.copter.arm(do_checks=True)
+    bench.vehicle.clock.set_us(bench.now_us + age_ms * 1000)
+    assert bits(bench, SENSOR_LOGGING) == (True, enabled, True)
 
 
 def test_logging_is_unhealthy_after_a_failure(bench: "Bench") -> None:
@@ -139,6 +180,15 @@ def test_prearm_bit_is_healthy_once_checks_pass(bench: "Bench", monkeypatch: pyt
 def test_prearm_bit_is_healthy_while_armed(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench.vehicle.copter, "is_armed", lambda: True)
     assert bits(bench, SENSOR_PREARM_CHECK) == (True, True, True)
+
+
+def test_prearm_bit_stays_healthy_after_disarming_until_checks_are_made(bench: "Bench") -> None:
+    bench.vehicle.copter.arming.armed = True
+    bench.vehicle.copter.arming.update()
+    bench.vehicle.copter.arming.armed = False
+    assert bits(bench, SENSOR_PREARM_CHECK) == (True, True, True)
+    bench.vehicle.copter.arming.update()
+    assert bits(bench, SENSOR_PREARM_CHECK) == (True, True, False)
 
 
 def test_prearm_bit_is_not_enabled_without_checks(make_bench: "MakeBench") -> None:

@@ -344,6 +344,15 @@ def test_log_that_comes_later_begins_with_origin_and_home(make_bench: MakeBench,
     assert places[:2] == [0, 1]
 
 
+def test_pre_arm_checks_count_as_passed_once_a_second_while_armed(make_bench: MakeBench) -> None:
+    bench = make_bench(VISO_TYPE=1)
+    arming = bench.vehicle.copter.arming
+    bench.command(400, 1, 21196)
+    assert (arming.armed, arming.passed) == (True, False)
+    bench.run_for(1)
+    assert arming.passed
+
+
 # Attitude
 
 
