@@ -50,6 +50,7 @@ class ParamTable:
 
     Attributes:
         generation: counts the values stored so far, so that what follows from parameters can be kept until it grows.
+        stored_generation: counts the changes to what a restart has to remember.
         on_change: what is called after each of them, to forget what follows from parameters and nothing else: others
             who take parameters over may hear of it later.
     """
@@ -61,6 +62,7 @@ class ParamTable:
         """
         self.groups = tuple(groups)
         self.generation = 0
+        self.stored_generation = 0
         self.on_change: list[Callable[[], None]] = []
         for group in self.groups:
             group.on_change.append(self._note_change)
@@ -197,6 +199,7 @@ class ParamTable:
             wire_type = slot.type.wire_type if slot.group.ungrouped else ParamType.FLOAT.wire_type
             echoes: tuple[ParamEcho, ...] = (ParamEcho(slot.name, self._default(slot), wire_type),)
         else:
+            self.stored_generation += 1
             self._stored.update((sibling.name, sibling.raw) for sibling in slot.siblings)
             # The save of a first element looks like the save of its vector, and all three are sent.
             saved = slot.siblings if slot.axis == 0 else (slot,)
@@ -217,6 +220,7 @@ class ParamTable:
 
     def forget_stored(self) -> None:
         """Let a restart begin with defaults; values stay until then (AP_Param::erase_all)."""
+        self.stored_generation += 1
         self._stored.clear()
 
     def load_stored(self, values: Mapping[str, float | np.float32]) -> list[str]:

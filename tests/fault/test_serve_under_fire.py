@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`viso serve` over real sockets: clients that die at random points, one that reads nothing, a log without space."""
+"""`viso serve` over real sockets: dying clients, one that reads nothing, a log without space, and `kill -9`."""
 
 import json
 import random
@@ -21,10 +21,13 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
+from viso.parameters.store import ParamStore
+
 pytestmark = pytest.mark.interop
 
 LIMIT_S = 20.0
 CLIENTS = 50
+KILLS = 4
 SPEEDUP = 10
 ALLOWED_GROWTH_KB = 4_000
 START = "from viso.cli import main; main()"
@@ -224,6 +227,25 @@ def test_client_that_reads_nothing_for_a_minute_keeps_nobody_waiting(tmp_path: P
         server.stop()
     times = last_log_times(tmp_path)
     assert times[-1] - times[0] > 60_000_000
+
+
+def confirmed(watcher: Watcher, ask: Any) -> float:
+    """Ask for VISO_DELAY_MS, to read or to set it, until it comes."""
+    found = watcher.wait(lambda message: getattr(message, "param_id", None) == "VISO_DELAY_MS", ask)
+    return float(found.param_value)
+
+
+def test_value_that_was_confirmed_survives_kill_9(tmp_path: Path) -> None:
+    for value in range(1, KILLS + 1):
+        with serving(tmp_path) as server, Watcher(server) as watcher:
+            watcher.wait_beats(1)
+            change = mavlink2.MAVLink_param_set_message(1, 1, b"VISO_DELAY_MS", value, 4)
+            assert confirmed(watcher, change) == value
+            server.process.kill()
+        assert ParamStore(tmp_path / "storage.parm").load()["VISO_DELAY_MS"] == value
+    with serving(tmp_path) as server, Watcher(server) as watcher:
+        watcher.wait_beats(1)
+        assert confirmed(watcher, read_request(b"VISO_DELAY_MS")) == KILLS
 
 
 def test_log_without_space_does_not_end_the_vehicle(tmp_path: Path) -> None:

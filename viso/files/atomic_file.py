@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 
-def replace_file(path: Path, data: bytes, *, mode: int = 0o644) -> None:
+def replace_file(path: Path, data: bytes, *, mode: int = 0o644, synced: bool = True) -> None:
     """Put a file in place as a whole; its folder is made when it is missing.
 
     A link to the file stays a link: what it points to is replaced.
@@ -21,6 +21,7 @@ def replace_file(path: Path, data: bytes, *, mode: int = 0o644) -> None:
         path: the file.
         data: all that it is to hold.
         mode: its permissions, less the process's umask, from the first byte on.
+        synced: whether to wait for the disk; without that it holds for a crash of the process, not of the computer.
 
     Raises:
         OSError: as the file system says; the file is then as it was.
@@ -29,13 +30,14 @@ def replace_file(path: Path, data: bytes, *, mode: int = 0o644) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.{secrets.token_hex(8)}.draft")
     try:
-        _write_to_disk(draft, data, mode)
+        _write_draft(draft, data, mode, synced=synced)
         os.replace(draft, path)
     except BaseException:
         with contextlib.suppress(OSError):
             draft.unlink()
         raise
-    _sync_folder(path.parent)
+    if synced:
+        _sync_folder(path.parent)
 
 
 def remove_stale_drafts(path: Path) -> None:
@@ -50,7 +52,7 @@ def _target(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _write_to_disk(path: Path, data: bytes, mode: int) -> None:
+def _write_draft(path: Path, data: bytes, mode: int, *, synced: bool) -> None:
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     try:
         with contextlib.suppress(OSError):  # some file systems have no locks
@@ -58,7 +60,8 @@ def _write_to_disk(path: Path, data: bytes, mode: int) -> None:
         waiting = memoryview(data)
         while waiting:
             waiting = waiting[os.write(descriptor, waiting) :]
-        os.fsync(descriptor)
+        if synced:
+            os.fsync(descriptor)
     finally:
         os.close(descriptor)
 

@@ -15,8 +15,11 @@ class StoredParams(Protocol):
     def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
         """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
 
-    def save_if_changed(self, values: Mapping[str, float]) -> bool:
-        """Keep what a restart has to remember, by name; tell whether anything was new."""
+    def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
+        """Keep what a restart has to remember, by name; tell whether anything was new.
+
+        ``synced``: over a restart of the computer as well, which takes longer.
+        """
 
 
 class MemoryParamStore:
@@ -29,7 +32,7 @@ class MemoryParamStore:
         """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
         params.load_stored(carry_over(self._values, params, renames).values)
 
-    def save_if_changed(self, values: Mapping[str, float]) -> bool:
+    def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
         """Keep what a restart has to remember, by name; tell whether anything was new."""
         changed = values != self._values
         self._values = dict(values)

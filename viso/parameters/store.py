@@ -50,6 +50,7 @@ class ParamStore:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._saved: dict[str, float] | None = None
+        self._synced = True
         self.unknown: dict[str, float] = {}
         self.failure: str | None = None
 
@@ -83,11 +84,14 @@ class ParamStore:
         if unknown:
             _log.warning("%s: unknown parameters, kept in the file: %s", self._path, ", ".join(unknown))
 
-    def save_if_changed(self, values: Mapping[str, float]) -> bool:
+    def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
         """Write the file if it is to hold anything else than at the last load or save; tell whether it was written.
+
+        A file that somebody has deleted is written anew, and so is one that is to be synced and was not.
 
         Args:
             values: what a restart has to remember, by name: int, or what fits float32. Unknown names are added.
+            synced: whether to wait for the disk, so that the values outlive not this process alone but the computer.
 
         Raises:
             ValueError: nothing was loaded yet, which would lose what is stored; or a name or value that no file
@@ -96,15 +100,17 @@ class ParamStore:
         if self._saved is None:
             raise ValueError(f"{self._path}: load comes before save")
         wanted = {**self.unknown, **values}
-        if wanted == self._saved:
+        is_there = self._path.exists() or not wanted
+        if wanted == self._saved and is_there and (self._synced or not synced):
             return False
         data = _format(wanted).encode("ascii")
         try:
-            replace_file(self._path, data)
+            replace_file(self._path, data, synced=synced)
         except OSError as error:
             self._fail(error)
             return False
         self._saved = wanted
+        self._synced = synced
         self.failure = None
         return True
 

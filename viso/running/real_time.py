@@ -73,6 +73,7 @@ class Pacer:
             self._powered.vehicle.loop()
             # A pass that comes late is not made up for, as on the real vehicle.
             self._next_loop_us = max(self._next_loop_us + LOOP_PERIOD_US, now_us)
+            self._powered.vehicle.keep_set_parameters()
             self._write()
             self._restart_if_asked()
 

@@ -141,6 +141,7 @@ class Vehicle:
         self.copter = self._make_copter()
         self._last_location: Location | None = None
         self._internal_errors_told = 0
+        self._kept_generation = 0
         self._next_flow_us = 0
         self._next_gps_us = 0
         self._next_tenth_us = 0
@@ -260,14 +261,20 @@ class Vehicle:
             self._next_second_us = now_us + _SECOND_US
             self.copter.arming.update()
             self.log.statistics(self.endpoint.channels)
-            self._store_parameters()
+            self._keep_parameters()
 
     def _find_attitude_period_us(self) -> int:
         fast = self.params.get_int("LOG_BITMASK") & MASK_LOG_ATTITUDE_FAST
         return FAST_ATTITUDE_US if fast else _TENTH_US
 
-    def _store_parameters(self) -> None:
-        self._config.param_store.save_if_changed(self.params.stored_values())
+    def keep_set_parameters(self) -> None:
+        """Keep the parameters if one was set since the last time; what is sent after that confirms nothing unkept."""
+        if self.params.stored_generation != self._kept_generation:
+            self._keep_parameters(synced=False)
+
+    def _keep_parameters(self, *, synced: bool = True) -> None:
+        self._kept_generation = self.params.stored_generation
+        self._config.param_store.save_if_changed(self.params.stored_values(), synced=synced)
 
     def _log_wanted(self) -> bool:
         # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
@@ -279,7 +286,7 @@ class Vehicle:
         """Close the log properly, and keep the parameters."""
         self.endpoint.ftp.close()
         self.logger.close()
-        self._store_parameters()
+        self._keep_parameters()
 
     def _on_log_open(self) -> None:
         self._replay_log.new_log()

@@ -459,6 +459,15 @@ class TestStorage:
         table.set("VISO_DELAY_MS", 33)
         assert table.stored_values() == {}
 
+    def test_change_of_what_is_remembered_is_noted(self) -> None:
+        table = make_table()
+        table.set("VISO_DELAY_MS", 33)
+        assert table.stored_generation == 0
+        table.set_from_mavlink("VISO_DELAY_MS", 34)
+        assert table.stored_generation == 1
+        table.forget_stored()
+        assert table.stored_generation == 2
+
     def test_stored_names_that_no_longer_exist_are_reported(self) -> None:
         assert make_table().load_stored({"VISO_GONE": 1.0, "VISO_DELAY_MS": 5}) == ["VISO_GONE"]
 

@@ -6,6 +6,7 @@ import errno
 import fcntl
 import logging
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -137,9 +138,15 @@ class TestRoundTrip:
 class TestSaveIfChanged:
     def test_same_values_are_not_written_again(self, path: Path) -> None:
         store = saved(path, OLD)
-        path.unlink()
+        path.write_bytes(b"")
         assert not store.save_if_changed(dict(OLD))
-        assert not path.exists()
+        assert path.read_bytes() == b""
+
+    def test_file_that_was_deleted_is_written_again(self, path: Path) -> None:
+        store = saved(path, OLD)
+        shutil.rmtree(path.parent)
+        assert store.save_if_changed(dict(OLD))
+        assert ParamStore(path).load() == OLD
 
     def test_loaded_values_are_not_written_again(self, path: Path) -> None:
         saved(path, OLD)
@@ -370,8 +377,15 @@ class TestErrors:
 
         monkeypatch.setattr(os, "fsync", noted("fsync", os.fsync))
         monkeypatch.setattr(os, "replace", noted("replace", os.replace))
-        saved(path, OLD)
+        store = saved(path, OLD)
         assert calls == ["fsync", "replace", "fsync"]
+        calls.clear()
+        assert store.save_if_changed(NEW, synced=False)
+        assert not store.save_if_changed(NEW, synced=False)
+        assert calls == ["replace"]
+        assert store.save_if_changed(NEW)
+        assert not store.save_if_changed(NEW)
+        assert calls == ["replace", "fsync", "replace", "fsync"]
 
     @pytest.mark.parametrize(("code", "works"), [(errno.EINVAL, True), (errno.EIO, False)])
     def test_folder_that_cannot_be_synced_is_no_error_where_that_is_not_possible(

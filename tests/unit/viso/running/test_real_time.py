@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pacer follows a clock: here one that moves only when the pacer waits, so nothing sleeps."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import pytest
 
@@ -10,7 +11,8 @@ from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
-from mav_handlers.wire.messages import HEARTBEAT, Message
+from mav_handlers.wire.messages import HEARTBEAT, PARAM_SET, PARAM_VALUE, Message
+from viso.parameters.memory import MemoryParamStore
 from viso.running import real_time as realtime
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer
@@ -39,7 +41,7 @@ class WallClock:
 class Rig:
     """A vehicle with two links in step with a wall clock; ``loops`` holds the time of every pass."""
 
-    def __init__(self, clock: WallClock, monkeypatch: pytest.MonkeyPatch, speedup: float) -> None:
+    def __init__(self, clock: WallClock, monkeypatch: pytest.MonkeyPatch, speedup: float, **config: Any) -> None:
         self.clock = clock
         self.loops: list[int] = []
         loop = Vehicle.loop
@@ -52,7 +54,7 @@ class Rig:
         ends = [make_pair((f"vehicle{number}", f"client{number}")) for number in (1, 2)]
         self.clients = [client for _, client in ends]
         links = [end for end, _ in ends]
-        self.powered = PoweredVehicle(VehicleConfig(links=2), [Port(link.name) for link in links])
+        self.powered = PoweredVehicle(VehicleConfig(links=2, **config), [Port(link.name) for link in links])
         self.pacer = Pacer(self.powered, links, speedup=speedup, now_s=clock)
 
     @property
@@ -72,7 +74,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> WallClock:
 
 @pytest.fixture
 def make(clock: WallClock, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Rig]:
-    return lambda speedup=1.0: Rig(clock, monkeypatch, speedup)
+    return lambda speedup=1.0, **config: Rig(clock, monkeypatch, speedup, **config)
 
 
 def messages(client: PairLink) -> list[Message]:
@@ -186,6 +188,40 @@ def test_output_goes_to_every_link(make: Callable[..., Rig]) -> None:
     rig.run_to(2_100_000)
     beats = [[message for message in messages(client) if isinstance(message, HEARTBEAT)] for client in rig.clients]
     assert [len(found) for found in beats] == [3, 3]
+
+
+class StoreOnWatch(MemoryParamStore):
+    """Parameters in memory that note how often they are saved, and call back before it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.saves = 0
+        self.before_save: Callable[[], None] = lambda: None
+
+    def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
+        self.saves += 1
+        self.before_save()
+        return super().save_if_changed(values, synced=synced)
+
+
+def confirmed(client: PairLink) -> list[tuple[str, float]]:
+    values = (message for message in messages(client) if isinstance(message, PARAM_VALUE))
+    return [(value.param_id, value.param_value) for value in values]
+
+
+def test_parameter_is_stored_before_it_is_confirmed(make: Callable[..., Rig]) -> None:
+    store = StoreOnWatch()
+    rig = make(param_store=store)
+    codec, client = Codec(255, 190), rig.clients[0]
+    client.send(codec.encode(HEARTBEAT(6, 8, 0, 0, 4, 3)))
+    rig.run_to(10_000)
+    before = store.saves
+    store.before_save = lambda: seen.extend(confirmed(client))
+    seen: list[tuple[str, float]] = []
+    client.send(codec.encode(PARAM_SET(1, 1, "VISO_DELAY_MS", 30.0, 4)))
+    rig.pacer.step()
+    assert (store.saves, seen) == (before + 1, [])
+    assert confirmed(client) == [("VISO_DELAY_MS", 30.0)]
 
 
 def test_run_stops_when_told_to(make: Callable[..., Rig]) -> None:
