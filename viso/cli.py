@@ -148,7 +148,7 @@ def _reported() -> tuple[type[Exception], ...]:
 
 @printable_output()
 def main() -> None:
-    """Run the command line: exit code 0 fine, 1 findings, 2 usage or unreadable input."""
+    """Run the command line: exit code 0 fine, 1 findings or losses, 2 usage or unreadable input."""
     atexit.register(gc.freeze)  # at the end everything goes anyway; to look through it for cycles first takes long
     try:
         make_app()()

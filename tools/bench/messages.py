@@ -24,6 +24,7 @@ class CountedLog:
     def __init__(self) -> None:
         self.size = 0
         self.dropped = 0
+        self.reason: str | None = None
 
     def write(self, data: bytes) -> bool:
         """Count whole records."""

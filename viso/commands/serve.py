@@ -142,7 +142,7 @@ def serve(
 
     It stands still unless --imu tells otherwise. External navigation is off until VISO_TYPE is set. Ctrl-C closes the
     log and ends with tables of what became of each message, and of each sample in the filter; the filter is a model of
-    EKF3, and what it decides is marked as a model's.
+    EKF3, and what it decides is marked as a model's. The exit code is 1 if anything that was to be kept is lost.
 
     Example: viso serve --param VISO_TYPE=1 --duration 1
     """
@@ -217,15 +217,16 @@ def serve(
         until_us = None if duration is None else int(duration * 1e6)
         stack.enter_context(long_lived())
         Pacer(powered, links if view is None else view.links, speedup=speedup).run(is_over, until_us=until_us)
-    if powered.vehicle.logger.failure:
-        err.print(f"log: {powered.vehicle.logger.failure}")
+    losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
     if param_store.failure:
-        err.print(f"parameters: {param_store.failure}")
-    for failure in (key_store.failure, *(stream.failure() for stream in streams)):
-        if failure is not None:
-            err.print(failure)
+        losses.append(f"parameters: {param_store.failure}")
+    losses += filter(None, (key_store.failure, *(stream.failure() for stream in streams)))
+    for loss in losses:
+        err.print(loss)
     counts, filter_counts = powered.verdict_counts(), powered.filter_counts()
     if as_json:
         out.print_json(data={"verdicts": verdict_rows(counts), "filter": filter_rows(filter_counts)})
     else:
         console.print(*tables_of(counts, filter_counts))
+    if losses:
+        raise typer.Exit(1)

@@ -28,8 +28,9 @@ class LogStoreError(Exception):
 class LogFile:
     """One open log: takes whole records and writes them in chunks.
 
-    Writing never raises because of the file. After an error the file takes nothing more: ``reason`` says why and
-    ``dropped`` counts the lost calls of :meth:`write`, those still waiting in memory included.
+    Writing never raises because of the file. After an error, or once somebody has deleted it, the file takes nothing
+    more: ``reason`` says why and ``dropped`` counts the lost calls of :meth:`write`, those still waiting in memory
+    included.
 
     Attributes:
         number: the number in the file's name.
@@ -79,22 +80,27 @@ class LogFile:
         return self.flush()
 
     def flush(self) -> bool:
-        """Hand what is waiting to the operating system; return False after an error."""
+        """Hand what is waiting to the operating system; return False after an error, or if the file is deleted."""
         if self._descriptor is None:
             return self.reason is None
         waiting = memoryview(bytes(self._waiting))
         try:
             while waiting:
                 waiting = waiting[os.write(self._descriptor, waiting) :]
+            # Looked at after writing: all that was written since the last look is then known to be lost, or not.
+            is_deleted = os.fstat(self._descriptor).st_nlink == 0
         except OSError as error:
-            self._fail(error)
+            self._fail(_one_line(self.path, error))
+            return False
+        if is_deleted:
+            self._fail(f"{self.path}: deleted while it was written")
             return False
         self._waiting.clear()
         self._waiting_calls = 0
         return True
 
-    def _fail(self, error: OSError) -> None:
-        self.reason = _one_line(self.path, error)
+    def _fail(self, reason: str) -> None:
+        self.reason = reason
         self.dropped += self._waiting_calls
         self._waiting.clear()
         self._waiting_calls = 0

@@ -3,6 +3,7 @@
 """The vehicle's log: opens it, writes the start-up block, then record after record (AP_Logger/AP_Logger.cpp)."""
 
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
@@ -48,11 +49,17 @@ RETRY_US: Final = 5_000_000
 class Logger:
     """Writes the records of a vehicle to the log that is open; without one they are gone, as in the firmware.
 
+    A log that cannot be opened, or takes no more, is told of once, and a new one is tried 5 s later, again and again.
+
     Args:
         clock: time since boot.
         open_sink: opens the next log; raises LogStoreError. None: no logging at all.
         on_open: called when a log has its start-up block, to write what every log begins with.
         structures: layouts of the records of fixed types.
+
+    Attributes:
+        failure: why there is no log, or the last one is not whole, in one line; None while all is well.
+        losses: how many records are lost for which reason, though a log was wanted.
     """
 
     def __init__(
@@ -67,10 +74,11 @@ class Logger:
         self._on_open = on_open
         self._writer = DataFlashWriter(structures)
         self._sink: LogSink | None = None
+        self._wanted = False
         self._retry_us = 0
-        self._dropped_before = 0
         self.on_write: Callable[[LogStructure, Sequence[LogValue]], None] | None = None
         self.failure: str | None = None
+        self.losses: Counter[str] = Counter()
         self.records = 0
         self.size = 0
 
@@ -86,65 +94,88 @@ class Logger:
 
     @property
     def dropped(self) -> int:
-        """Return how many records are lost because a log could not be written."""
-        return self._dropped_before + (self._sink.dropped if self._sink is not None else 0)
+        """Return how many records are lost because no log could be written."""
+        return self.losses.total()
 
     def update(self, wanted: bool, params: ParamTable) -> None:
         """Open or close the log as wanted, and let waiting bytes out when they are due."""
         now_us = self._clock.micros64()
         if not wanted:
             self.close()
-        elif self._sink is None and self._open_sink is not None and now_us >= self._retry_us:
-            self._open(self._open_sink, params, now_us)
+        elif self._sink is None and self._open_sink is not None:
+            self._wanted = True
+            if now_us >= self._retry_us:
+                self._open(self._open_sink, params, now_us)
         if self._sink is not None and not self._sink.flush_if_due(now_us):
-            self.failure = "log cannot be written"
+            self._give_up()
 
     def _open(self, open_sink: Callable[[], LogSink], params: ParamTable, now_us: int) -> None:
         try:
             self._sink = open_sink()
         except LogStoreError as error:
-            self._retry_us = now_us + RETRY_US
-            self.failure = str(error)
-            _log.error("%s", error)
+            self._fail(str(error))
             return
-        self.failure = None
         self._writer.new_log()
         rows = ((param.name, param.value, param.default) for param in params)
         for record in self._writer.start_up(rows, time_us=now_us):
-            self._append(self._sink, record)
+            self._append(record)
         self._on_open()
+        if self._sink is not None and self.failure is not None:
+            _log.warning("log: begun anew, %d records are lost", self.dropped)
+            self.failure = None
 
-    def _append(self, sink: LogSink, data: bytes) -> None:
+    def _append(self, data: bytes) -> None:
         self.records += 1
         self.size += len(data)
-        if not sink.write(data):
-            self.failure = "log cannot be written"
+        if self._sink is None:
+            self._lose()
+        elif not self._sink.write(data):
+            self._give_up()
+
+    def _give_up(self) -> None:
+        self.close()
+        self._wanted = True
+
+    def _lose(self) -> None:
+        if self._wanted and self.failure is not None:
+            self.losses[self.failure] += 1
+
+    def _fail(self, reason: str) -> None:
+        self._retry_us = self._clock.micros64() + RETRY_US
+        if self.failure is None:
+            _log.error("log: %s", reason)
+        self.failure = reason
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         """Write a record of a fixed type (AP_Logger::WriteBlock); ``on_write`` hears of it, log or no log."""
         if self.on_write is not None:
             self.on_write(structure, values)
-        sink = self._sink
-        if sink is not None:
-            self._append(sink, self._writer.record(structure, values, time_us=self._clock.micros64()))
+        if self._sink is None:
+            self._lose()
+        else:
+            self._append(self._writer.record(structure, values, time_us=self._clock.micros64()))
 
     def write_named(
         self, name: str, labels: str, units: str, multipliers: str, format: str, values: Sequence[LogValue]
     ) -> None:
         """Write a record of a type that is made at first use (AP_Logger::Write)."""
-        if self._sink is not None:
+        if self._sink is None:
+            self._lose()
+        else:
             self.write(self._writer.define(name, labels, format, units, multipliers), values)
 
     def write_parameter(self, name: str, value: np.float32) -> None:
         """Write a parameter that has changed (AP_Logger::Write_Parameter)."""
-        if self._sink is not None:
-            self._append(self._sink, self._writer.parameter(name, value, time_us=self._clock.micros64()))
+        if self._sink is None:
+            self._lose()
+        else:
+            self._append(self._writer.parameter(name, value, time_us=self._clock.micros64()))
 
     def close(self) -> None:
         """Close the log that is open, if any."""
-        if self._sink is not None:
-            self._sink.close()
-            if self._sink.dropped:
-                self.failure = "log cannot be written"
-            self._dropped_before += self._sink.dropped
-            self._sink = None
+        sink, self._sink, self._wanted = self._sink, None, False
+        if sink is not None:
+            sink.close()
+            if sink.reason is not None:
+                self.losses[sink.reason] += sink.dropped
+                self._fail(sink.reason)

@@ -6,15 +6,21 @@ from typing import Protocol
 
 
 class LogSink(Protocol):
-    """An open log: a file, or memory in tests."""
+    """An open log: a file, or memory in tests.
+
+    Attributes:
+        dropped: how many records are lost.
+        reason: why, in one line, once the log takes no more.
+    """
 
     dropped: int
+    reason: str | None
 
     def write(self, data: bytes) -> bool:
         """Append whole records; False if they are lost."""
 
     def flush_if_due(self, now_us: int) -> bool:
-        """Write out what waits when its time has come; False after an error."""
+        """Write out what waits when its time has come; False if the log takes no more."""
 
     def close(self) -> None:
         """Write out what waits and let go."""
@@ -26,6 +32,7 @@ class MemoryLog:
     def __init__(self) -> None:
         self.data = bytearray()
         self.dropped = 0
+        self.reason: str | None = None
 
     def write(self, data: bytes) -> bool:
         """Append whole records."""

@@ -45,6 +45,7 @@ class PoweredVehicle:
         self._on_boot = on_boot
         self._counts: Counter[CountKey] = Counter()
         self._filter_counts: Counter[tuple[str, str]] = Counter()
+        self._log_losses: Counter[str] = Counter()
         self._start()
 
     def _start(self) -> None:
@@ -66,6 +67,7 @@ class PoweredVehicle:
         self.close()
         self._counts += self.vehicle.endpoint.verdict_counts()
         self._filter_counts += self.vehicle.ahrs.ext_nav_counts
+        self._log_losses += self.vehicle.logger.losses
         # What a client has set otherwise since is what it expects to find after the restart.
         config = self._config
         overrides = {name: to for name, to in config.overrides.items() if self._value(name) == self._overridden[name]}
@@ -84,6 +86,10 @@ class PoweredVehicle:
     def filter_counts(self) -> FilterCounts:
         """Return what the filter did with how many samples, over all restarts."""
         return self._filter_counts + self.vehicle.ahrs.ext_nav_counts
+
+    def log_losses(self) -> Counter[str]:
+        """Return how many records of the log are lost for which reason, over all restarts."""
+        return self._log_losses + self.vehicle.logger.losses
 
     def close(self) -> None:
         """Close the log properly, and keep the parameters."""

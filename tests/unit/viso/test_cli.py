@@ -492,8 +492,11 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
     monkeypatch.setattr("viso.logs.files.os.write", refuse)
     monkeypatch.setattr("viso.logs.files.LogStore._write_lastlog", lambda *_args: None)
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
-    assert outcome.code == 0
-    assert "log: log cannot be written\n" in outcome.err
+    assert outcome.code == 1
+    assert re.search(
+        r"^log: \d{2,} records lost: logs/00000001.BIN: No space left on device$", outcome.err, re.MULTILINE
+    )
+    assert "What became of each message" in outcome.out
 
 
 # Standard output

@@ -212,7 +212,7 @@ def test_internal_errors_are_told_in_two_halves(desk: "Desk", error: InternalErr
 
 
 def test_lost_log_records_are_counted_in_16_bits(desk: "Desk") -> None:
-    desk.bench.log.dropped = 65536 + 3
+    desk.vehicle.logger.losses["1.BIN: No space left on device"] = 65536 + 3
     assert desk.ask(sys_status).errors_count3 == 3
 
 

@@ -109,7 +109,7 @@ def test_file_of_lines_that_cannot_be_written_is_one_line(serve: Viso) -> None:
 
 def test_lost_lines_are_told_at_the_end_and_the_vehicle_goes_on(serve: Viso) -> None:
     outcome = serve("--verdicts-file", "/dev/full", "--json", sent=(ALIVE, ALIVE))
-    assert outcome.code == 0
+    assert outcome.code == 1
     assert json.loads(outcome.out)["verdicts"][0]["count"] == 2
     assert outcome.err.endswith("/dev/full: 2 verdicts lost: No space left on device\n")
 
@@ -160,7 +160,7 @@ def test_key_that_cannot_be_stored_is_told_at_the_end(serve: Viso) -> None:
     Path("readonly").mkdir()
     Path("readonly/signing.key").symlink_to("/proc/none/signing.key")
     outcome = serve("--storage", "readonly/storage.parm", sent=(SETUP_SIGNING(1, 1, tuple(KEY), 1000),))
-    assert outcome.code == 0
+    assert outcome.code == 1
     assert "readonly/signing.key: the signing key cannot be stored: " in outcome.err
 
 

@@ -278,6 +278,41 @@ def test_full_disk_at_close_is_counted() -> None:
     assert log.dropped == 1
 
 
+def test_deleted_log_is_noticed_and_what_came_after_its_deletion_is_lost(store: LogStore) -> None:
+    log = store.open_next()
+    log.write(RECORD)
+    assert log.flush_if_due(FLUSH_INTERVAL_US)
+    log.path.unlink()
+    assert log.write(RECORD)
+    assert log.write(RECORD)
+    assert log.flush_if_due(2 * FLUSH_INTERVAL_US - 1)
+    assert not log.flush_if_due(2 * FLUSH_INTERVAL_US)
+    assert not log.write(RECORD)
+    assert (log.dropped, log.reason) == (3, f"{log.path}: deleted while it was written")
+
+
+def test_deleted_log_is_noticed_at_the_next_chunk(store: LogStore) -> None:
+    log = store.open_next()
+    log.path.unlink()
+    assert not log.write(bytes(CHUNK_BYTES))
+    assert (log.closed, log.dropped) == (True, 1)
+
+
+def test_log_is_looked_at_once_a_chunk(store: LogStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[int] = []
+    look = os.fstat
+
+    def counted(descriptor: int) -> os.stat_result:
+        looks.append(descriptor)
+        return look(descriptor)
+
+    with store.open_next() as log:
+        monkeypatch.setattr("viso.logs.files.os.fstat", counted)
+        for _ in range(2 * CHUNK_BYTES // len(RECORD)):
+            log.write(RECORD)
+    assert len(looks) <= 3
+
+
 def test_short_writes_are_continued(store: LogStore, monkeypatch: pytest.MonkeyPatch) -> None:
     whole_write = os.write
     monkeypatch.setattr("viso.logs.files.os.write", lambda fd, data: whole_write(fd, data[:5]))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 MakeBench = Callable[..., "Bench"]
 QUIET_NAN_BITS = 0x7FC04152
 BOOTED_S = 2.455
+FULL = "1.BIN: No space left on device"
 
 
 class FailingLog(MemoryLog):
@@ -35,13 +36,17 @@ class FailingLog(MemoryLog):
 
     def write(self, data: bytes) -> bool:
         if len(self.data) >= self.good_writes:
-            self.dropped += 1
+            self.lose(1)
             return False
         self.data += b"."
         return True
 
+    def lose(self, records: int) -> None:
+        self.dropped += records
+        self.reason = FULL
+
     def flush_if_due(self, now_us: int) -> bool:
-        return self.dropped == 0
+        return self.reason is None
 
 
 class Rig:
@@ -72,6 +77,20 @@ class Rig:
 @pytest.fixture
 def rig() -> Rig:
     return Rig()
+
+
+def fill_the_disk(rig: Rig) -> None:
+    """Open a log that then loses a record, and takes no more."""
+    log = rig.next_log = FailingLog(10_000)
+    rig.update()
+    log.good_writes = 0
+    rig.logger.write(EV, (1, 10))
+
+
+def write_one_of_each_kind(rig: Rig) -> None:
+    rig.logger.write(EV, (1, 10))
+    rig.logger.write_named("TSYN", "TimeUS,SysID,RTT", "s-s", "F-F", "QBQ", (1, 2, 3))
+    rig.logger.write_parameter("VISO_TYPE", np.float32(1))
 
 
 def names(records: Sequence[dict[str, object]]) -> list[object]:
@@ -283,11 +302,8 @@ def test_failure_to_open_fails_the_pre_arm_check(make_bench: MakeBench) -> None:
 
 
 def test_failing_writes_are_counted_and_reported(rig: Rig) -> None:
-    rig.next_log = FailingLog(10_000)
-    rig.update()
-    rig.next_log.good_writes = 0
-    rig.logger.write(EV, (1, 10))
-    assert rig.logger.failure == "log cannot be written"
+    fill_the_disk(rig)
+    assert rig.logger.failure == FULL
     assert rig.logger.dropped == 1
 
 
@@ -296,16 +312,71 @@ def test_failing_flush_is_reported(rig: Rig) -> None:
     rig.next_log = log
     rig.update()
     assert rig.logger.failure is None
-    log.dropped = 3
+    log.lose(3)
     rig.update(after_ms=2000)
-    assert rig.logger.failure == "log cannot be written"
+    assert rig.logger.failure == FULL
+    assert rig.logger.losses == {FULL: 3}
+
+
+def test_log_that_takes_no_more_is_followed_by_a_new_one_after_5_seconds(rig: Rig) -> None:
+    fill_the_disk(rig)
+    log = rig.next_log = MemoryLog()
+    rig.update(after_ms=4999)
+    assert not rig.logger.is_open
+    rig.update(after_ms=1)
+    assert rig.logger.is_open
+    assert rig.logger.failure is None
+    assert log.data.startswith(bytes.fromhex("a3 95 80 80 59 46 4d 54 00"))
+    assert rig.begun == 2
+
+
+def test_record_that_finds_no_log_is_lost_for_the_latest_reason(rig: Rig) -> None:
+    fill_the_disk(rig)
+    rig.next_log = LogStoreError("2.BIN: read-only file system")
+    write_one_of_each_kind(rig)
+    rig.update(after_ms=5000)
+    write_one_of_each_kind(rig)
+    assert rig.logger.losses == {FULL: 4, "2.BIN: read-only file system": 3}
+    assert rig.logger.dropped == 7
+
+
+def test_start_up_block_that_does_not_fit_is_lost_with_a_reason(rig: Rig) -> None:
+    rig.next_log = FailingLog(10_000)
+    rig.update()
+    whole = rig.logger.records
+    other = Rig()
+    other.next_log = FailingLog(3)
+    other.update()
+    assert other.logger.losses == {FULL: whole - 3}
+
+
+def test_record_that_nobody_wants_is_not_lost(rig: Rig) -> None:
+    fill_the_disk(rig)
+    rig.update(wanted=False)
+    write_one_of_each_kind(rig)
+    assert rig.logger.dropped == 1
+    rig.update()
+    write_one_of_each_kind(rig)
+    assert rig.logger.dropped == 4
+
+
+def test_failure_is_told_once_and_so_is_its_end(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
+    fill_the_disk(rig)
+    rig.next_log = FailingLog(3)
+    rig.update(after_ms=5000)
+    rig.next_log = LogStoreError("2.BIN: read-only file system")
+    rig.update(after_ms=5000)
+    assert caplog.messages == [f"log: {FULL}"]
+    rig.next_log = MemoryLog()
+    rig.update(after_ms=5000)
+    assert caplog.messages[1:] == [f"log: begun anew, {rig.logger.dropped} records are lost"]
 
 
 def test_dropped_records_of_closed_logs_stay_counted(rig: Rig) -> None:
     log = FailingLog(10_000)
     rig.next_log = log
     rig.update()
-    log.dropped = 3
+    log.lose(3)
     rig.update(wanted=False)
     rig.next_log = MemoryLog()
     rig.update()
@@ -316,13 +387,13 @@ def test_records_lost_on_closing_are_a_failure(rig: Rig) -> None:
     log = FailingLog(10_000)
     rig.next_log = log
     rig.update()
-    log.dropped = 3
+    log.lose(3)
     rig.logger.close()
-    assert rig.logger.failure == "log cannot be written"
+    assert rig.logger.failure == FULL
 
 
 def test_records_of_the_beginning_may_end_the_log() -> None:
     rig = Rig()
     rig.next_log = FailingLog(3)
     rig.update()
-    assert rig.logger.failure == "log cannot be written"
+    assert rig.logger.failure == FULL

@@ -171,6 +171,19 @@ def test_verdicts_are_counted_over_restarts(make: Callable[..., Rig]) -> None:
     assert all(key[1] is not Outcome.ACCEPTED for key in dropped)
 
 
+def test_losses_of_the_log_are_counted_over_restarts(make: Callable[..., Rig], tmp_path: Path) -> None:
+    rig = make(log_store=LogStore(tmp_path))
+    lost: list[int] = []
+    for _ in range(2):
+        (log,) = tmp_path.glob("*.BIN")
+        log.unlink()
+        rig.run(0.5)
+        rig.reboot()
+        lost.append(rig.powered.log_losses()[f"{log}: deleted while it was written"])
+    assert 0 < lost[0] < lost[1]
+    assert rig.powered.log_losses().total() == lost[1]
+
+
 @pytest.mark.parametrize(("boot_utc_us", "known"), [(0, False), (1_700_000_000_000_000, True)])
 def test_clock_that_was_right_at_boot_runs_on(make: Callable[..., Rig], boot_utc_us: int, known: bool) -> None:
     rig = make(boot_utc_us=boot_utc_us)

@@ -452,7 +452,7 @@ def test_samples_are_not_logged_for_a_replay_by_default(make_bench: MakeBench) -
 
 def test_lost_records_are_told(make_bench: MakeBench) -> None:
     bench = make_bench()
-    bench.logs[0].dropped = 7
+    bench.vehicle.logger.losses["1.BIN: No space left on device"] = 7
     assert bench.vehicle.log.dropped() == 7
 
 
