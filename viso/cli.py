@@ -8,6 +8,7 @@ import contextlib
 import gc
 import io
 import os
+import signal
 import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
@@ -23,6 +24,7 @@ from viso.terminal.long_lived import uncollected
 from viso.terminal.printable import printable_output
 
 EXIT_USAGE: Final = 2
+EXIT_TERMINATED: Final = 128 + signal.SIGTERM
 HELP: Final = "The autopilot's end of ArduPilot external navigation."
 
 COMMANDS: Final[Mapping[str, str]] = {
@@ -99,9 +101,14 @@ class _Commands(TyperGroup):
 
 
 def _command(name: str) -> Any:
+    from viso.options.outputs import keeping_inputs
+
+    function = command_function(name)
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(name)(_ending_with_its_reader(command_function(name)))
-    return typer.main.get_command(app)
+    app.command(name)(_ending_with_its_reader(function))
+    command = typer.main.get_command(app)
+    command.callback = keeping_inputs(command, function)
+    return command
 
 
 def _tell_version(asked: bool) -> None:
@@ -149,6 +156,7 @@ def _reported() -> tuple[type[Exception], ...]:
 @printable_output()
 def main() -> None:
     """Run the command line: exit code 0 fine, 1 findings or losses, 2 usage or unreadable input."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # after drafts of outputs are removed
     atexit.register(gc.freeze)  # at the end everything goes anyway; to look through it for cycles first takes long
     try:
         make_app()()

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 from mav_handlers.links.base import reason_of
 
@@ -159,13 +160,18 @@ class TlogReader(Iterator[TlogEntry]):
 class TlogWriter:
     """Write a tlog, plain or, if the name ends in ``.gz``, compressed.
 
-    Raises TlogError if the file cannot be written.
+    Args:
+        path: the file, written anew.
+        file: where its bytes go if it is open already.
+
+    Raises:
+        TlogError: if the file cannot be written.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, file: BinaryIO | None = None) -> None:
         self.path = Path(path)
         try:
-            raw = self.path.open("wb")
+            raw = self.path.open("wb") if file is None else file
         except OSError as error:
             raise TlogError(f"{self.path}: {reason_of(error)}") from None
         self._raw = raw

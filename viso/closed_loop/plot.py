@@ -15,6 +15,7 @@ from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors
 from viso.closed_loop.loop import CompanionLoop
 from viso.companion.vio.types import VioState
 from viso.estimators.series import spans_of
+from viso.files.outputs import output_file
 
 _TRUTH: Final = "#ffd92f"
 _VIO: Final = "#1f77b4"
@@ -168,7 +169,7 @@ def _bands(axes: Any, story: _Story) -> None:
 
 
 def save_plot(loop: CompanionLoop, path: Path) -> None:
-    """Write the picture of a loop up to now as PNG. Raises OSError if it cannot be written."""
+    """Write the picture of a loop up to now as PNG. Raises InputError if it cannot be written."""
     story = _Story(loop)
     figure = Figure(figsize=(14, 10), layout="constrained")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.35), height_ratios=(1.25, 1, 1, 1))
@@ -183,4 +184,5 @@ def save_plot(loop: CompanionLoop, path: Path) -> None:
         axes.grid(alpha=0.3)
     strategy = loop.setup.config.strategy
     figure.suptitle(f"viso demo: a camera looks down, {strategy} makes odometry of it, the autopilot navigates by that")
-    figure.savefig(path, dpi=100)
+    with output_file(path) as file:
+        figure.savefig(file, dpi=100, format="png")

@@ -16,11 +16,12 @@ from rich.table import Table
 from viso.closed_loop.record import LoopRecord
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.demo import tracking_camera as simulated
-from viso.errors import InputError, file_errors, told_errors
+from viso.errors import InputError, told_errors
 from viso.extras import pip_install
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogFile, LogStore
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.terminal.console import err, out, progress, verdict_rows
 from viso.terminal.filter_report import aiding_rows, filter_rows, tables_of
 from viso.terminal.signals import stop_on_signal
@@ -130,8 +131,7 @@ def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware) -> _F
 
 def _save_plot(flown: _Flown, path: Path) -> Path | None:
     try:
-        with file_errors(path):
-            flown.save_plot(path)
+        flown.save_plot(path)
     except ModuleNotFoundError as error:
         if error.name is None or not error.name.startswith("matplotlib"):
             raise
@@ -149,7 +149,7 @@ def demo(
             "there), or simulated, a tracking camera with faults."
         ),
     ] = None,
-    log_dir: Annotated[Path, typer.Option(help="Where the log and the plot go.")] = Path("logs"),
+    log_dir: Annotated[Path, typer.Option(help="Where the log and the plot go."), Output.PLACE] = Path("logs"),
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
     plot: Annotated[bool, typer.Option(help="Draw what happened, if matplotlib is there.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,

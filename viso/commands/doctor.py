@@ -26,6 +26,7 @@ from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings
 from viso.streams.recorded_poses import FORMS_AS_RECORDED
@@ -52,8 +53,12 @@ def doctor(
         Severity.ERROR
     ),
     as_json_text: Annotated[bool, typer.Option("--json", help="Print findings and summary as JSON.")] = False,
-    sarif: Annotated[Path | None, typer.Option(help="Write findings here as SARIF 2.1.0.", metavar="FILE")] = None,
-    junit: Annotated[Path | None, typer.Option(help="Write findings here as JUnit XML.", metavar="FILE")] = None,
+    sarif: Annotated[
+        Path | None, typer.Option(help="Write findings here as SARIF 2.1.0.", metavar="FILE"), Output.FILE
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(help="Write findings here as JUnit XML.", metavar="FILE"), Output.FILE
+    ] = None,
     seconds: Annotated[float, typer.Option(help="How long to listen to a link.")] = 20.0,
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,

@@ -13,11 +13,12 @@ from rich.text import Text
 
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.comparison import Comparison, compare
-from viso.ekf_runs.output import check_place
 from viso.ekf_runs.run import EkfRun
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
+from viso.files.outputs import check_place
 from viso.firmware.releases import Firmware
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.terminal.console import err, out, progress
 
 _FINDINGS = 1
@@ -26,7 +27,9 @@ _FINDINGS = 1
 def ekf(
     log: Annotated[Path, typer.Argument(help="A log with replay records (.BIN, .BIN.xz).", metavar="LOG.BIN")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write the filter's log here.", metavar="OUT.BIN")
+        Path | None,
+        typer.Option("-o", "--output", help="Write the filter's log here.", metavar="OUT.BIN"),
+        Output.PLACE,
     ] = None,
     until: Annotated[float | None, typer.Option(help="Seconds since boot at which to end.", metavar="S")] = None,
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
@@ -47,7 +50,9 @@ def ekf(
     if until is not None and not until > 0:
         raise InputError(f"--until {until}: not a time since boot")
     if output is not None:
-        check_place(output, log)
+        with file_errors(output):
+            output.parent.mkdir(parents=True, exist_ok=True)
+        check_place(output)
     profile = firmware_of(firmware)
     run = EkfRun(log, until_s=math.inf if until is None else until)
     _run(run, output)

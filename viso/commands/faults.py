@@ -18,6 +18,7 @@ from viso.errors import InputError, told_errors
 from viso.faults.file import check_output, read_recording, write_recording
 from viso.faults.proxy import FaultProxy
 from viso.faults.tables import entry_table, summary_line, tally_as_dict
+from viso.options.outputs import Output
 from viso.terminal.console import err, out, progress
 from viso.terminal.signals import stop_on_signal
 
@@ -51,6 +52,7 @@ def faults(
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Write the stream of the file A here (.tlog, .jsonl).", metavar="OUT"),
+        Output.FILE,
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Of all chance, in place of the timeline's.")] = None,
     until: Annotated[

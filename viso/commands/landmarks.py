@@ -25,17 +25,18 @@ from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
 from viso.errors import InputError
 from viso.extras import pip_install
+from viso.files.outputs import output_file
 from viso.files.text_files import write_text
 from viso.landmarks.camera import KEYS, camera_of
 from viso.landmarks.inputs import STANDARD_INPUT, Merged, is_live
 from viso.landmarks.live import AircraftSender, Live, standard_lines
 from viso.landmarks.report import drops, fit_lines, oddities, refusals, summary_table
-from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink, write_bytes
+from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink
 from viso.logs.recorded import read_log
 from viso.options.checks import within
+from viso.options.outputs import Output
 from viso.terminal.console import err, out
 from viso.terminal.signals import stop_on_signal
-from viso.vio.inputs import check_place
 
 LONGEST_S: Final = 4e9
 _PLOT_HINT: Final = f"no pictures: matplotlib is missing; install it with: {pip_install('plot')}"
@@ -130,17 +131,20 @@ def landmarks(
         bool, typer.Option("--follow", help="Read on as lines arrive, until Ctrl-C; always so with a link.")
     ] = False,
     until: Annotated[float | None, typer.Option(help="End after this many seconds.", metavar="S")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the last picture.", metavar="OUT.png")] = None,
-    frames: Annotated[Path | None, typer.Option(help="Draw all, five a second, for a video.", metavar="DIR")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the last picture.", metavar="OUT.png"), Output.FILE] = None,
+    frames: Annotated[
+        Path | None, typer.Option(help="Draw all, five a second, for a video.", metavar="DIR"), Output.PLACE
+    ] = None,
     palette: Annotated[Palette, typer.Option(help="Colours of pictures; safe for all eyes.")] = Palette.SAFE,
     extent: Annotated[float, typer.Option(help="Of the world in pictures, from side to side, in m.")] = 20_000.0,
     all_sky: Annotated[bool, typer.Option("--all-sky", help="Draw the disc of the sky as well.")] = False,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help="Write the innovations, a row each.", metavar="OUT.csv")
+        Path | None, typer.Option("--csv", help="Write the innovations, a row each.", metavar="OUT.csv"), Output.FILE
     ] = None,
     records: Annotated[
         Path | None,
         typer.Option(help="Write state vectors and estimates, which this reads again.", metavar="OUT.jsonl"),
+        Output.FILE,
     ] = None,
     send_aircraft: Annotated[
         str | None,
@@ -176,8 +180,6 @@ def landmarks(
         raise InputError("nothing to read: name inputs, or --demo" if not demo else "--demo takes no inputs")
     if names.count(STANDARD_INPUT) > 1:
         raise InputError("-: standard input can be read only once")
-    for path in (plot, csv_file, records):
-        check_place(path)
     camera, keeps_intrinsics = camera_of(camera_file, settings or [])
     session = Session(
         Settings(
@@ -206,10 +208,10 @@ def landmarks(
         elif follow:
             sinks.append(line_sink(out.print))
         if csv_file is not None:
-            sinks.append(csv_sink(stack.enter_context(write_text(csv_file))))
+            sinks.append(csv_sink(stack.enter_context(write_text(csv_file, growing=follow))))
         if frames is not None and draw is not None:
             sinks.append(Frames(frames, draw))
-        record_file = None if records is None else stack.enter_context(write_text(records))
+        record_file = None if records is None else stack.enter_context(write_text(records, growing=follow))
         run = Run(session, ReceiverWatch(frame) if estimate else None, tuple(sinks), record_file)
         if demo:
             planted = Planted(math.radians(demo_yaw_deg), math.radians(demo_pitch_deg), 1e-3 * demo_delay_ms)
@@ -265,7 +267,8 @@ def _save(run: Run, draw: Draw, path: Path, console: Console) -> None:
     if run.last is None:
         err.print(f"note: {path} is not written: there is no picture, for want of poses")
         return
-    write_bytes(path, draw(run.last))
+    with output_file(path) as file:
+        file.write(draw(run.last))
     console.print(f"plot: {path}")
 
 

@@ -23,6 +23,7 @@ from viso.companion.recorded.readers import FORMATS, Source
 from viso.companion.sender import OffsetClock
 from viso.errors import InputError
 from viso.options.checks import within
+from viso.options.outputs import Output
 from viso.running.playing import LinkPlay, write_telemetry_log
 from viso.streams.trajectory_files import axes_of, form_of, left_out, load
 from viso.terminal.console import err, out
@@ -72,6 +73,7 @@ def play(
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Write a .tlog instead, without waiting.", metavar="OUT.tlog"),
+        Output.FILE,
     ] = None,
     form: Annotated[str, typer.Option("--as", help=f"What to send: {', '.join(FORMS)}.")] = "odometry",
     format_name: Annotated[

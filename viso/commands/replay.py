@@ -18,7 +18,7 @@ from viso.companion.recorded.readers import FORMATS
 from viso.errors import InputError
 from viso.files.text_files import write_text
 from viso.firmware.releases import Firmware
-from viso.logs.single import SingleLog
+from viso.logs.single import single_log
 from viso.options.ahrs import (
     AhrsChoice,
     AhrsOption,
@@ -29,6 +29,7 @@ from viso.options.ahrs import (
     ahrs_maker,
 )
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings, needing_reboot, parse_assignments
 from viso.replay import versus as versus_runs
@@ -71,12 +72,14 @@ def replay(
     log: Annotated[
         Path | None,
         typer.Option(help="Write the DataFlash log here, with --set that of the second run.", metavar="OUT.BIN"),
+        Output.FILE,
     ] = None,
     records: Annotated[
         Path | None,
         typer.Option(
             help="Write a line a message here (.gz compresses), with --set of the second run.", metavar="OUT.jsonl"
         ),
+        Output.FILE,
     ] = None,
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
@@ -179,11 +182,10 @@ class _Run(NamedTuple):
 
 def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Path | None) -> list[ReplayOutcome]:
     """Replay a stream one way after the other; files are of the last run."""
-    # Last of all, as it replaces what is there.
-    log_file = None if log is None else SingleLog(log)
     outcomes = []
     with (
         nullcontext() if records is None else write_text(records) as sink,
+        nullcontext() if log is None else single_log(log) as open_log,
         progress("replaying", len(stream.messages) * len(runs)) as bar,
     ):
 
@@ -200,14 +202,12 @@ def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Pa
                 stream,
                 run.settings,
                 run.setup,
-                open_log=log_file.open if log_file is not None and is_last else None,
+                open_log=open_log if is_last else None,
                 on_message=write if is_last else None,
                 on_progress=partial(show, index * len(stream.messages)),
                 keep_messages=len(runs) > 1,
             )
             outcomes.append(outcome)
-    if log_file is not None and log_file.failure:
-        raise InputError(log_file.failure)
     return outcomes
 
 

@@ -10,9 +10,10 @@ import typer
 
 from viso.errors import InputError, file_errors
 from viso.extras import installed_version, pip_install
-from viso.files.atomic_file import replace_file
+from viso.files.outputs import output_file, refuse_input
 from viso.firmware.releases import Firmware
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.report.exports import csv_text, mcap_bytes, trajectories, tum_text
 from viso.report.facts import Facts, facts_of
 from viso.report.flight_data import Material, read_material
@@ -28,15 +29,25 @@ def report(
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="The page, if it ends in .html; else the folder that it goes to."),
+        Output.PLACE,
     ] = None,
-    png: Annotated[Path | None, typer.Option(help="Write each figure here as PNG.", metavar="DIR")] = None,
-    svg: Annotated[Path | None, typer.Option(help="Write each figure here as SVG.", metavar="DIR")] = None,
+    png: Annotated[
+        Path | None, typer.Option(help="Write each figure here as PNG.", metavar="DIR"), Output.PLACE
+    ] = None,
+    svg: Annotated[
+        Path | None, typer.Option(help="Write each figure here as SVG.", metavar="DIR"), Output.PLACE
+    ] = None,
     tum: Annotated[
         Path | None,
         typer.Option(help="Write the trajectories here, as FILE_vision.tum and FILE_ekf.tum.", metavar="FILE.tum"),
+        Output.PLACE,
     ] = None,
-    csv: Annotated[Path | None, typer.Option(help="Write vision beside the EKF here.", metavar="FILE.csv")] = None,
-    mcap: Annotated[Path | None, typer.Option(help="Write both trajectories here.", metavar="FILE.mcap")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Write vision beside the EKF here.", metavar="FILE.csv"), Output.PLACE
+    ] = None,
+    mcap: Annotated[
+        Path | None, typer.Option(help="Write both trajectories here.", metavar="FILE.mcap"), Output.PLACE
+    ] = None,
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
 ) -> None:
     """Tell what a log of a flight holds about external navigation, as a page with figures.
@@ -52,9 +63,8 @@ def report(
         output = Path()
     profile = firmware_of(firmware)
     page = None if output is None else _page_path(output, log)
-    for written in (page, tum, csv, mcap):
-        if written is not None and _same_file(written, log):
-            raise InputError(f"{written}: is the log itself")
+    if page is not None:
+        refuse_input(page)
     wants_figures = page is not None or png is not None or svg is not None
     if wants_figures:
         _check_figures()
@@ -76,13 +86,6 @@ def _page_path(output: Path, log: Path) -> Path:
     return output / (Path(stem).stem + ".html")
 
 
-def _same_file(path: Path, log: Path) -> bool:
-    try:
-        return path.samefile(log)
-    except OSError:
-        return False
-
-
 def _read(log: Path, firmware: Firmware) -> tuple[Material, Facts, Summary]:
     with progress("reading", 100) as bar:
         material = read_material(log, lambda percent: bar.update(bar.task_ids[0], completed=int(percent)))
@@ -92,7 +95,9 @@ def _read(log: Path, firmware: Firmware) -> tuple[Material, Facts, Summary]:
 
 def _write(path: Path, data: bytes) -> Path:
     with file_errors(path):
-        replace_file(path, data)
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with output_file(path) as file:
+        file.write(data)
     return path
 
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso serve``: the autopilot on links, in real time."""
 
-import os
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -14,6 +13,7 @@ import typer
 from mav_handlers.links import Link, is_open_to_network, open_link
 from viso.errors import InputError, file_errors
 from viso.files.key_store import FileKeyStore
+from viso.files.outputs import growing_file, refuse_input
 from viso.firmware.releases import PROFILES, Firmware
 from viso.logs.files import LogStore
 from viso.options.ahrs import (
@@ -27,6 +27,7 @@ from viso.options.ahrs import (
 )
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.message_intervals import load_message_intervals
+from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings
 from viso.parameters.releases import MAX_LINKS
@@ -40,7 +41,7 @@ from viso.terminal.live_counts import REFRESH_US, LiveCounts
 from viso.terminal.live_report import LiveReport
 from viso.terminal.long_lived import long_lived
 from viso.terminal.signals import stop_on_signal
-from viso.terminal.verdict_stream import VerdictFormat, VerdictStream, create_verdict_file
+from viso.terminal.verdict_stream import VerdictFormat, VerdictStream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
@@ -61,8 +62,7 @@ def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStac
     if kind is not None:
         wanted.append((sys.stdout.fileno(), kind, "--verdicts"))
     if file is not None:
-        descriptor = create_verdict_file(file)
-        stack.callback(os.close, descriptor)
+        descriptor = stack.enter_context(growing_file(file)).fileno()
         wanted.append((descriptor, VerdictFormat.JSON, str(file)))
     streams = [VerdictStream(LineWriter(descriptor), how, name) for descriptor, how, name in wanted]
     for stream in streams:
@@ -99,13 +99,16 @@ def serve(
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
     log_dir: Annotated[
-        Path, typer.Option(help="Where logs 00000001.BIN and so on go, and message-intervals-chan0.txt is.")
+        Path,
+        typer.Option(help="Where logs 00000001.BIN and so on go, and message-intervals-chan0.txt is."),
+        Output.PLACE,
     ] = Path("logs"),
     storage: Annotated[
         Path | None,
         typer.Option(
             help=f"Where parameters are kept over a restart, {KEY_NAME} beside; default {STORAGE_NAME} beside the logs."
         ),
+        Output.PLACE,
     ] = None,
     speedup: Annotated[float, typer.Option(help="Vehicle seconds in one second.")] = 1.0,
     imu: ImuOption = None,
@@ -126,7 +129,7 @@ def serve(
         ),
     ] = None,
     verdicts_file: Annotated[
-        Path | None, typer.Option(help="Write these lines to a file, as JSON.", metavar="FILE")
+        Path | None, typer.Option(help="Write these lines to a file, as JSON.", metavar="FILE"), Output.FILE
     ] = None,
     web: Annotated[
         str | None,
@@ -165,8 +168,10 @@ def serve(
         log_dir.mkdir(parents=True, exist_ok=True)
     store = LogStore(log_dir)
     storage_path = storage or log_dir / STORAGE_NAME
-    param_store = ParamStore(storage_path)
-    key_store = FileKeyStore(storage_path.with_name(KEY_NAME))
+    key_path = storage_path.with_name(KEY_NAME)
+    for path in (storage_path, key_path):
+        refuse_input(path)
+    param_store, key_store = ParamStore(storage_path), FileKeyStore(key_path)
     config = VehicleConfig(
         ahrs_maker(AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)),
         links=len(names),

@@ -12,10 +12,11 @@ import typer
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
-from viso.errors import InputError, file_errors
+from viso.errors import InputError
 from viso.extras import pip_install
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import HeadingOption, ImuErrorOption
+from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP
 from viso.sensors.inertial_sources import IMU_HELP
 from viso.sweep.cluster import run_on_cluster
@@ -26,7 +27,7 @@ from viso.sweep.planning import make_plan
 from viso.sweep.processes import default_jobs, run_in_processes
 from viso.sweep.request import NO_FAULTS, Wishes, read_wishes
 from viso.sweep.result_tables import DELAY, best_as_dict, best_lines, found, result_table, swept_axis
-from viso.sweep.store import SweepFolder, check_tables, table_rows
+from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
 from viso.terminal.console import err, out, progress
 
 _FINDINGS: Final = 1
@@ -53,6 +54,7 @@ def sweep(
         typer.Option(
             "-o", "--output", help="Keep results here; the same command goes on from there.", metavar="FOLDER"
         ),
+        Output.PLACE,
     ] = None,
     objective: Annotated[str, typer.Option(help=f"What is best: {', '.join(OBJECTIVES)}.", metavar="COLUMN")] = "nis",
     sample: Annotated[
@@ -241,12 +243,11 @@ def _results(plan: SweepPlan, points: list[Point], jobs: int, scheduler: str | N
 
 def _draw(plan: SweepPlan, rows: list[dict[str, Any]], objective: str, output: Path) -> None:
     try:
-        from viso.sweep.plot import PLOT, save_plot
+        from viso.sweep.plot import save_plot
     except ImportError:
         err.print(f"note: {_PLOT_HINT}")
         return
-    with file_errors(output / PLOT):
-        save_plot(plan, rows, objective, output / PLOT)
+    save_plot(plan, rows, objective, output / PLOT)
 
 
 def _tell(

@@ -15,6 +15,7 @@ from ap_visualodom.release import VisualOdomRelease
 from viso.errors import InputError
 from viso.files.text_files import read_lines, write_text
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.replay.vectors import VectorError, count_differences, parse_line, recompute
 from viso.terminal.console import err, out, progress
 
@@ -56,7 +57,9 @@ def _write(paths: list[Path], stream: TextIO, release: VisualOdomRelease) -> Non
 def vectors(
     files: Annotated[list[Path], typer.Argument(help="Recordings: .jsonl or .jsonl.gz.", metavar="FILE...")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write here (.gz compresses); default standard output.")
+        Path | None,
+        typer.Option("-o", "--output", help="Write here (.gz compresses); default standard output."),
+        Output.FILE,
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Compare with the recorded outputs and count.")] = False,
     firmware: FirmwareOption = DEFAULT_FIRMWARE,

@@ -18,13 +18,14 @@ from viso.companion.sources.kinds import SOURCES
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
-from viso.errors import InputError, file_errors
+from viso.errors import InputError
 from viso.extras import pip_install
 from viso.files.text_files import write_text
 from viso.options.checks import within
+from viso.options.outputs import Output
 from viso.terminal.console import err, out
 from viso.terminal.signals import stop_on_signal
-from viso.vio.inputs import check_place, configured, known_truth, opened, rotation_of
+from viso.vio.inputs import configured, known_truth, opened, rotation_of
 from viso.vio.log import VioLog, tum_lines
 from viso.vio.session import VioSession, event_logger
 from viso.vio.tables import live_table, summary_table
@@ -78,10 +79,12 @@ def vio(
         Path | None, typer.Option("--truth", help="Trajectory to compare with, as of viso play.", metavar="FILE")
     ] = None,
     save_trajectory: Annotated[
-        Path | None, typer.Option(help="Write the poses (t x y z qx qy qz qw).", metavar="OUT.tum")
+        Path | None, typer.Option(help="Write the poses (t x y z qx qy qz qw).", metavar="OUT.tum"), Output.FILE
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw what happened.", metavar="OUT.png")] = None,
-    events: Annotated[Path | None, typer.Option(help="Write the events, each as JSON.", metavar="OUT.jsonl")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw what happened.", metavar="OUT.png"), Output.FILE] = None,
+    events: Annotated[
+        Path | None, typer.Option(help="Write the events, each as JSON.", metavar="OUT.jsonl"), Output.FILE
+    ] = None,
     master: Annotated[
         str | None, typer.Option(help="Send ODOMETRY on this link, as of viso serve.", metavar="STRING")
     ] = None,
@@ -109,8 +112,6 @@ def vio(
     within("--wait", wait, 0, LONGEST_S)
     within("--delay", delay, 0, 86_400)
     within("--until", until, 0, LONGEST_S)
-    for path in (save_trajectory, plot, events):
-        check_place(path)
     options = SourceOptions(source_name, calibration, imu, imu_start, fps, imu_axes, rotation_of(mounting))
     source = opened(options, kind)
     is_paced = _is_paced(source, master, realtime)
@@ -162,8 +163,7 @@ def _save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *,
             raise
         err.print(_PLOT_HINT)
         return None
-    with file_errors(path):
-        save_plot(log, truth, title, path, aligned=aligned)
+    save_plot(log, truth, title, path, aligned=aligned)
     return path
 
 

@@ -16,6 +16,7 @@ from viso.closed_loop.record import Estimate
 from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult
 from viso.estimators.series import spans_of
 from viso.fates.labels import Fate, fate_of
+from viso.files.outputs import output_file
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"
@@ -135,7 +136,7 @@ def _flags(axes: Any, result: DemoResult) -> None:
 
 
 def save_plot(result: DemoResult, path: Path) -> None:
-    """Write the picture as PNG. Raises OSError if it cannot be written."""
+    """Write the picture as PNG. Raises InputError if it cannot be written."""
     times = np.arange(math.floor(FLIGHT.start_s) - 6, FLIGHT.end_s + 2, 0.05)
     figure = Figure(figsize=(13, 11.5), layout="constrained")
     grid = figure.add_gridspec(5, 2, width_ratios=(1, 1.4), height_ratios=(1, 1, 1, 1.1, 1))
@@ -155,4 +156,5 @@ def save_plot(result: DemoResult, path: Path) -> None:
     figure.suptitle(
         "viso demo: what a T265-type camera sent, and what the autopilot made of it (its filter is a model)"
     )
-    figure.savefig(path, dpi=110)
+    with output_file(path) as file:
+        figure.savefig(file, dpi=110, format="png")

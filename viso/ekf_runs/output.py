@@ -2,9 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The log that the filter writes when it is run over another one."""
 
-import errno
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final
@@ -16,8 +13,7 @@ from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.core.reporting import run_report_of
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.reports.core_report import CoreReport
-from viso.errors import InputError, file_errors
-from viso.files.atomic_file import replace_file
+from viso.files.outputs import output_file
 from viso.logs.logger import STRUCTURES
 
 # However little the firmware was told to log (EK3_LOG_LEVEL): the estimates are what this log is for.
@@ -68,23 +64,5 @@ class EkfOutput:
 
         Raises InputError if that cannot be done; what was there before is untouched.
         """
-        with file_errors(path):
-            if path.exists() and not path.is_file():
-                path.write_bytes(self._data)  # a device or a pipe, which must not be replaced by a file
-            else:
-                replace_file(path, bytes(self._data))
-
-
-def check_place(path: Path, source: Path) -> None:
-    """Find out ahead of a long run whether a log can be put in a place; its folder is made.
-
-    Raises InputError if it cannot, or would replace the log that it is made from.
-    """
-    with file_errors(path):
-        if path.exists() and source.exists() and path.samefile(source):
-            raise InputError(f"{path}: is the log to be read")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass  # permissions alone don't tell: root has all of them, and some file systems take no files
+        with output_file(path) as file:
+            file.write(self._data)

@@ -12,6 +12,7 @@ from mav_handlers.links import TlogError, TlogWriter, read_tlog
 from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
 from viso.companion.faults import TimedFrame
 from viso.errors import InputError, told_errors
+from viso.files.outputs import output_file
 from viso.files.text_files import write_text
 from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import Stream, read_stream
@@ -59,8 +60,6 @@ def check_output(path: Path, source: Path) -> None:
         raise InputError(f"{path}: neither a telemetry log (.tlog) nor a capture (.jsonl, .jsonl.gz)")
     if name.endswith(CAPTURE) and source.name.lower().endswith(TLOG):
         raise InputError(f"{path}: a telemetry log has no parameters, which a capture needs; write a .tlog")
-    if path.resolve() == source.resolve():
-        raise InputError(f"{path}: the file that is read")
 
 
 def write_recording(path: Path, frames: Iterable[TimedFrame], recording: Recording) -> int:
@@ -80,7 +79,7 @@ def write_recording(path: Path, frames: Iterable[TimedFrame], recording: Recordi
 
 def _write_tlog(path: Path, frames: Iterable[TimedFrame], epoch_us: int) -> int:
     left_out = 0
-    with told_errors(TlogError), TlogWriter(path) as log:
+    with output_file(path) as file, TlogWriter(path, file) as log:
         for time_us, frame in frames:
             if frame[:1] in _MARKERS:
                 log.write(epoch_us + time_us, frame)

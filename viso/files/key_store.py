@@ -8,7 +8,7 @@ from typing import Final
 
 from mav_handlers.signing.state import SigningKey
 from viso.errors import InputError
-from viso.files.atomic_file import remove_stale_drafts, replace_file
+from viso.files.outputs import remove_stale_drafts, replace_file
 
 _log = logging.getLogger(__name__)
 

@@ -3,13 +3,15 @@
 """Reading and writing text files, compressed or not, with errors in one line."""
 
 import gzip
+import io
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from viso.errors import InputError, file_errors
+from viso.files.outputs import growing_file, output_file
 
 GZIP_MAGIC = b"\x1f\x8b"
 
@@ -51,11 +53,14 @@ def read_text(path: Path) -> str:
 
 
 @contextmanager
-def write_text(path: Path) -> Iterator[TextIO]:
-    """Open a file for writing, through gzip when its name ends in .gz.
+def write_text(path: Path, *, growing: bool = False) -> Iterator[TextIO]:
+    """Open a file for writing, through gzip when its name ends in .gz: an output file, or one that grows in its place.
 
     Raises InputError if the file cannot be written.
     """
-    opens = gzip.open if path.suffix == ".gz" else open
-    with file_errors(path), opens(path, "wt", encoding="utf-8") as file:
-        yield file
+    with ExitStack() as stack:
+        data: Any = stack.enter_context(growing_file(path) if growing else output_file(path))
+        is_packed = path.suffix == ".gz"
+        if is_packed:
+            data = stack.enter_context(gzip.GzipFile("", "wb", fileobj=data, mtime=0))
+        yield stack.enter_context(io.TextIOWrapper(data, encoding="utf-8", line_buffering=growing and not is_packed))

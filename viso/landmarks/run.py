@@ -15,7 +15,8 @@ from viso.companion.landmarks.scene import Scene
 from viso.companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
 from viso.companion.landmarks.statistics import Summary, summarise
 from viso.companion.landmarks.types import Event
-from viso.errors import InputError
+from viso.errors import file_errors
+from viso.files.outputs import output_file
 from viso.landmarks.report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
 
 if TYPE_CHECKING:
@@ -163,10 +164,8 @@ class Frames:
         self._draw = draw
         self._last_s: float | None = None
         self.count = 0
-        try:
+        with file_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{folder}: {error.strerror or error}") from error
 
     def __call__(self, scene: Scene) -> None:
         """Take a scene. Raises InputError if its picture cannot be written."""
@@ -174,12 +173,5 @@ class Frames:
             return
         self._last_s = scene.t_s
         self.count += 1
-        write_bytes(self._folder / f"frame_{self.count:06d}.png", self._draw(scene))
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file. Raises InputError if that cannot be done."""
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+        with output_file(self._folder / f"frame_{self.count:06d}.png") as file:
+            file.write(self._draw(scene))

@@ -12,6 +12,8 @@ import re
 from pathlib import Path
 from typing import Final, Self
 
+from viso.files.outputs import replace_file
+
 LASTLOG_NAME: Final = "LASTLOG.TXT"
 MAX_FILES: Final = 500
 CHUNK_BYTES: Final = 4096
@@ -222,14 +224,10 @@ class LogStore:
 
     def _write_lastlog(self, log: LogFile) -> None:
         path = self._directory / LASTLOG_NAME
-        draft = path.with_suffix(f".{os.getpid()}")
         try:
-            draft.write_bytes(b"%d\r\n" % log.number)
-            draft.replace(path)
+            replace_file(path, b"%d\r\n" % log.number, synced=False)
         except OSError as error:
             log.close()
-            with contextlib.suppress(OSError):
-                draft.unlink(missing_ok=True)
             raise LogStoreError(_one_line(path, error)) from error
 
 

@@ -3,33 +3,30 @@
 """A log with a name of the user's, outside the numbered ones."""
 
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from viso.errors import file_errors
-from viso.logs.files import LogFile, LogStoreError
+from viso.errors import InputError
+from viso.files.outputs import output_file
+from viso.logs.files import LogFile
 
-_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
+@contextmanager
+def single_log(path: Path) -> Iterator[Callable[[], LogFile]]:
+    """Yield what opens a log by name, which takes its place at the end; one that is opened again is continued.
 
-class SingleLog:
-    """Opens one log file by name, replacing what is there. Raises InputError if the file cannot be made."""
+    Raises InputError if the file cannot be made, and at the end if not all of it could be written.
+    """
+    opened: list[LogFile] = []
+    with output_file(path) as file:
 
-    def __init__(self, path: Path) -> None:
-        with file_errors(path):
-            os.close(os.open(path, _APPEND | os.O_TRUNC, 0o644))
-        self._path = path
-        self._opened: list[LogFile] = []
+        def open_log() -> LogFile:
+            opened.append(LogFile(path, 1, os.dup(file.fileno())))
+            return opened[-1]
 
-    @property
-    def failure(self) -> str | None:
-        """Why something could not be written, in one line naming the file; None while all is well."""
-        return next((file.reason for file in self._opened if file.reason), None)
-
-    def open(self) -> LogFile:
-        """Return the open log; one that is opened again is continued. Raises LogStoreError if it cannot be opened."""
-        try:
-            descriptor = os.open(self._path, _APPEND, 0o644)
-        except OSError as error:
-            raise LogStoreError(f"{self._path}: {error.strerror or error}") from error
-        self._opened.append(LogFile(self._path, 1, descriptor))
-        return self._opened[-1]
+        yield open_log
+        for log in opened:
+            log.close()
+            if log.reason is not None:
+                raise InputError(log.reason)

@@ -16,7 +16,7 @@ from typing import Final
 from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned, to_f32
 from viso.errors import InputError
-from viso.files.atomic_file import remove_stale_drafts, replace_file
+from viso.files.outputs import remove_stale_drafts, replace_file
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over
 
 _log = logging.getLogger(__name__)

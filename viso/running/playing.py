@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from mav_handlers.links import TlogError, TlogWriter, wait_readable
+from mav_handlers.links import TlogWriter, wait_readable
 from mav_handlers.links.base import Link
 from mav_handlers.links.tlog import YEAR_2000_US, YEAR_2100_US
 from viso.companion.recorded.player import Player, Text
 from viso.companion.sender import HEARTBEAT_PERIOD_US
-from viso.errors import told_errors
+from viso.files.outputs import output_file
 
 LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""
@@ -95,7 +95,7 @@ def write_telemetry_log(path: Path, player: Player, start_ns: int, until_us: int
     """
     start_us = start_ns // 1000
     epoch_us = start_us if YEAR_2000_US <= start_us < YEAR_2100_US else YEAR_2000_US
-    with told_errors(TlogError), TlogWriter(path) as log:
+    with output_file(path) as file, TlogWriter(path, file) as log:
         while (due_us := player.next_due_us()) is not None and (until_us is None or due_us <= until_us):
             for frame in player.next_frames():
                 log.write(epoch_us + frame.due_us, frame.data)

@@ -9,12 +9,11 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from viso.files.outputs import output_file
 from viso.sweep.best import best_rows
 from viso.sweep.objectives import OBJECTIVES
 from viso.sweep.plan import SweepPlan
 from viso.sweep.result_tables import changed_columns, found
-
-PLOT: Final = "plot.png"
 
 _BESIDE: Final = ("nis_velocity", "nis_pose", "fused_share", "rejected", "ate_m", "time_to_aiding_s")
 _MOST_PANELS: Final = 6
@@ -26,7 +25,7 @@ Row = dict[str, Any]
 
 
 def save_plot(plan: SweepPlan, rows: Sequence[Row], objective: str, path: Path) -> None:
-    """Write the picture as PNG. Raises OSError if it cannot be written."""
+    """Write the picture as PNG. Raises InputError if it cannot be written."""
     axes = [axis.name for axis in plan.axes if axis.span is not None or len(axis.values) > 1]
     if len(axes) == 1:
         figure = _along(plan, rows, objective, axes[0])
@@ -37,7 +36,8 @@ def save_plot(plan: SweepPlan, rows: Sequence[Row], objective: str, path: Path) 
     else:
         figure = _by_group(plan, rows, objective)
     figure.suptitle(f"{objective}: {OBJECTIVES[objective].what} (the filter is a model)", fontsize="medium")
-    figure.savefig(path, dpi=110)
+    with output_file(path) as file:
+        figure.savefig(file, dpi=110, format="png")
 
 
 def _label(name: str) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
-from viso.files.atomic_file import replace_file
+from viso.files.outputs import output_file, reading, refuse_input, replace_file
 from viso.sweep.job import Result
 from viso.sweep.objectives import OBJECTIVES, Row
 from viso.sweep.plan import Point, SweepPlan
@@ -25,6 +25,7 @@ DEFINITION: Final = "sweep.json"
 JOURNAL: Final = "points.jsonl"
 CSV: Final = "results.csv"
 PARQUET: Final = "results.parquet"
+PLOT: Final = "plot.png"
 MISSING_EXTRA: Final = f"-o: tables are written as Parquet with pyarrow; install it with: {pip_install('sweep')}"
 
 _FIRST_COLUMNS: Final = ("point", "stream", "firmware", "faults", "seed")
@@ -47,13 +48,17 @@ class SweepFolder:
         done: the figures of the points that are done, by number.
 
     Raises:
-        InputError: it cannot be used, is in use, or is another sweep's.
+        InputError: it cannot be used, is in use, is another sweep's, or holds an input where a table would go.
     """
 
     def __init__(self, path: Path, plan: SweepPlan) -> None:
         self.path = path
         self.done: dict[int, Row] = {}
         self._plan = plan
+        files = [file.path for one in plan.recordings for file in (one.file, *one.others)]
+        with reading(zip(files, files, strict=True)):
+            for name in (CSV, PARQUET, PLOT):
+                refuse_input(path / name)
         with file_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             self._journal = os.open(path / JOURNAL, os.O_RDWR | os.O_CREAT, 0o644)
@@ -126,8 +131,8 @@ class SweepFolder:
         """Write what is done as CSV and Parquet. Raises InputError if they cannot be written."""
         rows = table_rows(self._plan, self.done)
         for name, data in ((CSV, _as_csv(self._plan, rows)), (PARQUET, _as_parquet(self._plan, rows))):
-            with file_errors(self.path / name):
-                replace_file(self.path / name, data)
+            with output_file(self.path / name) as file:
+                file.write(data)
 
 
 def _differences(theirs: Any, ours: Any, place: str = "") -> Iterator[str]:

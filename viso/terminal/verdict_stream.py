@@ -7,16 +7,13 @@ in is told only if something else became of the one of its kind before it.
 """
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from enum import StrEnum
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.errors import file_errors
 from viso.fates.labels import Fate, as_dict, fate_of, is_final, is_model, sentence
 from viso.terminal.line_writer import LineWriter
 
@@ -133,9 +130,3 @@ class VerdictStream:
             return None
         reason = "they were not read in time" if writer.error is None else writer.error.strerror or str(writer.error)
         return f"{self._name}: {writer.lost} verdicts lost: {reason}"
-
-
-def create_verdict_file(path: Path) -> int:
-    """Open a file anew for verdicts and return its descriptor. Raises InputError if it cannot be written."""
-    with file_errors(path):
-        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)

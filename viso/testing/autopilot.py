@@ -10,6 +10,7 @@ from typing import TypeVar
 from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import Message
 from viso.fates.watch import FilterWatch
+from viso.files.outputs import replace_file
 from viso.testing import claims
 from viso.testing.booted import booted_vehicle
 from viso.testing.golden import GoldenFiles
@@ -209,7 +210,7 @@ class Autopilot:
         data = self.log_bytes
         if not data:
             raise ValueError("there is no log: LOG_DISARMED is 0, and the vehicle was never armed")
-        Path(path).write_bytes(data)
+        replace_file(Path(path), data)
 
     # What a test claims
 

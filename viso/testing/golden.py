@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.files.atomic_file import replace_file
+from viso.files.outputs import replace_file
 from viso.testing.claims import shortened
 from viso.testing.observations import Record
 

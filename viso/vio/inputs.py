@@ -62,12 +62,6 @@ def known_truth(source: Recording | LiveCamera, file: Path | None) -> TimedPoses
     return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
 
 
-def check_place(path: Path | None) -> None:
-    """Raise InputError if a file could not be written, as far as can be told before there is something to write."""
-    if path is not None and (path.is_dir() or not path.parent.is_dir()):
-        raise InputError(f"{path}: {'Is a directory' if path.is_dir() else 'No such file or directory'}")
-
-
 def _try_strategy(config: VioConfig, calibration: CameraCalibration) -> None:
     # Built in vain, so that whatever is missing is told before anything is opened.
     silent = logging.Logger("viso.trying", logging.CRITICAL + 1)

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import VioState
+from viso.files.outputs import output_file
 from viso.vio.log import VioLog
 
 _TRUTH: Final = "0.45"
@@ -33,7 +34,7 @@ def save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, 
         aligned: whether to turn and shift the estimate onto the truth, as when they have worlds of their own.
 
     Raises:
-        OSError: if it cannot be written.
+        InputError: if it cannot be written.
     """
     estimate = log.trajectory()
     truth = _during(log, truth)
@@ -52,7 +53,8 @@ def save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, 
         axes.grid(alpha=0.3)
     figure.legend(handles=_handles(log, truth, turned=error is not None), ncols=7, loc="outside lower center")
     figure.suptitle(title)
-    figure.savefig(path, dpi=110, format="png")
+    with output_file(path) as file:
+        figure.savefig(file, dpi=110, format="png")
 
 
 def _during(log: VioLog, truth: TimedPoses | None) -> TimedPoses | None:

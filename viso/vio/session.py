@@ -20,6 +20,7 @@ from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.json_log import JsonFormatter
 from viso.companion.vio.types import NavCameraFrame, SensorEvent
 from viso.errors import InputError
+from viso.files.text_files import write_text
 from viso.vio.live import NOW_NS, LiveVio
 from viso.vio.log import VioLog
 
@@ -133,13 +134,10 @@ def event_logger(path: Path | None) -> Iterator[logging.Logger]:
     if path is None:
         yield logger
         return
-    try:
-        file = path.open("w", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    with file:
+    with write_text(path, growing=True) as file:
         handler = logging.StreamHandler(file)
         handler.setFormatter(JsonFormatter(NOW_NS))
+        handler.handleError = lambda record: None  # type: ignore[method-assign]  # closing the file tells
         logger.addHandler(handler)
         yield logger
 

@@ -211,9 +211,7 @@ def test_output_that_cannot_be_is_refused(tmp_path: Path, tlog: Path) -> None:
         check_output(tmp_path / "out.csv", tlog)
     with pytest.raises(InputError, match=r"out\.jsonl: a telemetry log has no parameters"):
         check_output(tmp_path / "out.jsonl", tlog)
-    with pytest.raises(InputError, match="the file that is read"):
-        check_output(tlog.parent / "." / tlog.name, tlog)
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="No such file"):
         write_recording(tmp_path / "none" / "out.tlog", [], Recording(()))
 
 

@@ -34,6 +34,7 @@ from viso.companion.landmarks.types import (
 from viso.landmarks.camera import KEYS
 from viso.landmarks.inputs import Merged
 from viso.landmarks.live import Live
+from viso.landmarks.run import Run
 
 PAGE = ROOT / "docs" / "landmarks.md"
 EPOCH_S = 1_760_000_000.0
@@ -185,6 +186,28 @@ def test_follow_tells_a_line_a_second_and_ends_with_its_input(viso: Viso, monkey
     assert [line.partition(" s ")[0] for line in lines] == ["0.00", "1.00", "2.00", "3.00", "4.00", "5.00", "6.00"]
     assert "5 landmarks, +5" in lines[0]
     assert "your heading is off by 3.1" in outcome.out
+
+
+@pytest.mark.parametrize("follow", [True, False])
+def test_rows_are_there_as_they_come_only_if_they_come_once(
+    viso: Viso, monkeypatch: pytest.MonkeyPatch, follow: bool
+) -> None:
+    file = written("flight.jsonl", flight(1.0))
+    Path("out.csv").write_text("before")
+    take, sizes = Run.take, []
+
+    def watched(run: Run, event: Event) -> None:
+        take(run, event)
+        sizes.append(Path("out.csv").read_text().count("\n"))
+
+    monkeypatch.setattr(Run, "take", watched)
+    with file.open() as piped:
+        monkeypatch.setattr(sys, "stdin", piped)
+        args = "landmarks", "-", "--frame", "spherical", "--csv", "out.csv", *["--follow"] * follow
+        assert viso(*args).code == 0
+    assert len(set(sizes)) == (7 if follow else 1)
+    assert len(Path("out.csv").read_text().splitlines()) == 43
+    assert Path("out.csv~").exists() == follow
 
 
 def test_base_station_lines_and_time_of_day_go_together(viso: Viso) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
-from viso.logs.single import SingleLog
+from viso.logs.single import single_log
 from viso.options.settings import needing_reboot
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.stream_kinds import read_stream
@@ -34,7 +34,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     lines = [line for line in FLIGHT.read_text().splitlines() if not line.startswith("#")]
     poses, log = folder / "poses.tum", folder / "flight.BIN"
     poses.write_text("".join(f"{line}\n" for line in lines[:POSES]))
-    run_replay(read_stream(poses, 3_000_000), {"VISO_TYPE": 1}, ReplaySetup(bench()), open_log=SingleLog(log).open)
+    with single_log(log) as open_log:
+        run_replay(read_stream(poses, 3_000_000), {"VISO_TYPE": 1}, ReplaySetup(bench()), open_log=open_log)
     return folder
 
 

@@ -90,11 +90,12 @@ def test_file_that_is_no_log_is_one_line(viso: Viso, tmp_path: Path) -> None:
     assert failed_with(viso("report", "gone.BIN"), "gone.BIN: No such file or directory")
 
 
-@pytest.mark.parametrize("option", ["-o", "--csv", "--mcap"])
+@pytest.mark.parametrize("option", ["--output", "--tum", "--csv", "--mcap"])
 def test_log_is_not_overwritten(viso: Viso, log: Path, option: str) -> None:
     path = log.rename(log.with_suffix(".html"))
     before = path.read_bytes()
-    assert failed_with(viso("report", path, option, path), f"{path}: is the log itself")
+    line = f"{option} {path}: the same file as LOG {path}, which is read"
+    assert failed_with(viso("report", path, option, path), line)
     assert path.read_bytes() == before
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from viso.ekf_runs.output import EkfOutput, check_place
+from viso.ekf_runs.output import EkfOutput
 from viso.errors import InputError
 
 
@@ -42,35 +42,3 @@ def test_place_that_is_no_more_is_one_line(output: EkfOutput, tmp_path: Path) ->
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"\A[^\n]*/file/out\.BIN: [^\n]+\Z"):
         output.save(tmp_path / "file" / "out.BIN")
-
-
-def refusal(path: Path, source: Path) -> str:
-    with pytest.raises(InputError) as refused:
-        check_place(path, source)
-    return str(refused.value)
-
-
-def test_folder_of_the_place_is_made(tmp_path: Path) -> None:
-    check_place(tmp_path / "new" / "folder" / "out.BIN", tmp_path / "log.BIN")
-    assert [entry.name for entry in (tmp_path / "new").iterdir()] == ["folder"]
-
-
-def test_place_that_is_a_folder_is_refused(tmp_path: Path) -> None:
-    assert refusal(tmp_path, tmp_path / "log.BIN") == f"{tmp_path}: Is a directory"
-
-
-def test_place_in_a_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    assert refusal(tmp_path / "file" / "out.BIN", tmp_path / "log.BIN").startswith(f"{tmp_path}/file/out.BIN: ")
-
-
-def test_log_that_is_read_is_not_overwritten(tmp_path: Path) -> None:
-    log, other_name = tmp_path / "log.BIN", tmp_path / "same.BIN"
-    log.write_bytes(b"log")
-    other_name.symlink_to(log)
-    assert refusal(other_name, log) == f"{other_name}: is the log to be read"
-    assert log.read_bytes() == b"log"
-
-
-def test_folder_that_takes_no_files_is_told_ahead(tmp_path: Path) -> None:
-    assert refusal(Path("/proc/out.BIN"), tmp_path / "log.BIN").startswith("/proc/out.BIN: ")  # not even root's

@@ -352,7 +352,7 @@ class TestErrors:
     def test_kill_after_the_exchange_leaves_the_new_file(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         store = saved(path, OLD)
         with monkeypatch.context() as patch:
-            patch.setattr("viso.files.atomic_file._sync_folder", killed)
+            patch.setattr("viso.files.outputs._sync_folder", killed)
             with pytest.raises(Killed):
                 store.save_if_changed(NEW)
         assert ParamStore(path).load() == NEW

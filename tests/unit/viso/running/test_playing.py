@@ -153,5 +153,5 @@ def test_log_of_a_loop_ends_at_its_time(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["none/flight.tlog", "/dev/full"])
 def test_log_that_cannot_be_written_is_one_line(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match=r"no such file|no space left"):
+    with pytest.raises(InputError, match=r"No such file|No space left"):
         write_telemetry_log(tmp_path / name, make_player(), 0, None)

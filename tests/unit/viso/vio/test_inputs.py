@@ -16,7 +16,7 @@ from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.types import SensorEvent
 from viso.errors import InputError
-from viso.vio.inputs import check_place, configured, known_truth, opened, rotation_of
+from viso.vio.inputs import configured, known_truth, opened, rotation_of
 
 
 def nothing() -> Iterator[SensorEvent]:
@@ -80,12 +80,3 @@ def test_rotation_that_is_none_is_told() -> None:
     np.testing.assert_allclose(rotation_of("0,0,180"), np.diag([-1, -1, 1]), atol=1e-12)
     with pytest.raises(InputError, match="--mounting: '1,2': 3, 4 or 9 numbers make a rotation, not 2"):
         rotation_of("1,2")
-
-
-def test_place_to_write_to_is_checked(tmp_path: Path) -> None:
-    check_place(None)
-    check_place(tmp_path / "new.tum")
-    with pytest.raises(InputError, match="No such file or directory"):
-        check_place(tmp_path / "none" / "new.tum")
-    with pytest.raises(InputError, match="Is a directory"):
-        check_place(tmp_path)

@@ -5,7 +5,7 @@
 import dataclasses
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +150,21 @@ def test_without_a_file_events_go_nowhere(film: Recording, capfd: pytest.Capture
 def test_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="Is a directory"), event_logger(tmp_path):
         pass
+
+
+def test_events_without_space_are_told_in_the_end(capfd: pytest.CaptureFixture[str]) -> None:
+    logged: list[int] = []
+    with pytest.raises(InputError, match="/dev/full: No space left on device"):
+        log_two_events(Path("/dev/full"), logged.append)
+    assert logged == [1, 2]
+    assert capfd.readouterr() == ("", "")
+
+
+def log_two_events(path: Path, done: Callable[[int], None]) -> None:
+    with event_logger(path) as logger:
+        for number in (1, 2):
+            logger.info("event")
+            done(number)
 
 
 def test_terminal_is_not_disturbed() -> None:
