@@ -34,6 +34,7 @@ STREAMS = {"RAW_SENS": 4, "EXT_STAT": 4, "RC_CHAN": 4, "POSITION": 10, "EXTRA1":
 ALLOWED_GROWTH_MB = 10.0
 JUDGED_S = 180.0  # for a minute memory does grow: the vehicle keeps its newest 10000 events
 LIMIT_S = 30.0
+RECEIVE_BUFFER_BYTES = 1 << 22
 
 
 @dataclass
@@ -55,6 +56,7 @@ class Peer:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", self.port))
         self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         self.fileno = self._socket.fileno
         self._mav = mavlink2.MAVLink(None, 255, self.component_id)
         self._mav.robust_parsing = True
@@ -69,11 +71,14 @@ class Peer:
             self._socket.send(message.pack(self._mav))
 
     def read(self) -> None:
-        """Take what has come."""
+        """Take what has come, all of it before any is looked at: the system keeps little."""
+        datagrams = []
         with suppress(BlockingIOError, ConnectionRefusedError):
             while data := self._socket.recv(65535):
-                for message in self._mav.parse_buffer(data) or []:
-                    self._take(message)
+                datagrams.append(data)
+        for data in datagrams:
+            for message in self._mav.parse_buffer(data) or []:
+                self._take(message)
 
     def _take(self, message: Any) -> None:
         if message.get_type() == "BAD_DATA":
