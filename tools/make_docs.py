@@ -43,6 +43,7 @@ from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
 from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.rules import RULES as DOCTOR_RULES
+from viso.doctor.witness import Witness
 from viso.fates.labels import basis, fate_of, is_final, why
 from viso.firmware.releases import PROFILES, Firmware
 from viso.options.presets import PRESETS, preset_title
@@ -254,9 +255,17 @@ def _fault_parameters() -> Iterator[tuple[str, ...]]:
             yield f"`{kind}`", f"`{field.name}`", f"`{_as_yaml(field.default)}`", limits, said[field.name].rstrip(".")
 
 
+_WITNESSES: Final = {
+    Witness.LOG: "the vehicle: its log or telemetry",
+    Witness.STREAM: "the stream",
+    Witness.MODEL: "a model",
+}
+
+
 def _doctor_codes() -> Iterator[tuple[str, ...]]:
     for rule in DOCTOR_RULES:
-        yield f"[{rule.code}](doctor-codes.md#{rule.code.lower()})", rule.severity.value, rule.title
+        link = f"[{rule.code}](doctor-codes.md#{rule.code.lower()})"
+        yield link, rule.severity.value, _WITNESSES[rule.witness], rule.title
 
 
 def _doctor_sections() -> Iterator[str]:
@@ -265,9 +274,8 @@ def _doctor_sections() -> Iterator[str]:
         if rule.family != family:
             family = rule.family
             yield f"## {family}: {DOCTOR_FAMILIES[family]}\n"
-        opinion = " A model's opinion." if rule.is_model else ""
         yield f"### {rule.code}\n"
-        yield f"**{rule.title}** ({rule.severity.value}).{opinion}\n"
+        yield f"**{rule.title}** ({rule.severity.value}; witness: {_WITNESSES[rule.witness]}).\n"
         yield f"What the autopilot does: {rule.firmware} Decided in {rule.source}.\n"
         yield f"What to do: {rule.fix}\n"
 
@@ -347,7 +355,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),
     "rooms": (("room", "what it holds"), _rooms),
     "objectives": (("column", "unit", "what it is"), _objectives),
-    "doctor_codes": (("code", "at worst", "what is wrong"), _doctor_codes),
+    "doctor_codes": (("code", "at worst", "witness", "what is wrong"), _doctor_codes),
     "web_actions": (("button", "key", "what it does"), _web_actions),
     "web_faults": (("switch", "what happens"), _web_faults),
     "vio_config": (("key", "default", "values", "what it is"), _vio_config),

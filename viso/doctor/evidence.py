@@ -10,10 +10,12 @@ from mav_handlers.handlers import VISION_MESSAGES
 from viso.doctor.measures.compare import Comparison
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import Motion
+from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.paths import PathComparison
 from viso.doctor.measures.tracks import Poses, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.doctor.measures.vehicle_position import EXTNAV
+from viso.doctor.witness import Witness
 from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.releases import Firmware
 from viso.streams.stream_kinds import Aspect
@@ -57,6 +59,8 @@ class Evidence:
         vision: the messages that carry external navigation.
         lacks: what of the messages was made up, because the recording does not hold it.
         paths: what the vehicle's own path says about the stream's positions.
+        own_filter: what the filter of the vehicle that really flew said; None if no such vehicle is heard.
+        is_as_flown: whether the parameters are those that it flew with, as far as they are told.
     """
 
     name: str
@@ -81,6 +85,8 @@ class Evidence:
     vision: tuple[SeenMessage, ...]
     lacks: frozenset[Aspect] = frozenset()
     paths: tuple[PathComparison, ...] = ()
+    own_filter: OwnFilter | None = None
+    is_as_flown: bool = True
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""
@@ -89,6 +95,11 @@ class Evidence:
     def source(self, name: str, number: int = 1) -> int:
         """Return what a source set takes POSXY, VELXY, POSZ, VELZ or YAW from."""
         return int(self.param(f"EK3_SRC{number}_{name}"))
+
+    @property
+    def vehicle_witness(self) -> Witness:
+        """What the vehicle left: a log or telemetry; the stream where it left nothing."""
+        return Witness.STREAM if self.own_filter is None else self.own_filter.witness
 
     @property
     def system_id(self) -> int:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from viso.doctor.witness import Witness
 from viso.streams.stream_kinds import Aspect
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class Rule:
         source: where in the firmware that is decided: file and function.
         fix: what to change.
         check: finds it; must not raise whatever the stream.
-        is_model: whether it rests on what the filter, a model of EKF3, makes of samples.
+        witness: what it rests on; LOG stands for telemetry as well, where that is what the vehicle left.
         needs: what a recording must hold; of one that lacks it the rule says nothing.
     """
 
@@ -83,7 +84,7 @@ class Rule:
     source: str
     fix: str
     check: Check
-    is_model: bool = False
+    witness: Witness = Witness.STREAM
     needs: frozenset[Aspect] = frozenset()
 
     @property
@@ -93,10 +94,12 @@ class Rule:
 
 
 def _of(severity: Severity) -> Callable[..., Callable[[Check], Rule]]:
-    def rule(*texts: str, is_model: bool = False, needs: frozenset[Aspect] = frozenset()) -> Callable[[Check], Rule]:
+    def rule(
+        *texts: str, witness: Witness = Witness.STREAM, needs: frozenset[Aspect] = frozenset()
+    ) -> Callable[[Check], Rule]:
         """Make a function the check of a rule: code, title, firmware, source and fix stand above it."""
         code, title, firmware, source, fix = texts
-        return lambda check: Rule(severity, code, title, firmware, source, fix, check, is_model, needs)
+        return lambda check: Rule(severity, code, title, firmware, source, fix, check, witness, needs)
 
     return rule
 
@@ -115,20 +118,22 @@ class Finding:
     firmware: str
     source: str
     fix: str
-    is_model: bool
+    witness: Witness
     message_numbers: tuple[int, ...]
     start_us: int | None
     end_us: int | None
 
     def as_dict(self) -> dict[str, object]:
         """Return the finding for machine-readable output."""
-        names = {"is_model": "model", "message_numbers": "messages"}
-        told = {names.get(name, name): value for name, value in asdict(self).items()}
-        return {**told, "severity": self.severity.value, "messages": list(self.message_numbers)}
+        told = asdict(self)
+        numbers = list(told.pop("message_numbers"))
+        is_model = self.witness is Witness.MODEL
+        plain = {"severity": self.severity.value, "witness": self.witness.value}
+        return {**told, **plain, "model": is_model, "messages": numbers}
 
 
-def make_finding(rule: Rule, sighting: Sighting) -> Finding:
-    """Return what a rule has found."""
+def make_finding(rule: Rule, sighting: Sighting, vehicle: Witness = Witness.LOG) -> Finding:
+    """Return what a rule has found; ``vehicle`` is what the vehicle left: its log, or telemetry."""
     return Finding(
         rule.code,
         sighting.severity or rule.severity,
@@ -137,7 +142,7 @@ def make_finding(rule: Rule, sighting: Sighting) -> Finding:
         rule.firmware,
         rule.source,
         sighting.fix or rule.fix,
-        rule.is_model,
+        vehicle if rule.witness is Witness.LOG else rule.witness,
         tuple(int(number) for number in sighting.numbers),
         None if sighting.start_us is None else int(sighting.start_us),
         None if sighting.end_us is None else int(sighting.end_us),
@@ -148,7 +153,11 @@ def diagnose(evidence: "Evidence", rules: Iterable[Rule]) -> list[Finding]:
     """Return what rules find, worst first, then by code."""
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
         fitting = [rule for rule in rules if rule.needs.isdisjoint(evidence.lacks)]
-        findings = [make_finding(rule, sighting) for rule in fitting for sighting in rule.check(evidence)]
+        findings = [
+            make_finding(rule, sighting, evidence.vehicle_witness)
+            for rule in fitting
+            for sighting in rule.check(evidence)
+        ]
     return sorted(findings, key=lambda finding: (finding.severity.rank, finding.code))
 
 

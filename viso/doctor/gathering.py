@@ -8,24 +8,26 @@ from typing import Final
 
 import numpy as np
 
+from ap_visualodom.verdicts import CONSUMED
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
 from viso.doctor.evidence import Assumed, Evidence, vision_of
 from viso.doctor.measures.compare import Comparison, compare
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
+from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
 from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.doctor.trial_parameters import settle
 from viso.errors import InputError
-from viso.fates.watch import FilterWatch
+from viso.fates.watch import AidingSpan, FilterWatch, Innovations
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
-from viso.streams.stream import received_in
+from viso.streams.stream import received_in, timed_frames
 from viso.streams.stream_kinds import Aspect, Stream
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -41,9 +43,10 @@ class GatherOptions:
     Attributes:
         params: parameters that the user gives; they win over those of the stream.
         baud: rate of the link's transport-time model; None for a link without delay.
-        attitude, height, position: the vehicle's, where something else than the stream tells it.
+        attitude, height, position, own_filter: the vehicle's, where something else than the stream tells it.
         heading_rad: where the vehicle points at first, if its attitude is not known.
         firmware: which release to try it on.
+        is_tried: whether it is tried at all; else every message counts as accepted, and no filter is asked.
     """
 
     params: Mapping[str, float] = field(default_factory=dict)
@@ -51,8 +54,21 @@ class GatherOptions:
     attitude: AttitudeSeries | None = None
     height: HeightSeries | None = None
     position: PositionSeries | None = None
+    own_filter: OwnFilter | None = None
     heading_rad: float = 0.0
     firmware: Firmware = REFERENCE
+    is_tried: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """What came of a stream: fields as those of ``Evidence``."""
+
+    messages: tuple[SeenMessage, ...]
+    params: Mapping[str, float]
+    texts: tuple[tuple[int, int, str], ...] = ()
+    aiding: tuple[AidingSpan, ...] = ()
+    innovations: Mapping[str, Innovations] = field(default_factory=dict)
 
 
 class _Trial:
@@ -64,7 +80,7 @@ class _Trial:
             self.vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, firmware=options.firmware))
         except ValueError as error:
             raise InputError(f"{stream.name}: {error}") from error
-        self.params = {slot.name: float(slot.value) for group in self.vehicle.params.groups for slot in group.slots}
+        self.params = _params_of(self.vehicle)
         self.watch = FilterWatch(self.vehicle)
         self.texts: list[tuple[int, int, str]] = []
         self._events: list[MessageEvent] = []
@@ -81,13 +97,33 @@ class _Trial:
         if self._tell_replay is not None:
             self._tell_replay(event)
 
-    def run(self, on_progress: Callable[[int], None]) -> tuple[SeenMessage, ...]:
+    def run(self, on_progress: Callable[[int], None]) -> _Outcome:
         replayed = list(self._replay.run(on_progress))
         self.vehicle.close()
-        return tuple(
+        messages = tuple(
             _seen(number, event, message)
             for number, (event, message) in enumerate(zip(self._events, replayed, strict=True), 1)
         )
+        aiding, innovations = tuple(self.watch.aiding()), dict(self.watch.innovations)
+        return _Outcome(messages, self.params, tuple(self.texts), aiding, innovations)
+
+
+def _params_of(vehicle: Vehicle) -> dict[str, float]:
+    return {slot.name: float(slot.value) for group in vehicle.params.groups for slot in group.slots}
+
+
+def _untried(stream: Stream, params: Mapping[str, float], firmware: Firmware) -> _Outcome:
+    """Return a stream as if every message had been accepted."""
+    messages: list[SeenMessage] = []
+    times_us = [time_us for time_us, _ in timed_frames(stream)]
+    for place, received in received_in(stream):
+        header = received.header
+        ids = header.system_id, header.component_id, header.sequence, header.version, header.name
+        messages.append(
+            SeenMessage(len(messages) + 1, times_us[place], *ids, received.message, header.frame, CONSUMED, (), ())
+        )
+    defaults = _params_of(Vehicle(VehicleConfig(firmware=firmware)))
+    return _Outcome(tuple(messages), {**defaults, **params})
 
 
 def _seen(number: int, event: MessageEvent, message: ReplayedMessage) -> SeenMessage:
@@ -127,9 +163,12 @@ def gather(
     names = {received.header.name for _, received in received_in(stream)}
     params, assumed = settle(stream, told, options.params, names & _NAMES, options.firmware)
     heading_rad = options.heading_rad if attitude is None else float(attitude.euler_rad[0, 2])
-    trial = _Trial(stream, params, heading_rad, options)
+    if options.is_tried:
+        outcome = _Trial(stream, params, heading_rad, options).run(on_progress)
+    else:
+        outcome = _untried(stream, params, options.firmware)
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
-        return _evidence(stream, replace(told, attitude=attitude), options, assumed, trial, trial.run(on_progress))
+        return _evidence(stream, replace(told, attitude=attitude), options, assumed, outcome)
 
 
 def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
@@ -143,15 +182,16 @@ def _evidence(
     told: VehicleData,
     options: GatherOptions,
     assumed: tuple[Assumed, ...],
-    trial: _Trial,
-    messages: tuple[SeenMessage, ...],
+    outcome: _Outcome,
 ) -> Evidence:
+    messages = outcome.messages
     attitude, vision, notes = told.attitude, vision_of(messages), stream.notes
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
-    comparisons = compare(poses, vision, attitude, trial.params)
+    comparisons = compare(poses, vision, attitude, outcome.params)
     if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):
         attitude, comparisons = None, ()
         notes = (*notes, f"{stream.name}: the vehicle turns otherwise, or at other times (--lead): left out of account")
+    known = {**told.params, **stream.params}
     position = told.position if options.position is None else options.position
     return Evidence(
         name=stream.name,
@@ -164,16 +204,18 @@ def _evidence(
         attitude=attitude,
         height=options.height or told.height,
         comparisons=comparisons,
-        params=trial.params,
+        params=outcome.params,
         assumed=assumed,
         changes=told.changes,
-        texts=tuple(trial.texts),
+        texts=outcome.texts,
         vehicle_texts=told.texts,
-        aiding=tuple(trial.watch.aiding()),
-        innovations=dict(trial.watch.innovations),
+        aiding=outcome.aiding,
+        innovations=outcome.innovations,
         end_us=messages[-1].arrival_us if messages else 0,
         notes=notes,
         vision=vision,
         lacks=stream.lacks,
-        paths=compare_paths(poses, position, comparisons, trial.params),
+        paths=compare_paths(poses, position, comparisons, outcome.params),
+        own_filter=options.own_filter or told.own_filter,
+        is_as_flown=all(known.get(name, value) == value for name, value in options.params.items()),
     )

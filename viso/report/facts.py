@@ -11,8 +11,8 @@ import numpy as np
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.estimators.series import Array, Mask, Series, overlap_s, spans_of
 from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.event_names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
 from viso.report.agreement import Differences, differences, lag_ms
-from viso.report.event_names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
 from viso.report.flight_data import Material, armed_spans, position_moves
 from viso.report.parameters import ParameterFacts, parameter_facts
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from viso.estimators.series import Array, Series, number_in, numbers_of, series_of
+from viso.logs.event_names import ERR_EKF_PRIMARY, EV_ARMED, EV_DISARMED, error_text, event_text
 from viso.logs.recorded import read_columns, read_kinds
-from viso.report.event_names import ERR_EKF_PRIMARY, EV_ARMED, EV_DISARMED, error_text, event_text
 
 # Labels that older firmware spelled otherwise stand second.
 _LABELS: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = MappingProxyType(

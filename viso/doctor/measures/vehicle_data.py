@@ -11,6 +11,8 @@ import numpy as np
 
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
+from viso.doctor.measures.own_filter import OwnFilter
+from viso.doctor.measures.own_telemetry import FilterListener
 from viso.doctor.measures.tracks import Floats, Ints
 from viso.doctor.measures.vehicle_position import PositionListener, PositionSeries, sources_of
 from viso.errors import InputError
@@ -83,6 +85,7 @@ class VehicleData:
         texts: time in us since boot, severity, text.
         has_all_params: whether a whole list was heard.
         position: what it said of its place, if that does not come from the stream itself.
+        own_filter: what its filter said of itself; None without an autopilot.
     """
 
     system_id: int | None = None
@@ -93,6 +96,7 @@ class VehicleData:
     texts: tuple[tuple[int, int, str], ...] = ()
     has_all_params: bool = False
     position: PositionSeries | None = None
+    own_filter: OwnFilter | None = None
 
 
 class _Listener:
@@ -103,12 +107,14 @@ class _Listener:
         self._params: dict[int, list[tuple[int, PARAM_VALUE]]] = {}
         self._texts: dict[int, list[tuple[int, int, str]]] = {}
         self._positions: dict[int, PositionListener] = {}
+        self._filters: dict[int, FilterListener] = {}
 
     def take(self, time_us: int, header: Header, message: Message | None) -> None:
         if header.component_id != MAV_COMP_ID_AUTOPILOT1:
             return
         sender = header.system_id
         self._positions.setdefault(sender, PositionListener()).take(time_us, message)
+        self._filters.setdefault(sender, FilterListener()).take(time_us, message)
         if isinstance(message, HEARTBEAT):
             if self.system_id is None and message.autopilot != MAV_AUTOPILOT_INVALID:
                 self.system_id = sender
@@ -128,16 +134,21 @@ class _Listener:
         heard = self._params.get(self.system_id, [])
         first, changes = _values(heard)
         total = max((value.param_count for _, value in heard), default=0)
+        texts = tuple(self._texts.get(self.system_id, []))
+        new_values = [(change.time_us, change.name, change.new) for change in changes]
         return VehicleData(
             self.system_id,
             _series(self._attitudes.get(self.system_id, [])),
             _heights(self._heights.get(self.system_id, [])),
             first,
             changes,
-            tuple(self._texts.get(self.system_id, [])),
+            texts,
             has_all_params=0 < total <= len(first),
             position=self._positions[self.system_id].told(
                 sources_of((*first.items(), *((change.name, change.new) for change in changes)))
+            ),
+            own_filter=self._filters[self.system_id].told(
+                first, new_values, [(time_us, text) for time_us, _, text in texts]
             ),
         )
 

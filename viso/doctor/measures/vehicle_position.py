@@ -6,9 +6,8 @@ A position that the autopilot's filter made of the stream agrees with it whateve
 only a GPS's own fixes, a simulator's truth, or a filter that takes nothing from external navigation count.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +15,8 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from mav_handlers.wire.messages import GLOBAL_POSITION_INT, GPS_RAW_INT, LOCAL_POSITION_NED, Message
 from viso.doctor.measures.tracks import Floats, Ints
-from viso.logs.recorded import read_columns, table_of
+from viso.logs.filter_records import parameters_in
+from viso.logs.recorded import table_of
 
 EXTNAV: Final = 6
 _FEWEST: Final = 20
@@ -128,18 +128,4 @@ def position_in(log: LogColumns) -> PositionSeries | None:
         "POS": _places(log, "POS", of_earth, None),
         "XKF1": _places(log, "XKF1", ("PN", "PE", "PD"), ("C", lambda core: core == _CORE)),
     }
-    return _best(places, sources_of(_params(log)))
-
-
-def _params(log: LogColumns) -> Iterator[tuple[str, float]]:
-    if "PARM" in log.counts:
-        names, values = log.columns("PARM", ["Name", "Value"]).values()
-        yield from zip(map(str, names), map(float, values), strict=True)
-
-
-def position_of_log(path: Path) -> PositionSeries | None:
-    """Return where a DataFlash log says that the vehicle was; None if it tells nothing that counts.
-
-    Raises InputError if it cannot be read.
-    """
-    return position_in(read_columns(path))
+    return _best(places, sources_of((name, value) for _, name, value in parameters_in(log)))

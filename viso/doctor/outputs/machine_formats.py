@@ -30,9 +30,8 @@ def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -
 
 
 def whole_text(finding: Finding) -> str:
-    """Return a finding as one paragraph: what was seen, what the autopilot does, what to do."""
-    opinion = " (A model's opinion.)" if finding.is_model else ""
-    return f"{finding.evidence}. {finding.firmware}{opinion} Fix: {finding.fix}"
+    """Return a finding as one paragraph: what was seen, by what witness, what the autopilot does, what to do."""
+    return f"{finding.evidence}. (Witness: {finding.witness.value}.) {finding.firmware} Fix: {finding.fix}"
 
 
 def _sarif_rule(rule: Rule) -> dict[str, object]:
@@ -43,7 +42,7 @@ def _sarif_rule(rule: Rule) -> dict[str, object]:
         "fullDescription": {"text": rule.firmware},
         "help": {"text": rule.fix},
         "defaultConfiguration": {"level": rule.severity.value},
-        "properties": {"firmware": rule.source, "model": rule.is_model},
+        "properties": {"firmware": rule.source, "witness": rule.witness.value},
     }
 
 
@@ -62,6 +61,7 @@ def _sarif_result(finding: Finding, index: int, file: str) -> dict[str, object]:
         "properties": {
             "messages": list(finding.message_numbers[:_NUMBERS_IN_SARIF]),
             "count": len(finding.message_numbers),
+            "witness": finding.witness.value,
             "start_us": finding.start_us,
             "end_us": finding.end_us,
         },

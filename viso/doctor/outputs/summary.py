@@ -5,7 +5,7 @@
 import itertools
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,9 @@ import numpy as np
 from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from viso.doctor.evidence import Evidence
+from viso.doctor.measures.own_filter import CHANNELS, OwnFilter, source_name
 from viso.doctor.measures.stamps import are_us, lag_ms
+from viso.doctor.witness import Witness
 from viso.fates.labels import Fate, fate_of
 from viso.streams.stream_kinds import Aspect
 
@@ -39,6 +41,27 @@ class Lags:
 
 
 @dataclass(frozen=True, slots=True)
+class OwnWords:
+    """What the filter of the vehicle that really flew said of itself.
+
+    Attributes:
+        witness: a log or telemetry.
+        record: what tells it, such as XKF4.
+        running_s: for how long it had an attitude.
+        positioned_s: of that with a position, or a velocity, by external navigation.
+        worst: the largest square root of a test ratio by channel, while the filter could use its source.
+        sources: what fed those channels, at last.
+    """
+
+    witness: Witness
+    record: str
+    running_s: float
+    positioned_s: float
+    worst: Mapping[str, float]
+    sources: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Summary:
     """What the autopilot would do.
 
@@ -51,6 +74,7 @@ class Summary:
         aiding_from_us: when the filter would navigate by it first, a model's opinion; None if never.
         aiding_until_us: when it would stop for good; None if it never starts or goes on to the end.
         lags: of each sender's messages of each type; none if the recording does not tell when they arrived.
+        own: what the vehicle's own filter said; None if no vehicle is heard, or it says nothing of its filter.
     """
 
     outcomes: Mapping[tuple[str, Outcome], int]
@@ -61,6 +85,7 @@ class Summary:
     aiding_from_us: int | None
     aiding_until_us: int | None
     lags: tuple[Lags, ...]
+    own: OwnWords | None = None
 
     def as_dict(self) -> dict[str, object]:
         """Return the summary for machine-readable output."""
@@ -89,7 +114,19 @@ class Summary:
                 }
                 for one in self.lags
             ],
+            "own_filter": None if self.own is None else asdict(self.own),
         }
+
+
+def _own_words(own: OwnFilter | None) -> OwnWords | None:
+    if own is None or not own.record:
+        return None
+    step_s, usable = own.step_s, own.usable
+    worst = np.nanmax(np.where(usable & np.isfinite(own.ratios), own.ratios, -1.0), axis=0, initial=-1.0)
+    told = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
+    sources = {name: source_name(number, own.source(number)) for number, name in enumerate(CHANNELS) if name in told}
+    running_s, positioned_s = (float(step_s[mask].sum()) for mask in (own.running, own.uses_extnav))
+    return OwnWords(own.witness, own.record, running_s, positioned_s, told, sources)
 
 
 def _lags(evidence: Evidence) -> tuple[Lags, ...]:
@@ -132,4 +169,5 @@ def summarise(evidence: Evidence) -> Summary:
         aiding_from_us=aided[0].start_us if aided else None,
         aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
         lags=() if Aspect.ARRIVAL in evidence.lacks else _lags(evidence),
+        own=_own_words(evidence.own_filter),
     )

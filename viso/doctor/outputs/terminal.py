@@ -22,7 +22,7 @@ _OUTCOMES: Final = (Outcome.ACCEPTED, Outcome.IGNORED, Outcome.DROPPED)
 
 
 def finding_lines(finding: Finding, width: int | None) -> Iterator[Text]:
-    """Yield what is wrong, what was seen, what the autopilot does about it, what to do; and an empty line.
+    """Yield what is wrong, what its witness shows, what the autopilot does about it, what to do; and an empty line.
 
     Args:
         finding: to tell.
@@ -32,10 +32,9 @@ def finding_lines(finding: Finding, width: int | None) -> Iterator[Text]:
         (f"{finding.severity.value} {finding.code}", _STYLES[finding.severity]), (f"  {finding.title}", "bold")
     )
     numbers = numbers_text(finding.message_numbers)
-    opinion = ", a model's opinion" if finding.is_model else ""
     for part in (
-        f"{finding.evidence}{f' [{numbers}]' if numbers else ''}",
-        f"autopilot: {finding.firmware} [{finding.source}{opinion}]",
+        f"{finding.witness.value}: {finding.evidence}{f' [{numbers}]' if numbers else ''}",
+        f"autopilot: {finding.firmware} [{finding.source}]",
         f"fix: {finding.fix}",
     ):
         broken = [part] if width is None else textwrap.wrap(part, max(width - len(_INDENT), _NARROWEST))
@@ -69,7 +68,7 @@ def summary_lines(summary: Summary) -> list[str]:
     else:
         often = {0: "", 1: ", and unhealthy once"}.get(summary.unhealthy, f", and unhealthy {summary.unhealthy} times")
         lines = [f"The sensor would be healthy from {at(summary.healthy_from_us)} on{often}."]
-    lines.append(_aiding_line(summary))
+    lines += [_aiding_line(summary), _own_line(summary)]
     for kind in sorted({kind for kind, _ in summary.samples}):
         counts = [(fate, summary.samples.get((kind, fate), 0)) for fate in Fate]
         lines.append(f"{kind} samples: " + ", ".join(f"{count} {fate.value}" for fate, count in counts if count) + ".")
@@ -86,3 +85,14 @@ def _aiding_line(summary: Summary) -> str:
         return "The filter (a model) would never navigate by it."
     end = "" if summary.aiding_until_us is None else f" until {at(summary.aiding_until_us)}"
     return f"The filter (a model) would navigate by it from {at(summary.aiding_from_us)} on{end}."
+
+
+def _own_line(summary: Summary) -> str:
+    own = summary.own
+    if own is None:
+        return "What the vehicle's own filter made of it is not recorded: nothing here is held against a real flight."
+    ratios = ", ".join(f"{name} {value:.2f} ({own.sources[name]})" for name, value in own.worst.items())
+    return (
+        f"The vehicle's own filter ({own.witness.value}, {own.record}) navigated by external navigation for "
+        f"{own.positioned_s:.1f} of {own.running_s:.1f} s; largest test ratios: {ratios or 'none told'}."
+    )

@@ -8,7 +8,8 @@ autopilot does, where the firmware decides that, and what to change. The page on
 
 A false alarm costs more than a miss, for somebody would change what was right. Therefore a rule names the messages that
 show it, is silent until there are enough of them, is not asked at all of a recording that lacks what it needs
-(``needs``), and says so where it rests on the model of the filter.
+(``needs``), and says by its ``witness`` what it rests on. The vehicle that really flew is believed first: where its own
+filter contradicts the model, the model's opinion is no more than a note.
 """
 
 from collections.abc import Mapping
@@ -28,6 +29,7 @@ from viso.doctor.rules import (
     parameters,
     quality,
     rate,
+    recorded,
     release,
     resets,
     sizes,
@@ -44,13 +46,13 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
         "XN6": "Resets and quality",
         "XN7": "Parameters",
         "XN8": "Alignment",
-        "XN9": "What the filter makes of it",
+        "XN9": "What the filter makes of it, the model's and the vehicle's own",
     }
 )
 
 _FILES: Final = (
     *(transport, frames, axes, clocks, lateness, rate, numbers, sizes),
-    *(release, resets, quality, parameters, alignment, outcome),
+    *(release, resets, quality, parameters, alignment, outcome, recorded),
 )
 _FOUND: Final = (value for file in _FILES for value in vars(file).values() if isinstance(value, Rule))
 

@@ -15,6 +15,7 @@ from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
 from viso.doctor.outputs.phrases import at, of_some, share
+from viso.doctor.witness import Witness
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"
@@ -83,6 +84,7 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
     "does, and it circles instead of holding its place.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
     "Turn the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
+    witness=Witness.LOG,
 )
 def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
     severity = Severity.NOTE if evidence.source("YAW") == EXTNAV else None
@@ -113,15 +115,18 @@ def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severit
 def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, Floats]]:
     """Yield poses, which of them can be compared, and their attitude, VISO_ORIENT taken off, beside the vehicle's own.
 
-    Types 2 and 3 alone obey VISO_ORIENT.
+    Types 2 and 3 alone obey VISO_ORIENT. A vehicle whose filter has lost itself, with a bad IMU, is no measure.
     """
-    attitude = evidence.attitude
+    attitude, own = evidence.attitude, evidence.own_filter
     if attitude is None:
         return
     for poses in evidence.poses:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
         told, vehicle = euler_of_quat(quats), attitude.at(poses.track.arrival_us)
-        chosen = np.flatnonzero(np.isfinite(np.column_stack((told, vehicle))).all(axis=1))
+        usable = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
+        if own is not None:
+            usable &= ~own.lost_itself(poses.track.arrival_us)
+        chosen = np.flatnonzero(usable)
         if len(chosen) >= FEWEST:
             yield poses, chosen, told[chosen], vehicle[chosen]
 
@@ -133,6 +138,7 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
     "the velocity of ODOMETRY is turned by a wrong attitude.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
     "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the camera's.",
+    witness=Witness.LOG,
 )
 def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
@@ -153,6 +159,7 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
     "Look for a camera that drifts or a compass that is disturbed; align again with the auxiliary function VISODOM "
     "ALIGN (80) before take-off.",
+    witness=Witness.LOG,
 )
 def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
     """Find yaw that leaves the vehicle's own after it was aligned to that."""

@@ -15,6 +15,7 @@ from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Floats, down_in_body, euler_of_quat, reordered
 from viso.doctor.outputs.phrases import of_some
 from viso.doctor.rules.frames import is_misordered
+from viso.doctor.witness import Witness
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
 
 _LEAST_CLIMB_M: Final = 0.5
@@ -37,6 +38,7 @@ def _is_ros(compared: Comparison) -> bool:
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
     "MAVROS does it for you.",
+    witness=Witness.LOG,
 )
 def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
@@ -53,6 +55,7 @@ def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
     "Type 1 takes the attitude for the vehicle's; types 2 and 3 turn it by VISO_ORIENT.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
     "Set VISO_ORIENT, or turn the attitude in the sender.",
+    witness=Witness.LOG,
 )
 def _mounting(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
@@ -87,6 +90,7 @@ def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
     "Attitudes and positions are taken for such of a world with z down.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Turn positions and attitude into a world with x forward or north, y right or east, z down.",
+    witness=Witness.LOG,
 )
 def _world_up(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
@@ -105,6 +109,7 @@ def _world_up(evidence: Evidence) -> Iterator[Sighting]:
     "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
     "Send -z, and with it the other axes and the attitude of a world with z down.",
+    witness=Witness.LOG,
 )
 def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.height is None:
@@ -129,6 +134,7 @@ def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
     "vehicle flies the wrong way to correct itself.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Change the axes of positions, and those of velocities with them, to the world of the attitude with z down.",
+    witness=Witness.LOG,
 )
 def _path_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.paths:

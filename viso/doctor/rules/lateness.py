@@ -13,6 +13,7 @@ from viso.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_
 from viso.doctor.measures.compare import Comparison
 from viso.doctor.outputs.phrases import at, of_some, share
 from viso.doctor.rules.clocks import CORRECTION
+from viso.doctor.witness import Witness
 from viso.streams.stream_kinds import Aspect
 
 _MAX_LAG_MS: Final = 500.0
@@ -144,6 +145,7 @@ def _bursts(evidence: Evidence) -> Iterator[Sighting]:
     "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
     "Set VISO_DELAY_MS to the measured delay.",
     needs=frozenset({Aspect.ARRIVAL}),
+    witness=Witness.LOG,
 )
 def _delay(evidence: Evidence) -> Iterator[Sighting]:
     setting = min(max(evidence.param("VISO_DELAY_MS"), 0.0), 250.0)

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN9: what the filter, a model of EKF3, makes of it."""
+"""XN9: what the filter, a model of EKF3, makes of it, unless the vehicle's own is known to have done otherwise."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from typing import Final
@@ -14,9 +15,11 @@ from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.judged_message import SeenMessage
+from viso.doctor.measures.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter
 from viso.doctor.measures.stamps import time_base_us
 from viso.doctor.measures.tracks import Floats
 from viso.doctor.outputs.phrases import at, often, seen_in, share
+from viso.doctor.witness import Witness
 from viso.fates.labels import Fate, fate_of
 from viso.fates.watch import UNITS
 
@@ -35,11 +38,55 @@ _HARD: Final = 5.0  # m/s^2
 _IMPOSSIBLE: Final = 30.0
 _BEFORE_US: Final = 3_000_000
 _GATE_US: Final = 500_000
+_NEAR_US: Final = 10_000_000
+_CHANNEL_OF: Final = {"pose": POSITION, "height": HEIGHT, "velocity": VELOCITY, "yaw": YAW}
+_REFUSAL: Final = re.compile(r"(Pre)?Arm: |Internal")
 _CONCERNS: Final = ("VisOdom", "EKF", "AHRS", "Position", "aiding", "Internal")
 
 
 def _aiding_from(evidence: Evidence) -> int | None:
     return next((span.start_us for span in evidence.aiding if span.mode is not AidingMode.NONE), None)
+
+
+def _own_filter(evidence: Evidence) -> OwnFilter | None:
+    """Return what the vehicle's own filter said, if it was tried with the parameters that it flew with."""
+    own = evidence.own_filter
+    return own if own is not None and evidence.is_as_flown and own.flags.any() else None
+
+
+def _is_denied(evidence: Evidence) -> bool:
+    """Tell whether the vehicle's own filter waited for external navigation all along, and never had a position."""
+    own = _own_filter(evidence)
+    return own is not None and bool((own.wants_extnav & own.running).any()) and not own.uses_extnav.any()
+
+
+def _kept_on(evidence: Evidence, stops: list[int]) -> str:
+    """Return that the vehicle's own filter went on where the model would stop; nothing if it did not, or nobody knows.
+
+    It is looked at for some time about each stop: a model is no clock.
+    """
+    own = _own_filter(evidence)
+    if own is None or not own.uses_extnav.any():
+        return ""
+    since_us = own.time_us[own.uses_extnav][0]
+    for stop_us in stops:
+        near = (own.time_us > max(stop_us - _EPISODE_US, since_us)) & (own.time_us < stop_us + _NEAR_US)
+        if not near.any() or not own.uses_extnav[near].all():
+            return ""
+    return f"; but the vehicle's own filter ({own.witness.value}) went on"
+
+
+def _passed(evidence: Evidence, kind: str) -> str:
+    """Return that the vehicle's own filter rejected nothing of a kind; nothing if it did, or nobody knows."""
+    own, channel = _own_filter(evidence), _CHANNEL_OF.get(kind)
+    if own is None or channel is None:
+        return ""
+    used = own.ratios[own.fed_by_extnav(channel) & own.running, channel]
+    used = used[np.isfinite(used)]
+    if not len(used) or used.max() > 1.0:
+        return ""
+    ratio = f"its {CHANNELS[channel]} test ratio was {used.max():.2f} at most"
+    return f"; but the vehicle's own filter ({own.witness.value}) passed all: {ratio}"
 
 
 def _accepted(evidence: Evidence) -> list[SeenMessage]:
@@ -52,11 +99,11 @@ def _accepted(evidence: Evidence) -> list[SeenMessage]:
     "The EKF says that it is using external nav data, and flags its position as good.",
     _CONTROL,
     "Nothing.",
-    is_model=True,
+    witness=Witness.MODEL,
 )
 def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
     start_us = _aiding_from(evidence)
-    if start_us is not None:
+    if start_us is not None and not _is_denied(evidence):
         mode = next(span.mode for span in evidence.aiding if span.start_us == start_us)
         yield Sighting(f"it would navigate by {mode.value} aiding from {at(start_us)} on", start_us=start_us)
 
@@ -67,19 +114,24 @@ def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
     "It stays in constant position mode: no position, no modes that need one, no arming in them.",
     _CONTROL,
     "See the other findings; the filter needs poses with EK3_SRC1_POSXY 6, and a source of yaw.",
-    is_model=True,
+    witness=Witness.MODEL,
 )
 def _never_aids(evidence: Evidence) -> Iterator[Sighting]:
     accepted = _accepted(evidence)
     wants = EXTNAV in (evidence.source("POSXY"), evidence.source("VELXY"))
     if accepted and wants and _aiding_from(evidence) is None:
-        is_short = evidence.end_us < _READY_US
+        own = _own_filter(evidence)
+        but = ""
+        if own is not None and own.uses_extnav.any():
+            since_us = own.time_us[own.uses_extnav][0]
+            but = f"; but the vehicle's own filter ({own.witness.value}) did, from {at(since_us)} on"
+        is_weak = evidence.end_us < _READY_US or bool(but)
         yield Sighting(
             f"{len(accepted)} messages are accepted, and to the end, {at(evidence.end_us)}, the filter does not use "
-            "them to navigate",
+            f"them to navigate{but}",
             start_us=accepted[0].arrival_us,
             end_us=evidence.end_us,
-            severity=Severity.NOTE if is_short else None,
+            severity=Severity.NOTE if is_weak else None,
         )
 
 
@@ -89,7 +141,7 @@ def _never_aids(evidence: Evidence) -> Iterator[Sighting]:
     "It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts.",
     _CONTROL,
     "See the findings about gaps, jumps and sources.",
-    is_model=True,
+    witness=Witness.MODEL,
 )
 def _stops(evidence: Evidence) -> Iterator[Sighting]:
     stops = [
@@ -98,8 +150,9 @@ def _stops(evidence: Evidence) -> Iterator[Sighting]:
         if before.mode is not AidingMode.NONE and after.mode is AidingMode.NONE
     ]
     if stops:
-        text = f"it would stop aiding {often(len(stops))}, first at {at(stops[0])}"
-        yield Sighting(text, start_us=stops[0], end_us=stops[-1])
+        but = _kept_on(evidence, stops)
+        text = f"it would stop aiding {often(len(stops))}, first at {at(stops[0])}{but}"
+        yield Sighting(text, start_us=stops[0], end_us=stops[-1], severity=Severity.NOTE if but else None)
 
 
 def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenMessage]]]:
@@ -124,7 +177,7 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenM
     _FUSE,
     "See the findings about jumps, frames, scale and time; gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and "
     "YAW_I_GATE.",
-    is_model=True,
+    witness=Witness.MODEL,
 )
 def _rejected(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tested, messages in _rejected_by_kind(evidence):
@@ -138,12 +191,13 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
             why = ", after a time without samples, over which nobody can tell how the vehicle moved"
         elif _accelerates(evidence, counted):
             why = ", where the path accelerates harder than the model's vehicle can follow"
+        but = _passed(evidence, kind)
         worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
         yield seen_in(
             f"{share(len(counted), tested)} {kind} samples would be rejected, from "
-            f"{at(counted[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off",
+            f"{at(counted[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off{but}",
             counted,
-            severity=Severity.NOTE if why else None,
+            severity=Severity.NOTE if why or but else None,
         )
 
 
@@ -202,7 +256,7 @@ def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
     "Of samples that come due in one step only the last is used, and a full buffer loses its oldest.",
     "EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
     "Send evenly, not in bursts, and less than 50 a second.",
-    is_model=True,
+    witness=Witness.MODEL,
 )
 def _lost(evidence: Evidence) -> Iterator[Sighting]:
     offered: Counter[str] = Counter()
@@ -224,6 +278,7 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
     "A text of the autopilot in the stream, not of the model.",
     "GCS_MAVLink/GCS.cpp, GCS::send_textv",
     "See the findings that belong to it.",
+    witness=Witness.LOG,
 )
 def _said(evidence: Evidence) -> Iterator[Sighting]:
     told = [
@@ -231,6 +286,13 @@ def _said(evidence: Evidence) -> Iterator[Sighting]:
         for time_us, severity, text in evidence.vehicle_texts
         if severity <= _WARNING and any(word in text for word in _CONCERNS)
     ]
+    own = evidence.own_filter
+    if own is not None and own.witness is Witness.LOG:  # which keeps no severities; other rules look at the rest
+        told += [
+            (time_us, text)
+            for time_us, text in own.texts
+            if _REFUSAL.match(text) and any(word in text for word in _CONCERNS)
+        ]
     for text, count in Counter(text for _, text in told).most_common(_MOST_TEXTS):
         time_us = next(when for when, what in told if what == text)
         more = "" if count == 1 else f", {count} times"

@@ -14,6 +14,7 @@ from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.outputs.phrases import at, seen_in, share
+from viso.doctor.witness import Witness
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
 _SETS: Final = (1, 2, 3)
@@ -38,6 +39,7 @@ _CLIMB_M: Final = 0.3
     "With VISO_TYPE 0 every message is dropped, without a word.",
     DISABLED.rule.source,
     "Set VISO_TYPE to 1 (MAVLink), 2 (T265) or 3 (VOXL), and reboot.",
+    witness=Witness.LOG,
 )
 def _off(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is DISABLED]
@@ -51,6 +53,7 @@ def _off(evidence: Evidence) -> Iterator[Sighting]:
     "The backend is made at boot. Without one all data are dropped, and arming fails: VisOdom: out of memory.",
     NO_BACKEND.rule.source,
     "Set VISO_TYPE to 1, 2 or 3, and reboot.",
+    witness=Witness.LOG,
 )
 def _no_backend(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is NO_BACKEND]
@@ -71,6 +74,7 @@ def _deltas(evidence: Evidence) -> bool:
     "AP_NavEKF3_Control.cpp, NavEKF3_core::readyToUseExtNav",
     "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the "
     "source to what there is.",
+    witness=Witness.LOG,
 )
 def _unfed(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision:
@@ -102,6 +106,7 @@ def _is(names: list[str]) -> str:
     "The filter makes its buffers at boot, and only if some source is 6; without them every sample is discarded.",
     NO_BUFFER.source,
     "Set EK3_SRC1_POSXY 6 and, as far as the stream carries them, EK3_SRC1_VELXY, VELZ and YAW; then reboot.",
+    witness=Witness.LOG,
 )
 def _unused(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision or evidence.viso_type == 0:
@@ -124,6 +129,7 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
     "After boot set 1 is in use; others only after a switch by RC function 90 or MAV_CMD_SET_EKF_SOURCE_SET.",
     "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::setPosVelYawSourceSet",
     "Switch sets, or move the sources to EK3_SRC1.",
+    witness=Witness.LOG,
 )
 def _not_active(evidence: Evidence) -> Iterator[Sighting]:
     in_first = any(evidence.source(name) == EXTNAV for name in SOURCE_NAMES)
@@ -138,6 +144,7 @@ def _not_active(evidence: Evidence) -> Iterator[Sighting]:
     "They are stored and never fused; that they exist still lengthens the time until a height is given up.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
     "Set EK3_SRC1_VELXY and VELZ to 6 if the velocities are good.",
+    witness=Witness.LOG,
 )
 def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
     has_source = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
@@ -151,6 +158,7 @@ def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
     "Arming fails, also for a set that is not in use.",
     _SOURCES,
     "Set it to 6 (ExtNav), or to another legal value.",
+    witness=Witness.LOG,
 )
 def _illegal(evidence: Evidence) -> Iterator[Sighting]:
     for number in _SETS:
@@ -169,6 +177,7 @@ def _illegal(evidence: Evidence) -> Iterator[Sighting]:
     "Without one the filter cannot hold a position: with EK3_SRC1_POSXY 6 it starts and stops with every sample.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
     "Set EK3_SRC1_YAW to 6 if the stream carries the heading; else enable a compass.",
+    witness=Witness.LOG,
 )
 def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
     yaw = evidence.source("YAW")
@@ -184,6 +193,7 @@ def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
     "Vertical velocity is fused only together with horizontal velocity.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
     "Set EK3_SRC1_VELXY to 6 as well, or VELZ to 0.",
+    witness=Witness.LOG,
 )
 def _vertical_only(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("VELZ") == EXTNAV and evidence.source("VELXY") == 0 and evidence.velocities:
@@ -196,6 +206,7 @@ def _vertical_only(evidence: Evidence) -> Iterator[Sighting]:
     "Velocity alone never starts aiding; on a moving vehicle it upsets the filter, which resets every few seconds.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
     "Send poses too, and set EK3_SRC1_POSXY to 6; or send VISION_POSITION_DELTA.",
+    witness=Witness.LOG,
 )
 def _no_position(evidence: Evidence) -> Iterator[Sighting]:
     uses = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
@@ -209,6 +220,7 @@ def _no_position(evidence: Evidence) -> Iterator[Sighting]:
     "z is taken for the height, whatever flies.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
     "Set EK3_SRC1_POSZ to 1 (barometer), and EK3_SRC1_VELZ to 0.",
+    witness=Witness.LOG,
 )
 def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("POSZ") != EXTNAV:
@@ -231,6 +243,7 @@ def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
     "Other estimators do not have source sets and use little or nothing of external navigation.",
     "AP_AHRS.cpp, AP_AHRS::update_EKF3",
     "Set AHRS_EKF_TYPE 3 and EK3_ENABLE 1, and reboot.",
+    witness=Witness.LOG,
 )
 def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
     kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
@@ -244,6 +257,7 @@ def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
     "It was read at boot: until the next one the old value acts, or part of it.",
     "AP_VisualOdom.cpp, AP_VisualOdom::init; AP_NavEKF3_core.cpp, NavEKF3_core::setup_core",
     "Reboot the autopilot.",
+    witness=Witness.LOG,
 )
 def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
     for change in evidence.changes:
@@ -263,6 +277,7 @@ def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
     "Type 1 passes poses on as they are; the orientation turns attitudes of types 2 and 3, and deltas.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
     "Turn the data in the sender, or use VISO_TYPE 2 or 3.",
+    witness=Witness.LOG,
 )
 def _no_effect(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.viso_type == _MAV and evidence.param("VISO_ORIENT") != 0 and not _deltas(evidence):
@@ -275,6 +290,7 @@ def _no_effect(evidence: Evidence) -> Iterator[Sighting]:
     "Ranges are for ground stations; the firmware takes what it is given.",
     "AP_VisualOdom.cpp, AP_VisualOdom::var_info",
     "Set it within its range.",
+    witness=Witness.LOG,
 )
 def _out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     delay, quality = evidence.param("VISO_DELAY_MS"), evidence.param("VISO_QUAL_MIN")

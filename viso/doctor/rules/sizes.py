@@ -13,6 +13,7 @@ from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_sp
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import Poses, median_of
 from viso.doctor.outputs.phrases import at, of_some, of_track
+from viso.doctor.witness import Witness
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
@@ -100,6 +101,7 @@ def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
     "that the vehicle flies.",
     _SCALED,
     "Set VISO_SCALE, or correct the scale at the source.",
+    witness=Witness.LOG,
 )
 def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
     setting = evidence.param("VISO_SCALE")

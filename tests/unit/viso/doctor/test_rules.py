@@ -37,6 +37,7 @@ HERE = {
     *("XN5-31", "XN5-32", "XN5-33"),
     *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN8-08", "XN9-01", "XN9-05", "XN9-06"),
     *("XN2-09", "XN5-18"),
+    *("XN9-10", "XN9-11", "XN9-12", "XN9-13", "XN9-14", "XN9-15", "XN9-16", "XN9-17"),
 }
 """Codes that tests of this folder show beside the corpus."""
 

@@ -25,10 +25,9 @@ from viso.doctor.measures.vehicle_position import (
     is_independent,
     ned_of_degrees,
     position_in,
-    position_of_log,
     sources_of,
 )
-from viso.logs.recorded import read_recorded_states
+from viso.logs.recorded import read_columns, read_recorded_states
 from viso.streams.stream_kinds import Stream, StreamMessage
 
 COUNT = 400
@@ -153,7 +152,9 @@ class Columns:
 
 def told_by(sources: dict[str, float], **kinds: dict[str, Any]) -> tuple[str, int] | None:
     """Return what tells the vehicle's place, and how often, in a log."""
-    log: Any = Columns(PARM={"Name": list(sources), "Value": list(sources.values())}, **kinds)
+    log: Any = Columns(
+        PARM={"TimeUS": [0] * len(sources), "Name": list(sources), "Value": list(sources.values())}, **kinds
+    )
     told = position_in(log)
     return None if told is None else (told.origin, len(told.time_us))
 
@@ -178,7 +179,7 @@ def test_source_that_was_the_stream_once_remains_so() -> None:
 
 
 def test_recorded_flight_by_external_navigation_proves_nothing() -> None:
-    assert position_of_log(DATA / "logs" / "flight_t265.BIN.xz") is None
+    assert position_in(read_columns(DATA / "logs" / "flight_t265.BIN.xz")) is None
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Findings for machines and for people."""
 
+import json
 import xml.etree.ElementTree as ET
 from typing import Any
 
@@ -14,6 +15,7 @@ from viso.doctor.findings import numbers_text
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import count_text, finding_lines
+from viso.doctor.witness import Witness
 
 EVIDENCE = evidence_of(
     stream_of([odometry(1 + number * 40_000, q=(2.0, 0, 0, 0)) for number in range(100)]),
@@ -102,7 +104,9 @@ def test_people_get_what_was_seen_what_happens_and_what_to_do() -> None:
     (finding,) = [finding for finding in FINDINGS if finding.code == "XN5-05"]
     head, seen, happens, fix, empty = (line.plain for line in finding_lines(finding, None))
     assert head == "error XN5-05  Quaternion not of length one"
-    assert seen.startswith("    ODOMETRY from 1/197: 100 of 100 (100 %) messages have a quaternion of length 2 to 2")
+    assert seen.startswith(
+        "    stream: ODOMETRY from 1/197: 100 of 100 (100 %) messages have a quaternion of length 2 to 2"
+    )
     assert happens.endswith("[AP_Math/quaternion.cpp, Quaternion::operator*]")
     assert fix.startswith("    fix: Normalise q")
     assert empty == ""
@@ -112,9 +116,15 @@ def test_lines_keep_to_the_width_of_the_terminal() -> None:
     assert all(len(line.plain) <= 70 for finding in FINDINGS for line in finding_lines(finding, 70))
 
 
-def test_a_model_s_opinion_is_marked() -> None:
-    finding = Finding("XN9-01", Severity.NOTE, "t", "e", "f.", "s", "x.", True, (), None, None)
-    assert any("a model's opinion" in line.plain for line in finding_lines(finding, None))
+@pytest.mark.parametrize("witness", list(Witness))
+def test_witness_is_named_wherever_a_finding_is_told(witness: Witness) -> None:
+    finding = Finding("XN9-01", Severity.NOTE, "t", "e", "f.", "s", "x.", witness, (), None, None)
+    assert f"    {witness.value}: e" in [line.plain for line in finding_lines(finding, None)]
+    assert f"(Witness: {witness.value}.)" in as_junit("a", RULES, [finding], Severity.NOTE)
+    told = finding.as_dict()
+    assert (told["witness"], told["model"]) == (witness.value, witness is Witness.MODEL)
+    (run,) = json.loads(json.dumps(as_sarif("a", "1", RULES, [finding])))["runs"]
+    assert run["results"][0]["properties"]["witness"] == witness.value
 
 
 def test_counts_in_words() -> None:

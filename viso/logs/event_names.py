@@ -8,6 +8,7 @@ EV_ARMED: Final = 10
 EV_DISARMED: Final = 11
 EV_ALT_RESET: Final = 60
 EV_YAW_RESET: Final = 62
+EV_SOURCE_SET_1: Final = 85
 
 ERR_EKFCHECK: Final = 16
 ERR_EKF_FAILSAFE: Final = 17
@@ -34,7 +35,7 @@ _EVENTS: Final = {
     67: "primary GPS changed",
     74: "standby on",
     75: "standby off",
-    85: "EKF source set 1",
+    EV_SOURCE_SET_1: "EKF source set 1",
     86: "EKF source set 2",
     87: "EKF source set 3",
 }
