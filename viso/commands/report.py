@@ -72,7 +72,7 @@ def report(
     written_files = [_write(path, data) for path, data in _exports(material, tum, csv, mcap)]
     if wants_figures:
         written_files += _draw(material, facts, summary, page, png, svg)
-    out.print(summary.sentence)
+    out.print(f"{summary.level.badge.upper()}: {summary.sentence}")
     for remark in summary.remarks:
         out.print(f"- {remark.text}")
     for path in written_files:

@@ -3,17 +3,23 @@
 """Numbers that a report tells: what came, how regularly, what was withheld, and what the EKF did with it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from ekf_stub.reports.filter_status import FilterFlag
-from viso.estimators.series import Array, Mask, Series, overlap_s, spans_of
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Finding, diagnose
+from viso.doctor.gathering import gather
+from viso.doctor.measures.own_filter import OwnFilter
+from viso.doctor.rules import all_rules
+from viso.doctor.witness import Witness
+from viso.estimators.series import Array, Mask, Series, spans_of
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.event_names import ERR_EKF_FAILSAFE, ERR_EKF_PRIMARY, EV_ALT_RESET, EV_YAW_RESET
+from viso.logs.event_names import EV_ALT_RESET, EV_YAW_RESET
 from viso.report.agreement import Differences, differences, lag_ms
-from viso.report.flight_data import Material, armed_spans, position_moves
+from viso.report.flight_data import Material, position_moves
 from viso.report.parameters import ParameterFacts, parameter_facts
 
 UNHEALTHY_S: Final = 0.3
@@ -26,7 +32,6 @@ RESET_IGNORE_S: Final = 1.0
 """After a reset, T265 and VOXL withhold for so long (AP_VisualOdom_IntelT265.cpp, should_consume_sensor_data)."""
 
 POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
-_EXTERNAL_NAVIGATION: Final = 6
 _KINDS: Final = (
     ("VISP", "position and attitude", "REPH"),
     ("VISV", "velocity", "REVH"),
@@ -93,11 +98,11 @@ class Facts:
         armed: from when to when.
         positioned: from when to when the EKF had a horizontal position.
         moving: from when to when it had a horizontal velocity, with or without a position.
-        over_gate: from when to when a test ratio of velocity, position or height was over 1.
+        over_gate: from when to when a test ratio of velocity, position, height or yaw was over 1.
         worst_ratio: the largest of these square roots of test ratios; NaN if the log has none.
         differences: vision less EKF.
-        failsafes_s: when the EKF failsafe occurred.
-        core_changes: how often the primary core changed.
+        own: what the vehicle's own filter said.
+        findings: what the doctor finds without a trial, so that no model has a say.
         parameters: that differ from defaults.
     """
 
@@ -114,8 +119,8 @@ class Facts:
     over_gate: tuple[tuple[float, float], ...]
     worst_ratio: float
     differences: Differences
-    failsafes_s: tuple[float, ...]
-    core_changes: int
+    own: OwnFilter
+    findings: tuple[Finding, ...]
     parameters: ParameterFacts
 
     @property
@@ -127,11 +132,6 @@ class Facts:
     def withheld(self) -> int:
         """How many of them were withheld from the EKF."""
         return sum(kind.withheld for kind in self.kinds)
-
-    @property
-    def armed_over_gate_s(self) -> float:
-        """For how long, armed, a test ratio was over 1."""
-        return overlap_s(self.armed, self.over_gate)
 
 
 def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
@@ -146,7 +146,10 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
     if len(arrivals_s) and end_s - arrivals_s[-1] > UNHEALTHY_S:
         gaps.append((float(arrivals_s[-1]), end_s))
     xkf4 = material.xkf4
-    ratios = xkf4.matrix("SV", "SP", "SH")
+    evidence = gather(material.stream, replace(material.vehicle, firmware=firmware))
+    own = evidence.own_filter
+    assert own is not None
+    ratios = xkf4.matrix("SV", "SP", "SH", "SM")
     lagging = material.visp if len(material.visp) else material.visv
     return Facts(
         start_s=start_s,
@@ -158,18 +161,22 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
         gaps=tuple(gaps),
         lag_ms=lag_ms(lagging),
         resets=tuple(sorted(_resets(material), key=lambda reset: reset.time_s)),
-        armed=tuple(armed_spans(material, end_s)),
+        armed=own.armed or (),
         positioned=tuple(spans_of(xkf4.time_s, has_position(xkf4))),
         moving=tuple(spans_of(xkf4.time_s, _has(xkf4, int(FilterFlag.HORIZ_VEL)))),
         over_gate=tuple(spans_of(xkf4.time_s, np.asarray((ratios > 1.0).any(axis=1)))),
         worst_ratio=float(np.nanmax(ratios)) if np.isfinite(ratios).any() else float("nan"),
         differences=differences(material),
-        failsafes_s=tuple(
-            one.time_s for one in material.happenings if _is_error(one.kind, one.number, ERR_EKF_FAILSAFE) and one.code
-        ),
-        core_changes=sum(_is_error(one.kind, one.number, ERR_EKF_PRIMARY) for one in material.happenings),
+        own=own,
+        findings=tuple(_findings(evidence)),
         parameters=parameter_facts(material, firmware),
     )
+
+
+def _findings(evidence: Evidence) -> list[Finding]:
+    """Return what the doctor finds, but nothing of a model, and nothing of parameters that the log does not tell."""
+    rules = [rule for rule in all_rules() if rule.witness is not Witness.MODEL]
+    return diagnose(evidence, [rule for rule in rules if not (evidence.assumed and rule.family == "XN7")])
 
 
 def has_position(xkf4: Series) -> Mask:
@@ -184,16 +191,6 @@ def _has(xkf4: Series, flags: int) -> Mask:
 def has_flag(xkf4: Series, flags: int) -> Mask:
     """Return in which records any of some bits of SS is set."""
     return np.asarray(np.nan_to_num(xkf4["SS"]).astype(np.int64) & flags != 0)
-
-
-def navigates_by_vision(material: Material) -> bool | None:
-    """Tell whether a source set takes the position from external navigation; None if the log does not say."""
-    values = [material.parameter(f"EK3_SRC{number}_POSXY") for number in (1, 2, 3)]
-    return None if all(value is None for value in values) else _EXTERNAL_NAVIGATION in values
-
-
-def _is_error(kind: str, number: int, subsystem: int) -> bool:
-    return kind == "error" and number == subsystem
 
 
 def _kind_facts(material: Material, series: Series, record: str, content: str, replay: str) -> KindFacts:

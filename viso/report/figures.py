@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
 from viso.estimators.series import Array, Mask, Series
 from viso.report import drawing
 from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
@@ -159,7 +160,7 @@ def _innovations(material: Material, facts: Facts) -> Figure | None:
     figure = drawing.new_figure(2.4 + 1.6 * len(groups))
     heights = [1.5, *[1.0] * len(groups)]
     panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
-    _ratios(panels[0], xkf4)
+    _ratios(panels[0], xkf4, facts.own)
     for number, (axes, (name, least, labels)) in enumerate(zip(panels[1:], groups, strict=True)):
         for label, colour, axis in zip(labels, (VIOLET,) if len(labels) == 1 else AXES, _NED, strict=False):
             line(axes, xkf3.time_s, xkf3[label], colour, axis if len(labels) > 1 else "yaw", 1.0)
@@ -175,12 +176,13 @@ def _innovations(material: Material, facts: Facts) -> Figure | None:
     return figure
 
 
-def _ratios(axes: Any, xkf4: Series) -> None:
+def _ratios(axes: Any, xkf4: Series, own: OwnFilter) -> None:
     least = 0.01  # the log's resolution
-    for label, colour, name in (
-        ("SV", EKF, "velocity"), ("SP", VISION, "position"), ("SH", GREEN, "height"), ("SM", VIOLET, "compass"),
-    ):  # fmt: skip
-        line(axes, xkf4.time_s, np.maximum(xkf4[label], least), colour, name, 1.1)
+    labels = zip(("SV", "SP", "SH", "SM"), (EKF, VISION, GREEN, VIOLET), CHANNELS, strict=True)
+    for channel, (label, colour, name) in enumerate(labels):
+        source = own.source(channel)
+        by = "" if source == NOT_TOLD else f" ({source_name(channel, source)})"
+        line(axes, xkf4.time_s, np.maximum(xkf4[label], least), colour, f"{name}{by}", 1.1)
     largest = np.nanmax(xkf4.matrix("SV", "SP", "SH", "SM"), initial=1.0)
     axes.set(yscale="log", ylim=(least * 0.9, max(2.0, 1.5 * largest)), ylabel="test ratio", title="Against the gates")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +13,17 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from viso.estimators.series import Array, Series, number_in, numbers_of, series_of
-from viso.logs.event_names import ERR_EKF_PRIMARY, EV_ARMED, EV_DISARMED, error_text, event_text
+from viso.doctor.gathering import GatherOptions
+from viso.doctor.measures.own_log import own_filter_in
+from viso.doctor.measures.vehicle_data import vehicle_of_log
+from viso.doctor.measures.vehicle_position import position_in
+from viso.errors import InputError
+from viso.estimators.series import Array, Series, number_in, series_of
+from viso.logs.event_names import ERR_EKF_PRIMARY, error_text, event_text
+from viso.logs.filter_records import filter_records_in, parameters_in, table_with
 from viso.logs.recorded import read_columns, read_kinds
+from viso.streams.flight_log import read_flight_log
+from viso.streams.stream import Stream
 
 # Labels that older firmware spelled otherwise stand second.
 _LABELS: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = MappingProxyType(
@@ -25,13 +34,9 @@ _LABELS: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = MappingProxyType(
         ),
         "VISV": tuple((label,) for label in ["RTimeUS", "CTimeMS", "VX", "VY", "VZ", "VErr", "Rst", "Ign", "Q"]),
         "VISO": tuple((label,) for label in ["dt", "PosDX", "PosDY", "PosDZ", "AngDX", "AngDY", "AngDZ", "conf"]),
-        "XKF1": tuple((label,) for label in ["C", "Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"]),
-        "XKF3": tuple((label,) for label in ["C", "IVN", "IVE", "IVD", "IPN", "IPE", "IPD", "IYAW"]),
-        "XKF4": tuple((label,) for label in ["C", "SV", "SP", "SH", "SM", "OFN", "OFE", "FS", "TS", "SS", "PI"]),
     }
 )
 _SPOKEN: Final = ("MSG", "EV", "ERR", "MODE", "ARM", "PARM")
-_PER_CORE: Final = ("XKF1", "XKF3", "XKF4")
 _PROGRESS_EVERY: Final = 500
 
 
@@ -77,12 +82,14 @@ class Material:
         name: of the file.
         counts: how many records there are of each kind.
         visp, visv, viso: what external navigation brought.
-        xkf1, xkf3, xkf4: what the EKF made of it, of the core shown.
+        xkf1, xkf3, xkf4: what the EKF made of it, of the core shown; EKF2's NKF records in logs of that.
         cores_shown: whose records those are: the primary core's where the log has them, else the first core's.
         unseen_primary_s: for how long the primary core was one whose records the log does not have.
         happenings: texts, events, errors, modes and arming, in order.
         parameters: in the order of the log.
         left_out: how many records had a time that cannot be.
+        stream: the messages of external navigation behind the records; empty without any, or if they make no sense.
+        vehicle: what the log tells of the vehicle and its filter, as the doctor takes it.
     """
 
     name: str
@@ -98,6 +105,8 @@ class Material:
     happenings: tuple[Happening, ...]
     parameters: tuple[LoggedParameter, ...]
     left_out: int
+    stream: Stream
+    vehicle: GatherOptions
 
     def parameter(self, name: str) -> float | None:
         """Return the last value of a parameter; None if the log has none."""
@@ -121,7 +130,24 @@ def read_material(path: Path, on_progress: Callable[[float], None]) -> Material:
     """
     columns = read_columns(path)
     told = read_kinds(path, columns, _SPOKEN, lambda log: _collect(log, on_progress))
-    return _material(path.name, columns, told)
+    return _material(path, columns, told)
+
+
+def _stream(path: Path, columns: LogColumns) -> Stream:
+    """Return the messages behind the records of external navigation; none where they make no sense."""
+    if any(columns.counts.get(kind) for kind in _LABELS):
+        with suppress(InputError):
+            return read_flight_log(path)
+    params: dict[str, float] = {}
+    for _, name, value in parameters_in(columns):
+        params.setdefault(name, value)
+    return Stream(path.name, (), params)
+
+
+def _vehicle(path: Path, columns: LogColumns) -> GatherOptions:
+    attitude, height = vehicle_of_log(path)
+    position, own_filter = position_in(columns), own_filter_in(columns)
+    return GatherOptions(attitude=attitude, height=height, position=position, own_filter=own_filter, is_tried=False)
 
 
 def _taken(record: Any, mode_name: str) -> Happening | LoggedParameter | None:
@@ -164,63 +190,29 @@ def _collect(log: Any, on_progress: Callable[[float], None]) -> list[Happening |
     return told
 
 
-def _table(log: LogColumns, kind: str) -> Array:
-    """Return TimeUS and the numbers of a kind of records, a row each."""
-    columns = log.columns(kind) if kind in log.types else {}
-    count = log.counts.get(kind, 0)
-    return np.column_stack([numbers_of(columns, labels, count) for labels in (("TimeUS",), *_LABELS[kind])])
-
-
-def _material(name: str, log: LogColumns, told: Sequence[Happening | LoggedParameter | None]) -> Material:
+def _material(path: Path, log: LogColumns, told: Sequence[Happening | LoggedParameter | None]) -> Material:
     series, left_out = {}, 0
     for kind, all_labels in _LABELS.items():
-        series[kind], lost = series_of(_table(log, kind), [labels[0] for labels in all_labels])
+        series[kind], lost = series_of(table_with(log, kind, all_labels), [labels[0] for labels in all_labels])
         left_out += lost
-    shown, cores, unseen_s = _of_primary_core({kind: series[kind] for kind in _PER_CORE})
+    of_filter = filter_records_in(log)
     return Material(
-        name=name,
+        name=path.name,
         counts=dict(sorted(log.counts.items())),
         visp=series["VISP"],
         visv=series["VISV"],
         viso=series["VISO"],
-        xkf1=shown["XKF1"],
-        xkf3=shown["XKF3"],
-        xkf4=shown["XKF4"],
-        cores_shown=cores,
-        unseen_primary_s=unseen_s,
+        xkf1=of_filter.state,
+        xkf3=of_filter.innovations,
+        xkf4=of_filter.status,
+        cores_shown=of_filter.cores_shown,
+        unseen_primary_s=of_filter.unseen_primary_s,
         happenings=tuple(sorted((one for one in told if isinstance(one, Happening)), key=lambda one: one.time_s)),
         parameters=tuple(one for one in told if isinstance(one, LoggedParameter)),
-        left_out=left_out,
+        left_out=left_out + of_filter.left_out,
+        stream=_stream(path, log),
+        vehicle=_vehicle(path, log),
     )
-
-
-def _of_primary_core(series: dict[str, Series]) -> tuple[dict[str, Series], tuple[int, ...], float]:
-    """Return the records of the core that the autopilot flew with, where the log has them; else of the first core.
-
-    Logs without a column C have one core.
-    """
-    status = series["XKF4"]
-    cores = np.nan_to_num(status["C"])
-    logged = {int(core) for one in series.values() for core in np.nan_to_num(one["C"])}
-    if not logged:
-        return series, (), 0.0
-    first = min(logged)
-    primary = np.nan_to_num(status["PI"], nan=first)
-    seen = np.isin(primary, list(logged))
-    chosen = np.where(seen, primary, first)
-    kept = {}
-    for kind, one in series.items():
-        wanted = first if not len(status) else chosen[_latest(status.time_s, one.time_s)]
-        kept[kind] = one.where(np.nan_to_num(one["C"]) == wanted)
-    shown = {int(core) for one in kept.values() for core in np.nan_to_num(one["C"])}
-    of_first = cores == first
-    steps_s = np.diff(status.time_s[of_first], append=status.time_s[of_first][-1:])
-    return kept, tuple(sorted(shown)), float(steps_s[~seen[of_first]].sum())
-
-
-def _latest(known_s: Any, at_s: Any) -> Any:
-    """Return which of the known times is the latest up to each time, or the first one."""
-    return np.maximum(np.searchsorted(known_s, at_s, side="right") - 1, 0)
 
 
 def position_moves(xkf4: Series) -> tuple[Array, Array]:
@@ -229,20 +221,3 @@ def position_moves(xkf4: Series) -> tuple[Array, Array]:
     changed = np.isfinite(moved[1:]).all(axis=1) & (moved[1:] != moved[:-1]).any(axis=1) & (core[1:] == core[:-1])
     at = np.flatnonzero(changed) + 1
     return xkf4.time_s[at], moved[at]
-
-
-def armed_spans(material: Material, end_s: float) -> list[tuple[float, float]]:
-    """Return from when to when the vehicle was armed, in s, by ARM records and events."""
-    states = {("arming", 1): True, ("arming", 0): False, ("event", EV_ARMED): True, ("event", EV_DISARMED): False}
-    spans: list[tuple[float, float]] = []
-    since: float | None = None
-    for one in material.happenings:
-        armed, time_s = states.get((one.kind, one.number)), one.time_s
-        if armed is None:
-            continue
-        if armed and since is None:
-            since = time_s
-        if not armed and since is not None:
-            spans.append((since, time_s))
-            since = None
-    return spans if since is None else [*spans, (since, max(since, end_s))]

@@ -19,8 +19,7 @@ from viso.report.flight_data import Material
 from viso.report.parameters import ChangedParameter
 from viso.report.summary import Level, Summary
 
-_TAGS: Final = {Level.GOOD: "fine", Level.WARNING: "look", Level.BAD: "trouble"}
-_CLASSES: Final = {Level.GOOD: "good", Level.WARNING: "warning", Level.BAD: "bad"}
+_CLASSES: Final = {Level.GOOD: "good", Level.UNJUDGED: "unjudged", Level.WARNING: "warning", Level.BAD: "bad"}
 _CHAPTERS: Final = (("verdicts", "What became of it"), ("texts", "Texts and events"), ("parameters", "Parameters"))
 _POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
@@ -62,12 +61,12 @@ def make_page(
 
 def _verdict(summary: Summary) -> str:
     items = "".join(
-        f'<li class="{_CLASSES[one.level]}"><span class="tag">{_TAGS[one.level]}</span>{escape(one.text)}</li>'
+        f'<li class="{_CLASSES[one.level]}"><span class="tag">{one.level.badge}</span>{escape(one.text)}</li>'
         for one in summary.remarks
     )
     listed = f'<ul class="remarks">{items}</ul>' if items else ""
     return (
-        f'<section class="verdict {_CLASSES[summary.level]}"><span class="tag">{_TAGS[summary.level]}</span> '
+        f'<section class="verdict {_CLASSES[summary.level]}"><span class="tag">{summary.level.badge}</span> '
         f"<strong>{escape(summary.sentence)}</strong>{listed}</section>"
     )
 

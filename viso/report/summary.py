@@ -11,20 +11,30 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.findings import Finding, Severity
+from viso.doctor.measures.own_filter import POSITION
+from viso.doctor.rules.recorded import OWN_CODES, POSITION_CODES, RATIO_CODES
 from viso.estimators.series import overlap_s, total_s
-from viso.report.facts import STALE_S, Facts, KindFacts, navigates_by_vision
+from viso.report.facts import STALE_S, Facts, KindFacts
 from viso.report.flight_data import Material
 
 _REFUSED: Final = re.compile(r"(PreArm|Arm): VisOdom")
+_SAID_HERE: Final = {"XN1-01", "XN4-05"}  # in other words
 _FEW: Final = 4  # times that are named one by one
 
 
 class Level(IntEnum):
-    """How much something matters."""
+    """How much something matters; UNJUDGED is a flight of which nothing in the log can say whether it went well."""
 
     GOOD = 0
-    WARNING = 1
-    BAD = 2
+    UNJUDGED = 1
+    WARNING = 2
+    BAD = 3
+
+    @property
+    def badge(self) -> str:
+        """The verdict in a word."""
+        return ("fine", "no verdict", "look", "trouble")[self]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +66,17 @@ def summarise(material: Material, facts: Facts) -> Summary:
     """Return what to read first."""
     remarks = sorted(_remarks(material, facts), key=lambda remark: -remark.level)
     level = max((remark.level for remark in remarks), default=Level.GOOD)
-    return Summary(level, _sentence(material, facts, len(remarks)), tuple(remarks), tuple(_absences(material, facts)))
+    return Summary(level, _sentence(material, facts, remarks), tuple(remarks), tuple(_absences(material, facts)))
 
 
-def _sentence(material: Material, facts: Facts, remarks: int) -> str:
+def _sentence(material: Material, facts: Facts, remarks: list[Remark]) -> str:
     if not facts.measurements:
         return "The log holds no external navigation: no VISP, VISV or VISO record."
     came = " and ".join(_count(kind) for kind in facts.kinds if kind.records)
-    ends = (
-        "nothing stands out" if not remarks else f"{remarks} thing{'s' * (remarks > 1)} stand{'s' * (remarks == 1)} out"
-    )
+    outstanding = sum(remark.level > Level.UNJUDGED for remark in remarks)
+    ends = "nothing stands out" if not remarks else "nothing in the log can judge it"
+    if outstanding:
+        ends = f"{outstanding} thing{'s' * (outstanding > 1)} stand{'s' * (outstanding == 1)} out"
     return f"External navigation brought {came}; {_outcome(material, facts)}; {ends}."
 
 
@@ -91,7 +102,9 @@ def _remarks(material: Material, facts: Facts) -> Iterator[Remark]:
     if not facts.measurements:
         kind = material.parameter("VISO_TYPE")
         off = "" if kind is None else f" VISO_TYPE is {kind:g}" + (", which is off." if kind == 0 else ".")
-        yield Remark(Level.WARNING, f"No external navigation reached the autopilot's driver.{off}")
+        wanted = bool(kind) or bool(facts.own.wants_extnav.any())
+        level = Level.BAD if wanted else Level.UNJUDGED
+        yield Remark(level, f"No external navigation reached the autopilot's driver.{off}")
     yield from _of_filter(material, facts)
     yield from _of_arming(material)
     yield from _of_stream(facts)
@@ -99,25 +112,45 @@ def _remarks(material: Material, facts: Facts) -> Iterator[Remark]:
 
 
 def _of_filter(material: Material, facts: Facts) -> Iterator[Remark]:
-    for time_s in facts.failsafes_s:
-        yield Remark(Level.BAD, f"EKF failsafe at {time_s:.1f} s.")
+    """Yield what the vehicle's own filter said, and errors that the doctor finds, in the doctor's words."""
+    told = [one for one in facts.findings if one.code in OWN_CODES]
+    for one in told:
+        yield Remark(Level.BAD if one.severity is Severity.ERROR else Level.WARNING, _as_remark(one))
+    for one in facts.findings:
+        if one.severity is Severity.ERROR and one.code not in OWN_CODES | _SAID_HERE:
+            yield Remark(Level.BAD, _as_remark(one))
+    codes = {one.code for one in told}
+    if facts.over_gate and codes.isdisjoint(RATIO_CODES):
+        yield Remark(
+            Level.WARNING,
+            f"A test ratio was over 1 for {total_s(facts.over_gate):.1f} s, of up to {facts.worst_ratio:.1f}, first at "
+            f"{facts.over_gate[0][0]:.1f} s, while the filter could not use what it tested.",
+        )
     # The flags come at 10 Hz, so that the ends of a stretch are as exact as that.
     without_s = total_s(facts.armed) - overlap_s(facts.armed, facts.positioned)
-    if len(material.xkf4) and without_s > STALE_S:
+    if facts.measurements and len(material.xkf4) and without_s > STALE_S and codes.isdisjoint(POSITION_CODES):
         yield Remark(Level.BAD, f"The EKF was without a horizontal position for {without_s:.1f} s while armed.")
-    if facts.measurements and len(material.xkf4) and not facts.positioned and navigates_by_vision(material):
-        yield Remark(Level.BAD, "A source set names external navigation, but the EKF never had a position from it.")
-    if facts.over_gate:
-        armed_s = facts.armed_over_gate_s
-        level = Level.BAD if armed_s > 0 else Level.WARNING
-        while_armed = f", {armed_s:.1f} s of them armed" if facts.armed else ""
-        yield Remark(
-            level,
-            f"Measurements failed the EKF's gates for {total_s(facts.over_gate):.1f} s{while_armed}: "
-            f"a test ratio of up to {facts.worst_ratio:.1f}, first at {facts.over_gate[0][0]:.1f} s.",
-        )
-    if facts.core_changes:
-        yield Remark(Level.WARNING, f"The EKF changed its primary core {_times(facts.core_changes)}.")
+    if facts.measurements and "XN9-15" not in codes and (reason := _unjudged(facts)):
+        yield Remark(Level.UNJUDGED, reason)
+
+
+def _as_remark(finding: Finding) -> str:
+    evidence = finding.evidence[:1].upper() + finding.evidence[1:]
+    return f"{evidence} ({finding.code}, witness: {finding.witness.value})."
+
+
+def _unjudged(facts: Facts) -> str:
+    """Return why nothing in the log can tell whether the filter agreed with vision; nothing if something can."""
+    own = facts.own
+    if not own.record:
+        return "The log has no XKF4: what the EKF made of it is not known. That is no sign that it went well."
+    if not own.has_ratios:
+        return "The log has no test ratios: whether the EKF agreed is not known."
+    if not own.uses_extnav.any():
+        if not own.is_told(POSITION).any():
+            return "The log does not tell what the EKF navigated by: its test ratios may be of other sensors."
+        return "The EKF did not navigate by external navigation, so its test ratios say nothing about it."
+    return ""
 
 
 def _of_arming(material: Material) -> Iterator[Remark]:

@@ -27,9 +27,18 @@ _POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS
 _LONGEST_STEP_US: Final = 1_000_000
 _ROW_OF: Final = (ROWS.index("VELXY"), ROWS.index("POSXY"), ROWS.index("POSZ"), ROWS.index("YAW"))
 _VELZ: Final = ROWS.index("VELZ")
+_PLAIN: Final = {
+    "EXTNAV": "ExtNav",
+    "GPS": "GPS",
+    "GSF": "GSF",
+    "BARO": "barometer",
+    "OPTFLOW": "optical flow",
+    "RANGEFINDER": "range finder",
+    "WHEEL_ENCODER": "wheels",
+    "GPS_COMPASS_FALLBACK": "GPS or compass",
+}
 _NAMES: Final[tuple[Mapping[int, str], ...]] = tuple(
-    {int(one): one.name.lower().replace("_", " ") for one in kind}
-    | {EXTNAV: "ExtNav", int(SourceXY.GPS if kind is not SourceYaw else SourceYaw.GPS): "GPS"}
+    {int(one): _PLAIN.get(one.name, one.name.lower()) for one in kind}
     for kind in (SourceXY, SourceXY, SourceZ, SourceYaw)
 )
 _SAID: Final = re.compile(r"EKF[23] IMU(\d) (.*)")
@@ -182,8 +191,9 @@ class OwnFilter:
 
     @property
     def uses_extnav(self) -> Bools:
-        """N, whether it navigates, and is told to do so by external navigation."""
-        return self.wants_extnav & (self.positioned | self.moving)
+        """N, whether it has what external navigation is to give: a position, or a velocity where no more is asked."""
+        has = np.where(self.fed_by_extnav(POSITION), self.positioned, self.positioned | self.moving)
+        return np.asarray(self.wants_extnav & has, dtype=np.bool_)
 
     @property
     def usable(self) -> Bools:
@@ -242,7 +252,7 @@ class OwnFilter:
 
 def source_name(channel: int, value: int) -> str:
     """Return what feeds a channel by the value of its parameter."""
-    return "a source that is not told" if value == NOT_TOLD else _NAMES[channel].get(value, f"source {value}")
+    return "an unknown source" if value == NOT_TOLD else _NAMES[channel].get(value, f"source {value}")
 
 
 def innovation_sizes(table: Floats) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from viso.doctor.evidence import Evidence
-from viso.doctor.measures.own_filter import CHANNELS, OwnFilter, source_name
+from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
 from viso.doctor.measures.stamps import are_us, lag_ms
 from viso.doctor.witness import Witness
 from viso.fates.labels import Fate, fate_of
@@ -50,7 +50,7 @@ class OwnWords:
         running_s: for how long it had an attitude.
         positioned_s: of that with a position, or a velocity, by external navigation.
         worst: the largest square root of a test ratio by channel, while the filter could use its source.
-        sources: what fed those channels, at last.
+        sources: what fed those channels, at last, as far as it is known.
     """
 
     witness: Witness
@@ -124,7 +124,8 @@ def _own_words(own: OwnFilter | None) -> OwnWords | None:
     step_s, usable = own.step_s, own.usable
     worst = np.nanmax(np.where(usable & np.isfinite(own.ratios), own.ratios, -1.0), axis=0, initial=-1.0)
     told = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
-    sources = {name: source_name(number, own.source(number)) for number, name in enumerate(CHANNELS) if name in told}
+    by = {name: own.source(number) for number, name in enumerate(CHANNELS) if name in told}
+    sources = {name: source_name(CHANNELS.index(name), one) for name, one in by.items() if one != NOT_TOLD}
     running_s, positioned_s = (float(step_s[mask].sum()) for mask in (own.running, own.uses_extnav))
     return OwnWords(own.witness, own.record, running_s, positioned_s, told, sources)
 

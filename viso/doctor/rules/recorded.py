@@ -47,6 +47,7 @@ _LASTING_S: Final = 2.0
 _LONG_S: Final = 5.0
 _SHORT_S: Final = 1.0
 _SOME: Final = 0.05
+_TELLING: Final = 0.01
 _LOST_S: Final = 0.5
 _READY_S: Final = 10.0
 _FLAPPING: Final = 3
@@ -63,7 +64,8 @@ def _told(own: OwnFilter, found: OverOne) -> str:
     """Return how long a ratio was above 1, in words."""
     labels = _OF_TELEMETRY if own.record == "EKF_STATUS_REPORT" else _OF_LOG
     name, field = CHANNELS[found.channel], f"{own.record}.{labels[found.channel]}"
-    long = f"{100 * found.share:.0f} % of {found.used_s:.0f} s{_armed(found.armed_s, found.over_s)}"
+    part = f"{100 * found.share:.0f} %" if found.share >= _TELLING else f"{found.over_s:.1f} s"
+    long = f"{part} of {found.used_s:.0f} s{_armed(found.armed_s, found.over_s)}"
     off = "" if found.innovation is None else f"; {name} was up to {found.innovation:.3g} {_UNITS[found.channel]} off"
     return (
         f"the autopilot's own {name} test ratio ({field}, {name} from {found.source}) was above 1 for {long}, from "
@@ -275,9 +277,8 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
         return
     began = np.arange(len(own.time_us)) >= int(np.argmax(own.uses_extnav))
     stops = _stops(own)
-    has_position = own.positioned[own.uses_extnav].any()
-    lost = began & own.wants_extnav & ~(own.positioned if has_position else own.moving)
-    what = "horizontal position" if has_position else "horizontal velocity"
+    lost = began & own.wants_extnav & ~own.uses_extnav
+    what = "horizontal position" if own.fed_by_extnav(POSITION)[lost].any() else "horizontal velocity"
     yield from _lost_for(own, lost, what, stops)
     for name, bit, channel in (("velocity", VELOCITY_LOST, VELOCITY), ("height", HEIGHT_LOST, HEIGHT)):
         fed = own.fed_by_extnav(channel) & own.uses_extnav

@@ -13,6 +13,7 @@ from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
 from viso.doctor.outputs.phrases import at, of_some, often, seen_in
+from viso.doctor.witness import Witness
 from viso.streams.stream_kinds import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
@@ -114,6 +115,9 @@ def _resets(poses: Poses) -> _Resets:
 
 def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
     aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_ALIGNED)]
+    own = evidence.own_filter
+    if own is not None and own.witness is Witness.LOG:
+        aligned_us += [time_us for time_us, text in own.texts if text.startswith(_ALIGNED)]
     for poses in evidence.poses:
         if len(poses.track) < FEWEST:
             continue

@@ -30,7 +30,7 @@ def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch:
     outcome = viso("report", path, "-o", "pages", "--svg", "svg", "--png", "png", "--tum", "f.tum", "--csv", "f.csv")
     assert (outcome.code, outcome.err) == (0, "")
     first, *lines = outcome.out.splitlines()
-    assert first.startswith("External navigation brought 209 poses at 20 Hz")
+    assert first.startswith("TROUBLE: External navigation brought 209 poses at 20 Hz")
     assert "- The reset counter of vision changed once: at 9.0 s." in lines
     written = [line.removeprefix("written: ") for line in lines if line.startswith("written: ")]
     assert written == [
@@ -44,7 +44,7 @@ def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch:
 def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path) -> None:
     outcome = viso("report", log)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.splitlines()[0] == "The log holds no external navigation: no VISP, VISV or VISO record."
+    assert outcome.out.splitlines()[0] == "LOOK: The log holds no external navigation: no VISP, VISV or VISO record."
     assert "No VISP: position and attitude of vision." in (tmp_path / "quiet.html").read_text(encoding="utf-8")
 
 

@@ -123,7 +123,11 @@ PLANTED: Final = (
         ("(XKF4.SM, yaw from compass) was above 1 for 83 %",),
     ),
     Planted(
-        "one excursion", lambda: logged(during(20, 20.15, SP=1.3)), "XN9-10", N, ("position from ExtNav", "0 % of 60 s")
+        "one excursion",
+        lambda: logged(during(20, 20.15, SP=1.3)),
+        "XN9-10",
+        N,
+        ("position from ExtNav", "above 1 for 0.2 s of 60 s"),
     ),
     Planted("a second and a half", lambda: logged(during(20, 21.5, SP=1.3)), "XN9-10", W, ("worst 1.3",)),
     Planted(
@@ -134,7 +138,7 @@ PLANTED: Final = (
         *("height", lambda: logged(during(10, 30, SH=2.0), {**EXTNAV, "EK3_SRC1_POSZ": 6}), "XN9-10", E),
         ("height from ExtNav",),
     ),
-    Planted("barometer", lambda: logged(during(10, 30, SH=2.0)), "XN9-11", W, ("height from baro",)),
+    Planted("barometer", lambda: logged(during(10, 30, SH=2.0)), "XN9-11", W, ("height from barometer",)),
     Planted(
         *("vertical velocity", lambda: logged(during(10, 30, SV=2.0), {**GPS, "EK3_SRC1_VELZ": 6}), "XN9-10", E),
         ("velocity test ratio",),
@@ -144,10 +148,8 @@ PLANTED: Final = (
     Planted("set told by XKFS", _set_by_record, "XN9-10", E, ("above 1 for 50 % of 20 s", "yaw from ExtNav")),
     Planted("source changed in flight", _changed_parameter, "XN9-10", E, ("above 1 for 33 % of 30 s",)),
     Planted("EKF2", _ekf2, "XN9-10", E, ("(NKF4.SM, yaw from ExtNav) was above 1 for 50 %",)),
-    Planted("a log of 3.6", _of_36, "XN9-11", W, ("height from a source that is not told", "33 % of 30 s")),
-    Planted(
-        "no parameters", lambda: logged(during(10, 30, SP=2.0), {}), "XN9-11", W, ("from a source that is not told",)
-    ),
+    Planted("a log of 3.6", _of_36, "XN9-11", W, ("height from an unknown source", "33 % of 30 s")),
+    Planted("no parameters", lambda: logged(during(10, 30, SP=2.0), {}), "XN9-11", W, ("from an unknown source",)),
     Planted(
         *("failsafe", lambda: logged(others=FAILSAFE), "XN9-13", E),
         ('"EKF check: bad variance" once and "EKF failsafe: occurred" once, first at 40.000 s',),
@@ -398,6 +400,7 @@ def test_flight_whose_filter_rejected_its_yaw_begins_with_that(viso: Viso, tmp_p
     first, *_ = json.loads(outcome.out)["findings"]
     assert (outcome.code, first["code"], first["witness"]) == (1, "XN9-10", "log")
     assert "(XKF4.SM, yaw from ExtNav) was above 1 for 57 % of 70 s" in first["evidence"]
+    assert viso("report", log, "--csv", "out.csv").out.startswith("TROUBLE: ")
 
 
 @pytest.mark.slow
@@ -413,7 +416,7 @@ def test_summary_tells_what_the_vehicle_s_own_filter_said() -> None:
     summary = summarise(evidence_of([], own_filter=own))
     assert summary_lines(summary)[2] == (
         "The vehicle's own filter (log, XKF4) navigated by external navigation for 60.0 of 60.0 s; largest test "
-        "ratios: velocity 0.10 (ExtNav), position 0.20 (ExtNav), height 0.05 (baro), yaw 2.00 (ExtNav)."
+        "ratios: velocity 0.10 (ExtNav), position 0.20 (ExtNav), height 0.05 (barometer), yaw 2.00 (ExtNav)."
     )
     silent = summary_lines(summarise(evidence_of(stream_of([]))))
     assert any(line.startswith("What the vehicle's own filter made of it is not recorded") for line in silent)

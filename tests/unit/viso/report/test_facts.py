@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Numbers of a report, and the sentences made of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import pytest
 
+from tests.unit.viso.doctor.own_filters import EXTNAV, Status, during, logged, quiet
 from tests.unit.viso.report.log_maker import LOST, NAVIGATES, VELOCITY, LogMaker, material_of
 from viso.report.facts import Facts, facts_of
 from viso.report.flight_data import Material
@@ -50,7 +52,7 @@ def test_rate_gaps_and_resets_of_the_flight(facts: Facts) -> None:
 
 
 def test_filter_of_the_flight(facts: Facts) -> None:
-    assert rounded(facts.armed) == [(3.0, 11.95)]
+    assert rounded(facts.armed) == [(3.0, 11.9)]
     assert rounded(facts.positioned) == [(2.0, 11.9)]
     assert rounded(facts.over_gate) == [(9.0, 9.5)]
     assert facts.worst_ratio == pytest.approx(1.8)
@@ -64,9 +66,9 @@ def test_flight_in_words(material: Material, facts: Facts) -> None:
         "8.9 s armed; 6 things stand out."
     )
     assert [remark.text for remark in found.remarks] == [
-        "Measurements failed the EKF's gates for 0.5 s, 0.5 s of them armed: a test ratio of up to 1.8, "
-        "first at 9.0 s.",
         "Nothing came for more than 300 ms once, for 0.6 s at worst, from 8.0 s on.",
+        "The autopilot's own position test ratio (XKF4.SP, position from ExtNav) was above 1 for 5 % of 10 s, armed, "
+        "from 9.000 s on, worst 1.8 at 9.000 s; position was up to 2 m off (XN9-10, witness: log).",
         "20 of 209 VISP were withheld from the EKF: 20 for low quality.",
         "20 of 209 VISV were withheld from the EKF: 20 for low quality.",
         "The reset counter of vision changed once: at 9.0 s.",
@@ -89,20 +91,23 @@ def test_log_without_ekf_says_so(maker: LogMaker, tmp_path: Path) -> None:
         maker.add("VISV", 1 + number * 0.1, VX=1.0)
     sentence, remarks, absent = sentences(maker, tmp_path)
     assert sentence.endswith(
-        "20 velocities at 10 Hz; what the EKF made of it the log does not tell; nothing stands out."
+        "20 velocities at 10 Hz; what the EKF made of it the log does not tell; nothing in the log can judge it."
     )
-    assert not remarks
+    assert remarks == ["The log has no XKF4: what the EKF made of it is not known. That is no sign that it went well."]
     assert "No PARM: parameters are unknown; VISO_DELAY_MS is taken to be 10." in absent
 
 
 def test_position_that_never_comes_is_trouble(maker: LogMaker, tmp_path: Path) -> None:
     maker.parameter("EK3_SRC1_POSXY", 6)
-    for number in range(20):
+    for number in range(200):
         maker.add("VISP", 1 + number * 0.1)
         maker.add("XKF4", 1 + number * 0.1, SS=LOST)
     sentence, remarks, _ = sentences(maker, tmp_path)
     assert "the EKF never had a horizontal position" in sentence
-    assert remarks == ["A source set names external navigation, but the EKF never had a position from it."]
+    assert remarks == [
+        "External navigation is the EKF's source of horizontal position or velocity, and in 20 s it never had either "
+        "(XKF4) (XN9-15, witness: log).",
+    ]
 
 
 def test_velocity_without_position_is_told(maker: LogMaker, tmp_path: Path) -> None:
@@ -110,8 +115,11 @@ def test_velocity_without_position_is_told(maker: LogMaker, tmp_path: Path) -> N
         maker.add("VISV", 1 + number * 0.1)
         maker.add("XKF4", 1 + number * 0.1, SS=VELOCITY)
     sentence, remarks, _ = sentences(maker, tmp_path)
-    assert "the EKF never had a horizontal position, but a velocity for 1.9 s; nothing stands out." in sentence
-    assert not remarks
+    assert (
+        "the EKF never had a horizontal position, but a velocity for 1.9 s; nothing in the log can judge it."
+        in sentence
+    )
+    assert remarks == ["The log does not tell what the EKF navigated by: its test ratios may be of other sensors."]
 
 
 def test_loss_in_flight_failsafe_and_refused_arming_are_told(maker: LogMaker, tmp_path: Path) -> None:
@@ -125,12 +133,47 @@ def test_loss_in_flight_failsafe_and_refused_arming_are_told(maker: LogMaker, tm
     maker.add("ERR", 3.9, Subsys=17, ECode=1)
     _, remarks, _ = sentences(maker, tmp_path)
     assert remarks == [
-        "EKF failsafe at 3.9 s.",
+        'The autopilot itself recorded "EKF failsafe: occurred" once, first at 3.900 s (XN9-13, witness: log).',
         "The EKF was without a horizontal position for 0.9 s while armed.",
-        "The EKF changed its primary core once.",
         'Arming was refused for vision once, at last "PreArm: VisOdom: not healthy".',
         "Nothing came in the last 1.0 s of the log, armed.",
+        "The log does not tell what the EKF navigated by: its test ratios may be of other sensors.",
     ]
+
+
+def verdict(path: Path, status: Status = quiet, length_s: float = 12.0, **params: float) -> str:
+    """Return the badge of a log with vision, beside what its filter says."""
+    maker = logged(status, {**VISO, **params}, length_s)
+    for number in range(121):
+        maker.add("VISP", 10.0 + number * 0.1, PErr=0.1, AErr=0.1, PX=0.001 * number)
+    material = material_of(maker, path / "a.BIN")
+    return summarise(material, facts_of(material)).level.badge
+
+
+VISO: Final = {**EXTNAV, "VISO_TYPE": 1, "EK3_SRC1_VELXY": 0}
+
+
+@pytest.mark.parametrize(
+    ("status", "params", "badge"),
+    [
+        (quiet, {}, "fine"),
+        (during(5, 5.15, SM=1.1), {}, "look"),
+        (during(5, 8, SM=1.1), {}, "trouble"),
+        (during(5, 8, SM=1.1), {"EK3_SRC1_YAW": 1}, "look"),
+        (during(5, 8, SH=1.1), {}, "look"),
+        (during(5, 8, SP=1.1, SS=LOST), {"EK3_SRC1_POSXY": 3}, "look"),
+        (quiet, {"EK3_SRC1_POSXY": 3, "EK3_SRC1_YAW": 1, "EK3_SRC2_POSXY": 6}, "no verdict"),
+        (quiet, {"EK3_SRC1_POSZ": 5}, "trouble"),
+    ],
+)
+def test_badge_follows_the_vehicle_s_own_filter_and_errors(
+    status: Status, params: Mapping[str, float], badge: str, tmp_path: Path
+) -> None:
+    assert verdict(tmp_path, status, **params) == badge
+
+
+def test_flight_that_nothing_can_judge_is_never_fine(tmp_path: Path) -> None:
+    assert verdict(tmp_path, length_s=-1) == "no verdict"
 
 
 def test_empty_log_has_facts(maker: LogMaker, tmp_path: Path) -> None:

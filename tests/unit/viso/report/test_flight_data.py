@@ -9,7 +9,7 @@ import pytest
 
 from tests.unit.viso.report.log_maker import LogMaker, material_of
 from viso.estimators.series import overlap_s, spans_of
-from viso.report.flight_data import Material, armed_spans, position_moves
+from viso.report.flight_data import Material, position_moves
 
 
 @pytest.fixture
@@ -63,12 +63,6 @@ def test_older_firmware_has_fewer_fields_under_other_names(maker: LogMaker, tmp_
     assert (found["PX"].tolist(), found["Y"].tolist()) == ([3.0], [90.0])
     assert not found.has("Q")
     assert np.isnan(found["Ign"]).all()
-
-
-def test_arming_is_known_from_events_as_well(maker: LogMaker, tmp_path: Path) -> None:
-    for time_s, event in ((1.0, 10), (4.0, 11), (6.0, 10)):
-        maker.add("EV", time_s, Id=event)
-    assert armed_spans(material_of(maker, tmp_path / "a.BIN"), 9.0) == [(1.0, 4.0), (6.0, 9.0)]
 
 
 def test_change_of_core_is_no_move(maker: LogMaker, tmp_path: Path) -> None:
