@@ -238,11 +238,18 @@ class OwnFilter:
         sizes = sizes[np.isfinite(sizes) & (sizes > 0)]  # none is kept of what is not fused
         return float(sizes.max()) if len(sizes) else None
 
+    def is_fed_by_others(self, channel: int, time_us: Ints) -> Bools:
+        """Tell at which times a channel is known to be fed by something else than external navigation."""
+        return self._at(time_us, self.is_told(channel) & ~self.fed_by_extnav(channel))
+
     def lost_itself(self, time_us: Ints) -> Bools:
         """Tell at which times it rejected a height that is not the stream's: what it says of attitude is no measure."""
-        lost = (self.ratios[:, HEIGHT] > 1.0) & ~self.fed_by_extnav(HEIGHT)
-        near = np.searchsorted(self.time_us, time_us, side="right") - 1
-        return np.asarray((near >= 0) & np.append(lost, False)[near], dtype=np.bool_)
+        return self._at(time_us, np.asarray((self.ratios[:, HEIGHT] > 1.0) & ~self.fed_by_extnav(HEIGHT), np.bool_))
+
+    def _at(self, time_us: Ints, mask: Bools) -> Bools:
+        """Return what held in the latest record up to each time; nothing before the first."""
+        latest = np.searchsorted(self.time_us, time_us, side="right") - 1
+        return np.asarray((latest >= 0) & np.append(mask, False)[latest], dtype=np.bool_)
 
     def lost_spans(self, mask: Bools) -> list[Span]:
         """Return from when to when something held, in s, at records that are told."""

@@ -216,7 +216,7 @@ def _cores(evidence: Evidence) -> Iterator[Sighting]:
         if own.armed is None or any(start <= time_us * 1e-6 <= end for start, end in own.armed)
     ]
     if lanes:
-        text = f"it changed its primary core {often(len(lanes))}, at {at(lanes[0][0])} to core {lanes[0][1]}"
+        text = f"the autopilot changed its primary core {often(len(lanes))}, at {at(lanes[0][0])} to core {lanes[0][1]}"
         yield Sighting(text, start_us=lanes[0][0], end_us=lanes[-1][0])
     for one in own.others:
         if one.over_s < _SHORT_S:
@@ -295,7 +295,7 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
     first_us = int(1e6 * spans[0][0]) if spans else stops[0]
     is_bad = armed_s > 0 or len(stops) >= _FLAPPING
     yield Sighting(
-        f"once it navigated by external navigation, it was without {what} for {total_s(spans):.1f} s"
+        f"once it navigated by external navigation, the EKF was without {what} for {total_s(spans):.1f} s"
         f"{_armed(armed_s, total_s(spans))}, first at {at(first_us)}{_said(stops)}",
         start_us=first_us,
         end_us=int(1e6 * spans[-1][1]) if spans else stops[-1],

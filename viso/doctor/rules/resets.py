@@ -10,6 +10,8 @@ import numpy as np
 
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
+from viso.doctor.measures.compare import ALIGNING_TYPES
+from viso.doctor.measures.own_filter import POSITION
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
 from viso.doctor.outputs.phrases import at, of_some, often, seen_in
@@ -115,8 +117,8 @@ def _resets(poses: Poses) -> _Resets:
 
 def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
     aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_ALIGNED)]
-    own = evidence.own_filter
-    if own is not None and own.witness is Witness.LOG:
+    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    if own is not None:
         aligned_us += [time_us for time_us, text in own.texts if text.startswith(_ALIGNED)]
     for poses in evidence.poses:
         if len(poses.track) < FEWEST:
@@ -128,7 +130,11 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         for time_us in aligned_us:
             by_autopilot |= np.abs(arrival_us - time_us) < _ALIGNED_WITHIN_US
         leaps = ~by_autopilot | resets.changed
-        yield poses, resets._replace(jumped=resets.jumped & leaps, turned=resets.turned & leaps)
+        jumped = resets.jumped & leaps
+        if own is not None and evidence.viso_type in ALIGNING_TYPES:
+            # Their positions follow the vehicle's while that navigates by something else.
+            jumped &= ~own.is_fed_by_others(POSITION, arrival_us)
+        yield poses, resets._replace(jumped=jumped, turned=resets.turned & leaps)
 
 
 @warning(

@@ -4,6 +4,7 @@
 
 import json
 import lzma
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION
 from ekf_stub.log.ekf_log_structure import XKFS
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso
+from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, seen, stream_of
 from tests.unit.viso.doctor.own_filters import (
     EXTNAV,
@@ -43,6 +45,8 @@ from viso.doctor.witness import Witness
 from viso.fates.watch import AidingSpan
 from viso.logs.recorded import read_columns
 
+LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
+TURNED: Final = (math.cos(0.35), 0.0, 0.0, math.sin(0.35))
 OURS: Final = frozenset(f"XN9-{number}" for number in range(10, 18))
 RULES_OF_RECORD: Final = [rule for rule in RULES if rule.code in OURS]
 
@@ -215,6 +219,28 @@ def test_vehicle_whose_filter_lost_itself_is_no_measure_of_attitude() -> None:
     assert own.lost_itself(np.array([0, 29_900_000, 35_000_000, 45_000_000])).tolist() == [False, False, True, False]
     by_extnav = own_of(logged(during(20, 30, SH=2.0), {**EXTNAV, "EK3_SRC1_POSZ": 6}))
     assert not by_extnav.lost_itself(np.array([35_000_000])).any()
+
+
+@pytest.mark.parametrize(
+    ("make", "viso_type", "found"),
+    [
+        (None, 2, {"XN6-01", "XN6-02"}),
+        (lambda: logged(params=EXTNAV), 2, {"XN6-01", "XN6-02"}),
+        (lambda: logged(params=GPS), 1, {"XN6-01", "XN6-02"}),
+        (lambda: logged(params=GPS), 2, {"XN6-02"}),
+        (lambda: logged(params=GPS, others=[(2.0, "MSG", {"Message": "VisOdom: yaw shifted 40 to 0 deg"})]), 2, set()),
+    ],
+)
+def test_jumps_of_logged_poses_where_the_autopilot_aligned_them_are_its_own(
+    make: Callable[[], LogMaker] | None, viso_type: int, found: set[str]
+) -> None:
+    poses = [
+        odometry(1 + number * 40_000, x=4.0 * (number >= 50), q=TURNED if number >= 50 else LEVEL)
+        for number in range(100)
+    ]
+    own = None if make is None else own_of(make())
+    findings = diagnose(evidence_of(stream_of(poses), {"VISO_TYPE": viso_type}, own_filter=own), RULES)
+    assert {one.code for one in findings if one.code in ("XN6-01", "XN6-02")} == found
 
 
 def test_log_without_records_of_the_filter_says_so() -> None:
