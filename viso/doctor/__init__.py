@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose, error, note, warning
     from viso.doctor.gathering import GatherOptions, gather
     from viso.doctor.rules import RULES, all_rules
+    from viso.doctor.witness import Witness
 
 __all__ = [
     "RULES",
@@ -21,6 +22,7 @@ __all__ = [
     "SeenMessage",
     "Severity",
     "Sighting",
+    "Witness",
     "all_rules",
     "diagnose",
     "error",

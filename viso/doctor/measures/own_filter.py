@@ -24,6 +24,7 @@ VELOCITY_LOST: Final = 1 << 1
 HEIGHT_LOST: Final = 1 << 2
 NOT_TOLD: Final = -1
 _POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
+_LARGEST_SOURCE: Final = 127
 _LONGEST_STEP_US: Final = 1_000_000
 _ROW_OF: Final = (ROWS.index("VELXY"), ROWS.index("POSXY"), ROWS.index("POSZ"), ROWS.index("YAW"))
 _VELZ: Final = ROWS.index("VELZ")
@@ -316,7 +317,7 @@ def sources_over(
         row = [now.get(f"EK3_SRC{int(now['set']) + 1}_{what}", float(NOT_TOLD)) for what in ROWS]
         if row[0] == NOT_TOLD:
             row[0] = now["said"]
-        found[start:end] = np.nan_to_num(row, nan=NOT_TOLD)
+        found[start:end] = [value if 0 <= value <= _LARGEST_SOURCE else NOT_TOLD for value in row]
         start = max(start, end)
         now[name] = value
     return found

@@ -80,7 +80,7 @@ class FilterListener:
             witness=Witness.TELEMETRY,
             record="EKF_STATUS_REPORT" if len(time_us) else "",
             time_us=time_us,
-            ratios=ratios,
+            ratios=np.where(np.isfinite(ratios), ratios, np.nan),
             flags=flags,
             timeouts=np.zeros(len(flags), dtype=np.int64),
             sources=sources_over(time_us, params, changes, switches, said),

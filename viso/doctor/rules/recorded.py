@@ -51,6 +51,7 @@ _TELLING: Final = 0.01
 _LOST_S: Final = 0.5
 _READY_S: Final = 10.0
 _FLAPPING: Final = 3
+_FEWEST: Final = 3
 
 
 def _how_bad(found: OverOne) -> Severity:
@@ -147,7 +148,8 @@ def _unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     count, times = int(enabled.sum()), vision.time_us[ill]
     if not (enabled & vision.healthy).any():
         text = f"SYS_STATUS: the vision sensor is enabled, and healthy in none of {count} messages"
-        yield Sighting(text, start_us=int(times[0]), end_us=int(times[-1]))
+        severity = None if count >= _FEWEST else Severity.NOTE
+        yield Sighting(text, start_us=int(times[0]), end_us=int(times[-1]), severity=severity)
         return
     first_well_us = int(vision.time_us[enabled & vision.healthy][0])
     later = times[times > first_well_us]
