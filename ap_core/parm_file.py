@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parameter files (.parm) as ArduPilot reads them and MAVProxy writes them.
+"""Parameter files (.parm, .param, .params) as ArduPilot reads them and ground stations write them.
 
-Source of the format: AP_Param/AP_Param.cpp, parse_param_line.
+Source of the format: AP_Param/AP_Param.cpp, parse_param_line. MAVProxy and Mission Planner write that; QGroundControl
+writes vehicle, component, name, value and type.
 """
 
 import re
@@ -18,6 +19,8 @@ _WORDS: Final = re.compile(f"[^{_SEPARATORS}]+")
 _DECIMAL: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,32}")
 _NOT_FINITE: Final = re.compile(r"[+-]?(inf|infinity|nan)", re.ASCII | re.IGNORECASE)
+_OF_QGROUNDCONTROL: Final = re.compile(r"\s*\d+\s+\d+\s+[A-Za-z]\w*\s+\S+\s+\d+\s*$", re.ASCII)
+_AUTOPILOT: Final = "1"  # MAV_COMP_ID_AUTOPILOT1
 _SHOWN_CHARACTERS: Final = 60
 
 
@@ -45,8 +48,9 @@ class ParmLine:
 def parse_parm(text: str, source: str) -> list[ParmLine]:
     """Read ``NAME value``, ``NAME,value`` and ``NAME=value`` lines with ``#`` comments, in file order.
 
-    A third word ``@READONLY`` is understood, other words after the value are ignored, as the firmware ignores
-    them. Numbers are decimal, or hexadecimal with 0x. A byte order mark and CR LF line ends do no harm.
+    Lines of QGroundControl are ``vehicle component NAME value type``; those of other components than the autopilot are
+    passed over. A third word ``@READONLY`` is understood, other words after the value are ignored, as the firmware
+    ignores them. Numbers are decimal, or hexadecimal with 0x. A byte order mark and CR LF line ends do no harm.
 
     Args:
         text: the file's contents.
@@ -66,6 +70,10 @@ def _parse_line(line: str, source: str, number: int) -> ParmLine | None:
         return None
     # FIRMWARE PARITY: the firmware skips such lines without a word, and reads a bad number as far as it goes
     # (as 0 when it starts with none). A person who edits a file is better served by an error.
+    if _OF_QGROUNDCONTROL.match(line):
+        if words[1] != _AUTOPILOT:
+            return None
+        words = words[2:4]
     name = words[0]
     if len(name) > MAX_NAME_SIZE:
         raise ParmFileError(source, number, line, f"name longer than {MAX_NAME_SIZE} characters")

@@ -6,9 +6,10 @@ import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 from ap_core.param import ParamTable
-from ap_core.parm_file import ParmFileError, parse_parm
+from ap_core.parm_file import ParmFileError, ParmLine, parse_parm
 from ap_visualodom.ap_visualodom import make_params
 from viso.errors import InputError, told_errors
 from viso.files.text_files import read_text
@@ -18,6 +19,10 @@ from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 
 _log = logging.getLogger(__name__)
+
+WHOLE_VEHICLE: Final = 200
+"""A file of so many parameters was saved by a ground station."""
+_NAMED: Final = 8
 
 
 def known_parameters(links: int, firmware: Firmware = REFERENCE) -> ParamTable:
@@ -35,10 +40,13 @@ def load_parm_file(
 ) -> dict[str, float]:
     """Return the values of a .parm file by name; those of an earlier release are converted, and that is logged.
 
+    A file that a ground station has saved holds hundreds of names that no parameter here has: they are passed over, and
+    that is logged in one line. In a shorter file, which somebody wrote, such a name is a slip.
+
     Args:
         path: the file.
         table: the parameters that there are.
-        allow_unknown: pass over names that no parameter has.
+        allow_unknown: pass over names that no parameter has in any file.
         renames: what the firmware calls otherwise than earlier ones.
 
     Raises:
@@ -47,21 +55,39 @@ def load_parm_file(
     text = read_text(path)
     with told_errors(ParmFileError):
         lines = parse_parm(text, str(path))
-    values = {}
+    values, foreign = {}, list[str]()
     for line in lines:
         if table.find(line.name) is not None or line.name in renames:
             values[line.name] = float(line.value)
+        elif len(lines) >= WHOLE_VEHICLE:
+            foreign.append(line.name)
         elif not allow_unknown:
             hint = _hint(line.name, table)
             raise InputError(
                 f"{path}:{line.line_number}: unknown parameter: {line.name!r}{hint} (--allow-unknown passes over it)"
             )
+    if foreign:
+        _log.warning("%s: without effect here, and passed over: %s", path, _first(foreign))
     carried = carry_over(values, table, renames)
     if carried.conversions:
-        _log.warning("%s: of an earlier release: %s", path, ", ".join(map(str, carried.conversions)))
+        _log.warning("%s: of an earlier release: %s", path, _first([str(one) for one in carried.conversions]))
     if carried.lost:
-        _log.warning("%s: for links that are not there: %s", path, ", ".join(carried.lost))
+        _log.warning("%s: for links that are not there: %s", path, _first(carried.lost))
     return carried.values
+
+
+def _first(names: Sequence[str]) -> str:
+    others = f" and {len(names) - _NAMED} others" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + others
+
+
+def read_assignment(text: str, option: str = "--param") -> ParmLine:
+    """Return what ``NAME=VALUE`` says, whatever parameters there are. Raises InputError if it has another form."""
+    try:
+        (line,) = parse_parm(text, option)
+    except (ParmFileError, ValueError) as error:
+        raise InputError(f"{option} {text!r}: not NAME=VALUE with a finite number") from error
+    return line
 
 
 def parse_assignment(text: str, table: ParamTable, option: str = "--param") -> tuple[str, float]:
@@ -75,10 +101,7 @@ def parse_assignment(text: str, table: ParamTable, option: str = "--param") -> t
     Raises:
         InputError: if it has another form, or no parameter has that name.
     """
-    try:
-        (line,) = parse_parm(text, option)
-    except (ParmFileError, ValueError) as error:
-        raise InputError(f"{option} {text!r}: not NAME=VALUE with a finite number") from error
+    line = read_assignment(text, option)
     found = table.find(line.name)
     if found is None:
         raise InputError(f"{option} {text!r}: unknown parameter {line.name}{_hint(line.name, table)}")

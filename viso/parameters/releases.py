@@ -12,7 +12,7 @@ from typing import Final
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 from viso.parameters import copter
-from viso.parameters.conversion import NO_RENAMES, Rename, Renames, skip_instead_of_check
+from viso.parameters.conversion import Rename, Renames, skip_instead_of_check
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 
@@ -182,7 +182,9 @@ def _renamed_streams() -> Iterator[tuple[str, Rename]]:
             yield f"SR{index}{row}", Rename(f"MAV{index + 1}{row}")
 
 
+RENAMES_OF_4_6: Final[Renames] = {"GPS_TYPE": Rename("GPS1_TYPE")}
 RENAMES_OF_4_7: Final[Renames] = {
+    **RENAMES_OF_4_6,
     "SYSID_THISMAV": Rename("MAV_SYSID"),
     "SYSID_MYGCS": Rename("MAV_GCS_SYSID"),
     "SYSID_ENFORCE": Rename("MAV_OPTIONS"),
@@ -203,7 +205,7 @@ REFERENCE: Final = ParameterRelease(
 """The master of October 2025."""
 
 UP_TO_4_6: Final = ParameterRelease(
-    _SYSID, _sr_links, _SYSID_ENFORCE, _no_links, INT16, copter.ARMING, "CHECK", checks_to_make, NO_RENAMES
+    _SYSID, _sr_links, _SYSID_ENFORCE, _no_links, INT16, copter.ARMING, "CHECK", checks_to_make, RENAMES_OF_4_6
 )
 
 FEBRUARY_2026: Final = ParameterRelease(

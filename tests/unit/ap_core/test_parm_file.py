@@ -36,6 +36,9 @@ class TestParse:
             "VISO_TYPE +1.e0",
             "VISO_TYPE 1 seriously",
             "# comment\n\n   \r\nVISO_TYPE 1",
+            "#NOTE: 10/22/2025 13:05:01\nVISO_TYPE,1\r\n",
+            "# Vehicle-Id Component-Id Name Value Type\n1\t1\tVISO_TYPE\t1\t2\n1\t100\tCAM_MODE\t3\t2\n",
+            "2\t1\tVISO_TYPE\t1.000000000000000000\t9\r\n",
         ],
     )
     def test_spellings_of_a_line(self, text: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from viso.errors import InputError
+from viso.firmware.releases import STABLE_4_6
 from viso.options.settings import load_settings
 
 
@@ -78,6 +79,24 @@ def test_unknown_name_in_a_file_is_an_error_with_its_line(tmp_path: Path) -> Non
 def test_unknown_name_is_passed_over_when_allowed(tmp_path: Path) -> None:
     path = parm(tmp_path, "NO_SUCH 1\nVISO_TYPE 2\n")
     assert load_settings([path], [], links=1, allow_unknown=True) == {"VISO_TYPE": 2.0}
+
+
+FORMS = {
+    "MAVProxy": "{name:<16} {value:.6f}",
+    "Mission Planner": "{name},{value:g}",
+    "QGroundControl": "1\t1\t{name}\t{value:.18f}\t9",
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_file_of_a_whole_vehicle_is_read_and_what_is_foreign_told_in_one_line(
+    tmp_path: Path, form: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    params = {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0, "EK2_ENABLE": 0.0, **{f"SERVO_{n}": n for n in range(300)}}
+    path = parm(tmp_path, "\n".join(FORMS[form].format(name=name, value=value) for name, value in params.items()))
+    assert load_settings([path], [], links=1, firmware=STABLE_4_6) == {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0}
+    names = ", ".join(["EK2_ENABLE", *(f"SERVO_{n}" for n in range(7))])
+    assert caplog.messages == [f"{path}: without effect here, and passed over: {names} and 293 others"]
 
 
 @pytest.mark.parametrize("text", ["VISO_TYPE abc", "VISO_TYPE nan", "VISO_TYPE"])
