@@ -125,6 +125,14 @@ class Reply:
         )
         return (header + self.data).ljust(PAYLOAD_BYTES, b"\0")
 
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Read a payload; one that is too short is filled up with zeros, the rest of a longer one is left out."""
+        padded = payload[:PAYLOAD_BYTES].ljust(PAYLOAD_BYTES, b"\0")
+        seq, session, opcode, size, req_opcode, burst_complete, offset = _HEADER.unpack_from(padded)
+        data = padded[_HEADER.size :][:size]
+        return cls(seq, session, req_opcode, opcode, bool(burst_complete), offset, data)
+
 
 def ack(request: Request, data: bytes = b"", *, offset: int = 0) -> Reply:
     """Answer a request that succeeded."""

@@ -128,15 +128,15 @@ def _default(param: Param) -> ParamValue:
 
 
 @dataclass(frozen=True, slots=True)
-class UploadedParam:
-    """One parameter of an upload, with the type that the client believes it has."""
+class PackedParam:
+    """One parameter of a file, with the type that its writer believes it has."""
 
     name: str
     type: ParamType
     value: ParamValue
 
 
-def parse_param_pck_upload(data: bytes) -> tuple[UploadedParam, ...] | None:
+def parse_param_pck_upload(data: bytes) -> tuple[PackedParam, ...] | None:
     """Read an uploaded file; None when it is malformed.
 
     Its header gives the whole length in place of the total, and there are neither defaults nor padding.
@@ -149,22 +149,37 @@ def parse_param_pck_upload(data: bytes) -> tuple[UploadedParam, ...] | None:
     magic, count, length = _HEADER.unpack_from(data)
     if magic != MAGIC or length != len(data):
         return None
-    uploaded = tuple(islice(_uploaded(data[_HEADER.size :]), count))
+    uploaded = tuple(islice(_entries(data[_HEADER.size :]), count))
     return uploaded if len(uploaded) == count else None
 
 
-def _uploaded(data: bytes) -> Iterator[UploadedParam]:
-    """Yield parameters up to the first fault."""
-    name = b""
-    while len(data) >= 2:
-        kind, common, rest_length = data[0], data[1] & 0xF, (data[1] >> 4) + 1
+def parse_param_pck(data: bytes) -> tuple[tuple[PackedParam, ...], int] | None:
+    """Read a downloaded file as far as it goes: its parameters, and how many the vehicle has; None if it is none."""
+    if len(data) < _HEADER.size:
+        return None
+    magic, count, total = _HEADER.unpack_from(data)
+    if magic not in (MAGIC, MAGIC_WITH_DEFAULTS):
+        return None
+    return tuple(islice(_entries(data[_HEADER.size :], is_download=True), count)), total
+
+
+def _entries(data: bytes, *, is_download: bool = False) -> Iterator[PackedParam]:
+    """Yield parameters up to the first fault; a download may have padding, and defaults, which are passed over."""
+    name, start = b"", 0
+    while start + 2 <= len(data):
+        if is_download and data[start] == 0:
+            start += 1
+            continue
+        kind, common, rest_length = data[start], data[start + 1] & 0xF, (data[start + 1] >> 4) + 1
+        has_default = is_download and kind >> 4 == FLAG_DEFAULT
+        kind &= 0xF if has_default else 0xFF
         if kind not in _VALUES or common > len(name) or common + rest_length > MAX_NAME_SIZE:
             return
-        form = _VALUES[ParamType(kind)]
-        end = 2 + rest_length + form.size
+        form, start = _VALUES[ParamType(kind)], start + 2
+        end = start + rest_length + form.size
         if len(data) < end:
             return
-        name = name[:common] + data[2 : 2 + rest_length]
+        name = name[:common] + data[start : start + rest_length]
         (value,) = form.unpack(data[end - form.size : end])
-        yield UploadedParam(name.decode("latin-1"), ParamType(kind), value if isinstance(value, int) else to_f32(value))
-        data = data[end:]
+        yield PackedParam(name.decode("latin-1"), ParamType(kind), value if isinstance(value, int) else to_f32(value))
+        start = end + has_default * form.size

@@ -16,14 +16,14 @@ from ap_core.param import ParamTable
 from mav_handlers.transfers.ftp_ports import Failure
 from mav_handlers.transfers.param_pck import (
     MAX_UPLOAD_BYTES,
+    PackedParam,
     PckQuery,
-    UploadedParam,
     build_param_pck,
     estimate_size,
     parse_param_pck_upload,
 )
 
-OnUpload = Callable[[Sequence[UploadedParam]], None]
+OnUpload = Callable[[Sequence[PackedParam]], None]
 
 _MAX_SEEK: Final = 0x7FFFFFFF
 _INVALID: Final = Failure(errno.EINVAL)

@@ -12,10 +12,11 @@ from pymavlink.mavftp import MAVFTP
 
 from ap_core.param import ParamGroup, ParamInfo, ParamTable, ParamType
 from mav_handlers.transfers.param_pck import (
+    PackedParam,
     PckQuery,
-    UploadedParam,
     build_param_pck,
     estimate_size,
+    parse_param_pck,
     parse_param_pck_upload,
     parse_query,
 )
@@ -245,13 +246,13 @@ class TestUpload:
             b"\x01\x80VISO_TYPE\x02" + b"\x04\x45SCALE" + struct.pack("<f", 0.5) + b"\x03\x00X" + struct.pack("<i", -9)
         )
         assert parse_param_pck_upload(self.upload(entries, 3)) == (
-            UploadedParam("VISO_TYPE", ParamType.INT8, 2),
-            UploadedParam("VISO_SCALE", ParamType.FLOAT, np.float32(0.5)),
-            UploadedParam("X", ParamType.INT32, -9),
+            PackedParam("VISO_TYPE", ParamType.INT8, 2),
+            PackedParam("VISO_SCALE", ParamType.FLOAT, np.float32(0.5)),
+            PackedParam("X", ParamType.INT32, -9),
         )
 
     def test_what_follows_the_last_parameter_is_passed_over(self) -> None:
-        assert parse_param_pck_upload(self.upload(b"\x01\x00A\x05rest", 1)) == (UploadedParam("A", ParamType.INT8, 5),)
+        assert parse_param_pck_upload(self.upload(b"\x01\x00A\x05rest", 1)) == (PackedParam("A", ParamType.INT8, 5),)
 
     def test_no_parameters_are_fine(self) -> None:
         assert parse_param_pck_upload(self.upload(b"", 0)) == ()
@@ -286,9 +287,38 @@ class TestUpload:
         data = bytearray(build_param_pck(table, read_size=1))
         data[4:6] = struct.pack("<H", len(data))
         uploaded = parse_param_pck_upload(bytes(data))
-        assert uploaded == tuple(UploadedParam(param.name, param.type, param.raw) for param in table)
+        assert uploaded == tuple(PackedParam(param.name, param.type, param.raw) for param in table)
 
     @given(st.binary(max_size=60), st.integers(0, 5))
     def test_any_bytes_are_read(self, entries: bytes, count: int) -> None:
         uploaded = parse_param_pck_upload(self.upload(entries, count))
         assert uploaded is None or len(uploaded) == count
+
+
+# A download, read back
+
+
+@given(tables(), st.integers(1, 239), st.booleans(), st.integers(0, 400))
+def test_download_is_read_as_far_as_it_goes(
+    table: ParamTable, read_size: int, with_defaults: bool, cut_off: int
+) -> None:
+    data = build_param_pck(table, read_size=read_size, with_defaults=with_defaults)
+    read = parse_param_pck(data)
+    assert read is not None
+    whole, total = read
+    assert total == table.count
+    assert [(one.name, one.type, one.value) for one in whole] == [(one.name, one.type, one.raw) for one in table]
+    begun = parse_param_pck(data[: max(6, len(data) - cut_off)])
+    assert begun is not None
+    assert begun[0] == whole[: len(begun[0])]
+
+
+@given(st.binary())
+def test_any_download_is_read(data: bytes) -> None:
+    parse_param_pck(data)
+    parse_param_pck(b"\x1c\x67\x09\x00\x09\x00" + data)
+
+
+def test_other_files_are_no_lists_of_parameters() -> None:
+    assert parse_param_pck(b"FORMAT_VERSION 120\n") is None
+    assert parse_param_pck(b"\x1b\x67") is None

@@ -16,7 +16,7 @@ from pymavlink.mavftp import FtpError as Code
 from ap_core.param import ParamGroup, ParamTable
 from ap_visualodom.var_info import VAR_INFO
 from mav_handlers.transfers.ftp import FtpPeer, FtpReply, FtpServer
-from mav_handlers.transfers.param_pck import UploadedParam, build_param_pck
+from mav_handlers.transfers.param_pck import PackedParam, build_param_pck
 from viso.parameters.table import make_groups
 from viso.vehicle.ftp.files import VehicleFiles
 
@@ -88,12 +88,12 @@ def params() -> ParamTable:
 
 
 @pytest.fixture
-def uploaded() -> list[UploadedParam]:
+def uploaded() -> list[PackedParam]:
     return []
 
 
 @pytest.fixture
-def vehicle(params: ParamTable, uploaded: list[UploadedParam], tmp_path: Path) -> Vehicle:
+def vehicle(params: ParamTable, uploaded: list[PackedParam], tmp_path: Path) -> Vehicle:
     logs = tmp_path / "vehicle"
     logs.mkdir()
     for number in range(1, 31):
@@ -195,9 +195,7 @@ def test_checksum_is_computed(client: Any) -> None:
     assert client.cmd_crc(["logs/00000030.BIN"]).error_code == Code.Success
 
 
-def test_parameters_are_uploaded(
-    client: Any, params: ParamTable, uploaded: list[UploadedParam], tmp_path: Path
-) -> None:
+def test_parameters_are_uploaded(client: Any, params: ParamTable, uploaded: list[PackedParam], tmp_path: Path) -> None:
     image = bytearray(build_param_pck(params, read_size=1))
     image[4:6] = len(image).to_bytes(2, "little")
     source = tmp_path / "upload.pck"

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from ap_core.param import ParamGroup, ParamInfo, ParamTable, ParamType
 from mav_handlers.transfers.ftp_ports import Entry, Failure, ReadableFile
-from mav_handlers.transfers.param_pck import PckQuery, UploadedParam, build_param_pck
+from mav_handlers.transfers.param_pck import PackedParam, PckQuery, build_param_pck
 from viso.vehicle.ftp.files import VehicleFiles
 from viso.vehicle.ftp.open_files import DiskFile, ParamPckFile
 
@@ -251,18 +251,18 @@ class TestWriting:
 
 class TestUpload:
     @pytest.fixture
-    def taken(self) -> list[UploadedParam]:
+    def taken(self) -> list[PackedParam]:
         return []
 
     @pytest.fixture
-    def writable(self, params: ParamTable, taken: list[UploadedParam]) -> VehicleFiles:
-        def take(uploaded: Sequence[UploadedParam]) -> None:
+    def writable(self, params: ParamTable, taken: list[PackedParam]) -> VehicleFiles:
+        def take(uploaded: Sequence[PackedParam]) -> None:
             taken.extend(uploaded)
 
         return VehicleFiles(params, on_upload=take)
 
     def test_parameters_are_handed_over_when_the_file_is_closed(
-        self, writable: VehicleFiles, taken: list[UploadedParam]
+        self, writable: VehicleFiles, taken: list[PackedParam]
     ) -> None:
         file = writable.open_write("@PARAM/param.pck", create=True)
         assert not isinstance(file, Failure)
@@ -271,9 +271,9 @@ class TestUpload:
         assert file.write(0, data[:6]) is None
         assert taken == []
         file.close()
-        assert taken == [UploadedParam("AB_000", ParamType.INT8, 7)]
+        assert taken == [PackedParam("AB_000", ParamType.INT8, 7)]
 
-    def test_malformed_upload_is_dropped(self, writable: VehicleFiles, taken: list[UploadedParam]) -> None:
+    def test_malformed_upload_is_dropped(self, writable: VehicleFiles, taken: list[PackedParam]) -> None:
         file = writable.open_write("/@PARAM/param.pck", create=False)
         assert not isinstance(file, Failure)
         file.write(0, b"nonsense")
