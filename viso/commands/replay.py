@@ -17,6 +17,7 @@ from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.errors import InputError
 from viso.files.text_files import write_text
+from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
 from viso.logs.single import single_log
 from viso.options.ahrs import (
@@ -28,7 +29,7 @@ from viso.options.ahrs import (
     ImuSeedOption,
     ahrs_maker,
 )
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings, needing_reboot, parse_assignments
@@ -36,6 +37,7 @@ from viso.replay import versus as versus_runs
 from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
+from viso.streams.heard import firmware_of_recording, params_of_recording
 from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_stream
 from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
@@ -85,7 +87,7 @@ def replay(
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
-    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+    firmware: RecordedFirmwareOption = None,
     versus: Annotated[
         str | None,
         typer.Option(help="Replay twice, as --firmware and as this one, and tell what differs.", metavar="PROFILE"),
@@ -136,14 +138,16 @@ def replay(
     """
     if not 0 <= lead <= 4e9:
         raise InputError(f"--lead {lead}: not a time in seconds")
-    profile = firmware_of(firmware)
+    chosen = None if firmware is None else firmware_of(firmware)
     other = None if versus is None else firmware_of(versus, "--versus")
     if other is not None and changed:
         raise InputError("--set and --versus: one comparison at a time")
     options = TrajectoryOptions(form, format_name, topic, times, axes, rate)
     stream = read_stream(stream_file, int(lead * 1e6), options)
+    profile = chosen or firmware_of_recording(stream)
     files = [*preset_files(preset), *(defaults or [])]
-    settings = {**stream.params, **load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)}
+    recorded = params_of_recording(stream)
+    settings = {**recorded, **load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)}
     assigned = parse_assignments(param or [], "--param", links=1, firmware=profile)
     changes = parse_assignments(changed or [], "--set", links=1, firmware=profile)
     uart_rate = (stream.baud if baud is None else baud) or None
@@ -160,9 +164,9 @@ def replay(
     elif other is not None:
         # Files are read anew, as the other firmware may call their parameters otherwise.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
-        runs.append(_Run({**stream.params, **loaded, **assigned}, replace(setup, firmware=other)))
+        runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
     outcomes = _run_all(stream, runs, log, records)
-    _note(stream, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
+    _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     if changes:
         _tell_changes(stream, changes, outcomes, as_json=as_json)
     elif other is not None:
@@ -211,8 +215,8 @@ def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Pa
     return outcomes
 
 
-def _note(stream: Stream, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
-    for note in stream.notes:
+def _note(stream: Stream, firmware: Firmware, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
+    for note in (*stream.notes, *notes_on(stream.flown, firmware)):
         err.print(f"note: {note}")
     unknown = outcome.unknown_params
     if unknown:

@@ -11,8 +11,9 @@ import typer
 from viso.errors import InputError, file_errors
 from viso.extras import installed_version, pip_install
 from viso.files.outputs import output_file, refuse_input
+from viso.firmware.flown import notes_on, profile_for
 from viso.firmware.releases import Firmware
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
 from viso.report.exports import csv_text, mcap_bytes, trajectories, tum_text
 from viso.report.facts import Facts, facts_of
@@ -48,7 +49,7 @@ def report(
     mcap: Annotated[
         Path | None, typer.Option(help="Write both trajectories here.", metavar="FILE.mcap"), Output.PLACE
     ] = None,
-    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+    firmware: RecordedFirmwareOption = None,
 ) -> None:
     """Tell what a log of a flight holds about external navigation, as a page with figures.
 
@@ -61,14 +62,14 @@ def report(
     """
     if output is None and all(one is None for one in (png, svg, tum, csv, mcap)):
         output = Path()
-    profile = firmware_of(firmware)
+    chosen = None if firmware is None else firmware_of(firmware)
     page = None if output is None else _page_path(output, log)
     if page is not None:
         refuse_input(page)
     wants_figures = page is not None or png is not None or svg is not None
     if wants_figures:
         _check_figures()
-    material, facts, summary = _read(log, profile)
+    material, facts, summary = _read(log, chosen)
     written_files = [_write(path, data) for path, data in _exports(material, tum, csv, mcap)]
     if wants_figures:
         written_files += _draw(material, facts, summary, page, png, svg)
@@ -86,9 +87,12 @@ def _page_path(output: Path, log: Path) -> Path:
     return output / (Path(stem).stem + ".html")
 
 
-def _read(log: Path, firmware: Firmware) -> tuple[Material, Facts, Summary]:
+def _read(log: Path, chosen: Firmware | None) -> tuple[Material, Facts, Summary]:
     with progress("reading", 100) as bar:
         material = read_material(log, lambda percent: bar.update(bar.task_ids[0], completed=int(percent)))
+    firmware = chosen or profile_for(material.flown, {one.name for one in material.parameters})
+    for note in notes_on(material.flown, firmware):
+        err.print(f"note: {log}: {note}")
     facts = facts_of(material, firmware)
     return material, facts, summarise(material, facts)
 

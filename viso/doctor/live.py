@@ -3,10 +3,12 @@
 """Listens to a link for a while, and returns what came as a stream."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
+from viso.streams.heard import version_heard
 from viso.streams.stream_kinds import Stream, StreamMessage
 
 LONGEST_WAIT_S: Final = 0.1
@@ -62,4 +64,5 @@ class LinkRecorder:
     def stream(self) -> Stream:
         """Return what has come so far."""
         notes = (f"{self._link.name}: {self._damaged} bytes that were no frames",) if self._damaged else ()
-        return Stream(self._link.name, tuple(self._messages), notes=notes)
+        stream = Stream(self._link.name, tuple(self._messages), notes=notes)
+        return replace(stream, flown=version_heard(stream))

@@ -13,6 +13,15 @@ FirmwareOption = Annotated[
     str, typer.Option("--firmware", help=f"The firmware to be: {', '.join(PROFILES)}.", metavar="PROFILE")
 ]
 DEFAULT_FIRMWARE = REFERENCE.name
+RecordedFirmwareOption = Annotated[
+    str | None,
+    typer.Option(
+        "--firmware",
+        help=f"The firmware to be: {', '.join(PROFILES)}; default that nearest to what flew in the recording, "
+        f"{DEFAULT_FIRMWARE} if that is not known.",
+        metavar="PROFILE",
+    ),
+]
 
 
 def firmware_of(name: str, option: str = "--firmware") -> Firmware:

@@ -19,6 +19,7 @@ from viso.doctor.measures.vehicle_data import vehicle_of_log
 from viso.doctor.measures.vehicle_position import position_in
 from viso.errors import InputError
 from viso.estimators.series import Array, Series, number_in, series_of
+from viso.firmware.flown import FlownVersion, version_in
 from viso.logs.event_names import ERR_EKF_PRIMARY, error_text, event_text
 from viso.logs.filter_records import filter_records_in, parameters_in, table_with
 from viso.logs.recorded import read_columns, read_kinds
@@ -111,6 +112,12 @@ class Material:
     def parameter(self, name: str) -> float | None:
         """Return the last value of a parameter; None if the log has none."""
         return next((one.value for one in reversed(self.parameters) if one.name == name), None)
+
+    @property
+    def flown(self) -> FlownVersion | None:
+        """The release that flew, by its own words; None if the log has none."""
+        versions = (version_in(one.text) for one in self.happenings if one.kind == "text")
+        return next((version for version in versions if version is not None), None)
 
     @property
     def vision(self) -> tuple[Series, Series, Series]:

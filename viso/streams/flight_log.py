@@ -6,11 +6,11 @@ The records hold the sender's stamp (RTimeUS), the time of handling (TimeUS) and
 the replayed stream has the timing of the flight.
 """
 
-import re
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -26,7 +26,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError
-from viso.firmware.releases import REFERENCE
+from viso.firmware.flown import FlownVersion, version_in
 from viso.logs.record_fields import RecordError, numbers, text, whole
 from viso.logs.recorded import read_columns, read_kinds
 from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
@@ -40,12 +40,12 @@ _UNEXPLAINED_US: Final = 5000
 _GROUND_STATION: Final = (255, 190)
 _MAV_PARAM_TYPE_REAL32: Final = 9
 _LARGEST_PARAMETER: Final = 3.4e38  # of binary32
-_BANNER: Final = re.compile(r"(?:Ardu|Blimp|Rover)\w* V\S+")
 _ALIGNED: Final = "VisOdom: yaw shifted"
-# Labels of earlier firmware: 4.1 to 4.4, and 4.0.
+# Labels of earlier firmware, 3.6 to 4.5.
 _OLD_LABELS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {"R": ("Roll",), "P": ("Pitch",), "Y": ("Yaw",), "Rst": ("RstCnt",)}
+    {"R": ("Roll",), "P": ("Pitch",), "Y": ("Yaw",), "Rst": ("RstCnt", "ResetCnt"), "RTimeUS": ("RemTimeUS",)}
 )
+_CORRECTED: Final = "CTimeMS"  # firmware of 3.6 does not log it, and logs angles in rad
 # Others are counters and calibrations that the autopilot writes itself.
 _FOLLOWED: Final = ("VISO_", "EK3_")
 _MAX_STAMP: Final = (1 << 64) - 1
@@ -75,7 +75,7 @@ class _LogContent:
     def __init__(self, lost: tuple[Lost, ...]) -> None:
         self.params: dict[str, float] = {}
         self.events: list[_Event] = []
-        self.banner: str | None = None
+        self.flown: FlownVersion | None = None
         self.texts_of_alignment = 0
         self.lost = lost
         self.numbers: Counter[str] = Counter()
@@ -87,7 +87,13 @@ class _LogContent:
             "VISO": self._take_viso,
             "PARM": self._take_parm,
             "MSG": self._take_msg,
+            "VER": self._take_ver,
         }
+
+    @property
+    def has_vision(self) -> bool:
+        """Whether there is any record of external navigation."""
+        return any(isinstance(event, PoseRecord | VelocityRecord | DeltaRecord) for event in self.events)
 
     @property
     def kinds(self) -> list[str]:
@@ -109,15 +115,17 @@ class _LogContent:
         self._latest_us = max(self._latest_us, time_us)
 
     def _take_visp(self, record: Any) -> None:
-        position, rpy_deg = _three(record, "PX", "PY", "PZ"), _three(record, *(_label(record, name) for name in "RPY"))
-        pos_err, ang_err = numbers(record, "PErr", "AErr")
-        resets = _within(record, _label(record, "Rst"), 0, 255)
-        self.events.append(PoseRecord(*_times(record), position, rpy_deg, pos_err, ang_err, resets, _quality(record)))
+        position, angles = _three(record, "PX", "PY", "PZ"), _three(record, *(_label(record, name) for name in "RPY"))
+        roll, pitch, yaw = angles if hasattr(record, _CORRECTED) else map(math.degrees, angles)
+        # Firmware before 4.1 has no errors to log.
+        pos_err, ang_err = numbers(record, "PErr", "AErr") if hasattr(record, "PErr") else (0.0, 0.0)
+        quality = _quality(record)
+        times, rpy_deg, resets = _times(record), (roll, pitch, yaw), _resets(record)
+        self.events.append(PoseRecord(*times, position, rpy_deg, pos_err, ang_err, resets, quality))
 
     def _take_visv(self, record: Any) -> None:
-        resets = _within(record, _label(record, "Rst"), 0, 255)
         velocity = _three(record, "VX", "VY", "VZ")
-        self.events.append(VelocityRecord(*_times(record), velocity, resets, _quality(record)))
+        self.events.append(VelocityRecord(*_times(record), velocity, _resets(record), _quality(record)))
 
     def _take_viso(self, record: Any) -> None:
         angle, position = (_three(record, *(f"{what}D{axis}" for axis in "XYZ")) for what in ("Ang", "Pos"))
@@ -138,11 +146,14 @@ class _LogContent:
 
     def _take_msg(self, record: Any) -> None:
         said = text(record, "Message")
-        if self.banner is None and _BANNER.match(said):
-            self.banner = said
+        self.flown = self.flown or version_in(said)
         if said.startswith(_ALIGNED):
             self.texts_of_alignment += 1
             self.events.append(_Aligned())
+
+    def _take_ver(self, record: Any) -> None:
+        said = getattr(record, "FWS", None)
+        self.flown = self.flown or (version_in(said) if isinstance(said, str) else None)
 
 
 def _label(record: Any, name: str) -> str:
@@ -157,8 +168,15 @@ def _within(record: Any, label: str, low: int, high: int) -> int:
 
 
 def _times(record: Any) -> tuple[int, int, int]:
-    time_us, remote_us = (_within(record, label, 0, _MAX_STAMP) for label in ("TimeUS", "RTimeUS"))
-    return time_us, remote_us, _within(record, "CTimeMS", 0, _MAX_MS)
+    time_us, remote_us = (_within(record, _label(record, name), 0, _MAX_STAMP) for name in ("TimeUS", "RTimeUS"))
+    corrected_ms = _within(record, _CORRECTED, 0, _MAX_MS) if hasattr(record, _CORRECTED) else time_us // 1000
+    return time_us, remote_us, corrected_ms
+
+
+def _resets(record: Any) -> int:
+    # Firmware up to 4.0 knows none.
+    label = _label(record, "Rst")
+    return _within(record, label, 0, 255) if hasattr(record, label) else 0
 
 
 def _three(record: Any, *labels: str) -> Three:
@@ -171,7 +189,7 @@ def _quality(record: Any) -> int:
     return _within(record, "Q", -128, 127) if hasattr(record, "Q") else 0
 
 
-def _read(path: Path) -> _LogContent:
+def _read(path: Path, *, may_be_empty: bool) -> _LogContent:
     columns = read_columns(path)
     content = _LogContent(columns.lost)
 
@@ -184,20 +202,20 @@ def _read(path: Path) -> _LogContent:
                 raise InputError(f"{path}: {kind} record {content.numbers[kind]}: {error}") from error
 
     read_kinds(path, columns, content.kinds, collect)
-    if not any(isinstance(event, PoseRecord | VelocityRecord | DeltaRecord) for event in content.events):
+    if not may_be_empty and not content.has_vision:
         raise InputError(f"{path}: no VISP, VISV or VISO records: VISO_TYPE was 0, or no external navigation came")
     return content
 
 
-def read_flight_log(path: Path) -> Stream:
-    """Read the external navigation of a DataFlash log (.BIN, .BIN.xz).
+def read_flight_log(path: Path, *, may_be_empty: bool = False) -> Stream:
+    """Read the external navigation of a DataFlash log (.BIN, .BIN.xz), and its parameters.
 
     VISP and VISV of one moment become an ODOMETRY, unless the log shows that they came apart; a VISP alone becomes a
     VISION_POSITION_ESTIMATE, a VISV alone a VISION_SPEED_ESTIMATE, a VISO a VISION_POSITION_DELTA. A parameter of VISO_
     or EK3_ that changed becomes a PARAM_SET. Raises InputError that names the file, and the record where that is to
-    blame.
+    blame; also if there is no external navigation, unless it ``may_be_empty``.
     """
-    content = _read(path)
+    content = _read(path, may_be_empty=may_be_empty)
     apart = _came_apart(content.events)
     messages: list[StreamMessage] = []
     sent: Counter[str] = Counter()
@@ -218,6 +236,7 @@ def read_flight_log(path: Path) -> Stream:
         shared_arrival=True,
         notes=notes,
         lacks=frozenset({Aspect.LINK}),
+        flown=content.flown,
     )
 
 
@@ -253,7 +272,7 @@ def _rebuilt(content: _LogContent, *, together: bool) -> Iterator[tuple[int, Mes
     rebuilder.aligned = not content.texts_of_alignment
     events = content.events
     skip = False
-    for event, following in zip(events, [*events[1:], None], strict=True):
+    for event, following in zip_longest(events, events[1:]):
         if skip:
             skip = False
         elif isinstance(event, _Aligned):
@@ -314,6 +333,8 @@ def _notes(content: _LogContent, sent: Counter[str], baud: int | None, *, apart:
         reasons = ", ".join(sorted({lost.reason for lost in content.lost}))
         size = sum(lost.size for lost in content.lost)
         yield f"damaged: {size} bytes in {len(content.lost)} places are in no record ({reasons})"
+    if not content.has_vision:
+        return
     yield f"rebuilt from records: {counts}; what left no record (dropped messages, commands, the origin) is not there"
     if sent[ODOMETRY.__name__]:
         yield "each VISP with its VISV is taken for an ODOMETRY in the accepted frames"
@@ -329,5 +350,3 @@ def _notes(content: _LogContent, sent: Counter[str], baud: int | None, *, apart:
             "--param VISO_TYPE=1 they are taken as logged"
         )
     yield f"transport time as of {'a link that takes none' if baud is None else f'{baud} baud'} (--baud sets another)"
-    if content.banner is not None and not content.banner.startswith(REFERENCE.version_text):
-        yield f"the log is of {content.banner}, what follows of {REFERENCE.version_text}"

@@ -11,11 +11,10 @@ from dataclasses import replace
 from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
-from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, Message
+from mav_handlers.wire.messages import Message
+from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, is_autopilot, params_heard
 from viso.streams.stream import Stream, StreamMessage, received_in
 
-MAV_COMP_ID_AUTOPILOT1: Final = 1
-MAV_AUTOPILOT_INVALID: Final = 8
 LEAST_STEP_BACK_MS: Final = 2_000
 """Datagrams may overtake each other, by less."""
 _WRAP_MS: Final = 1 << 31
@@ -28,16 +27,11 @@ def _messages(stream: Stream) -> Iterator[tuple[int, int, int, Message | None]]:
         yield number, received.header.system_id, received.header.component_id, received.message
 
 
-def _is_autopilot(component_id: int, message: Message | None) -> bool:
-    is_beat = isinstance(message, HEARTBEAT) and message.autopilot != MAV_AUTOPILOT_INVALID
-    return is_beat and component_id == MAV_COMP_ID_AUTOPILOT1
-
-
-def _starts(stream: Stream) -> tuple[list[int], int | None]:
-    """Return where sessions begin, behind the last message with a time of the one before; and whose times they are."""
+def _starts(stream: Stream) -> list[int]:
+    """Return where sessions begin, behind the last message with a time of the one before."""
     system_id, starts, latest_ms, behind = None, [0], -1, 0
     for number, sender, component_id, message in _messages(stream):
-        if system_id is None and _is_autopilot(component_id, message):
+        if system_id is None and is_autopilot(component_id, message):
             system_id = sender
         boot_ms = getattr(message, "time_boot_ms", None)
         if (sender, component_id) != (system_id, MAV_COMP_ID_AUTOPILOT1) or not isinstance(boot_ms, int):
@@ -47,22 +41,16 @@ def _starts(stream: Stream) -> tuple[list[int], int | None]:
             latest_ms = boot_ms
         latest_ms = max(latest_ms, boot_ms) if latest_ms - boot_ms < _WRAP_MS else boot_ms
         behind = number + 1
-    return starts, system_id
+    return starts
 
 
-def _all_params(stream: Stream, end: int, system_id: int | None) -> dict[str, float]:
+def _all_params(stream: Stream, end: int) -> dict[str, float]:
     """Return what the autopilot's parameters were at a message, if the whole list was heard before; else nothing."""
-    heard, total = {}, 0
-    for number, sender, component_id, message in _messages(stream):
-        if number >= end:
-            break
-        if isinstance(message, PARAM_VALUE) and (sender, component_id) == (system_id, MAV_COMP_ID_AUTOPILOT1):
-            heard[message.param_id] = float(message.param_value)
-            total = max(total, message.param_count)
-    return heard if 0 < total <= len(heard) else {}
+    heard = params_heard(stream, end)
+    return {one.name: one.value for one in heard.values} if heard.has_all else {}
 
 
-def _part(stream: Stream, start: int, end: int, system_id: int | None) -> Stream:
+def _part(stream: Stream, start: int, end: int) -> Stream:
     first_us = next((one.arrival_us for one in stream.messages if one.arrival_us is not None), 0)
     begins_us = next((one.arrival_us for one in stream.messages[start:end] if one.arrival_us is not None), first_us)
     by_us = begins_us - first_us
@@ -70,17 +58,17 @@ def _part(stream: Stream, start: int, end: int, system_id: int | None) -> Stream
         StreamMessage(None if one.arrival_us is None else one.arrival_us - by_us, one.frame)
         for one in stream.messages[start:end]
     )
-    params = stream.params or (_all_params(stream, start, system_id) if start else {})
+    params = stream.params or (_all_params(stream, start) if start else {})
     return replace(stream, messages=messages, params=params)
 
 
 def sessions_of(stream: Stream) -> tuple[Stream, ...]:
     """Return a stream's parts between reboots of the autopilot in it, each as if it were a recording of its own."""
-    starts, system_id = _starts(stream)
+    starts = _starts(stream)
     if len(starts) == 1:
         return (stream,)
     ends = [*starts[1:], len(stream.messages)]
-    return tuple(_part(stream, start, end, system_id) for start, end in zip(starts, ends, strict=True))
+    return tuple(_part(stream, start, end) for start, end in zip(starts, ends, strict=True))
 
 
 def vision_count(stream: Stream) -> int:

@@ -36,6 +36,7 @@ __all__ = [
 ]
 
 TRAJECTORY: Final = "trajectory"
+DATAFLASH_LOG: Final = "DataFlash log"
 _AS_A_TRAJECTORY: Final = TrajectoryOptions()
 
 
@@ -66,10 +67,10 @@ STREAM_KINDS: Final[Mapping[str, StreamKind]] = MappingProxyType(
         "telemetry log": StreamKind(
             (".tlog", ".tlog.gz"),
             "frames with the time of day, from a ground station or `viso play`",
-            "",
+            "PARAM_VALUE, and `@PARAM/param.pck` by MAVLink FTP",
             lambda path, lead_us, _options: read_telemetry_log(path, lead_us),
         ),
-        "DataFlash log": StreamKind(
+        DATAFLASH_LOG: StreamKind(
             (".bin", ".bin.xz"),
             "the autopilot's own log: messages are rebuilt from VISP, VISV and VISO",
             "PARM",
@@ -134,8 +135,12 @@ def read_whole_stream(
 ) -> Stream:
     """Read a recorded stream with all its faults; see ``read_stream``, and ``read_as_recorded`` for trajectories.
 
-    Raises InputError if the kind is unknown or the file cannot be read.
+    A log without external navigation is read as well: its parameters may tell why it has none. Raises InputError if the
+    kind is unknown or the file cannot be read.
     """
-    if kind_of(path, options if form is None else replace(options, form=form)) == TRAJECTORY:
+    kind = kind_of(path, options if form is None else replace(options, form=form))
+    if kind == TRAJECTORY:
         return read_as_recorded(path, lead_us, options, form)
+    if kind == DATAFLASH_LOG:
+        return read_flight_log(path, may_be_empty=True)
     return read_stream(path, lead_us, options)

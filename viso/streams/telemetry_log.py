@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Telemetry logs: what went over a link, stamped by who wrote it down."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from mav_handlers.links.tlog import TlogError, read_tlog
 from viso.errors import InputError, told_errors
+from viso.streams.heard import version_heard
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
 
@@ -30,4 +32,5 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
         notes.append(f"{path}: {reader.skipped_bytes} damaged bytes passed over")
     if reader.truncated:
         notes.append(f"{path}: the last entry is cut short")
-    return Stream(path.stem, tuple(messages), notes=tuple(notes))
+    stream = Stream(path.stem, tuple(messages), notes=tuple(notes))
+    return replace(stream, flown=version_heard(stream))

@@ -10,17 +10,16 @@ from typing import Final
 import numpy as np
 
 from mav_handlers.wire.codec import Codec, Header, Received
-from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
+from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, STATUSTEXT, Message
 from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.own_telemetry import FilterListener
 from viso.doctor.measures.tracks import Floats, Ints
 from viso.doctor.measures.vehicle_position import PositionListener, PositionSeries, sources_of
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
+from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
 from viso.streams.stream_kinds import Stream
 
-MAV_COMP_ID_AUTOPILOT1: Final = 1
-MAV_AUTOPILOT_INVALID: Final = 8
 _LOG_ENDINGS: Final = (".bin", ".bin.xz")
 
 
@@ -104,36 +103,33 @@ class _Listener:
         self.system_id: int | None = None
         self._attitudes: dict[int, list[tuple[int, int, float, float, float]]] = {}
         self._heights: dict[int, list[tuple[int, float]]] = {}
-        self._params: dict[int, list[tuple[int, PARAM_VALUE]]] = {}
+        self._params: dict[int, ParamListener] = {}
         self._texts: dict[int, list[tuple[int, int, str]]] = {}
         self._positions: dict[int, PositionListener] = {}
         self._filters: dict[int, FilterListener] = {}
 
     def take(self, time_us: int, header: Header, message: Message | None) -> None:
+        sender = header.system_id
+        self._params.setdefault(sender, ParamListener()).take(time_us, header.component_id, message)
         if header.component_id != MAV_COMP_ID_AUTOPILOT1:
             return
-        sender = header.system_id
         self._positions.setdefault(sender, PositionListener()).take(time_us, message)
         self._filters.setdefault(sender, FilterListener()).take(time_us, message)
-        if isinstance(message, HEARTBEAT):
-            if self.system_id is None and message.autopilot != MAV_AUTOPILOT_INVALID:
-                self.system_id = sender
+        if self.system_id is None and is_autopilot(header.component_id, message):
+            self.system_id = sender
         elif isinstance(message, ATTITUDE):
             angles = message.roll, message.pitch, message.yaw
             self._attitudes.setdefault(sender, []).append((time_us, message.time_boot_ms * 1000, *angles))
         elif isinstance(message, GLOBAL_POSITION_INT):
             self._heights.setdefault(sender, []).append((time_us, -1e-3 * message.relative_alt))
-        elif isinstance(message, PARAM_VALUE):
-            self._params.setdefault(sender, []).append((time_us, message))
         elif isinstance(message, STATUSTEXT):
             self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
 
     def told(self) -> VehicleData:
         if self.system_id is None:
             return VehicleData()
-        heard = self._params.get(self.system_id, [])
+        heard = self._params[self.system_id].told()
         first, changes = _values(heard)
-        total = max((value.param_count for _, value in heard), default=0)
         texts = tuple(self._texts.get(self.system_id, []))
         new_values = [(change.time_us, change.name, change.new) for change in changes]
         return VehicleData(
@@ -143,7 +139,7 @@ class _Listener:
             first,
             changes,
             texts,
-            has_all_params=0 < total <= len(first),
+            has_all_params=heard.has_all,
             position=self._positions[self.system_id].told(
                 sources_of((*first.items(), *((change.name, change.new) for change in changes)))
             ),
@@ -153,12 +149,11 @@ class _Listener:
         )
 
 
-def _values(heard: list[tuple[int, PARAM_VALUE]]) -> tuple[dict[str, float], tuple[ParamChange, ...]]:
+def _values(heard: HeardParams) -> tuple[dict[str, float], tuple[ParamChange, ...]]:
     first: dict[str, float] = {}
     last: dict[str, float] = {}
     changes = []
-    for time_us, value in heard:
-        name, number = value.param_id, float(value.param_value)
+    for time_us, name, number in heard.values:
         if not np.isfinite(number):
             continue
         if name in last and last[name] != number:

@@ -13,6 +13,8 @@ import pytest
 
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.conftest import odometry
+from tests.unit.viso.doctor.vehicles import MAVPROXY, READY, beats, listed, recorded
 from viso.logs.single import single_log
 from viso.options.settings import needing_reboot
 from viso.replay.run import ReplaySetup, run_replay
@@ -133,6 +135,14 @@ def test_option_that_cannot_be_used_is_one_line(viso: Viso, args: list[str], lin
 def test_options_of_trajectories_are_refused_for_logs(viso: Viso) -> None:
     line = f"{LOG}: --as, --format, --topic, --times, --axes and --rate are for trajectories"
     assert failed_with(viso("replay", LOG, "--rate", "30"), line)
+
+
+def test_telemetry_log_is_replayed_with_the_parameters_and_as_the_release_in_it(viso: Viso, tmp_path: Path) -> None:
+    said = [(197, odometry(1 + number * 40_000)) for number in range(3)]
+    recorded(tmp_path, beats(banner="ArduCopter V4.5.7"), listed(READY, MAVPROXY), said)
+    outcome = viso("replay", "made.tlog", "--lead", "3", "--json")
+    assert outcomes(json.loads(outcome.out)["verdicts"])["ODOMETRY", "accepted"] == 3
+    assert "note: the recording is of ArduCopter V4.5.7, and judged as ArduCopter V4.6.3" in outcome.err
 
 
 def test_profile_of_the_firmware_may_be_named(viso: Viso) -> None:

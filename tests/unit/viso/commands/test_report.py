@@ -10,6 +10,7 @@ import pytest
 
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.doctor.vehicles import SOURCES, logged
 from tests.unit.viso.report.log_maker import LogMaker, flight
 from viso.commands import report as report_command
 from viso.report import figures
@@ -46,6 +47,13 @@ def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path)
     assert (outcome.code, outcome.err) == (0, "")
     assert outcome.out.splitlines()[0] == "LOOK: The log holds no external navigation: no VISP, VISV or VISO record."
     assert "No VISP: position and attitude of vision." in (tmp_path / "quiet.html").read_text(encoding="utf-8")
+
+
+def test_defaults_are_those_of_the_release_that_flew(viso: Viso, tmp_path: Path) -> None:
+    outcome = viso("report", logged(tmp_path, SOURCES, "ArduSub V4.5.6"), "--csv", "a.csv")
+    assert outcome.code == 0
+    assert "judged as ArduCopter V4.6.3 (--firmware 4.6)" in outcome.err
+    assert "the vehicle is a Sub" in outcome.err
 
 
 @pytest.mark.slow

@@ -28,6 +28,7 @@ from mav_handlers.wire.messages import (
 from tests.places import DATA
 from tests.unit.viso.conftest import odometry
 from viso.errors import InputError
+from viso.firmware.flown import FlownVersion
 from viso.logs.recorded import read_log, read_recorded_states
 from viso.logs.sink import MemoryLog
 from viso.replay.feed import Replay
@@ -266,6 +267,30 @@ OLDEST_VISP = LogStructure(
 )
 
 
+VISP_OF_4_0 = LogStructure(
+    168,
+    "VISP",
+    "QQIffffffb",
+    "TimeUS,RemTimeUS,CTimeMS,PX,PY,PZ,Roll,Pitch,Yaw,ResetCnt",
+    "sssmmmddh-",
+    "FFC000000-",
+)
+VISP_OF_3_6 = LogStructure(168, "VISP", "QQffffff", "TimeUS,RemTimeUS,PX,PY,PZ,Roll,Pitch,Yaw", "ssmmmrrr", "FF000000")
+
+
+def test_records_of_4_0_have_no_errors(tmp_path: Path) -> None:
+    values = (START_US, 7, 2999, 1.0, 2.0, 3.0, 0.0, 0.0, 90.0, 4)
+    (message,) = messages_of(read_stream(written(tmp_path, (VISP_OF_4_0, values)), 0))
+    assert (message.usec, message.yaw, message.reset_counter) == (7, pytest.approx(math.pi / 2), 4)
+    assert math.isnan(message.covariance[0])
+
+
+def test_records_of_3_6_are_in_rad(tmp_path: Path) -> None:
+    values = (START_US, 7, 1.0, 2.0, 3.0, 0.0, 0.1, 0.5)
+    (message,) = messages_of(read_stream(written(tmp_path, (VISP_OF_3_6, values)), 0))
+    assert (message.x, message.pitch, message.yaw) == (1.0, pytest.approx(0.1), pytest.approx(0.5))
+
+
 @pytest.mark.parametrize("layout", [OLD_VISP, OLDEST_VISP])
 def test_records_of_earlier_firmware_are_read(tmp_path: Path, layout: LogStructure) -> None:
     values = (START_US, 7, 2999, 1.0, 2.0, 3.0, 0.0, 0.0, 90.0, 0.5, 0.3, 4, 0)[: len(layout.fields)]
@@ -273,9 +298,15 @@ def test_records_of_earlier_firmware_are_read(tmp_path: Path, layout: LogStructu
     stream = read_stream(log, 0)
     (message,) = messages_of(stream)
     assert (message.x, message.yaw, message.reset_counter) == (1.0, pytest.approx(math.pi / 2), 4)
-    assert stream.notes[-1].endswith(
-        "the log is of ArduCopter V4.4.4 (f7d6b2a1), what follows of ArduCopter V4.7.0-dev"
-    )
+    assert stream.flown == FlownVersion("ArduCopter V4.4.4 (f7d6b2a1)", "Copter", 4, 4, "f7d6b2a1")
+
+
+def test_version_record_does_where_no_text_is(tmp_path: Path) -> None:
+    layout = LogStructure(200, "VER", "QZ", "TimeUS,FWS", "s-", "F-")
+    log = written(tmp_path, (layout, (1000, "ArduSub V4.5.6 (11223344)")), visp(START_US))
+    flown = read_stream(log, 0).flown
+    assert flown is not None
+    assert (flown.vehicle, flown.major, flown.minor) == ("Sub", 4, 5)
 
 
 def test_notes_tell_what_is_not_known(tmp_path: Path) -> None:
