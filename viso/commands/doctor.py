@@ -27,10 +27,12 @@ from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
 from viso.logs.recorded import read_columns
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.firmware import RecordedFirmwareOption, firmware_of
+from viso.options.outputs import Output
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import load_settings
+from viso.options.settings import load_settings, read_assignment
+from viso.streams.heard import firmware_of_recording
 from viso.streams.recorded_poses import FORMS_AS_RECORDED
 from viso.streams.sessions import one_session
 from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_whole_stream
@@ -66,7 +68,7 @@ def doctor(
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
     allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
-    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+    firmware: RecordedFirmwareOption = None,
     attitude: Annotated[
         Path | None, typer.Option(help="Take the vehicle's own attitude from this log (.BIN, .BIN.xz).", metavar="LOG")
     ] = None,
@@ -122,9 +124,10 @@ def doctor(
         raise InputError(f"--seconds {seconds:g}: not between 0 and a day")
     if not math.isfinite(heading):
         raise InputError(f"--heading {heading}: not an angle in degrees")
+    chosen = None if firmware is None else firmware_of(firmware)
     files = [*preset_files(preset), *(defaults or [])]
-    profile = firmware_of(firmware)
-    params = load_settings(files, param or [], links=1, allow_unknown=allow_unknown, firmware=profile)
+    for text in param or []:
+        read_assignment(text)
     trajectory = TrajectoryOptions(format_name=format_name, topic=topic, times=times, axes=axes)
     if _is_link(source):
         stream = _listen(source, seconds, int(lead * 1e6))
@@ -134,11 +137,13 @@ def doctor(
         stream = one_session(stream, session)
     except ValueError as error:
         raise InputError(f"--session {session}: {error}") from error
+    profile = chosen or firmware_of_recording(stream)
+    params = load_settings(files, param or [], links=1, allow_unknown=allow_unknown, firmware=profile)
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
     heading_rad = math.remainder(math.radians(heading), 2 * math.pi)
-    options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=profile)
+    options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=chosen)
     evidence = _examine(stream, _with_log(options, attitude, Path(source)))
     rules = all_rules()
     findings = diagnose(evidence, rules)

@@ -3,7 +3,7 @@
 """All that the rules may look at."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
@@ -17,6 +17,7 @@ from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, Para
 from viso.doctor.measures.vehicle_position import EXTNAV
 from viso.doctor.witness import Witness
 from viso.fates.watch import AidingSpan, Innovations
+from viso.firmware.flown import FlownVersion
 from viso.firmware.releases import Firmware
 from viso.streams.stream_kinds import Aspect
 
@@ -61,6 +62,10 @@ class Evidence:
         paths: what the vehicle's own path says about the stream's positions.
         own_filter: what the filter of the vehicle that really flew said; None if no such vehicle is heard.
         is_as_flown: whether the parameters are those that it flew with, as far as they are told.
+        kinds: how many messages there are by name, the damaged by the name that they claim.
+        told: parameters that the recording or the user told.
+        tells_all: whether a parameter that was not told is one that the vehicle does not have.
+        flown: the release that flew, if the recording tells.
     """
 
     name: str
@@ -87,6 +92,10 @@ class Evidence:
     paths: tuple[PathComparison, ...] = ()
     own_filter: OwnFilter | None = None
     is_as_flown: bool = True
+    kinds: Mapping[str, int] = field(default_factory=dict)
+    told: Mapping[str, float] = field(default_factory=dict)
+    tells_all: bool = True
+    flown: FlownVersion | None = None
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""
@@ -115,6 +124,35 @@ class Evidence:
     def viso_type(self) -> int:
         """VISO_TYPE at boot."""
         return int(self.param("VISO_TYPE"))
+
+    @property
+    def has_sensor(self) -> bool | None:
+        """Whether SYS_STATUS named a sensor of external navigation; None if there was none."""
+        sensor = None if self.own_filter is None else self.own_filter.vision
+        return None if sensor is None else bool(sensor.present.any())
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """What asks for external navigation in the set-up of the vehicle, messages apart: names with their values."""
+        found = [f"VISO_TYPE {self.viso_type}"] if self.viso_type else []
+        found += [
+            f"EK3_SRC{number}_{name} {EXTNAV}"
+            for number in (1, 2, 3)
+            for name in SOURCE_NAMES
+            if self.source(name, number) == EXTNAV
+        ]
+        return tuple(found) or (("the sensor in SYS_STATUS",) if self.has_sensor else ())
+
+    @property
+    def is_off(self) -> bool:
+        """Whether VISO_TYPE is known to be 0, or not to be there."""
+        is_known = self.has_sensor is False or self.tells_all or "VISO_TYPE" in self.told
+        return is_known and not self.viso_type and not self.has_sensor
+
+    @property
+    def is_concerned(self) -> bool:
+        """Whether external navigation comes or is asked for, so that what stands against it matters."""
+        return bool(self.vision or self.asks)
 
     @property
     def has_compass(self) -> bool:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tries a stream on the autopilot in virtual time, and keeps all that the rules want to know."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -11,7 +12,8 @@ import numpy as np
 from ap_visualodom.verdicts import CONSUMED
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
-from viso.doctor.evidence import Assumed, Evidence, vision_of
+from mav_handlers.wire.codec import message_name
+from viso.doctor.evidence import Evidence, vision_of
 from viso.doctor.measures.compare import Comparison, compare
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
@@ -20,14 +22,16 @@ from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
 from viso.doctor.measures.vehicle_position import PositionSeries
-from viso.doctor.trial_parameters import settle
+from viso.doctor.trial_parameters import Settled, settle
 from viso.errors import InputError
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.flown import notes_on
+from viso.firmware.releases import Firmware
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
-from viso.streams.stream import received_in, timed_frames
+from viso.streams.heard import firmware_of_recording
+from viso.streams.stream import message_id_of, received_in, timed_frames
 from viso.streams.stream_kinds import Aspect, Stream
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -45,7 +49,7 @@ class GatherOptions:
         baud: rate of the link's transport-time model; None for a link without delay.
         attitude, height, position, own_filter: the vehicle's, where something else than the stream tells it.
         heading_rad: where the vehicle points at first, if its attitude is not known.
-        firmware: which release to try it on.
+        firmware: which release to try it on; None for the one that is nearest to what flew.
         is_tried: whether it is tried at all; else every message counts as accepted, and no filter is asked.
     """
 
@@ -56,7 +60,7 @@ class GatherOptions:
     position: PositionSeries | None = None
     own_filter: OwnFilter | None = None
     heading_rad: float = 0.0
-    firmware: Firmware = REFERENCE
+    firmware: Firmware | None = None
     is_tried: bool = True
 
 
@@ -74,18 +78,17 @@ class _Outcome:
 class _Trial:
     """A vehicle that follows a stream, and what it said and did."""
 
-    def __init__(self, stream: Stream, params: Mapping[str, float], heading_rad: float, options: GatherOptions) -> None:
+    def __init__(
+        self, stream: Stream, params: Mapping[str, float], heading_rad: float, firmware: Firmware, baud: int | None
+    ) -> None:
         make_ahrs = by_ekf3(FollowSource, ImuOptions(heading_rad=heading_rad))
-        try:
-            self.vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, firmware=options.firmware))
-        except ValueError as error:
-            raise InputError(f"{stream.name}: {error}") from error
+        self.vehicle = _vehicle(stream, VehicleConfig(make_ahrs, defaults=params, firmware=firmware))
         self.params = _params_of(self.vehicle)
         self.watch = FilterWatch(self.vehicle)
         self.texts: list[tuple[int, int, str]] = []
         self._events: list[MessageEvent] = []
         self.vehicle.texts.on_text.append(self._take_text)
-        self._replay = Replay(self.vehicle, stream, options.baud, self.watch)
+        self._replay = Replay(self.vehicle, stream, baud, self.watch)
         self._tell_replay = self.vehicle.endpoint.on_event
         self.vehicle.endpoint.on_event = self._take_event
 
@@ -108,6 +111,13 @@ class _Trial:
         return _Outcome(messages, self.params, tuple(self.texts), aiding, innovations)
 
 
+def _vehicle(stream: Stream, config: VehicleConfig) -> Vehicle:
+    try:
+        return Vehicle(config)
+    except ValueError as error:
+        raise InputError(f"{stream.name}: {error}") from error
+
+
 def _params_of(vehicle: Vehicle) -> dict[str, float]:
     return {slot.name: float(slot.value) for group in vehicle.params.groups for slot in group.slots}
 
@@ -122,8 +132,8 @@ def _untried(stream: Stream, params: Mapping[str, float], firmware: Firmware) ->
         messages.append(
             SeenMessage(len(messages) + 1, times_us[place], *ids, received.message, header.frame, CONSUMED, (), ())
         )
-    defaults = _params_of(Vehicle(VehicleConfig(firmware=firmware)))
-    return _Outcome(tuple(messages), {**defaults, **params})
+    vehicle = _vehicle(stream, VehicleConfig(defaults=params, firmware=firmware))
+    return _Outcome(tuple(messages), _params_of(vehicle))
 
 
 def _seen(number: int, event: MessageEvent, message: ReplayedMessage) -> SeenMessage:
@@ -149,6 +159,8 @@ def gather(
 ) -> Evidence:
     """Try a stream on a vehicle that moves as it says, and return what came of it.
 
+    A stream without external navigation is not tried: what the vehicle in it said is all that there is.
+
     Args:
         stream: what is sent, and perhaps what the autopilot said meanwhile.
         options: how to try it.
@@ -160,15 +172,20 @@ def gather(
     options = options or GatherOptions()
     told = listen(stream)
     attitude = told.attitude if options.attitude is None else options.attitude
-    names = {received.header.name for _, received in received_in(stream)}
-    params, assumed = settle(stream, told, options.params, names & _NAMES, options.firmware)
+    kinds = Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
+    names = told.vision | (kinds.keys() & _NAMES)
+    firmware = options.firmware or firmware_of_recording(stream)
+    flown = stream.flown if options.firmware is None else None
+    settled = settle(stream, told, options.params, names, firmware, flown)
     heading_rad = options.heading_rad if attitude is None else float(attitude.euler_rad[0, 2])
-    if options.is_tried:
-        outcome = _Trial(stream, params, heading_rad, options).run(on_progress)
+    if options.is_tried and names:
+        outcome = _Trial(stream, settled.params, heading_rad, firmware, options.baud).run(on_progress)
     else:
-        outcome = _untried(stream, params, options.firmware)
+        outcome = _untried(stream if names else replace(stream, messages=()), settled.params, firmware)
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
-        return _evidence(stream, replace(told, attitude=attitude), options, assumed, outcome)
+        evidence = _evidence(stream, replace(told, attitude=attitude), options, settled, outcome)
+    notes = (*evidence.notes, *(f"{stream.name}: {one}" for one in notes_on(stream.flown, firmware)))
+    return replace(evidence, notes=notes, kinds=kinds, flown=flown)
 
 
 def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
@@ -181,7 +198,7 @@ def _evidence(
     stream: Stream,
     told: VehicleData,
     options: GatherOptions,
-    assumed: tuple[Assumed, ...],
+    settled: Settled,
     outcome: _Outcome,
 ) -> Evidence:
     messages = outcome.messages
@@ -193,9 +210,10 @@ def _evidence(
         notes = (*notes, f"{stream.name}: the vehicle turns otherwise, or at other times (--lead): left out of account")
     known = {**told.params, **stream.params}
     position = told.position if options.position is None else options.position
+    arrivals_us = [one.arrival_us for one in stream.messages[-1:] if one.arrival_us is not None]
     return Evidence(
         name=stream.name,
-        firmware=options.firmware,
+        firmware=settled.firmware,
         messages=messages,
         tracks=stamped_tracks(vision),
         poses=poses,
@@ -205,17 +223,19 @@ def _evidence(
         height=options.height or told.height,
         comparisons=comparisons,
         params=outcome.params,
-        assumed=assumed,
+        assumed=settled.assumed,
         changes=told.changes,
         texts=outcome.texts,
         vehicle_texts=told.texts,
         aiding=outcome.aiding,
         innovations=outcome.innovations,
-        end_us=messages[-1].arrival_us if messages else 0,
+        end_us=messages[-1].arrival_us if messages else max(arrivals_us, default=0),
         notes=notes,
         vision=vision,
         lacks=stream.lacks,
         paths=compare_paths(poses, position, comparisons, outcome.params),
         own_filter=options.own_filter or told.own_filter,
         is_as_flown=all(known.get(name, value) == value for name, value in options.params.items()),
+        told=settled.told,
+        tells_all=settled.tells_all,
     )

@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.stamps import FEWEST
-from viso.doctor.outputs.phrases import at, seen_in, share
+from viso.doctor.outputs.phrases import at, listed, seen_in, share
 from viso.doctor.witness import Witness
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
@@ -31,6 +31,9 @@ _COMPASS_FALLBACK: Final = 3
 _DELAY_RANGE: Final = (0, 250)
 _MAV: Final = 1
 _CLIMB_M: Final = 0.3
+_EKF2: Final = 2
+_WHOLE_LIST: Final = 300
+"""No ArduPilot vehicle has fewer parameters."""
 
 
 @error(
@@ -43,8 +46,16 @@ _CLIMB_M: Final = 0.3
 )
 def _off(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is DISABLED]
+    is_0, fix = "VISO_TYPE is 0", None
+    if evidence.tells_all and len(evidence.told) > _WHOLE_LIST and "VISO_TYPE" not in evidence.told:
+        is_0 = f"VISO_TYPE is not among the {len(evidence.told)} parameters: this build has no visual odometry"
+        fix = "Flash a build of the firmware that has it; the smallest boards have none unless it is built for them."
     if found:
-        yield seen_in(f"VISO_TYPE is 0; {share(len(found), len(evidence.vision))} messages were dropped", found)
+        yield seen_in(f"{is_0}; {share(len(found), len(evidence.vision))} messages were dropped", found, fix)
+    elif not evidence.vision and evidence.is_off and evidence.asks:
+        in_use = any(name.startswith("EK3_SRC1") for name in evidence.asks)
+        text = f"{is_0}, while {listed(evidence.asks, len(SOURCE_NAMES))} ask for external navigation"
+        yield Sighting(text, fix=fix, severity=None if in_use else Severity.WARNING)
 
 
 @error(
@@ -161,7 +172,7 @@ def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def _illegal(evidence: Evidence) -> Iterator[Sighting]:
-    for number in _SETS:
+    for number in _SETS if evidence.is_concerned else ():
         for name in SOURCE_NAMES:
             value = evidence.source(name, number)
             if value not in _LEGAL[name]:
@@ -180,7 +191,7 @@ def _illegal(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
-    yaw = evidence.source("YAW")
+    yaw = evidence.source("YAW") if evidence.is_concerned else None
     if yaw == 0:
         yield Sighting("EK3_SRC1_YAW is 0")
     elif yaw in (_COMPASS, _COMPASS_FALLBACK) and not evidence.has_compass:
@@ -247,8 +258,14 @@ def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
 )
 def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
     kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
-    if kind != 3 or enabled == 0:
-        yield Sighting(f"AHRS_EKF_TYPE is {kind} and EK3_ENABLE is {enabled}")
+    if evidence.flown is not None and not evidence.flown.has_sources:
+        kind = int(evidence.told.get("AHRS_EKF_TYPE", _EKF2))
+        if evidence.is_concerned and kind != _EKF2:
+            text = f"AHRS_EKF_TYPE is {kind}, and before 4.1 no other estimator than EKF2 takes external navigation"
+            yield Sighting(text, fix="Set AHRS_EKF_TYPE 2 and EK2_ENABLE 1 and reboot, or go to 4.1 or later.")
+    elif evidence.is_concerned and (kind != 3 or enabled == 0):
+        what = {10: ", the simulator's own attitude and position", 11: ", an external estimator"}.get(kind, "")
+        yield Sighting(f"AHRS_EKF_TYPE is {kind}{what}, and EK3_ENABLE is {enabled}")
 
 
 @warning(
@@ -317,3 +334,17 @@ def _assumed(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.assumed:
         values = ", ".join(f"{one.name} {one.value:g} ({one.why})" for one in evidence.assumed)
         yield Sighting(f"nobody told these, so they were taken to be: {values}")
+
+
+@note(
+    "XN7-17",
+    "External navigation is not set up",
+    "With VISO_TYPE 0 every message is dropped, and without a source that is 6 the filter uses none.",
+    DISABLED.rule.source,
+    "Nothing, if none is wanted. Else set VISO_TYPE 1 and the EK3_SRC1_ parameters to 6 as far as the camera goes, "
+    "reboot, and send ODOMETRY.",
+    witness=Witness.LOG,
+)
+def _not_set_up(evidence: Evidence) -> Iterator[Sighting]:
+    if not evidence.vision and evidence.is_off and not evidence.asks:
+        yield Sighting("nothing asks for external navigation, and no message of it is there")

@@ -24,6 +24,7 @@ from viso.streams.stream_kinds import Aspect
 
 _LEAST_LOST: Final = 3
 _LOST_SHARE: Final = 0.02
+_MOST_ASKING: Final = 3
 _ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
 _FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
 _LOST_FIELDS: Final = {
@@ -44,10 +45,15 @@ _LOST_FIELDS: Final = {
     "the link that the companion uses.",
 )
 def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
-    if not evidence.vision:
-        names = Counter(one.name for one in evidence.messages)
-        there = listed([f"{name} ({count})" for name, count in names.most_common(5)], 5) or "nothing"
-        yield Sighting(f"{len(evidence.messages)} messages, none of external navigation; there are {there}")
+    if evidence.vision or evidence.is_off:
+        return
+    asked = f"{listed(evidence.asks, _MOST_ASKING)} ask for external navigation, and " if evidence.asks else ""
+    if Aspect.LINK in evidence.lacks:
+        yield Sighting(f"{asked}no record of it is there: none came, or what came was dropped before the log")
+        return
+    there = listed([f"{name} ({count})" for name, count in Counter(evidence.kinds).most_common(5)], 5) or "nothing"
+    total = sum(evidence.kinds.values())
+    yield Sighting(f"{asked}of {total} messages none is of external navigation; there are {there}")
 
 
 @warning(

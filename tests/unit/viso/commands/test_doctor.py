@@ -17,6 +17,7 @@ from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.corpus import CORPUS
 from tests.unit.viso.doctor.streams import LEAD_US, SETUP, piece
+from tests.unit.viso.doctor.vehicles import GPS_ALONE, MANY, SOURCES, logged
 from viso.commands import doctor as doctor_command
 from viso.doctor import Evidence, GatherOptions
 from viso.streams.stream_kinds import Stream
@@ -123,6 +124,32 @@ def test_attitude_comes_from_a_log(viso: Viso) -> None:
     outcome = viso("doctor", written("clean"), "--attitude", log, "--json", "--baud", "0")
     assert outcome.code in (0, 1)
     assert outcome.err == ""
+
+
+def test_log_without_external_navigation_is_diagnosed(viso: Viso, tmp_path: Path) -> None:
+    log = logged(tmp_path, {**SOURCES, "AHRS_EKF_TYPE": 10}, "ArduCopter V4.5.7")
+    outcome = viso("doctor", log, "--json")
+    assert outcome.code == 1
+    data = json.loads(outcome.out)
+    assert data["firmware"] == "4.6"
+    assert [finding["code"] for finding in data["findings"]] == ["XN7-01", "XN7-12"]
+    # Names are those of the release that flew.
+    assert viso("doctor", log, "--param", "SYSID_THISMAV=3").code == 1
+    assert json.loads(viso("doctor", log, "--json", "--firmware", "2026-02").out)["firmware"] == "2026-02"
+
+
+def test_log_in_which_nothing_asks_for_external_navigation_is_in_order(viso: Viso, tmp_path: Path) -> None:
+    outcome = viso("doctor", logged(tmp_path, GPS_ALONE))
+    assert outcome.code == 0
+    assert outcome.out.startswith("note XN7-17  External navigation is not set up\n")
+    assert outcome.out.endswith("\nThere is no external navigation to try.\nmade: 1 note\n")
+
+
+def test_parameters_of_a_ground_station_may_be_given(viso: Viso, tmp_path: Path) -> None:
+    rows = [f"1\t1\t{name}\t{value:.18f}\t9" for name, value in {**SOURCES, **MANY}.items()]
+    (tmp_path / "qgc.params").write_text("# Onboard parameters\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    outcome = viso("doctor", logged(tmp_path, GPS_ALONE), "--defaults", "qgc.params", "--json")
+    assert [finding["code"] for finding in json.loads(outcome.out)["findings"]] == ["XN7-01"]
 
 
 def test_link_is_listened_to(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,6 +28,7 @@ from viso.doctor.evidence import Assumed
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.doctor.rules import FAMILIES
 from viso.estimators.turning import quats_of_euler
+from viso.firmware.flown import version_in
 from viso.firmware.releases import PROFILES
 from viso.streams.stream_kinds import Aspect
 
@@ -36,7 +37,7 @@ HERE = {
     *("XN6-10", "XN6-11", "XN6-12", "XN7-05", "XN7-06", "XN7-11", "XN7-13", "XN7-14", "XN7-15", "XN7-16"),
     *("XN5-31", "XN5-32", "XN5-33"),
     *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN8-08", "XN9-01", "XN9-05", "XN9-06"),
-    *("XN2-09", "XN5-18"),
+    *("XN2-09", "XN5-18", "XN7-17"),
     *("XN9-10", "XN9-11", "XN9-12", "XN9-13", "XN9-14", "XN9-15", "XN9-16", "XN9-17"),
 }
 """Codes that tests of this folder show beside the corpus."""
@@ -338,3 +339,12 @@ def test_messages_of_two_ids_that_share_sequence_numbers_are_not_lost() -> None:
     messages = stream_of(still(60))
     every_other = [replace(one, sequence=2 * one.number % 256) for one in messages]
     assert "XN1-03" not in findings_of(evidence_of(every_other))
+
+
+def test_before_4_1_ekf2_is_the_one_that_takes_external_navigation() -> None:
+    old = version_in("ArduCopter V4.0.7")
+    messages = stream_of(still())
+    assert "XN7-12" not in findings_of(evidence_of(messages, told={"AHRS_EKF_TYPE": 2.0}, flown=old))
+    found = findings_of(evidence_of(messages, told={"AHRS_EKF_TYPE": 3.0}, flown=old))["XN7-12"]
+    assert "before 4.1 no other estimator than EKF2" in found.evidence
+    assert "AHRS_EKF_TYPE 2" in found.fix
