@@ -27,6 +27,7 @@ from viso.streams.stream import Stream, received_in
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 MAV_AUTOPILOT_INVALID: Final = 8
+_MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
 _OF_AN_AUTOPILOT: Final = "AHRS_EKF_TYPE"
 _LARGEST_FILE: Final = 1 << 20  # of parameters; logs are larger
 _VEHICLES: Final = {
@@ -62,14 +63,14 @@ def version_heard(stream: Stream) -> FlownVersion | None:
         elif isinstance(message, AUTOPILOT_VERSION):
             numbers.setdefault(system_id, message)
         elif isinstance(message, HEARTBEAT) and beat is None and is_autopilot(header.component_id, message):
-            beat = system_id, message.type
+            beat = system_id, message
         if beat is not None and beat[0] in texts:
             return texts[beat[0]]
-    if beat is None or beat[0] not in numbers:
+    if beat is None or beat[0] not in numbers or beat[1].autopilot != _MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
     number = numbers[beat[0]]
     source_hash = bytes(number.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")
-    return version_of_number(number.flight_sw_version, source_hash, _VEHICLES.get(beat[1], ""))
+    return version_of_number(number.flight_sw_version, source_hash, _VEHICLES.get(beat[1].type, ""))
 
 
 class HeardValue(NamedTuple):

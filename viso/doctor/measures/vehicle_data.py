@@ -3,12 +3,13 @@
 """What the autopilot itself said in a stream: its attitude, height, parameters and texts."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, STATUSTEXT, Message
 from viso.doctor.measures.own_filter import OwnFilter
@@ -85,6 +86,7 @@ class VehicleData:
         has_all_params: whether a whole list was heard.
         position: what it said of its place, if that does not come from the stream itself.
         own_filter: what its filter said of itself; None without an autopilot.
+        vision: the names of the messages of external navigation that came whole, whoever sent them.
     """
 
     system_id: int | None = None
@@ -96,6 +98,7 @@ class VehicleData:
     has_all_params: bool = False
     position: PositionSeries | None = None
     own_filter: OwnFilter | None = None
+    vision: frozenset[str] = frozenset()
 
 
 class _Listener:
@@ -184,14 +187,16 @@ def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
 
 def listen(stream: Stream) -> VehicleData:
     """Return what an autopilot says in a stream; of several, the one that is heard first."""
-    codec, listener, time_us = Codec(0, 0), _Listener(), 0
+    codec, listener, time_us, vision = Codec(0, 0), _Listener(), 0, set[str]()
     for message in stream.messages:
         time_us = time_us if message.arrival_us is None else message.arrival_us
         codec.feed(message.frame)
         while (received := codec.next_received()) is not None:
             if isinstance(received, Received):
                 listener.take(time_us, received.header, received.message)
-    return listener.told()
+                if type(received.message) in VISION_MESSAGES:
+                    vision.add(received.header.name)
+    return replace(listener.told(), vision=frozenset(vision))
 
 
 def is_log(path: Path) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from mav_handlers.wire.messages import ATTITUDE, AUTOPILOT_VERSION
+from tests.places import DATA
 from tests.unit.viso.doctor.vehicles import (
     AUTOPILOT,
     BANNER,
@@ -189,3 +190,24 @@ def test_version_number_does_where_no_text_is(tmp_path: Path) -> None:
 @pytest.mark.parametrize("banner", ["APM:Copter V3.6.12 (11223344)", "ArduCopter V4.0.7 (11223344)"])
 def test_releases_before_sources_ask_for_nothing(tmp_path: Path, banner: str) -> None:
     assert codes(read_whole_stream(logged(tmp_path, OLD, banner), 0)) == ["XN7-17"]
+
+
+# Recordings of others
+
+
+@pytest.mark.parametrize(
+    ("name", "expected", "firmware", "notes"),
+    [
+        # VISO_TYPE 0 and AHRS_EKF_TYPE 10 beside five sources that are 6: both keep all of it from the filter.
+        ("depth_drone_gz_00000006_set_up.BIN.xz", ["XN7-01", "XN7-12"], "2026-02", 1),
+        # A boat under water without a camera: GPS and barometer are the sources.
+        ("ardusub_log_tools_small_set_up.BIN.xz", ["XN7-17"], "4.6", 2),
+        ("ardusub_log_tools_small_set_up.tlog.gz", ["XN7-17"], "4.6", 2),
+    ],
+)
+def test_recordings_of_others(name: str, expected: list[str], firmware: str, notes: int) -> None:
+    evidence = gather(read_whole_stream(DATA / "real" / name, 0))
+    findings = diagnose(evidence, RULES)
+    assert [finding.code for finding in findings] == expected
+    assert {finding.severity for finding in findings} == {Severity.NOTE if expected == ["XN7-17"] else Severity.ERROR}
+    assert (evidence.firmware.name, len(evidence.notes)) == (firmware, notes)
