@@ -29,7 +29,6 @@ from viso.files.text_files import write_text
 from viso.logs.recorded import read_columns
 from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
-from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings, read_assignment
 from viso.streams.heard import firmware_of_recording

@@ -64,7 +64,8 @@ def summary_table(summary: Summary) -> Table:
 def summary_lines(summary: Summary) -> list[str]:
     """Return the rest in a few sentences."""
     if not summary.outcomes:
-        return ["There is no external navigation to try."]
+        lines = ["There is no external navigation to try."]
+        return lines if summary.own is None else [*lines, _own_line(summary)]
     if summary.healthy_from_us is None:
         lines = ["The sensor would never be healthy."]
     else:

@@ -315,7 +315,7 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
 )
 def _missing(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter
-    if own is None:
+    if own is None or not evidence.is_concerned:
         return
     missing = []
     if own.witness is Witness.LOG and not own.record:
