@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
@@ -29,6 +30,9 @@ _NO_JUMP_M: Final = 0.05
 _NO_JUMP_RAD: Final = math.radians(2)
 _LONGEST_S: Final = 1.0
 _NEIGHBOURS: Final = 2
+_NEAR: Final = 5
+_OF_ONE_JUMP: Final = 3
+_SHAKEN: Final = 3.0
 _ALIGNED: Final = "VisOdom: yaw shifted"
 _ALIGNED_WITHIN_US: Final = 100_000
 _TYPE_VOXL: Final = 3
@@ -61,14 +65,14 @@ def _steps(poses: Poses) -> _Steps:
     speed = step / np.maximum(dt, 1e-3)[:, None]
     size = np.linalg.norm(speed, axis=1, keepdims=True)
     speed = np.where(size > _FASTEST, speed * (_FASTEST / size), speed)
-    before = np.vstack([np.zeros((1, 3)), speed[:-1]])
+    before = np.vstack([speed[1:2], speed[:-1]])  # it may move from the first pose on
     off = np.linalg.norm(step - np.nan_to_num(before) * dt[:, None], axis=1)
     alone = np.linalg.norm(step, axis=1)
     off = np.minimum(off, alone)
     yaw = np.diff(euler_of_quat(poses.quat_wxyz)[:, 2])
     turn = np.arctan2(np.sin(yaw), np.cos(yaw))
     usual = median_of(off)
-    turn_before = np.concatenate([[0.0], turn[:-1]])
+    turn_before = np.concatenate([turn[1:2], turn[:-1]])
     turn_off = np.minimum(np.abs(np.arctan2(np.sin(turn - turn_before), np.cos(turn - turn_before))), np.abs(turn))
     return _Steps(off, turn, turn_off, dt, np.diff(poses.reset_counter) != 0, usual)
 
@@ -80,9 +84,23 @@ def _jumped(steps: _Steps) -> Bools:
 
 def _turned(steps: _Steps, poses: Poses) -> Bools:
     pitch = np.abs(euler_of_quat(poses.quat_wxyz)[1:, 1])
-    level = pitch < math.radians(60)  # yaw means little in a nose dive
-    allowed = _BASE_RAD + 0.5 * _TURN * np.minimum(steps.dt_s, 0.5) ** 2
-    return np.asarray(level & (steps.turn_rad > allowed), dtype=np.bool_)
+    level = pitch < math.radians(60)  # in a nose dive a small rotation may change yaw by much
+    allowed = _BASE_RAD + 0.5 * _TURN * np.minimum(steps.dt_s, 0.5) ** 2 + _SHAKEN * _shaking_rad(steps.turn_rad)
+    return np.asarray((level | (_rotation_off_rad(poses) > allowed)) & (steps.turn_rad > allowed), dtype=np.bool_)
+
+
+def _rotation_off_rad(poses: Poses) -> Floats:
+    """Return by how much the angle of each rotation is above that of the one before."""
+    quat = poses.quat_wxyz / np.linalg.norm(poses.quat_wxyz, axis=1, keepdims=True)
+    angle = 2 * np.arccos(np.clip(np.abs((quat[1:] * quat[:-1]).sum(axis=1)), 0, 1))
+    return np.asarray(angle - np.concatenate([angle[1:2], angle[:-1]]), dtype=np.float64)
+
+
+def _shaking_rad(turn_rad: Floats) -> Floats:
+    """Return by how much turns near each step differ from one to the next, that of a jump and of its way back aside."""
+    padded = np.pad(np.nan_to_num(turn_rad), _NEAR)
+    near = np.sort(sliding_window_view(padded, 2 * _NEAR + 1), axis=1)
+    return np.asarray(near[:, -1 - _OF_ONE_JUMP], dtype=np.float64)
 
 
 def _at_steps(poses: Poses, mask: Bools, text: str) -> Sighting:

@@ -23,7 +23,7 @@ from tests.unit.viso.doctor.evidences import (
     speed,
     stream_of,
 )
-from viso.doctor import RULES, Rule, Severity
+from viso.doctor import RULES, Finding, Rule, Severity
 from viso.doctor.evidence import Assumed
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.doctor.rules import FAMILIES
@@ -200,6 +200,38 @@ def test_steps_between_rests_are_jumps_and_no_frozen_pose() -> None:
     found = findings_of(evidence_of(stream_of(stepping)))
     assert "XN5-13" not in found
     assert found["XN6-01"].message_numbers == (51, 101)
+
+
+@pytest.mark.parametrize("yaw_rate", [0.0, 2.0])
+def test_stream_that_begins_in_motion_has_no_jump(yaw_rate: float) -> None:
+    """A car at 14 m/s whose recording begins on the road."""
+    fields = [{"x": 1.4 * n, "q": quats_of_euler([[0, 0, yaw_rate * n / 10]])[0]} for n in range(60)]
+    messages = [odometry(1 + n * 100_000, **one) for n, one in enumerate(fields)]
+    assert not {"XN6-01", "XN6-02"} & set(findings_of(evidence_of(stream_of(messages, 100_000))))
+
+
+def _turning(euler_deg: list[list[float]]) -> dict[str, Finding]:
+    quats = quats_of_euler(np.radians(euler_deg))
+    messages = [odometry(1 + n * 100_000, q=quat) for n, quat in enumerate(quats)]
+    return findings_of(evidence_of(stream_of(messages, 100_000)))
+
+
+def test_shaking_by_hand_is_no_jump_of_yaw_and_a_jump_meanwhile_is() -> None:
+    """Ten poses a second, while yaw swings by 25 deg to either side 1.9 times a second: up to 300 deg/s."""
+    shaken = [25 * math.sin(2 * math.pi * 1.9 * n / 10) for n in range(60)]
+    assert "XN6-02" not in _turning([[0, 0, yaw] for yaw in shaken])
+    jumping = [[0, 0, yaw + 150 * (n >= 30)] for n, yaw in enumerate(shaken)]
+    assert _turning(jumping)["XN6-02"].message_numbers == (31,)
+
+
+def test_yaw_that_jumps_there_and_back_is_told_twice() -> None:
+    assert _turning([[0, 0, 40 * (n == 30)] for n in range(60)])["XN6-02"].message_numbers == (31, 32)
+
+
+def test_camera_that_looks_down_jumps_in_yaw_only_if_it_rotates() -> None:
+    """The first poses of an odometry are level until it knows where down is; near 90 deg of pitch yaw says little."""
+    assert _turning([[0, -74, 170] if n >= 3 else [0, 0, 0] for n in range(60)])["XN6-02"].message_numbers == (4,)
+    assert "XN6-02" not in _turning([[-40 * (n >= 30), -88, 40 * (n >= 30)] for n in range(60)])
 
 
 @pytest.mark.parametrize(("start", "end"), [(50, 80), (0, 80), (50, 150)])
