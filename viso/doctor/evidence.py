@@ -66,6 +66,7 @@ class Evidence:
         told: parameters that the recording or the user told.
         tells_all: whether a parameter that was not told is one that the vehicle does not have.
         flown: the release that flew, if the recording tells.
+        model_jumps: how many jumps without a reset the imagined vehicle that follows the stream saw in it.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Evidence:
     told: Mapping[str, float] = field(default_factory=dict)
     tells_all: bool = True
     flown: FlownVersion | None = None
+    model_jumps: int = 0
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""

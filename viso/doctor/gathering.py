@@ -73,6 +73,7 @@ class _Outcome:
     texts: tuple[tuple[int, int, str], ...] = ()
     aiding: tuple[AidingSpan, ...] = ()
     innovations: Mapping[str, Innovations] = field(default_factory=dict)
+    model_jumps: int = 0
 
 
 class _Trial:
@@ -81,7 +82,7 @@ class _Trial:
     def __init__(
         self, stream: Stream, params: Mapping[str, float], heading_rad: float, firmware: Firmware, baud: int | None
     ) -> None:
-        make_ahrs = by_ekf3(FollowSource, ImuOptions(heading_rad=heading_rad))
+        make_ahrs = by_ekf3(self._follow, ImuOptions(heading_rad=heading_rad))
         self.vehicle = _vehicle(stream, VehicleConfig(make_ahrs, defaults=params, firmware=firmware))
         self.params = _params_of(self.vehicle)
         self.watch = FilterWatch(self.vehicle)
@@ -91,6 +92,15 @@ class _Trial:
         self._replay = Replay(self.vehicle, stream, baud, self.watch)
         self._tell_replay = self.vehicle.endpoint.on_event
         self.vehicle.endpoint.on_event = self._take_event
+
+    def _follow(self, options: ImuOptions) -> FollowSource:
+        self._source = FollowSource(options)
+        return self._source
+
+    @property
+    def jumps(self) -> int:
+        """How many jumps the imagined vehicle took the stream to make, without resets."""
+        return self._source.jumps["position"] + self._source.jumps["yaw"]
 
     def _take_text(self, severity: int, text: str) -> None:
         self.texts.append((self.vehicle.clock.micros64(), severity, text))
@@ -108,7 +118,7 @@ class _Trial:
             for number, (event, message) in enumerate(zip(self._events, replayed, strict=True), 1)
         )
         aiding, innovations = tuple(self.watch.aiding()), dict(self.watch.innovations)
-        return _Outcome(messages, self.params, tuple(self.texts), aiding, innovations)
+        return _Outcome(messages, self.params, tuple(self.texts), aiding, innovations, self.jumps)
 
 
 def _vehicle(stream: Stream, config: VehicleConfig) -> Vehicle:
@@ -238,4 +248,5 @@ def _evidence(
         is_as_flown=all(known.get(name, value) == value for name, value in options.params.items()),
         told=settled.told,
         tells_all=settled.tells_all,
+        model_jumps=outcome.model_jumps,
     )

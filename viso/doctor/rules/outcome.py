@@ -19,6 +19,7 @@ from viso.doctor.measures.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY
 from viso.doctor.measures.stamps import time_base_us
 from viso.doctor.measures.tracks import Floats
 from viso.doctor.outputs.phrases import at, often, seen_in, share
+from viso.doctor.rules.resets import jumps_in
 from viso.doctor.witness import Witness
 from viso.fates.labels import Fate, fate_of
 from viso.fates.watch import UNITS
@@ -191,11 +192,15 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
             why = ", after a time without samples, over which nobody can tell how the vehicle moved"
         elif _accelerates(evidence, counted):
             why = ", where the path accelerates harder than the model's vehicle can follow"
+        elif evidence.model_jumps > jumps_in(evidence):
+            why = ", and the model's vehicle took motion for jumps: it lost the stream, which a real one does not"
         but = _passed(evidence, kind)
+        # By how much is told where the model's vehicle keeps to the stream: elsewhere it shows where the model went.
         worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
+        how_much = "" if why else f"; the worst is {worst:.2f} {UNITS.get(kind, '')} off"
         yield seen_in(
             f"{share(len(counted), tested)} {kind} samples would be rejected, from "
-            f"{at(counted[0].arrival_us)} on{why}; the worst is {worst:.2f} {UNITS.get(kind, '')} off{but}",
+            f"{at(counted[0].arrival_us)} on{why}{how_much}{but}",
             counted,
             severity=Severity.NOTE if why or but else None,
         )

@@ -155,6 +155,11 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         yield poses, resets._replace(jumped=jumped, turned=resets.turned & leaps)
 
 
+def jumps_in(evidence: Evidence) -> int:
+    """Return how many steps of position or yaw the stream itself shows to be jumps."""
+    return sum(int(np.count_nonzero(resets.jumped | resets.turned)) for _, resets in _tracks(evidence))
+
+
 @warning(
     "XN6-01",
     "Position jumps without a reset",

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the filter rejects is told, but not held against a stream that was silent before."""
 
+from typing import Any
+
 import pytest
 
 from ap_core.verdict import Rule
@@ -12,7 +14,7 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, seen
 from viso.doctor import Finding, SeenMessage, Severity
 from viso.fates.samples import HandedSample
-from viso.fates.watch import SampleTest
+from viso.fates.watch import Innovations, SampleTest
 
 PERIOD_US = 40_000
 
@@ -27,9 +29,9 @@ def message(number: int, rule: Rule | None) -> SeenMessage:
     return seen(number + 1, at_us, told, samples=(HandedSample("pose", at_us // 1000, [test]),))
 
 
-def found_of(fates: list[Rule | None]) -> Finding | None:
+def found_of(fates: list[Rule | None], **fields: Any) -> Finding | None:
     messages = [message(number, rule) for number, rule in enumerate(fates)]
-    return findings_of(evidence_of(messages)).get("XN9-04")
+    return findings_of(evidence_of(messages, **fields)).get("XN9-04")
 
 
 @pytest.mark.parametrize(("withheld", "severity"), [(5, Severity.WARNING), (40, Severity.NOTE)])
@@ -52,6 +54,18 @@ def test_rejection_from_the_first_message_on_is_in_full_sight() -> None:
     finding = found_of([*[GATE_POSITION] * 30, *[FUSED] * 20])
     assert finding is not None
     assert finding.severity is Severity.WARNING
+
+
+def test_vehicle_of_the_model_that_lost_the_stream_proves_nothing() -> None:
+    innovations = {"pose": Innovations(tested=80, rejected=30, worst=64.0)}
+    fates = [*[FUSED] * 50, *[GATE_POSITION] * 30]
+    seen_so, lost = found_of(fates, innovations=innovations), found_of(fates, innovations=innovations, model_jumps=2)
+    assert seen_so is not None
+    assert lost is not None
+    assert (seen_so.severity, lost.severity) == (Severity.WARNING, Severity.NOTE)
+    assert "64.00 m off" in seen_so.evidence
+    assert "64" not in lost.evidence
+    assert "lost the stream" in lost.evidence
 
 
 @pytest.mark.parametrize("rejected", [0, 3])
