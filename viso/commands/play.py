@@ -93,7 +93,7 @@ def play(
         ),
     ] = "0,0,0",
     yaw: Annotated[float, typer.Option(help="Turn the world, degrees clockwise.")] = 0.0,
-    from_zero: Annotated[bool, typer.Option(help="Let the first position be the origin.")] = False,
+    from_zero: Annotated[bool, typer.Option(help="Let the first position be the origin, as UTM's needs.")] = False,
     scale: Annotated[float, typer.Option(help="Multiply positions, as of a monocular odometry.")] = 1.0,
     rate: Annotated[
         float | None, typer.Option(help="Interpolate to this rate in Hz; default the recording's own.")
@@ -159,7 +159,7 @@ def play(
     change = _frame_change(axes, mounting, yaw, from_zero, scale)
     sigmas = None if sigma is None else _sigmas(sigma)
     source = Source(trajectory_file, topic, times)
-    recorded = load(source, format_name)
+    recorded = load(source, format_name, from_anywhere=from_zero)
     for line in left_out(source, recorded):
         err.print(f"note: {line}")
     trajectory = change.apply(recorded.without_velocities() if differentiate else recorded)

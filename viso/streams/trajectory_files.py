@@ -28,10 +28,10 @@ def axes_of(text: str) -> tuple[Array, Array]:
         raise InputError(f"--axes: {error}") from error
 
 
-def load(source: Source, format_name: str | None) -> RecordedTrajectory:
-    """Return what a file holds. Raises InputError if it cannot be read."""
+def load(source: Source, format_name: str | None, *, from_anywhere: bool = False) -> RecordedTrajectory:
+    """Return what a file holds, as ``load_trajectory`` does. Raises InputError if it cannot be read."""
     with told_errors(TrajectoryError):
-        return load_trajectory(source, format_name)
+        return load_trajectory(source, format_name, from_anywhere=from_anywhere)
 
 
 def load_as_it_is(source: Source, format_name: str | None) -> Records:

@@ -121,9 +121,11 @@ def load_records(source: Source, format_name: str | None = None) -> Records:
     return FORMATS[name].read(source)
 
 
-def load_trajectory(source: Source, format_name: str | None = None) -> RecordedTrajectory:
-    """Read the trajectory of what a file holds; arguments and errors as of ``load_records``.
+def load_trajectory(
+    source: Source, format_name: str | None = None, *, from_anywhere: bool = False
+) -> RecordedTrajectory:
+    """Read the trajectory of what a file holds; arguments and errors as of ``load_records`` and ``usable``.
 
     Raises TrajectoryError also if fewer than 2 records can be used; messages without a stamp have the time of the bag.
     """
-    return usable(load_records(source, format_name))
+    return usable(load_records(source, format_name), from_anywhere=from_anywhere)

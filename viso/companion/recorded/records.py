@@ -14,7 +14,7 @@ from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.se3 import Array
 
 LARGEST: Final = 1e6
-"""No position in m and no velocity in m/s is larger; what is, came from a damaged file."""
+"""No position in m and no velocity in m/s is larger; what is, came from a damaged file, or counts from far away."""
 DAY_NS: Final = 86_400 * 10**9
 _UNIT_LENGTH: Final = 0.05
 
@@ -59,11 +59,15 @@ class Records:
     left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
 
 
-def usable(records: Records) -> RecordedTrajectory:
+def usable(records: Records, *, from_anywhere: bool = False) -> RecordedTrajectory:
     """Return the trajectory of what can be used; a record without a time has that of its arrival.
 
     Records that cannot be used are left out, and counted. Velocities that are all 0 or NaN count as unknown, as do
     covariances whose numbers are all 0: programs that do not know them write that.
+
+    Args:
+        records: what a file holds.
+        from_anywhere: whether positions may lie far from the origin, as those of UTM do, if near to each other.
 
     Raises:
         TrajectoryError: if fewer than 2 records can be used.
@@ -88,8 +92,9 @@ def usable(records: Records) -> RecordedTrajectory:
             counts[reason] = int(bad.sum())
             kept = kept[~bad]
 
-    moving = position if velocity is None else np.hstack([position, velocity])
+    moving = np.hstack([position] if velocity is None else [position, velocity])
     drop(~np.isfinite(np.hstack([moving, quats])).all(axis=1), NOT_FINITE)
+    moving[:, :3] -= np.median(position[kept], axis=0) if from_anywhere and len(kept) else 0.0
     drop((np.abs(moving[kept]) > LARGEST).any(axis=1), OUT_OF_RANGE)
     drop(np.abs(_lengths(quats[kept]) - 1) > _UNIT_LENGTH, NO_ROTATION)
     if len(kept):  # a stamp of 0 before a clock is set, or a damaged one, would make years of silence

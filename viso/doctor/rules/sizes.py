@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Sighting, error, warning
+from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_speed
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import Poses, median_of
@@ -25,6 +25,7 @@ _SIGMAS: Final = 4.0
 _UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 _FASTEST: Final = 60.0  # m/s that a vehicle with a camera may be thought to fly
 _GLITCH: Final = 2.0  # m/s
+_COARSE, _TOO_COARSE = 0.03, 0.1  # m
 
 
 def _scaled_fit(motion: Motion) -> Agreement | None:
@@ -200,3 +201,23 @@ def _drifts(evidence: Evidence) -> Iterator[Sighting]:
         if 0.1 < size < 2.0 and size > 2 * float(np.linalg.norm(spread)):
             text = f"positions move by {size:.2f} m/s more than velocities say, all the time"
             yield of_some(f"{motion.pose_sender}: {text}", motion)
+
+
+@error(
+    "XN5-19",
+    "Positions are too far from the origin",
+    "Positions are binary32 from the message to the filter's door: the further from the origin, the coarser. What "
+    "moves within a step stands still, and then jumps by one.",
+    _DECODE,
+    "Take the first position off all of them at the source, in double precision: UTM and other coordinates of the "
+    "earth count millions of metres. viso play --from-zero does so.",
+)
+def _far_off(evidence: Evidence) -> Iterator[Sighting]:
+    for poses in evidence.poses:
+        largest = np.abs(poses.pos_m).max(axis=1)
+        distance = median_of(largest[np.isfinite(largest)])
+        step = float(np.spacing(np.float32(distance)))
+        if step >= _COARSE:
+            text = f"positions are {distance:.3g} m from the origin, where a binary32 counts in steps of {step:.2g} m"
+            severity = None if step >= _TOO_COARSE else Severity.WARNING
+            yield of_some(f"{poses.track.sender}: {text}", poses.track, slice(None), severity=severity)

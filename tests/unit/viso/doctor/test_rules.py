@@ -37,7 +37,7 @@ HERE = {
     *("XN6-10", "XN6-11", "XN6-12", "XN7-05", "XN7-06", "XN7-11", "XN7-13", "XN7-14", "XN7-15", "XN7-16"),
     *("XN5-31", "XN5-32", "XN5-33"),
     *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN8-08", "XN9-01", "XN9-05", "XN9-06"),
-    *("XN2-09", "XN5-18", "XN7-17"),
+    *("XN2-09", "XN5-18", "XN5-19", "XN7-17"),
     *("XN9-10", "XN9-11", "XN9-12", "XN9-13", "XN9-14", "XN9-15", "XN9-16", "XN9-17"),
 }
 """Codes that tests of this folder show beside the corpus."""
@@ -193,6 +193,15 @@ def test_two_poses_apart_are_told() -> None:
 def test_infinity_is_told() -> None:
     messages = [*still(50), odometry(3_100_000, x=math.inf), odometry(3_140_000, vx=math.inf)]
     assert "XN5-04" in findings_of(evidence_of(stream_of(messages)))
+
+
+@pytest.mark.parametrize(
+    ("north_m", "severity"), [(5.4e6, Severity.ERROR), (6e5, Severity.WARNING), (2e5, None), (math.inf, None)]
+)
+def test_positions_that_binary32_resolves_coarsely_are_told(north_m: float, severity: Severity | None) -> None:
+    found = findings_of(evidence_of(stream_of(still(x=north_m)))).get("XN5-19")
+    assert (found and found.severity) == severity
+    assert found is None or north_m < 1e6 or "steps of 0.5 m" in found.evidence
 
 
 def test_steps_between_rests_are_jumps_and_no_frozen_pose() -> None:

@@ -53,6 +53,18 @@ def test_record_that_cannot_be_used_is_counted(field: str, value: Any, reason: s
     assert trajectory.left_out == {reason: 1}
 
 
+def test_positions_of_utm_can_be_used_from_anywhere() -> None:
+    """About 430 km east and 5400 km north; one of them is damaged."""
+    utm = np.array([430_000.0, 5_400_000.0, 300.0]) + np.arange(COUNT)[:, None]
+    utm[2] = [1e30, 0, 0]
+    told = Records("utm.tum", np.arange(COUNT).tolist(), utm, np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1)))
+    with pytest.raises(TrajectoryError, match=records.OUT_OF_RANGE):
+        usable(told)
+    trajectory = usable(told, from_anywhere=True)
+    assert trajectory.positions.tolist() == utm[[0, 1, 3]].tolist()
+    assert trajectory.left_out == {records.OUT_OF_RANGE: 1}
+
+
 def test_record_left_out_for_another_reason_sets_no_time() -> None:
     trajectory = make(times_ns=[0, 99, 1, 2], positions=rows(1, [NAN, 0, 0], [1, 2, 3]))
     assert trajectory.times_ns.tolist() == [0, 1, 2]
