@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What other parameters would have changed: two replays of one stream, compared message by message."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -11,6 +11,7 @@ from typing import Final, NamedTuple, TypeVar
 from rich.table import Column, Table
 
 from ap_core.verdict import Outcome
+from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.fates.labels import RULES_BY_CODE, basis, fate_of, final_counts, is_model, why
 from viso.fates.watch import AidingSpan
 from viso.replay.feed import ReplayedMessage
@@ -26,6 +27,9 @@ ROWS: Final = 20
 """How many texts and spans a table for people has."""
 _VERDICT: Final = "verdict"
 _NOTHING: Final = "-"
+_NAMED: Final = 4
+_TYPE_MAV: Final = 1
+_PASSED_ON: Final = ", without effect: VISO_TYPE 1 passes poses on as they come"
 
 
 class MessageChange(NamedTuple):
@@ -205,7 +209,14 @@ def _words(what: str, code: str) -> str:
 def setting_lines(settings: Mapping[str, float], before: ReplayOutcome) -> Iterator[str]:
     """Yield what each setting changes, a line each."""
     for name, value in settings.items():
-        yield f"{name}: {before.params[name]:g} -> {value:g}" if name in before.params else f"{name}: {value:g}"
+        told = f"{name}: {before.params[name]:g} -> {value:g}" if name in before.params else f"{name}: {value:g}"
+        yield told + (_PASSED_ON if name == "VISO_ORIENT" and _is_passed_on(settings, before) else "")
+
+
+def _is_passed_on(settings: Mapping[str, float], before: ReplayOutcome) -> bool:
+    viso_type = settings.get("VISO_TYPE", before.params.get("VISO_TYPE"))
+    has_deltas = any(name == VISION_POSITION_DELTA.__name__ for name, _, _ in before.verdicts)
+    return viso_type == _TYPE_MAV and not has_deltas
 
 
 def comparison_tables(comparison: ReplayComparison, *, with_filter: bool) -> Iterator[Table | str]:
@@ -262,7 +273,7 @@ def _message_table(comparison: ReplayComparison) -> Table:
 
 def _text_table(changes: Sequence[TextChange]) -> Table:
     right = Column("before", justify="right"), Column("after", justify="right")
-    table = Table(*right, "text", title="Texts that differ", caption=_more(len(changes)))
+    table = Table(*right, "text", title="Texts that differ", caption=_more([f'"{change.text}"' for change in changes[ROWS:]]))
     for change in changes[:ROWS]:
         text = f"({change.severity}) {change.text}"
         table.add_row(_seconds(change.before_us), _seconds(change.after_us), text)
@@ -277,14 +288,21 @@ def _aiding_table(comparison: ReplayComparison) -> Table:
     )
     spans = sorted(before + after, key=lambda row: row[0].start_us)
     title = "By what the filter navigated in one of the two only (a model's)"
-    table = Table(*right, "by", "when", title=title, caption=_more(len(spans)))
+    caption = _more([f"by {span.mode.value} {when}" for span, when in spans[ROWS:]])
+    table = Table(*right, "by", "when", title=title, caption=caption)
     for span, when in spans[:ROWS]:
         table.add_row(_seconds(span.start_us), _seconds(span.end_us), span.mode.value, when)
     return table
 
 
-def _more(count: int) -> str | None:
-    return f"and {count - ROWS} more" if count > ROWS else None
+def _more(left_out: Sequence[str]) -> str | None:
+    """Return how many rows are left out, and of what most of them are."""
+    if not left_out:
+        return None
+    kinds = Counter(left_out).most_common()
+    named = ", ".join(f"{count} {what}" for what, count in kinds[:_NAMED])
+    others = sum(count for _, count in kinds[_NAMED:])
+    return f"and {len(left_out)} more: {named}{f', {others} others' if others else ''}"
 
 
 def _seconds(time_us: int | None) -> str:

@@ -132,14 +132,15 @@ def test_spans_of_navigation_that_are_the_same_are_left_out() -> None:
 
 
 def test_many_texts_and_spans_are_told_in_part() -> None:
-    texts = tuple(SaidText(time_us, 6, f"text {time_us}") for time_us in range(ROWS + 3))
+    said = [*range(ROWS + 3), *(99,) * 6]
+    texts = tuple(SaidText(time_us, 6, f"text {number}") for time_us, number in enumerate(said))
     spans = tuple(AidingSpan(start_us, start_us + 1, AidingMode.NONE) for start_us in range(ROWS + 5))
     comparison = compare(NOTHING, replace(NOTHING, texts=texts, aiding=spans))
-    assert (len(comparison.texts), len(comparison.aiding_after)) == (ROWS + 3, ROWS + 5)
+    assert (len(comparison.texts), len(comparison.aiding_after)) == (ROWS + 9, ROWS + 5)
     told = printed(comparison)
     assert told.count("(6) text") == ROWS
-    assert "and 3 more" in told
-    assert "and 5 more" in told
+    assert 'and 9 more: 6 "text 99", 1 "text 20", 1 "text 21", 1 "text 22"' in " ".join(told.split())
+    assert "and 5 more: 5 by none after" in told
 
 
 def test_only_the_first_messages_are_told_one_by_one() -> None:
@@ -159,6 +160,21 @@ def test_settings_are_told_with_what_they_were() -> None:
         "VISO_DELAY_MS: 10 -> 80",
         "VISO_NEW: 1",
     ]
+
+
+@pytest.mark.parametrize(
+    ("viso_type", "changes", "told"),
+    [
+        (1, {"VISO_ORIENT": 4}, ["VISO_ORIENT: 0 -> 4, without effect: VISO_TYPE 1 passes poses on as they come"]),
+        (2, {"VISO_ORIENT": 4}, ["VISO_ORIENT: 0 -> 4"]),
+        (1, {"VISO_ORIENT": 4, "VISO_TYPE": 3}, ["VISO_ORIENT: 0 -> 4", "VISO_TYPE: 1 -> 3"]),
+    ],
+)
+def test_orientation_that_nothing_heeds_is_told_as_that(
+    viso_type: int, changes: dict[str, float], told: list[str]
+) -> None:
+    before = replace(NOTHING, params={"VISO_ORIENT": 0.0, "VISO_TYPE": float(viso_type)})
+    assert list(setting_lines(changes, before)) == told
 
 
 def test_messages_are_kept_on_request_only() -> None:
