@@ -40,7 +40,8 @@ class LinkStats:
     sent and is known to be lost, also when the system reports that afterwards. ``drop_reasons`` counts
     losses (a call to ``send``, a datagram or a whole backlog) by reason; a failed read is counted there
     too, with no bytes. ``connects`` and ``disconnects`` count peers gained and lost, where a link can tell.
-    ``open_failures`` counts attempts to get a peer or a device that failed.
+    ``open_failures`` counts attempts to get a peer or a device that failed; ``open_failure`` is why the last of a
+    client's did.
     """
 
     bytes_in: int = 0
@@ -49,12 +50,18 @@ class LinkStats:
     connects: int = 0
     disconnects: int = 0
     open_failures: int = 0
+    open_failure: str = ""
     drop_reasons: Counter[str] = field(default_factory=Counter)
 
     def drop(self, size: int, reason: str) -> None:
         """Count one loss of ``size`` bytes."""
         self.bytes_dropped += size
         self.drop_reasons[reason] += 1
+
+    @property
+    def unreached(self) -> str:
+        """Why there has never been a peer; empty if there was one, or no attempt has failed."""
+        return "" if self.connects else self.open_failure
 
     def snapshot(self) -> "LinkStats":
         """Return the present values, which count no further."""

@@ -8,7 +8,7 @@ import socket
 import time
 
 from mav_handlers.links.address import SocketAddress, parse_host_port, resolve
-from mav_handlers.links.base import cannot_open, is_short_of_descriptors
+from mav_handlers.links.base import cannot_open, is_short_of_descriptors, reason_of
 from mav_handlers.links.retry import Backoff, Monotonic
 from mav_handlers.links.stream import StreamLink
 
@@ -54,22 +54,26 @@ class TcpLink(StreamLink):
         self._give_up_s = self._monotonic() + CONNECT_TIMEOUT_S
         error = self._sock.connect_ex(self._address)
         if error not in (0, errno.EINPROGRESS):
-            self._failed()
+            self._failed(reason_of(OSError(error, "")))
 
     def _finished(self, sock: socket.socket) -> bool:
         """Tell whether the attempt has worked; if it failed, set the time of the next."""
         if not _writable(sock):
             if self._monotonic() >= self._give_up_s:
-                self._failed()
+                self._failed(f"no answer within {CONNECT_TIMEOUT_S:g} s")
             return False
-        if sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) != 0 or is_connected_to_itself(sock):
-            self._failed()
+        error = sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if error == 0 and is_connected_to_itself(sock):
+            error = errno.ECONNREFUSED
+        if error != 0:
+            self._failed(reason_of(OSError(error, "")))
             return False
         return True
 
-    def _failed(self) -> None:
+    def _failed(self, why: str) -> None:
         self._close_socket()
         self._counters.open_failures += 1
+        self._counters.open_failure = why
         self._backoff.failed()
 
     def _close_socket(self) -> None:

@@ -170,6 +170,8 @@ def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
             recorder.run(
                 seconds, lambda: bool(signals), lambda passed_s: bar.update(bar.task_ids[0], completed=passed_s)
             )
+        if why := link.stats.unreached:
+            raise InputError(f"{connection}: {why}")
     return recorder.stream()
 
 

@@ -213,7 +213,9 @@ def _play_live(
             stack.enter_context(shown)
         run = LinkPlay(link, player, on_text=take, stop=lambda: bool(stop), speedup=speedup)
         if wait_s and not run.wait_for_vehicle(wait_s) and not stop:
-            raise InputError(f"--master {name}: no vehicle heard within {wait_s:g} s (--wait 0 plays unheard)")
+            why = link.stats.unreached
+            told = f"no vehicle heard within {wait_s:g} s{f': {why}' if why else ''} (--wait 0 plays unheard)"
+            raise InputError(f"--master {name}: {told}")
         before = link.stats.bytes_dropped  # a heartbeat may have been ahead of the connection
         run.run(until_us)
         stats = link.stats

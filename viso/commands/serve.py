@@ -45,12 +45,24 @@ from viso.terminal.verdict_stream import VerdictFormat, VerdictStream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from viso.web.live_view import LiveView
 
 MAX_DURATION_S = 4e9
 STORAGE_NAME = "storage.parm"
 KEY_NAME = "signing.key"
 DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
+
+
+def _tell_unreached(links: list[Link], console: "Console") -> None:
+    """Tell once of each server that cannot be reached; those that are told, or reached, leave the list."""
+    for link in tuple(links):
+        stats = link.stats
+        if stats.unreached:
+            console.print(f"{link.name}: {stats.unreached}; attempts go on")
+        if stats.unreached or stats.connects:
+            links.remove(link)
 
 
 def _open_links(names: Sequence[str], stack: ExitStack) -> list[Link]:
@@ -213,8 +225,11 @@ def serve(
         period_us = int(REFRESH_US * speedup)
         shown = stack.enter_context(LiveCounts(console, *counted, period_us=period_us, wanted=live and console is out))
 
+        unreached = [link for link in links if link.name.startswith("tcp:")]
+
         def is_over() -> bool:
             shown.update(powered.vehicle.clock.micros64())
+            _tell_unreached(unreached, console)
             for feed in feeds:
                 feed.update()
             return bool(stop) or any(stream.reader_left for stream in streams)

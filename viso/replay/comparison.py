@@ -273,7 +273,9 @@ def _message_table(comparison: ReplayComparison) -> Table:
 
 def _text_table(changes: Sequence[TextChange]) -> Table:
     right = Column("before", justify="right"), Column("after", justify="right")
-    table = Table(*right, "text", title="Texts that differ", caption=_more([f'"{change.text}"' for change in changes[ROWS:]]))
+    table = Table(
+        *right, "text", title="Texts that differ", caption=_more([f'"{change.text}"' for change in changes[ROWS:]])
+    )
     for change in changes[:ROWS]:
         text = f"({change.severity}) {change.text}"
         table.add_row(_seconds(change.before_us), _seconds(change.after_us), text)

@@ -196,6 +196,7 @@ class TestClient:
 
         until(failed, link)
         assert link.fileno() == -1
+        assert link.stats.unreached == "connection refused"
         link.close()
 
     def test_send_before_the_connection_stands_is_counted(self, unserved_port: int) -> None:

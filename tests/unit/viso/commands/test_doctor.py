@@ -162,6 +162,11 @@ def test_link_is_listened_to(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> Non
     assert json.loads(outcome.out)["findings"][0]["code"] == "XN2-01"
 
 
+def test_server_that_refuses_is_one_line(viso: Viso) -> None:
+    outcome = viso("doctor", "tcp:127.0.0.1:1", "--seconds", "0.05")
+    assert failed_with(outcome, "tcp:127.0.0.1:1: connection refused")
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

@@ -174,6 +174,12 @@ def test_vehicle_that_is_not_heard_is_one_line(played: Any) -> None:
     assert outcome.err.endswith("viso: --master pair: no vehicle heard within 0.01 s (--wait 0 plays unheard)\n")
 
 
+def test_server_that_refuses_is_named_as_that(viso: Viso) -> None:
+    outcome = viso("play", FLIGHT, "--master", "tcp:127.0.0.1:1", "--wait", "0.05", "--json")
+    line = "no vehicle heard within 0.05 s: connection refused (--wait 0 plays unheard)"
+    assert outcome.err.endswith(f"viso: --master tcp:127.0.0.1:1: {line}\n")
+
+
 def test_unheard_playing_is_possible(played: Any) -> None:
     outcome, _ = played("--wait", "0", said=())
     assert outcome.code == 0

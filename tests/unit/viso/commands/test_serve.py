@@ -65,6 +65,11 @@ def test_link_that_others_can_reach_is_warned_of(viso: Viso, host: str, warns: b
     assert (warning in told, "whoever" in told) == (warns, warns)
 
 
+def test_server_that_refuses_is_told_once(viso: Viso) -> None:
+    told = viso("serve", "--master", "tcp:127.0.0.1:1", "--speedup", "1000", "--duration", "0.2").out
+    assert told.count("tcp:127.0.0.1:1: connection refused; attempts go on\n") == 1
+
+
 # Lines of verdicts
 
 
