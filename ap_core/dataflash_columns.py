@@ -103,9 +103,10 @@ class LogColumns:
         wanted = {*names, *_DESCRIBING}
         numbers = [number for number, layout in self._formats.layouts.items() if layout.name in wanted]
         kept = np.isin(self._chain.types, numbers)
-        begins, sizes = self._chain.begins[kept], (self._chain.ends - self._chain.begins)[kept]
-        moved = np.cumsum(sizes) - sizes
-        return self._data[np.repeat(begins - moved, sizes) + np.arange(int(sizes.sum()))].tobytes()
+        begins, ends = self._chain.begins[kept], self._chain.ends[kept]
+        apart = np.flatnonzero(begins[1:] != ends[:-1])
+        runs = zip(begins[np.append(0, apart + 1)].tolist(), ends[np.append(apart, -1)].tolist(), strict=True)
+        return b"".join(self._data[begin:end].data for begin, end in runs) if len(begins) else b""
 
     def units(self, name: str) -> dict[str, str]:
         """Return the units of a type's fields by label, multipliers included, as DFReader has them.

@@ -31,6 +31,7 @@ _CORE: Final = 0
 _EV_YAW_RESET: Final = 62
 _EV_SOURCE_SET_1: Final = 85
 _ORGN_EKF: Final = 0
+_NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
 
@@ -115,6 +116,8 @@ class EkfRun:
 
         def play(log: Any) -> Exception | None:
             has_estimates, frames = (log.counts[log.name_to_id.get(name, 0)] for name in ("XKF4", "RFRH"))
+            if not frames:
+                raise InputError(f"{self._path}: {_NO_REPLAY}")
             try:
                 self._player.place_declination = _declination(log)
                 for record in _records(log, self._until_s):
@@ -131,7 +134,7 @@ class EkfRun:
         if failure is not None:
             raise failure
         if self._player.core is None:
-            raise InputError(f"{self._path}: no replay records; LOG_REPLAY was off, or the EKF was")
+            raise InputError(f"{self._path}: {_NO_REPLAY}")
 
     def comparison(self) -> EkfReplay | None:
         """Return what can be compared; None when the log has no estimates of its own."""

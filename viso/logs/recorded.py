@@ -63,7 +63,7 @@ def _collect_by_dfreader(path: Path, collect: "Callable[[DFReader_binary], T]") 
     # Imported where a log is read: it brings a dialect of its own, which would make every command start slower.
     from pymavlink.DFReader import DFReader_binary
 
-    # DFReader prints what it thinks of a damaged log, which must not get into our output.
+    # DFReader may print what it thinks of a log, which must not get into our output.
     with redirect_stdout(sys.stderr), DFReader_binary(str(path)) as log:
         return collect(log)
 
@@ -77,13 +77,18 @@ def _collect_from_bytes(data: bytes, collect: "Callable[[DFReader_binary], T]") 
 
 
 def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
-    """Return what ``collect`` makes of a log (.BIN or .BIN.xz). Raises InputError if it cannot be read."""
+    """Return what ``collect`` makes of a log (.BIN or .BIN.xz), damage left out.
+
+    Raises InputError if it cannot be read.
+    """
     with _problems_told(path):
-        if path.suffix == ".xz":
-            return _collect_from_bytes(_read_bytes(path), collect)
-        with path.open("rb") as file:
-            _check_begin(path, file.read(len(_FIRST_BYTES)))
-        return _collect_by_dfreader(path, collect)
+        data = _read_bytes(path)
+        columns = LogColumns(data)
+        if columns.lost:  # DFReader would print a line for each byte of it
+            data = columns.only(columns.types)
+        elif path.suffix != ".xz":
+            return _collect_by_dfreader(path, collect)
+        return _collect_from_bytes(data, collect)
 
 
 def read_columns(path: Path) -> LogColumns:
@@ -131,7 +136,7 @@ def _valid_positions(log: LogColumns) -> Array:
     """Return time and position of the XKF1 records of the first core before which its XKF4 said that it has one."""
     if not (log.counts.get("XKF1") and log.counts.get("XKF4")):
         return np.zeros((0, 4))
-    of_core, of_status = (log.columns(kind, ["C"])["C"] == _CORE for kind in ("XKF1", "XKF4"))
+    of_core, of_status = (_of_first_core(log, kind) for kind in ("XKF1", "XKF4"))
     status = log.columns("XKF4", ["SS"])["SS"][of_status]
     valid = (status & _HORIZONTAL_POSITION != 0) & (status & _VERTICAL_POSITION != 0)
     # An XKF4 is written just before the XKF1 of the same time.
@@ -139,3 +144,10 @@ def _valid_positions(log: LogColumns) -> Array:
     chosen = np.append(False, valid)[latest]
     positions: Array = table_of(log, "XKF1", ("TimeUS", "PN", "PE", "PD"))[of_core][chosen]
     return positions
+
+
+def _of_first_core(log: LogColumns, kind: str) -> npt.NDArray[np.bool_]:
+    """Tell which records are of the first core; before Copter 4.1 other cores have types of their own."""
+    if "C" not in log.types[kind].labels:
+        return np.ones(log.counts[kind], dtype=np.bool_)
+    return np.asarray(log.columns(kind, ["C"])["C"] == _CORE, dtype=np.bool_)

@@ -14,6 +14,7 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from ap_core.dataflash import DataFlashWriter
+from ap_core.log_structure import COMMON_STRUCTURES
 from tests.places import DATA
 from viso.ekf_runs.player import EkfPlayer
 from viso.ekf_runs.run import LABELS, EkfRun, replay_ekf
@@ -425,6 +426,15 @@ def test_mask_without_an_imu_is_named(rig: Rig) -> None:
 @pytest.mark.parametrize("lacking", [("RFRF",), ("RISI",), ("RFRH", "RISI", "RFRF", "REPH", "REVH", "RVOH")])
 def test_log_without_replay_records_says_so(rig: Rig, lacking: tuple[str, ...]) -> None:
     assert rig.fails_with("no replay records; LOG_REPLAY was off, or the EKF was", without(*lacking))
+
+
+def test_log_of_an_old_release_lacks_replay_records_and_not_a_field(tmp_path: Path) -> None:
+    """Copter 3.6: an XKF1 for each core, which has no C."""
+    writer, path = DataFlashWriter(COMMON_STRUCTURES), tmp_path / "old.BIN"
+    xkf1 = writer.define("XKF1", "TimeUS,PN,PE,PD", "Qfff")
+    path.write_bytes(b"".join(writer.start_up([], time_us=0)) + writer.record(xkf1, (1000, 1.0, 2.0, 3.0)))
+    with pytest.raises(InputError, match=r"old\.BIN: no replay records; LOG_REPLAY was off, or the EKF was\Z"):
+        EkfRun(path).run()
 
 
 def test_mistake_of_ours_is_not_blamed_on_the_log(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,6 +91,15 @@ def test_only_the_first_core_counts(path: Path) -> None:
     assert states.pos_ned.tolist() == [[1, 2, -3], [4, 5, -6]]
 
 
+def test_log_of_an_old_release_has_one_core_in_a_type(path: Path) -> None:
+    """Copter 3.6: XKF1 and XKF4 have no C, and other cores are of other types."""
+    writer = DataFlashWriter(COMMON_STRUCTURES)
+    xkf1, xkf4 = writer.define("XKF1", "TimeUS,PN,PE,PD", "Qfff"), writer.define("XKF4", "TimeUS,SS", "QI")
+    kinds = (ATT, att(1, 0, 0, 0)[1]), (xkf4, (1000, HAS_POSITION)), (xkf1, (1000, 1, 2, -3))
+    path.write_bytes(b"".join(writer.start_up([], time_us=0)) + b"".join(writer.record(*one) for one in kinds))
+    assert read_recorded_states(path).pos_ned.tolist() == [[1, 2, -3]]
+
+
 def test_packed_log_is_read(path: Path) -> None:
     packed = path.with_suffix(".BIN.xz")
     packed.write_bytes(lzma.compress(log_bytes(att(1000, 1, 2, 3))))
@@ -150,6 +159,13 @@ def test_damage_is_passed_over_without_a_word_on_standard_output(path: Path, cap
     path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + b"damage" + log_bytes(att(2000, 0, 0, 2)))
     assert read_recorded_states(path).att_time_us.tolist() == [1000, 2000]
     assert capfd.readouterr().out == ""
+
+
+def test_reader_says_nothing_of_damage(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    sound = log_bytes(att(1000, 0, 0, 1))
+    path.write_bytes(sound + b"damage" * 100 + sound + bytes((0xA3, 0x95, 250)) + b"damage" + sound[:-5])
+    assert read_log(path, kinds_of) == ["ATT 1000", "ATT 1000"]
+    assert capfd.readouterr() == ("", "")
 
 
 def kinds_of(log: Any) -> list[str]:
