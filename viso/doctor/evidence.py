@@ -12,6 +12,7 @@ from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import Motion
 from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.paths import PathComparison
+from viso.doctor.measures.refused_frames import FrameKind
 from viso.doctor.measures.tracks import Poses, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.doctor.measures.vehicle_position import EXTNAV
@@ -66,6 +67,7 @@ class Evidence:
         told: parameters that the recording or the user told.
         tells_all: whether a parameter that was not told is one that the vehicle does not have.
         flown: the release that flew, if the recording tells.
+        refused: the types and senders of which frames failed their checksum.
         model_jumps: how many jumps without a reset the imagined vehicle that follows the stream saw in it.
     """
 
@@ -98,6 +100,7 @@ class Evidence:
     tells_all: bool = True
     flown: FlownVersion | None = None
     model_jumps: int = 0
+    refused: tuple[FrameKind, ...] = ()
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""

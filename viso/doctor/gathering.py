@@ -12,6 +12,7 @@ import numpy as np
 from ap_visualodom.verdicts import CONSUMED
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.verdicts import BAD_CRC
 from mav_handlers.wire.codec import message_name
 from viso.doctor.evidence import Evidence, vision_of
 from viso.doctor.measures.compare import Comparison, compare
@@ -19,6 +20,7 @@ from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
 from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.paths import compare_paths
+from viso.doctor.measures.refused_frames import refused_kinds
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
 from viso.doctor.measures.vehicle_position import PositionSeries
@@ -249,4 +251,5 @@ def _evidence(
         told=settled.told,
         tells_all=settled.tells_all,
         model_jumps=outcome.model_jumps,
+        refused=refused_kinds(stream) if any(one.verdict is BAD_CRC for one in messages) else (),
     )

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.messages import (
     COMMAND_INT,
@@ -27,6 +28,7 @@ _LOST_SHARE: Final = 0.02
 _MOST_ASKING: Final = 3
 _ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
 _FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
+_VISION_NAMES: Final = frozenset(kind.__name__ for kind in VISION_MESSAGES)
 _LOST_FIELDS: Final = {
     "VISION_POSITION_ESTIMATE": "covariance and reset_counter",
     "GLOBAL_VISION_POSITION_ESTIMATE": "covariance and reset_counter",
@@ -124,12 +126,24 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
     "Frames were damaged",
     "A frame whose checksum does not match is dropped without a word; so is one of a dialect that is not known.",
     "mavlink_helpers.h, mavlink_frame_char_buffer",
-    "Check baud rate, cable and ground; if every frame of a type is refused, both ends use different definitions "
-    "of that message.",
+    "Check baud rate, cable and ground.",
     needs=frozenset({Aspect.LINK}),
 )
 def _damaged(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.messages if one.verdict in (BAD_CRC, UNKNOWN_MESSAGE)]
+    otherwise = [kind for kind in evidence.refused if kind.is_defined_otherwise]
+    for kind in otherwise:
+        sender = f"{kind.system_id}/{kind.component_id}"
+        yield Sighting(
+            f"all {len(kind.refused)} {kind.name} from {sender} fail their checksum, while others pass: the sender has "
+            "another definition of that message",
+            kind.refused,
+            severity=None if kind.name in _VISION_NAMES else Severity.NOTE,
+            fix=f"Generate the sender's messages from the same dialect as the autopilot's: the checksum covers the "
+            f"definition of {kind.name}, of which the two have different versions.",
+        )
+    known = {number for kind in otherwise for number in kind.refused}
+    refused = (BAD_CRC, UNKNOWN_MESSAGE)
+    found = [one for one in evidence.messages if one.verdict in refused and one.number not in known]
     if found:
         frames = sum(one.version != 0 for one in evidence.messages) + len(found)
         yield seen_in(f"{share(len(found), frames)} frames were damaged", found)

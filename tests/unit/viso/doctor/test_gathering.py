@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evidence of a trial: what the autopilot makes of a stream, and what it said itself in it."""
 
+from dataclasses import replace
+
 import pytest
 
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import ATTITUDE, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
+from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import SETUP
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
-from viso.doctor import GatherOptions, SeenMessage, diagnose, gather
+from viso.doctor import GatherOptions, SeenMessage, Severity, diagnose, gather
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.rules import RULES
 from viso.errors import InputError
@@ -143,3 +145,23 @@ def test_summary_counts_what_became_of_messages_and_samples() -> None:
 def test_parameter_that_cannot_be_is_one_line() -> None:
     with pytest.raises(InputError, match="made: "):
         gather(stream_of(companion(), {"VISO_SCALE": float("nan")}))
+
+
+def test_type_that_always_fails_its_checksum_is_defined_otherwise() -> None:
+    """DISTANCE_SENSOR of a dialect of the sender's own, between sound poses, and one damaged frame."""
+    range_finder = Codec(1, 174)
+    strange = [range_finder.encode(DISTANCE_SENSOR(0, 20, 500, 100, 0, 0, 25, 0)) for _ in range(40)]
+    messages = list(stream_of(companion(), dict(SETUP)).messages)
+    damaged = bytearray(messages[7].frame)
+    damaged[20] ^= 0xFF
+    messages[7] = replace(messages[7], frame=bytes(damaged))
+    for frame, place in zip(strange, range(0, 80, 2), strict=True):
+        spoilt = frame[:-2] + bytes((frame[-2] ^ 0x5A, frame[-1]))
+        messages.insert(place, StreamMessage(messages[place].arrival_us, spoilt))
+    _, findings = examine(Stream("made", tuple(messages), dict(SETUP)))
+    of_type, of_link = (finding for finding in findings if finding.code == "XN1-04")
+    assert of_type.severity is Severity.WARNING
+    assert of_type.evidence.startswith("1 of 50")
+    assert of_link.severity is Severity.NOTE
+    assert of_link.evidence.startswith("all 40 DISTANCE_SENSOR from 1/174 fail their checksum")
+    assert of_link.message_numbers == tuple(range(1, 80, 2))
