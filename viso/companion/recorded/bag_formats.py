@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from viso.companion.recorded.recorded_trajectory import TIME_END_NS
 from viso.companion.recorded.records import Records, TrajectoryError
@@ -61,12 +61,17 @@ POSE_TYPES: Final[Mapping[str, Callable[[Any], _Record]]] = MappingProxyType(
 )
 
 
+_FRAME_TYPES: Final = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+_Message: TypeAlias = tuple[int, str, Any]
+"""When the bag got it in ns, its type, and its content."""
+
+
 def bag_records(path: Path, topic: str | None) -> Records:
     """Read the poses of a topic, by default of the only one that has any.
 
     Args:
         path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
-        topic: its name.
+        topic: its name; of transforms between frames ``/tf:PARENT.CHILD``.
 
     Raises:
         TrajectoryError: if the bag cannot be read, rosbags is missing, or the topic is not clear; one line.
@@ -77,12 +82,13 @@ def bag_records(path: Path, topic: str | None) -> Records:
 
         # Old bags of ROS 2 do not hold their types.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            chosen = _choose(path, reader.connections, topic)
+            connections = _transforming(reader.connections, topic)
+            chosen = connections or _choose(path, reader.connections, topic)
             messages = (
                 (time_ns, connection.msgtype, reader.deserialize(data, connection.msgtype))
                 for connection, time_ns, data in reader.messages(chosen)
             )
-            return _collect(path, messages)
+            return _collect(path, _of_frames(path, messages, topic or "/tf") if connections else messages)
 
 
 @contextmanager
@@ -118,7 +124,32 @@ def _choose(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
     raise TrajectoryError(f"{path}: {what}; there are: {listed}")
 
 
-def _collect(path: Path, messages: Iterator[tuple[int, str, Any]]) -> Records:
+def _transforming(connections: list[Any], topic: str | None) -> list[Any]:
+    """Return the connections of transforms between frames, if the topic names them or there are no other poses."""
+    if topic is None and any(connection.msgtype in POSE_TYPES for connection in connections):
+        return []
+    name = "/tf" if topic is None else topic.partition(":")[0]
+    return [one for one in connections if one.msgtype in _FRAME_TYPES and one.topic == name]
+
+
+def _of_frames(path: Path, messages: Iterator[_Message], topic: str) -> Iterator[_Message]:
+    """Return the transforms from one frame to another, named ``/tf:PARENT.CHILD``, or those of the only two."""
+    name, _, wanted = topic.partition(":")
+    found: dict[str, list[_Message]] = {}
+    for time_ns, _kind, message in messages:
+        for one in message.transforms:
+            frames = f"{one.header.frame_id}.{one.child_frame_id}"
+            found.setdefault(frames, []).append((time_ns, "geometry_msgs/msg/TransformStamped", one))
+    if not wanted and len(found) == 1:
+        (wanted,) = found
+    if wanted not in found:
+        listed = ", ".join(f"{name}:{frames} ({len(found[frames])} times)" for frames in sorted(found)) or "none"
+        what = f"no transforms {wanted}" if wanted else "which transforms between frames is not clear"
+        raise TrajectoryError(f"{path}: {what}; there are: {listed}")
+    return iter(found[wanted])
+
+
+def _collect(path: Path, messages: Iterator[_Message]) -> Records:
     times_ns: list[int] = []
     arrivals_ns: list[int] = []
     records: list[_Record] = []

@@ -177,6 +177,30 @@ def test_several_topics_are_listed(folder: Path) -> None:
     assert complaint(path) == f"{path}: which topic is not clear; {listed}"
 
 
+def transforms(version: int, *children: str) -> Messages:
+    """Return messages of two transforms each, as ROS 2 and late ROS 1 send them."""
+    kind = "tf2_msgs/msg/TFMessage"
+    both = [
+        (sec, [message(version, "geometry_msgs/msg/TransformStamped", sec, one) for one in children]) for sec in (5, 6)
+    ]
+    return [("/tf", kind, 100 + sec, new(version, kind, several)) for sec, several in both]
+
+
+def test_transforms_alone_are_read_by_their_frames(folder: Path) -> None:
+    bag = write(folder, 2, transforms(2, "base_link", "wheel"))
+    told = "/tf:odom.base_link (2 times), /tf:odom.wheel (2 times)"
+    assert complaint(bag) == f"{bag}: which transforms between frames is not clear; there are: {told}"
+    assert complaint(bag, "/tf:map.odom") == f"{bag}: no transforms map.odom; there are: {told}"
+    assert read_bag(bag, "/tf:odom.wheel").positions.tolist() == [[5, 2, 3], [6, 2, 3]]
+
+
+def test_transforms_of_one_pair_of_frames_need_no_name_and_yield_to_poses(tmp_path: Path) -> None:
+    assert len(read_bag(write(tmp_path / "tf", 2, transforms(2, "base_link")), None)) == 2
+    both = write(tmp_path / "both", 2, [*transforms(2, "base_link"), *poses(2)])
+    assert read_bag(both, None).velocities is not None
+    assert read_bag(both, "/tf").velocities is None
+
+
 def test_unknown_topic_is_answered_with_those_there_are(folder: Path) -> None:
     path = write(folder, 2, poses(2))
     assert complaint(path, "/x") == f"{path}: no poses on the topic /x; there are: /pose (nav_msgs/msg/Odometry)"
