@@ -53,8 +53,8 @@ def refused_kinds(stream: Stream) -> tuple[FrameKind, ...]:
             elif bad_data_verdict(received.reason) is BAD_CRC:
                 kinds[ids].append(number)
     return tuple(
-        FrameKind(message_name(msg_id) or f"message {msg_id}", *sender, sound[msg_id, *sender], numbers)
-        for (msg_id, *sender), numbers in kinds.items()
+        FrameKind(message_name(ids[0]) or f"message {ids[0]}", ids[1], ids[2], sound[ids], numbers)
+        for ids, numbers in kinds.items()
     )
 
 

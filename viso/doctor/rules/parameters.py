@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
+from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
@@ -81,7 +82,8 @@ def _deltas(evidence: Evidence) -> bool:
 @error(
     "XN7-03",
     "A source without a message that feeds it",
-    "The filter waits for what never comes: it does not start to aid, or lacks velocity or height.",
+    "Without poses for EK3_SRC1_POSXY the filter does not start to aid by position; all else that never comes it goes "
+    "without.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::readyToUseExtNav",
     "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the "
     "source to what there is.",
@@ -97,8 +99,10 @@ def _unfed(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{_parameters(poses)} {_is(poses)} 6 (ExtNav), and the stream carries no poses")
     if velocities and not has_velocity:
         has_position = "POSXY" in poses and bool(evidence.poses)
+        aids = any(span.mode is not AidingMode.NONE for span in evidence.aiding)
+        without = ": it navigates by poses alone" if has_position and aids else ""
         yield Sighting(
-            f"{_parameters(velocities)} {_is(velocities)} 6 (ExtNav), and the stream carries no velocities",
+            f"{_parameters(velocities)} {_is(velocities)} 6 (ExtNav), and the stream carries no velocities{without}",
             severity=Severity.WARNING if has_position else None,
         )
 

@@ -58,7 +58,7 @@ def test_rejection_from_the_first_message_on_is_in_full_sight() -> None:
 
 def test_vehicle_of_the_model_that_lost_the_stream_proves_nothing() -> None:
     innovations = {"pose": Innovations(tested=80, rejected=30, worst=64.0)}
-    fates = [*[FUSED] * 50, *[GATE_POSITION] * 30]
+    fates: list[Rule | None] = [*[FUSED] * 50, *[GATE_POSITION] * 30]
     seen_so, lost = found_of(fates, innovations=innovations), found_of(fates, innovations=innovations, model_jumps=2)
     assert seen_so is not None
     assert lost is not None

@@ -299,6 +299,16 @@ def test_jump_where_the_autopilot_aligned_is_its_own() -> None:
     assert "yaw shifted 20 to 30 deg" in found["XN8-01"].evidence
 
 
+@pytest.mark.parametrize("aids", [True, False])
+def test_velocities_that_never_come_do_not_contradict_that_it_navigates(aids: bool) -> None:
+    messages = [pose(1 + number * 40_000) for number in range(100)]
+    found = findings_of(evidence_of(stream_of(messages), **({} if aids else {"aiding": ()})))
+    assert ("XN9-01" in found) == aids
+    assert found["XN7-03"].severity is Severity.WARNING
+    assert found["XN7-03"].evidence.endswith("carries no velocities: it navigates by poses alone") == aids
+    assert "does not start to aid by position" in found["XN7-03"].firmware
+
+
 def test_source_of_another_set_is_told() -> None:
     params = dict.fromkeys((f"EK3_SRC1_{name}" for name in ("POSXY", "VELXY", "VELZ")), 3.0) | {
         "EK3_SRC1_YAW": 1,
