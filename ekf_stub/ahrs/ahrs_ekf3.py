@@ -83,7 +83,7 @@ class Ekf3Ahrs(AhrsBase):
         self._lever = (0.0, 0.0, 0.0)
         self._sensors: Sensors | None = None
         self._baro_zero_m = 0.0
-        self._is_set_up = self._active = self._has_camera = False
+        self._is_set_up = self._active = self._has_camera = self._stands_still = False
         self._yaw_resets = 0
         self._source_set = parts.sources.active_set
         self._quat: Quaternion | None = None
@@ -95,8 +95,16 @@ class Ekf3Ahrs(AhrsBase):
 
     # Frames
 
+    def stop(self) -> None:
+        """Run the filter no further: it keeps to its last estimate, and is handed no more samples or poses."""
+        self._stands_still = True
+        self.on_pose = self._on_filter_outcome = None
+        self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))
+
     def update(self, camera: VisualOdomFrame) -> None:
         """Run one frame."""
+        if self._stands_still:
+            return
         self._camera = camera
         now_us = self._clock.micros64()
         armed = self._parts.is_armed()

@@ -78,6 +78,9 @@ def doctor(
     heading: Annotated[
         float, typer.Option(help="Where the vehicle points at first in degrees, if nothing tells its attitude.")
     ] = 0.0,
+    filter_seconds: Annotated[
+        float, typer.Option(help="For how long to run the filter, a model, over external navigation; it takes long.")
+    ] = 120.0,
     lead: Annotated[float, typer.Option(help="Seconds from boot to the first message, if the file does not tell.")] = (
         30.0
     ),
@@ -121,6 +124,8 @@ def doctor(
         raise InputError(f"--lead {lead:g}: not a time in seconds")
     if not 0 < seconds <= _LONGEST_S:
         raise InputError(f"--seconds {seconds:g}: not between 0 and a day")
+    if not filter_seconds >= 0:
+        raise InputError(f"--filter-seconds {filter_seconds:g}: not a time in seconds")
     if not math.isfinite(heading):
         raise InputError(f"--heading {heading}: not an angle in degrees")
     chosen = None if firmware is None else firmware_of(firmware)
@@ -131,7 +136,8 @@ def doctor(
     if _is_link(source):
         stream = _listen(source, seconds, int(lead * 1e6))
     else:
-        stream = read_whole_stream(Path(source), int(lead * 1e6), trajectory, form)
+        with progress(f"reading {source}", None):
+            stream = read_whole_stream(Path(source), int(lead * 1e6), trajectory, form)
     try:
         stream = one_session(stream, session)
     except ValueError as error:
@@ -142,7 +148,7 @@ def doctor(
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
     heading_rad = math.remainder(math.radians(heading), 2 * math.pi)
-    options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=chosen)
+    options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=chosen, filter_s=filter_seconds)
     evidence = _examine(stream, _with_log(options, attitude, Path(source)))
     rules = all_rules()
     findings = diagnose(evidence, rules)

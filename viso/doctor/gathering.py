@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tries a stream on the autopilot in virtual time, and keeps all that the rules want to know."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,6 +25,7 @@ from viso.doctor.measures.refused_frames import refused_kinds
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
 from viso.doctor.measures.vehicle_position import PositionSeries
+from viso.doctor.outputs.phrases import at
 from viso.doctor.trial_parameters import Settled, settle
 from viso.errors import InputError
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
@@ -39,6 +41,8 @@ from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 _TURNING_RAD: Final = 0.05  # a second
+_NO_TELEMETRY: Final = {0: dict.fromkeys(range(500), 0)}
+"""Nobody listens to the vehicle of a trial."""
 _NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 
 
@@ -53,6 +57,7 @@ class GatherOptions:
         heading_rad: where the vehicle points at first, if its attitude is not known.
         firmware: which release to try it on; None for the one that is nearest to what flew.
         is_tried: whether it is tried at all; else every message counts as accepted, and no filter is asked.
+        filter_s: for how long the filter is run, from the first message of external navigation on.
     """
 
     params: Mapping[str, float] = field(default_factory=dict)
@@ -64,6 +69,7 @@ class GatherOptions:
     heading_rad: float = 0.0
     firmware: Firmware | None = None
     is_tried: bool = True
+    filter_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,22 +82,42 @@ class _Outcome:
     aiding: tuple[AidingSpan, ...] = ()
     innovations: Mapping[str, Innovations] = field(default_factory=dict)
     model_jumps: int = 0
+    filter_until_us: int | None = None
+
+
+def _filter_until_us(stream: Stream, filter_s: float) -> int | None:
+    """Return until when the filter runs, us since boot; None for all the way."""
+    times_us = [one.arrival_us for one in stream.messages if one.arrival_us is not None]
+    numbers = (number for number, received in received_in(stream) if type(received.message) in VISION_MESSAGES)
+    first = next(numbers, None) if math.isfinite(filter_s) and times_us else None
+    if first is None:
+        return None
+    until_us = int((stream.messages[first].arrival_us or times_us[0]) + filter_s * 1e6)
+    return until_us if until_us < times_us[-1] else None
 
 
 class _Trial:
     """A vehicle that follows a stream, and what it said and did."""
 
     def __init__(
-        self, stream: Stream, params: Mapping[str, float], heading_rad: float, firmware: Firmware, baud: int | None
+        self,
+        stream: Stream,
+        params: Mapping[str, float],
+        heading_rad: float,
+        firmware: Firmware,
+        options: GatherOptions,
     ) -> None:
         make_ahrs = by_ekf3(self._follow, ImuOptions(heading_rad=heading_rad))
-        self.vehicle = _vehicle(stream, VehicleConfig(make_ahrs, defaults=params, firmware=firmware))
+        self.vehicle = _vehicle(
+            stream, VehicleConfig(make_ahrs, defaults=params, firmware=firmware, message_intervals=_NO_TELEMETRY)
+        )
         self.params = _params_of(self.vehicle)
         self.watch = FilterWatch(self.vehicle)
         self.texts: list[tuple[int, int, str]] = []
         self._events: list[MessageEvent] = []
         self.vehicle.texts.on_text.append(self._take_text)
-        self._replay = Replay(self.vehicle, stream, baud, self.watch)
+        self._filter_until_us = _filter_until_us(stream, options.filter_s)
+        self._replay = Replay(self.vehicle, stream, options.baud, self.watch, self._filter_until_us)
         self._tell_replay = self.vehicle.endpoint.on_event
         self.vehicle.endpoint.on_event = self._take_event
 
@@ -120,7 +146,9 @@ class _Trial:
             for number, (event, message) in enumerate(zip(self._events, replayed, strict=True), 1)
         )
         aiding, innovations = tuple(self.watch.aiding()), dict(self.watch.innovations)
-        return _Outcome(messages, self.params, tuple(self.texts), aiding, innovations, self.jumps)
+        return _Outcome(
+            messages, self.params, tuple(self.texts), aiding, innovations, self.jumps, self._filter_until_us
+        )
 
 
 def _vehicle(stream: Stream, config: VehicleConfig) -> Vehicle:
@@ -191,7 +219,7 @@ def gather(
     settled = settle(stream, told, options.params, names, firmware, flown)
     heading_rad = options.heading_rad if attitude is None else float(attitude.euler_rad[0, 2])
     if options.is_tried and names:
-        outcome = _Trial(stream, settled.params, heading_rad, firmware, options.baud).run(on_progress)
+        outcome = _Trial(stream, settled.params, heading_rad, firmware, options).run(on_progress)
     else:
         outcome = _untried(stream if names else replace(stream, messages=()), settled.params, firmware)
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
@@ -220,6 +248,9 @@ def _evidence(
     if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):
         attitude, comparisons = None, ()
         notes = (*notes, f"{stream.name}: the vehicle turns otherwise, or at other times (--lead): left out of account")
+    if outcome.filter_until_us is not None:
+        until = f"the first {options.filter_s:g} s of external navigation, to {at(outcome.filter_until_us)}"
+        notes = (*notes, f"{stream.name}: the filter (a model) was run over {until} (--filter-seconds)")
     known = {**told.params, **stream.params}
     position = told.position if options.position is None else options.position
     arrivals_us = [one.arrival_us for one in stream.messages[-1:] if one.arrival_us is not None]

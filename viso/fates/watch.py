@@ -85,6 +85,7 @@ class FilterWatch:
         self._ahrs = vehicle.ahrs
         self._ahrs.on_filter_outcome = self._take
         self._modes = [(0, AidingMode.NONE)]
+        self._end_us: int | None = None
         self.listeners: list[Callable[[SampleTest], None]] = []
         self.innovations: dict[str, Innovations] = {}
 
@@ -104,14 +105,20 @@ class FilterWatch:
         if mode is not self._modes[-1][1]:
             self._modes.append((self._clock.micros64(), mode))
 
+    def end(self) -> None:
+        """Let the filter run no further, and watch no more."""
+        self._ahrs.stop()
+        self._end_us = self._clock.micros64()
+
     def mode(self) -> AidingMode:
         """Return how the filter navigates."""
         core = self._ahrs.core
         return core.aiding.mode if core is not None and core.initialised else AidingMode.NONE
 
     def aiding(self) -> list[AidingSpan]:
-        """Return how the filter has navigated, from boot until now."""
-        ends = [*(time_us for time_us, _ in self._modes[1:]), self._clock.micros64()]
+        """Return how the filter has navigated, from boot until now, or until it ended."""
+        end_us = self._clock.micros64() if self._end_us is None else self._end_us
+        ends = [*(time_us for time_us, _ in self._modes[1:]), end_us]
         return [AidingSpan(start_us, end_us, mode) for (start_us, mode), end_us in zip(self._modes, ends, strict=True)]
 
 

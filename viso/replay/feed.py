@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Feeds a recorded stream to a vehicle in virtual time."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRU
 # A capture's arrival is the time of handling; the port was read up to one loop (2500 us) earlier, and unrecorded bytes
 # may have waited behind. This value keeps every recorded CTimeMS within 2 ms.
 READ_BEFORE_HANDLING_US: Final = 1800
+_PERIOD_WITHOUT_FILTER_US: Final = 8 * LOOP_PERIOD_US
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +75,20 @@ class Replay:
         stream: what to feed.
         baud: rate of the link's transport-time model; None for a link without delay.
         watch: of the vehicle's filter; with it the vehicle runs on after the last message until the filter is done.
+        filter_until_us: since boot; the filter, which takes most of the time, runs no further. None for all the way.
     """
 
-    def __init__(self, vehicle: Vehicle, stream: Stream, baud: int | None, watch: FilterWatch | None = None) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        stream: Stream,
+        baud: int | None,
+        watch: FilterWatch | None = None,
+        filter_until_us: int | None = None,
+    ) -> None:
         self._vehicle = vehicle
         self._watch = watch
+        self._filter_until_us = math.inf if filter_until_us is None else filter_until_us
         self._fates = SampleFates()
         if watch is not None:
             watch.listeners.append(self._fates.take)
@@ -125,11 +136,14 @@ class Replay:
         self._vehicle.endpoint.bytes_to_send(self._channel)
 
     def _run_until(self, time_us: int) -> None:
-        if self._watch is not None:
+        if self._watch is not None and self._scheduler.period_us == LOOP_PERIOD_US:
             first_us = self._scheduler.now_us // LOOP_PERIOD_US * LOOP_PERIOD_US + LOOP_PERIOD_US
-            for loop_us in range(first_us, time_us + 1, LOOP_PERIOD_US):
+            for loop_us in range(first_us, int(min(time_us, self._filter_until_us)) + 1, LOOP_PERIOD_US):
                 self._scheduler.run_until(loop_us)
                 self._watch.look()
+            if time_us > self._filter_until_us:
+                self._watch.end()
+                self._scheduler.period_us = _PERIOD_WITHOUT_FILTER_US
         self._scheduler.run_until(time_us)
 
     def _take_ripe(self) -> Iterator[ReplayedMessage]:

@@ -7,10 +7,15 @@ from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 
 class Scheduler:
-    """Runs a vehicle's main loop at its rate, and hands it bytes at exact times in between."""
+    """Runs a vehicle's main loop at its rate, and hands it bytes at exact times in between.
+
+    Attributes:
+        period_us: from one pass to the next; longer where nobody looks at more than messages.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
+        self.period_us = LOOP_PERIOD_US
         self._next_loop_us = 0
 
     @property
@@ -28,7 +33,7 @@ class Scheduler:
         while self._next_loop_us <= time_us:
             self._vehicle.clock.set_us(self._next_loop_us)
             self._vehicle.loop()
-            self._next_loop_us += LOOP_PERIOD_US
+            self._next_loop_us += self.period_us
         self._vehicle.clock.set_us(time_us)
 
     def deliver(self, channel: Channel, data: bytes, *, read_us: int | None = None) -> None:

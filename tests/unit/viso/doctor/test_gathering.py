@@ -165,3 +165,11 @@ def test_type_that_always_fails_its_checksum_is_defined_otherwise() -> None:
     assert of_link.severity is Severity.NOTE
     assert of_link.evidence.startswith("all 40 DISTANCE_SENSOR from 1/174 fail their checksum")
     assert of_link.message_numbers == tuple(range(1, 80, 2))
+
+
+@pytest.mark.parametrize(("filter_s", "is_told"), [(1.0, True), (60.0, False)])
+def test_filter_that_did_not_run_all_the_way_is_told(filter_s: float, is_told: bool) -> None:
+    evidence = gather(stream_of(companion(), dict(SETUP)), GatherOptions(filter_s=filter_s))
+    told = f"made: the filter (a model) was run over the first {filter_s:g} s of external navigation, to 7.500 s"
+    assert (f"{told} (--filter-seconds)" in evidence.notes) == is_told
+    assert len(evidence.vision) == 50

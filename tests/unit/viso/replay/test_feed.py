@@ -302,3 +302,19 @@ def test_watching_changes_nothing_else() -> None:
     unwatched = [message.as_dict() for message in Replay(vehicle, recorded, None).run()]
     lines_without_fates = [{k: v for k, v in line.items() if k != "filter"} for line in run_watched(recorded)]
     assert lines_without_fates == unwatched
+
+
+def test_messages_are_judged_on_after_the_filter_has_ended() -> None:
+    """The filter takes most of the time: over a long stream it need not run all the way."""
+    times_us = range(3_000_000, 5_000_000, 100_000)
+    recorded = stream(*((at_us, frame(odometry(at_us))) for at_us in times_us), shared=False, EK3_SRC1_POSXY=6)
+
+    def replayed(until_us: int | None) -> tuple[list[ReplayedMessage], int]:
+        vehicle = Vehicle(VehicleConfig(by_ekf3(FollowSource, ImuOptions()), defaults=recorded.params))
+        watch = FilterWatch(vehicle)
+        return list(Replay(vehicle, recorded, None, watch, until_us).run()), watch.aiding()[-1].end_us
+
+    (whole, _), (part, end_us) = replayed(None), replayed(4_000_000)
+    assert end_us == 4_000_000
+    assert [(one.verdict, one.records) for one in part] == [(one.verdict, one.records) for one in whole]
+    assert [bool(one.samples) for one in part] == [at_us <= end_us for at_us in times_us]
