@@ -302,7 +302,8 @@ def test_jump_where_the_autopilot_aligned_is_its_own() -> None:
 @pytest.mark.parametrize("aids", [True, False])
 def test_velocities_that_never_come_do_not_contradict_that_it_navigates(aids: bool) -> None:
     messages = [pose(1 + number * 40_000) for number in range(100)]
-    found = findings_of(evidence_of(stream_of(messages), **({} if aids else {"aiding": ()})))
+    fields: dict[str, Any] = {} if aids else {"aiding": ()}
+    found = findings_of(evidence_of(stream_of(messages), **fields))
     assert ("XN9-01" in found) == aids
     assert found["XN7-03"].severity is Severity.WARNING
     assert found["XN7-03"].evidence.endswith("carries no velocities: it navigates by poses alone") == aids
