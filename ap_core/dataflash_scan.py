@@ -25,6 +25,7 @@ NO_HEADER: Final = "no record begins here"
 CUT_SHORT: Final = "the log ends within this record"
 _FMT_DTYPE: Final = record_dtype(FMT)
 _MOST_PASSES: Final = 8
+_AT_ONCE: Final = 1 << 24
 
 
 class Lost(NamedTuple):
@@ -130,8 +131,12 @@ def _headers(data: Bytes) -> Offsets:
     """Return all places that look like a header, of whatever type."""
     if len(data) < HEADER_BYTES:
         return np.zeros(0, np.int64)
-    first: Offsets = np.flatnonzero(data[:-2] == HEAD_BYTE1)
-    return first.compress(data[first + 1] == HEAD_BYTE2)
+    found = []
+    for start in range(0, len(data) - 2, _AT_ONCE):  # or a large log would be in memory twice
+        part = data[start : min(start + _AT_ONCE, len(data) - 2)]
+        first: Offsets = np.flatnonzero(part == HEAD_BYTE1) + start
+        found.append(first.compress(data[first + 1] == HEAD_BYTE2))
+    return np.concatenate(found)
 
 
 def _chain(data: Bytes, headers: Offsets, lengths: Offsets) -> Chain:

@@ -5,10 +5,11 @@
 import lzma
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -114,6 +115,34 @@ def read_kinds(path: Path, columns: LogColumns, kinds: Iterable[str], collect: "
     """
     with _problems_told(path):
         return _collect_from_bytes(columns.only((*kinds, *_FOLLOWED_BY_DFREADER)), collect)
+
+
+class LogRecord(SimpleNamespace):
+    """A record as DFReader would give it: its fields by their labels."""
+
+    def __init__(self, kind: str, fields: Mapping[str, Any]) -> None:
+        super().__init__(**fields)
+        self._kind = kind
+
+    def get_type(self) -> str:
+        """Return the name of its type."""
+        return self._kind
+
+
+def records_in(log: LogColumns, kinds: Iterable[str]) -> Iterator[LogRecord]:
+    """Yield the records of some kinds in the log's order, many times faster than DFReader does."""
+    present = [kind for kind in kinds if kind in log.counts]
+    rows = [_rows(log, kind) for kind in present]
+    owners = np.repeat(np.arange(len(present)), [log.counts[kind] for kind in present])
+    offsets = np.concatenate([np.zeros(0, np.int64), *(log.offsets(kind) for kind in present)])
+    for owner in owners[np.argsort(offsets)].tolist():
+        yield next(rows[owner])
+
+
+def _rows(log: LogColumns, kind: str) -> Iterator[LogRecord]:
+    columns = log.columns(kind)
+    for values in zip(*(column.tolist() for column in columns.values()), strict=True):
+        yield LogRecord(kind, dict(zip(columns, values, strict=True)))
 
 
 def read_recorded_states(path: Path) -> RecordedStates:

@@ -28,7 +28,7 @@ from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError
 from viso.firmware.flown import FlownVersion, version_in
 from viso.logs.record_fields import RecordError, numbers, text, whole
-from viso.logs.recorded import read_columns, read_kinds
+from viso.logs.recorded import read_columns, records_in
 from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 
@@ -192,16 +192,12 @@ def _quality(record: Any) -> int:
 def _read(path: Path, *, may_be_empty: bool) -> _LogContent:
     columns = read_columns(path)
     content = _LogContent(columns.lost)
-
-    def collect(log: Any) -> None:
-        while (record := log.recv_match(type=content.kinds)) is not None:
-            try:
-                content.take(record)
-            except RecordError as error:
-                kind = record.get_type()
-                raise InputError(f"{path}: {kind} record {content.numbers[kind]}: {error}") from error
-
-    read_kinds(path, columns, content.kinds, collect)
+    for record in records_in(columns, content.kinds):
+        try:
+            content.take(record)
+        except RecordError as error:
+            kind = record.get_type()
+            raise InputError(f"{path}: {kind} record {content.numbers[kind]}: {error}") from error
     if not may_be_empty and not content.has_vision:
         raise InputError(f"{path}: no VISP, VISV or VISO records: VISO_TYPE was 0, or no external navigation came")
     return content

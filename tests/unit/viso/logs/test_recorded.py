@@ -16,7 +16,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
 from tests.places import DATA
 from viso.errors import InputError
-from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states
+from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states, records_in
 
 FIRMWARE_LOG = DATA / "logs" / "t265.BIN.xz"
 
@@ -173,6 +173,13 @@ def kinds_of(log: Any) -> list[str]:
     while (record := log.recv_match(type=["ATT", "XKF4"])) is not None:
         found.append(f"{record.get_type()} {record.TimeUS}")
     return found
+
+
+def test_records_of_some_kinds_come_in_the_order_of_the_log(path: Path) -> None:
+    path.write_bytes(log_bytes(att(1, 0, 0, 0.5), ("XKF4", (2, 0, 7)), ("XKF1", (3, 0, 1, 2, -3)), att(4, 0, 0, 0)))
+    found = list(records_in(read_columns(path), ["XKF4", "VISP", "ATT"]))
+    assert [(one.get_type(), one.TimeUS) for one in found] == [("ATT", 1), ("XKF4", 2), ("ATT", 4)]
+    assert (found[0].Yaw, found[1].SS) == (0.5, 7)
 
 
 @pytest.mark.slow
