@@ -98,15 +98,28 @@ class LogColumns:
         """Why types, by their number, cannot be read though they have an FMT."""
         return MappingProxyType(self._formats.ill)
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether every byte is in a record of a type that is described, and always in the same way."""
+        said = {record.tobytes() for record in self.records(FMT.name)}
+        return not self.lost and not self.ill_described and len(said) == len(self._descriptions())
+
     def only(self, names: Iterable[str]) -> bytes:
-        """Return a log of the records of some types alone, in their order; what describes types stays as well."""
+        """Return a sound log of the records of some types alone, in their order, after what describes types."""
         wanted = {*names, *_DESCRIBING}
         numbers = [number for number, layout in self._formats.layouts.items() if layout.name in wanted]
-        kept = np.isin(self._chain.types, numbers)
+        kept = np.isin(self._chain.types, numbers) & (self._chain.types != FMT.msg_type)
         begins, ends = self._chain.begins[kept], self._chain.ends[kept]
         apart = np.flatnonzero(begins[1:] != ends[:-1])
         runs = zip(begins[np.append(0, apart + 1)].tolist(), ends[np.append(apart, -1)].tolist(), strict=True)
-        return b"".join(self._data[begin:end].data for begin, end in runs) if len(begins) else b""
+        kept_bytes = [self._data[begin:end].data for begin, end in runs] if len(begins) else []
+        return b"".join([*self._descriptions().values(), *kept_bytes])
+
+    def _descriptions(self) -> dict[int, bytes]:
+        """Return the FMT records that count, by the type that they describe."""
+        records = self.records(FMT.name)
+        latest = {int(number): record.tobytes() for number, record in zip(records["Type"], records, strict=True)}
+        return {number: record for number, record in latest.items() if number in self._formats.layouts}
 
     def units(self, name: str) -> dict[str, str]:
         """Return the units of a type's fields by label, multipliers included, as DFReader has them.

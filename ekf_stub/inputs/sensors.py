@@ -37,5 +37,11 @@ class SensorSource(Protocol):
     def set_armed(self, armed: bool) -> None:
         """Hear, before each pass, whether the vehicle is armed."""
 
+    def is_at_rest(self, until_us: int) -> bool:
+        """Tell whether the vehicle stands still until a time since boot unless it is told otherwise.
+
+        If so, passes of the main loop may be left out until then.
+        """
+
     def yaw_rad(self) -> float:
         """Return the true heading as far as the source knows it, rad; what a simple estimate (DCM) starts from."""

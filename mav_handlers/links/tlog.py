@@ -8,10 +8,8 @@ start of an entry, so after damage the next one is found by what must be true of
 """
 
 import gzip
-import io
 import re
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +17,7 @@ from types import TracebackType
 from typing import BinaryIO
 
 from mav_handlers.links.base import reason_of
+from mav_handlers.links.packed import CutShortError, PackedError, open_packed
 
 STAMP_BYTES = 8
 STX_V1 = 0xFE
@@ -34,14 +33,13 @@ YEAR_2000_US = 946_684_800_000_000
 YEAR_2100_US = 4_102_444_800_000_000
 
 _STX = re.compile(rb"[\xfd\xfe]")
-_GZIP_MAGIC = b"\x1f\x8b"
 
 
 class TlogError(Exception):
     """A file that cannot be read or written as a tlog, in one line: which file, where and why."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class TlogEntry:
     """Hold one frame as recorded; ``time_us`` is as in the file, the link number not removed."""
 
@@ -89,7 +87,7 @@ class TlogReader(Iterator[TlogEntry]):
         return None
 
     def _take(self, end: int) -> TlogEntry:
-        entry = TlogEntry(self._stamp_at(self._offset), self._data[self._offset + STAMP_BYTES : end])
+        entry = TlogEntry(self._stamp_at(self._offset), bytes(self._data[self._offset + STAMP_BYTES : end]))
         self._last_us = entry.time_us
         self._offset = end
         return entry
@@ -208,23 +206,17 @@ def read_tlog(path: str | Path) -> TlogReader:
     return TlogReader(path)
 
 
-def _load(path: Path) -> tuple[bytes, bool]:
+def _load(path: Path) -> tuple[bytearray, bool]:
     """Return the file's content, uncompressed, and whether the compressed data were cut off."""
+    data = bytearray()
     try:
-        data = path.read_bytes()
+        with open_packed(path) as file:
+            while part := file.read1(65536):
+                data += part
+    except CutShortError:
+        return data, True
+    except PackedError as error:
+        raise TlogError(f"{path}: byte {len(data)}: {reason_of(error)}") from None
     except OSError as error:
         raise TlogError(f"{path}: {reason_of(error)}") from None
-    return _decompressed(path, data) if data.startswith(_GZIP_MAGIC) else (data, False)
-
-
-def _decompressed(path: Path, data: bytes) -> tuple[bytes, bool]:
-    parts = bytearray()
-    with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-        try:
-            while part := file.read1(65536):
-                parts += part
-        except EOFError:
-            return bytes(parts), True
-        except (OSError, zlib.error) as error:
-            raise TlogError(f"{path}: byte {len(parts)}: {reason_of(error)}") from None
-    return bytes(parts), False
+    return data, False

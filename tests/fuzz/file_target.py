@@ -6,19 +6,28 @@ import gzip
 import math
 import tempfile
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
+from viso.companion.faults import TimelineError, load_timeline
+from viso.companion.vio.calibration import CalibrationError, load_calibration
+from viso.companion.vio.config import ConfigError, load_config
 from viso.errors import InputError
+from viso.landmarks.camera import camera_of
 from viso.logs.files import MAX_FILES, LogStore
 from viso.logs.recorded import read_recorded_states
 from viso.options.settings import load_parm_file, parse_assignment
 from viso.parameters.store import ParamStore
 from viso.parameters.table import make_groups
+from viso.sensors.script.script import read_script_source
 from viso.streams.stream_kinds import Stream, read_stream
+from viso.sweep.request import read_wishes
 
 LEAD_US = 30_000_000
+REFUSALS = (InputError, CalibrationError, ConfigError, TimelineError)
 
 
 def _table() -> ParamTable:
@@ -91,6 +100,59 @@ def read_log(content: bytes, folder: Path) -> None:
     assert states is not None
 
 
+def _written_as(name: str, read: Callable[[Path], object]) -> Callable[[bytes, Path], None]:
+    """Return what writes a file of this name, and has it read."""
+
+    def run_reader(content: bytes, folder: Path) -> None:
+        read(_file(folder, name, content))
+
+    return run_reader
+
+
+@lru_cache
+def _bag(version: int) -> bytes:
+    """Return a small bag with three poses, of ROS 1 or 2."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    store: Any = get_typestore((Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE)[version - 1])
+    kind, types = "geometry_msgs/msg/PoseStamped", store.types
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "bag")
+        bag: Any = Writer1(path) if version == 1 else Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        with bag as writer:
+            connection = writer.add_connection("/pose", kind, typestore=store)
+            for sec in (5, 6, 7):
+                stamp = types["builtin_interfaces/msg/Time"](sec, 0)
+                head = types["std_msgs/msg/Header"](*([0] if version == 1 else []), stamp, "map")
+                point = types["geometry_msgs/msg/Point"](1.0, 2.0, 3.0)
+                pose = types["geometry_msgs/msg/Pose"](point, types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0))
+                serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
+                writer.write(connection, sec * 10**9, serialize(types[kind](head, pose), kind))
+        return path.read_bytes() if version == 1 else next(path.glob("*.mcap")).read_bytes()
+
+
+def _damaged_bag(version: int, content: bytes) -> bytes:
+    """Return a bag with bytes changed, each three of the content a place and what stands there, and perhaps cut."""
+    data = bytearray(_bag(version))
+    for at in range(0, len(content) - 2, 3):
+        data[int.from_bytes(content[at : at + 2], "big") % len(data)] = content[at + 2]
+    rest = len(content) % 3
+    return bytes(data[: int.from_bytes(content[-rest:], "big") % len(data)] if rest else data)
+
+
+def read_bag(content: bytes, folder: Path) -> None:
+    """Read a damaged bag of ROS 1."""
+    _check_stream(read_stream(_file(folder, "any.bag", _damaged_bag(1, content)), LEAD_US))
+
+
+def read_mcap(content: bytes, folder: Path) -> None:
+    """Read a damaged bag of ROS 2."""
+    _check_stream(read_stream(_file(folder, "any.mcap", _damaged_bag(2, content)), LEAD_US))
+
+
 READERS: tuple[Callable[[bytes, Path], None], ...] = (
     read_parm,
     read_storage,
@@ -100,11 +162,20 @@ READERS: tuple[Callable[[bytes, Path], None], ...] = (
     read_packed_capture,
     read_last_number,
     read_log,
+    _written_as("sweep.toml", read_wishes),
+    _written_as("vio.toml", load_config),
+    _written_as("camera.toml", load_calibration),
+    _written_as("sensor.yaml", load_calibration),
+    _written_as("landmarks.toml", lambda path: camera_of(path, [])),
+    _written_as("script.toml", lambda path: read_script_source(str(path))),
+    _written_as("faults.yaml", load_timeline),
+    read_bag,
+    read_mcap,
 )
 
 
 def run(data: bytes, folder: Path) -> None:
-    """Read the data as a file; a reader either succeeds or raises InputError.
+    """Read the data as a file; a reader either succeeds or refuses it with one line.
 
     Args:
         data: number of the reader, then the content.
@@ -118,6 +189,6 @@ def run(data: bytes, folder: Path) -> None:
     said = ""
     try:
         READERS[data[0] % len(READERS)](data[1:], folder)
-    except InputError as error:
+    except REFUSALS as error:
         said = str(error)
     assert "\n" not in said, "an error of more than one line"

@@ -216,7 +216,7 @@ def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Pa
 
 
 def _note(stream: Stream, firmware: Firmware, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
-    for note in (*stream.notes, *notes_on(stream.flown, firmware)):
+    for note in (*stream.notes, *outcome.notes, *notes_on(stream.flown, firmware)):
         err.print(f"note: {note}")
     unknown = outcome.unknown_params
     if unknown:

@@ -83,6 +83,7 @@ class _Outcome:
     innovations: Mapping[str, Innovations] = field(default_factory=dict)
     model_jumps: int = 0
     filter_until_us: int | None = None
+    notes: tuple[str, ...] = ()
 
 
 def _filter_until_us(stream: Stream, filter_s: float) -> int | None:
@@ -147,7 +148,14 @@ class _Trial:
         )
         aiding, innovations = tuple(self.watch.aiding()), dict(self.watch.innovations)
         return _Outcome(
-            messages, self.params, tuple(self.texts), aiding, innovations, self.jumps, self._filter_until_us
+            messages,
+            self.params,
+            tuple(self.texts),
+            aiding,
+            innovations,
+            self.jumps,
+            self._filter_until_us,
+            self._replay.notes(),
         )
 
 
@@ -242,7 +250,7 @@ def _evidence(
     outcome: _Outcome,
 ) -> Evidence:
     messages = outcome.messages
-    attitude, vision, notes = told.attitude, vision_of(messages), stream.notes
+    attitude, vision, notes = told.attitude, vision_of(messages), (*stream.notes, *outcome.notes)
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
     comparisons = compare(poses, vision, attitude, outcome.params)
     if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):

@@ -4,24 +4,14 @@
 
 import gzip
 import io
-import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
+from mav_handlers.links.packed import PackedError, open_packed
 from viso.errors import InputError, file_errors
 from viso.files.outputs import growing_file, output_file
-
-GZIP_MAGIC = b"\x1f\x8b"
-
-
-def _open(path: Path) -> TextIO:
-    with path.open("rb") as probe:
-        packed = probe.read(2) == GZIP_MAGIC
-    if packed:
-        return gzip.open(path, "rt", encoding="utf-8")
-    return path.open(encoding="utf-8")
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -31,14 +21,14 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
     """
     number = 0
     try:
-        with _open(path) as lines:
+        with io.TextIOWrapper(open_packed(path), encoding="utf-8") as lines:
             for number, line in enumerate(lines, 1):
                 if line.strip():
                     yield number, line
     except UnicodeDecodeError as error:
         raise InputError(f"{path}:{number + 1}: not UTF-8 text") from error
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise InputError(f"{path}:{number + 1}: damaged gzip file: {error}") from error
+    except PackedError as error:
+        raise InputError(f"{path}:{number + 1}: {error}") from error
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
 

@@ -4,7 +4,6 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any, Final
 
 from viso.companion.landmarks.inputs.json_lines import JsonReader
 from viso.companion.landmarks.types import Camera, CameraInfo
+from viso.documents import parsed_json, parsed_toml
 from viso.errors import InputError
 from viso.files.text_files import read_text
 
@@ -63,8 +63,8 @@ def _of_file(path: Path) -> dict[str, Any]:
     if text.lstrip().startswith("{"):
         return _of_camera_info(path, text)
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parsed_toml(text)
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from error
     values = {}
     for name, value in table.items():
@@ -81,7 +81,7 @@ def _of_camera_info(path: Path, text: str) -> dict[str, Any]:
     """Return the intrinsics of a record; none of one that is not calibrated."""
     reader = JsonReader()
     try:
-        line = json.dumps(json.loads(text))
+        line = json.dumps(parsed_json(text))
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
     infos = [event for event in reader.take(line) if isinstance(event, CameraInfo)]

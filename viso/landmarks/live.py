@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The inputs of ``viso landmarks`` that go on: links, standard input, and files that grow; and aircraft passed on."""
 
-import json
 import os
 import select
 import stat
@@ -27,6 +26,7 @@ from viso.companion.landmarks.inputs.vehicle import MavlinkStream
 from viso.companion.landmarks.types import AircraftReport, Event
 from viso.companion.odometry.inbound import stream_requests
 from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US
+from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.landmarks.inputs import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
 
@@ -326,8 +326,8 @@ def _is_one_record(text: str) -> bool:
 
 def _record(text: str) -> object:
     try:
-        record: object = json.loads(text)
-    except (ValueError, RecursionError):
+        record: object = parsed_json(text)
+    except ValueError:
         return None
     return record
 

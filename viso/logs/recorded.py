@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads what a recorded AHRS needs out of a DataFlash log."""
 
-import lzma
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ import numpy.typing as npt
 from ap_core.dataflash_columns import LogColumns
 from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
 from ekf_stub.ahrs.ahrs_recorded import RecordedStates
+from mav_handlers.links.packed import open_packed
 from viso.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,24 +34,17 @@ _VERTICAL_POSITION: Final = 1 << 5
 
 
 def _read_bytes(path: Path) -> bytes:
-    data = path.read_bytes()
-    if path.suffix == ".xz":
-        data = lzma.decompress(data)
-    _check_begin(path, data)
-    return data
-
-
-def _check_begin(path: Path, data: bytes) -> None:
+    with open_packed(path) as file:
+        data = file.read()
     if not data.startswith(_FIRST_BYTES):
         raise InputError(f"{path}: not a DataFlash log")
+    return data
 
 
 @contextmanager
 def _problems_told(path: Path) -> Iterator[None]:
     try:
         yield
-    except lzma.LZMAError as error:
-        raise InputError(f"{path}: damaged xz file: {error}") from error
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except InputError:
@@ -78,18 +71,13 @@ def _collect_from_bytes(data: bytes, collect: "Callable[[DFReader_binary], T]") 
 
 
 def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
-    """Return what ``collect`` makes of a log (.BIN or .BIN.xz), damage left out.
-
-    Raises InputError if it cannot be read.
-    """
-    with _problems_told(path):
-        data = _read_bytes(path)
-        columns = LogColumns(data)
-        if columns.lost:  # DFReader would print a line for each byte of it
-            data = columns.only(columns.types)
-        elif path.suffix != ".xz":
+    """Return what ``collect`` makes of a log (.BIN or .BIN.xz) without its damage. Raises InputError if it is none."""
+    columns = read_columns(path)
+    if columns.is_sound and path.suffix != ".xz":
+        with _problems_told(path):
             return _collect_by_dfreader(path, collect)
-        return _collect_from_bytes(data, collect)
+    # DFReader never returns from a log in which damage has made up a type without length.
+    return read_kinds(path, columns, columns.types, collect)
 
 
 def read_columns(path: Path) -> LogColumns:

@@ -22,6 +22,7 @@ from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
 from viso.fates.watch import FilterWatch
 from viso.files.float_bits import json_value
 from viso.running.virtual_time import Scheduler
+from viso.streams.stream import LONGEST_SILENCE_US
 from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
@@ -30,6 +31,10 @@ _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRU
 # may have waited behind. This value keeps every recorded CTimeMS within 2 ms.
 READ_BEFORE_HANDLING_US: Final = 1800
 _PERIOD_WITHOUT_FILTER_US: Final = 8 * LOOP_PERIOD_US
+SILENCE_BEGIN_US: Final = 30_000_000
+"""What is run of a long silence at its begin: health, aiding and arming have run out then, within 15 s."""
+SILENCE_END_US: Final = 5_000_000
+"""What is run before the message that ends it, so that sensors and filter are in step again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +103,7 @@ class Replay:
         self._records: list[tuple[str, tuple[LogValue, ...]]] = []
         self._handled: deque[_Handled] = deque()
         self._arrival_us: int | None = None
+        self._silences_us: list[tuple[int, int]] = []
         vehicle.logger.on_write = self._take_record
         vehicle.endpoint.on_event = self._take_event
 
@@ -127,13 +133,39 @@ class Replay:
             self._run_until(self._scheduler.now_us + FATE_WAIT_US)
         yield from self._take_ripe()
 
+    def notes(self) -> tuple[str, ...]:
+        """Return what of the stream's time was not run, a line if there was any."""
+        if not self._silences_us:
+            return ()
+        start_us, length_us = max(self._silences_us, key=lambda silence: silence[1])
+        count, total_us = len(self._silences_us), sum(length_us for _, length_us in self._silences_us)
+        others = f" ({count} gaps, {total_us / 1e6:.0f} s in all; this is the longest)" if count > 1 else ""
+        run_s = (SILENCE_BEGIN_US / 1e6, SILENCE_END_US / 1e6)
+        gap = f"gap of {length_us / 1e6:.0f} s from {start_us / 1e6:.3f} s on{others}"
+        return (f"{self._stream.name}: {gap}: passed over but for its first {run_s[0]:g} s and last {run_s[1]:g} s",)
+
     def _deliver(self, batch: Sequence[StreamMessage]) -> None:
         self._arrival_us = arrival_us = batch[0].arrival_us
         time_us = self._first_arrival_us() if arrival_us is None else arrival_us
-        self._run_until(max(time_us, self._scheduler.now_us))
+        self._wait_until(max(time_us, self._scheduler.now_us))
         read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
         self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
         self._vehicle.endpoint.bytes_to_send(self._channel)
+
+    def _wait_until(self, time_us: int) -> None:
+        """Run until a message comes; of a long silence in which nothing moves, only its begin and its end."""
+        silent_us = self._scheduler.now_us
+        while time_us - self._scheduler.now_us > LONGEST_SILENCE_US:
+            self._run_until(self._scheduler.now_us + SILENCE_BEGIN_US)
+            again_us = time_us - SILENCE_END_US
+            if self._is_at_rest(again_us):
+                self._scheduler.pass_over(again_us)
+                self._silences_us.append((silent_us, time_us - silent_us))
+        self._run_until(time_us)
+
+    def _is_at_rest(self, until_us: int) -> bool:
+        source = self._vehicle.ahrs.source
+        return source is None or source.is_at_rest(until_us)
 
     def _run_until(self, time_us: int) -> None:
         if self._watch is not None and self._scheduler.period_us == LOOP_PERIOD_US:

@@ -56,6 +56,7 @@ class ReplayOutcome:
         innovations: of samples that the filter tested; None where it was not watched.
         aiding: by what it navigated; None where it was not watched.
         messages: what became of each, if they were to be kept.
+        notes: what of the stream was not run, a line each.
     """
 
     verdicts: VerdictCounts
@@ -66,6 +67,7 @@ class ReplayOutcome:
     innovations: Mapping[str, Innovations] | None = None
     aiding: tuple[AidingSpan, ...] | None = None
     messages: tuple[ReplayedMessage, ...] = field(default=(), repr=False)
+    notes: tuple[str, ...] = ()
 
 
 def run_replay(
@@ -101,7 +103,8 @@ def run_replay(
     kept: list[ReplayedMessage] = []
     on_start(vehicle, watch)
     try:
-        for message in Replay(vehicle, stream, setup.baud, watch).run(on_progress):
+        replay = Replay(vehicle, stream, setup.baud, watch)
+        for message in replay.run(on_progress):
             if on_message is not None:
                 on_message(message)
             if keep_messages:
@@ -117,4 +120,5 @@ def run_replay(
         None if watch is None else watch.innovations,
         None if watch is None else tuple(watch.aiding()),
         tuple(kept),
+        replay.notes(),
     )

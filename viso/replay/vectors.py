@@ -6,7 +6,6 @@ A line of a recording names what was done and what came of it. Here the same is 
 written again with what came of that. The recorded outcome is not looked at.
 """
 
-import json
 import operator
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -26,6 +25,7 @@ from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ap_visualodom.release import REFERENCE, VisualOdomRelease
 from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, SettableAhrs
 from mav_handlers.jitter_correction import JitterCorrection
+from viso.documents import parsed_json
 from viso.files.float_bits import bits_of, float_of, floats_of, json_value, quaternion_of, vector_of
 
 Out = list[object]
@@ -324,9 +324,9 @@ def recompute(line: object, release: VisualOdomRelease = REFERENCE) -> object:
 def parse_line(text: str) -> object:
     """Return a line of a recording, from its text. Raises VectorError if it is not JSON."""
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise VectorError(f"not JSON: {error}") from error
+        return parsed_json(text)
+    except ValueError as error:
+        raise VectorError(str(error)) from error
 
 
 def count_differences(recorded: object, ours: object) -> tuple[int, int]:

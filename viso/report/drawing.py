@@ -85,8 +85,10 @@ def line(axes: Any, x: Array, y: Array, colour: str, label: str, width: float = 
 
 def shade(axes: Any, spans: Sequence[tuple[float, float]], colour: str, label: str, alpha: float = 0.16) -> None:
     """Shade stretches of time behind everything else; one entry in the legend."""
-    for number, (start, end) in enumerate(spans):
-        axes.axvspan(start, end, color=colour, alpha=alpha, lw=0, zorder=0, label=label if number == 0 else None)
+    if spans:
+        bars = [(start, end - start) for start, end in spans]
+        across = axes.get_xaxis_transform()
+        axes.broken_barh(bars, (0, 1), transform=across, color=colour, alpha=alpha, lw=0, zorder=0, label=label)
 
 
 def broken_at(x: Array, values: Array, times_s: Array) -> tuple[Array, Array]:

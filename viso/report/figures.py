@@ -217,8 +217,9 @@ def _resets(axes: Any, source: Series, facts: Facts) -> None:
         axes.step(source.time_s, source["Rst"], where="post", color=VISION, lw=1.3, label="reset counter of vision")
     for colour, kind in ((EKF, "position"), (VIOLET, "yaw"), (GREEN, "height")):
         times = [one.time_s for one in facts.resets if one.by == "EKF" and one.what.startswith(kind)]
-        for number, time_s in enumerate(times):
-            axes.axvline(time_s, color=colour, lw=1.1, ls=":", label=None if number else f"EKF {kind} reset")
+        if times:
+            across = axes.get_xaxis_transform()
+            axes.vlines(times, 0, 1, transform=across, color=colour, lw=1.1, ls=":", label=f"EKF {kind} reset")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
     top = float(np.nanmax(source["Rst"], initial=1.0))
     axes.set(ylim=(-0.1 * max(top, 1), 1.15 * max(top, 1)), ylabel="counter", title="Resets")
@@ -251,20 +252,35 @@ def _lag(material: Material, facts: Facts) -> Figure | None:
     return figure
 
 
+def per_second(time_s: Array, start_s: float, end_s: float) -> tuple[Array, Array]:
+    """Return how many records there are in each second, and the edges of the seconds: a silence is one long one.
+
+    Only whole seconds count, as a part of one would look like a drop.
+    """
+    seconds = np.maximum(1.0, np.floor(end_s - start_s))
+    second, counts = np.unique(np.floor(time_s - start_s), return_counts=True)
+    inside = (second >= 0) & (second < seconds)
+    second, counts = second[inside], counts[inside]
+    edges = np.unique(np.concatenate([[0.0, seconds], second, second + 1.0]))
+    steps = np.zeros(len(edges) - 1)
+    steps[np.searchsorted(edges, second)] = counts
+    return steps, start_s + edges
+
+
 def _rates(material: Material, facts: Facts) -> Figure | None:
     if len(facts.arrivals_s) < 2:
         return None
     figure = drawing.new_figure(4.6)
     rate, steps = figure.subplots(2, 1, sharex=True)
-    seconds = max(1, int(facts.arrivals_s[-1] - facts.arrivals_s[0]))  # whole ones, as a part would look like a drop
-    edges = facts.arrivals_s[0] + np.arange(seconds + 1.0)
+    most = 1
     kinds = zip(material.vision, (("VISP", VISION), ("VISV", EKF), ("VISO", GREEN)), strict=True)
     for number, (series, (name, colour)) in enumerate(kinds):
         if len(series):
-            counts = np.histogram(series.time_s, edges)[0]
+            counts, edges = per_second(series.time_s, facts.arrivals_s[0], facts.arrivals_s[-1])
             rate.stairs(counts, edges, color=colour, lw=1.2 if number else 2.6, label=name, baseline=None)
+            most = max(most, int(counts.max()))
     rate.set(ylabel="records in a second", title="Rate")
-    rate.set_ylim(0, 1.12 * max(1, *(np.histogram(one.time_s, edges)[0].max() for one in material.vision)))
+    rate.set_ylim(0, 1.12 * most)
     drawing.shade(rate, facts.gaps, WITHHELD, "silent for more than 300 ms")
     legend(rate)
     gap_ms = np.diff(facts.arrivals_s) * 1e3

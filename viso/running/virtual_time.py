@@ -28,13 +28,25 @@ class Scheduler:
 
         Raises ValueError if that time has passed.
         """
-        if time_us < self.now_us:
-            raise ValueError(f"time {time_us} us has passed, it is {self.now_us} us")
+        self._check_ahead(time_us)
         while self._next_loop_us <= time_us:
             self._vehicle.clock.set_us(self._next_loop_us)
             self._vehicle.loop()
             self._next_loop_us += self.period_us
         self._vehicle.clock.set_us(time_us)
+
+    def pass_over(self, time_us: int) -> None:
+        """Leave out every pass of the main loop up to and including ``time_us``, and stand there.
+
+        Raises ValueError if that time has passed.
+        """
+        self._check_ahead(time_us)
+        self._next_loop_us = max(self._next_loop_us, (time_us // LOOP_PERIOD_US + 1) * LOOP_PERIOD_US)
+        self._vehicle.clock.set_us(time_us)
+
+    def _check_ahead(self, time_us: int) -> None:
+        if time_us < self.now_us:
+            raise ValueError(f"time {time_us} us has passed, it is {self.now_us} us")
 
     def deliver(self, channel: Channel, data: bytes, *, read_us: int | None = None) -> None:
         """Hand bytes to the vehicle now; ``read_us`` tells when the link was read, if earlier."""

@@ -34,3 +34,7 @@ class UnmovedSource:
 
     def set_armed(self, armed: bool) -> None:
         """Go on as before, armed or not."""
+
+    def is_at_rest(self, until_us: int) -> bool:
+        """Stand still as long as nothing comes that says otherwise."""
+        return True

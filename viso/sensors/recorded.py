@@ -141,6 +141,11 @@ class RecordedSource(UnmovedSource):
         mag = mag if self._options.has_compass() else None
         return self._model.apply(Sensors(_sum_of(deltas[start:end]), baro, mag, declination))
 
+    def is_at_rest(self, until_us: int) -> bool:
+        """Tell whether the log says nothing from now until a time since boot."""
+        time_us = self._recording.time_us
+        return (self._next or 0) == len(time_us) or time_us[self._next or 0] > until_us
+
     def yaw_rad(self) -> float:
         """Return the newest yaw of the log's own estimate (ATT) in rad, -pi..pi; without any, the heading given."""
         return self._yaw_rad

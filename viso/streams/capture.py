@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Captures: conversations with the firmware, a line that describes them and a line a message."""
 
-import json
 from pathlib import Path
 from typing import Final
 
+from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
@@ -49,7 +49,7 @@ def read_capture(path: Path) -> Stream:
     latest_us = 0
     for number, text in read_lines(path):
         try:
-            line = json.loads(text)
+            line = parsed_json(text)
             if header is None:
                 header = _header(line)
                 continue
@@ -61,10 +61,6 @@ def read_capture(path: Path) -> Stream:
                     raise ValueError(f"'arrival_us' leaps over more than a day: {message.arrival_us} after {latest_us}")
                 latest_us = message.arrival_us
             messages.append(message)
-        except json.JSONDecodeError as error:
-            raise InputError(f"{path}:{number}: not JSON: {error.msg} in column {error.colno}") from error
-        except RecursionError as error:
-            raise InputError(f"{path}:{number}: nested too deeply") from error
         except ValueError as error:
             raise InputError(f"{path}:{number}: {error}") from error
     if header is None:

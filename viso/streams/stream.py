@@ -12,9 +12,11 @@ from mav_handlers.wire.frames import MARKER_V1
 from mav_handlers.wire.messages import Message
 from viso.firmware.flown import FlownVersion
 
-# A vehicle runs through the silence between two messages; a damaged stamp would have it run for years.
+# What is further apart has a damaged stamp.
 MAX_GAP_US: Final = 86_400_000_000
 _V1: Final = bytes((MARKER_V1,))
+LONGEST_SILENCE_US: Final = 60_000_000
+"""The middle of a longer silence is passed over."""
 
 
 class Aspect(Enum):

@@ -19,10 +19,10 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     """
     with told_errors(TlogError):
         reader = read_tlog(path)
-        entries = list(reader)
-    messages, latest_us = [], lead_us
-    for number, entry in enumerate(entries, 1):
-        time_us = lead_us + entry.time_us - entries[0].time_us
+    messages, first_us, latest_us = [], None, lead_us
+    for number, entry in enumerate(reader, 1):
+        first_us = entry.time_us if first_us is None else first_us
+        time_us = lead_us + entry.time_us - first_us
         if time_us - latest_us > MAX_GAP_US:
             raise InputError(f"{path}: entry {number}: more than a day after the one before")
         latest_us = max(latest_us, time_us)

@@ -12,7 +12,7 @@ from viso.companion.recorded.frame_change import FrameChange
 from viso.companion.recorded.player import Player
 from viso.companion.recorded.readers import Source
 from viso.options.checks import within
-from viso.streams.stream import Stream, StreamMessage
+from viso.streams.stream import LONGEST_SILENCE_US, Stream, StreamMessage
 from viso.streams.trajectory_files import axes_of, form_of, left_out, load
 
 LONGEST_GAP_S = 1.0
@@ -55,8 +55,14 @@ def read_trajectory(path: Path, lead_us: int, options: TrajectoryOptions) -> Str
     trajectory = FrameChange(world, body, np.eye(3)).apply(recorded)
     if options.rate_hz is not None:
         trajectory = trajectory.resampled(options.rate_hz, LONGEST_GAP_S)
-    player = Player(RecordedEngine(trajectory, Playback(form)))
-    messages = []
-    while frames := player.next_frames():
+    engine = RecordedEngine(trajectory, Playback(form))
+    player = Player(engine)
+    messages: list[StreamMessage] = []
+    sent_us = 0
+    while (due_us := engine.next_due_us()) is not None:
+        if due_us - sent_us > LONGEST_SILENCE_US:
+            player.skip_heartbeats(due_us)
+        frames = player.next_frames()
         messages += [StreamMessage(lead_us + frame.due_us, frame.data) for frame in frames]
+        sent_us = frames[0].due_us
     return Stream(path.stem, tuple(messages), notes=tuple(left_out(source, recorded)))

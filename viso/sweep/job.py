@@ -14,6 +14,7 @@ from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.companion.trials.evaluation import TimedPoses
+from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.extras import installed_version
 from viso.firmware.releases import PROFILES
@@ -150,7 +151,7 @@ def timeline_of(faults: Faults, values: Mapping[str, float]) -> Timeline:
 
     Raises InputError that names the timeline, the entry and the field.
     """
-    document = yaml.safe_load(faults.text)
+    document = parsed_yaml(faults.text)
     for name, value in values.items():
         place = fault_field(name)
         if place is not None:

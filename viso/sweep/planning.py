@@ -11,10 +11,11 @@ import yaml
 
 from viso.companion.faults import TimelineError, parse_timeline
 from viso.companion.faults.timeline import MAX_SEED
+from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.recorded import read_log
+from viso.logs.recorded import read_columns
 from viso.options.ahrs import AhrsChoice, imu_options
 from viso.options.firmware import firmware_of
 from viso.options.presets import preset_files
@@ -142,7 +143,7 @@ def _name_of(path: Path) -> str:
 
 
 def _has_sensors(path: Path) -> bool:
-    return read_log(path, lambda log: bool(log.counts[log.name_to_id["RISI"]]) if "RISI" in log.name_to_id else False)
+    return bool(read_columns(path).counts.get("RISI"))
 
 
 def _faults(names: Sequence[str] | None, axes: Sequence[Axis]) -> tuple[Faults, ...]:
@@ -163,7 +164,7 @@ def _timeline(name: str) -> Faults:
     text = read_text(Path(name))
     with told_errors(TimelineError):
         parse_timeline(text, name)
-    return Faults(name, yaml.safe_dump(yaml.safe_load(text), sort_keys=False))
+    return Faults(name, yaml.safe_dump(parsed_yaml(text), sort_keys=False))
 
 
 def _seeds(text: str | None) -> tuple[int | None, ...]:

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a sweep is asked to be, on the command line and in a TOML file."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
+from viso.documents import parsed_toml
 from viso.errors import InputError
 from viso.files.text_files import read_text
 from viso.sensors.script.script_file import EXAMPLES
@@ -73,8 +73,8 @@ def read_wishes(path: Path) -> Wishes:
     Raises InputError that names the file and the key.
     """
     try:
-        document = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
+        document = parsed_toml(read_text(path))
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from error
     known = {one.name for one in fields(Wishes)}
     wishes = Wishes()

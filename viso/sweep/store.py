@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from viso.documents import parsed_json
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
 from viso.files.outputs import output_file, reading, refuse_input, replace_file
@@ -90,7 +91,7 @@ class SweepFolder:
                     raise InputError(f"{self.path / JOURNAL}: points of a sweep that nothing defines: no {DEFINITION}")
                 replace_file(place, (json.dumps(ours, indent=1) + "\n").encode())
                 return
-            theirs = json.loads(place.read_text(encoding="utf-8"))
+            theirs = parsed_json(place.read_text(encoding="utf-8"))
         except OSError as error:
             raise InputError(f"{place}: {error.strerror or error}") from error
         except ValueError as error:
@@ -105,9 +106,9 @@ class SweepFolder:
         whole = data.rfind(b"\n") + 1
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
-                entry = json.loads(line)
+                entry = parsed_json(line.decode())
                 self.done.setdefault(int(entry["point"]), dict(entry["figures"]))
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, KeyError, TypeError, OverflowError) as error:
                 raise InputError(f"{self.path / JOURNAL}:{number}: not a point of a sweep") from error
         # A line that was being written when the machine went down is done again.
         os.ftruncate(self._journal, whole)

@@ -6,7 +6,6 @@ A page is nobody's peer on a link: its messages go straight to the handlers, and
 tells every link because of it, such as the new value of a parameter, is told to every link.
 """
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from mav_handlers.handlers.params import handle_param_set
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.codec import Codec, Header, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, PARAM_SET, Message
+from viso.documents import parsed_json
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
 from viso.web.events import Answer
@@ -139,8 +139,8 @@ def _object(text: str) -> Mapping[str, Any]:
     if len(text) > MAX_REQUEST_CHARS:
         raise RequestError("too long")
     try:
-        fields = json.loads(text)
-    except (ValueError, RecursionError):
+        fields = parsed_json(text)
+    except ValueError:
         raise RequestError("not JSON") from None
     if not isinstance(fields, dict):
         raise RequestError("not an object")

@@ -199,6 +199,25 @@ def test_records_that_their_fmt_does_not_fit_are_lost_with_the_reason(
     assert "OWN" not in columns.types
 
 
+def test_sound_log_says_so(log: bytes) -> None:
+    described = fmt_record((9, "OWN", "Q", "A"))
+    assert LogColumns(log + described).is_sound
+    assert LogColumns(log + described + described).is_sound
+    for damaged in (b"nonsense", EV.pack((9, 11))[:-1], described + fmt_record((9, "OTHER", "Q", "B"))):
+        assert not LogColumns(log + damaged).is_sound
+
+
+def test_damage_is_left_out_of_a_part_of_a_log(log: bytes) -> None:
+    own = LogStructure(200, "OWN", "QB", "TimeUS,A", "s-", "F-")
+    before = fmt_record((200, "OWN", "QB", "TimeUS,A"), length=0) + own.pack((1, 2))
+    described = fmt_record((200, "OWN", "QB", "TimeUS,A")) + fmt_record((9, "NONE", "Q", "A"), length=0)
+    columns = LogColumns(log + before + b"nonsense" + described + own.pack((3, 4)))
+    part = LogColumns(columns.only(["OWN", "EV"]))
+    assert part.is_sound
+    assert (part.columns("OWN")["A"].tolist(), part.columns("EV")["Id"].tolist()) == ([2, 4], [10])
+    assert not {"MSG", "PARM"} & part.counts.keys()
+
+
 def test_header_among_the_values_of_a_record_is_no_record(log: bytes) -> None:
     inner = EV.pack((9, 11))
     columns = LogColumns(log + MSG.pack((8, inner)) + EV.pack((10, 12)))

@@ -6,6 +6,7 @@ import gzip
 import importlib.metadata
 import inspect
 import json
+import lzma
 import os
 import re
 import shlex
@@ -21,6 +22,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from mav_handlers.links import packed
 from tests.places import DATA
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso import cli
@@ -211,6 +213,28 @@ def test_missing_file_is_one_line(viso: Viso, capture: Path, args: list[str]) ->
     outcome = viso(*(arg.format(capture=capture) for arg in args))
     assert (outcome.code, outcome.out) == (2, "")
     assert re.fullmatch(r"viso: none\.\w+: .*No such file or directory\n", outcome.err, re.IGNORECASE)
+
+
+@pytest.mark.parametrize("args", [
+    ["replay", "bomb.tlog.gz"],
+    ["doctor", "bomb.tlog"],
+    ["replay", "bomb.jsonl.gz"],
+    ["replay", "bomb.BIN.xz"],
+    ["report", "bomb.BIN.xz"],
+    ["ekf", "bomb.BIN.xz"],
+    ["landmarks", "bomb.json"],
+    ["landmarks", "bomb.tlog.gz"],
+    ["vectors", "bomb.jsonl.gz"],
+])  # fmt: skip
+def test_packed_file_that_holds_far_too_much_is_one_line(
+    viso: Viso, monkeypatch: pytest.MonkeyPatch, args: list[str]
+) -> None:
+    monkeypatch.setattr(packed, "ALWAYS_BYTES", 0)
+    pack = lzma.compress if args[1].endswith(".xz") else gzip.compress
+    Path(args[1]).write_bytes(pack(b" " * 200_000))
+    outcome = viso(*args)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert re.fullmatch(rf"viso: {args[1]}:[^\n]* holds more than [^\n]+; it is taken once unpacked\n", outcome.err)
 
 
 # replay

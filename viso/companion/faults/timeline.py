@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from mav_handlers.wire.codec import message_id
 from viso.companion.faults.fault import Fault
 from viso.companion.faults.kinds import FAULTS
 from viso.companion.faults.parameters import as_number, parameters_of
 from viso.companion.faults.poses import VISION_NAMES
+from viso.documents import parsed_yaml
 
 ALL: Final = "all"
 LATEST_S: Final = 1e9
@@ -90,23 +89,9 @@ def parse_timeline(text: str, name: str = "timeline") -> Timeline:
         TimelineError: naming file, entry and field.
     """
     try:
-        return _timeline(_parsed(text))
-    except TimelineError as error:
+        return _timeline(parsed_yaml(text))
+    except ValueError as error:
         raise TimelineError(" ".join(f"{name}: {error}".split())) from None
-
-
-def _parsed(text: str) -> Any:
-    try:
-        return yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        place = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        raise TimelineError(f"{place}{error.problem or error.context}") from None
-    except yaml.YAMLError as error:
-        raise TimelineError(f"not YAML: {error}") from None
-    except RecursionError:
-        raise TimelineError("nested too deeply") from None
-    except (ValueError, OverflowError) as error:  # a date that there is not
-        raise TimelineError(f"not YAML: {error}") from None
 
 
 def _timeline(document: Any) -> Timeline:

@@ -64,6 +64,11 @@ class Player:
             return [Frame(due_us, self.heartbeat())]
         return [Frame(due_us, self._encode(message)) for message in self._engine.report()]
 
+    def skip_heartbeats(self, until_us: int) -> None:
+        """Leave out the heartbeats of ``next_frames`` before a time in us since the start."""
+        missed = max(0, -((self._next_heartbeat_us - until_us) // HEARTBEAT_PERIOD_US))
+        self._next_heartbeat_us += missed * HEARTBEAT_PERIOD_US
+
     def heartbeat(self) -> bytes:
         """Return a heartbeat to be sent now, beside those of ``next_frames``."""
         return self._encode(COMPANION_HEARTBEAT)

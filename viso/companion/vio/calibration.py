@@ -23,7 +23,6 @@ file without its suffix, ``unit`` is "0".
 """
 
 import dataclasses
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -33,6 +32,7 @@ from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.sensor_yaml import sensor_values
 from viso.companion.vio.types import CameraCalibration, DistortionModel
+from viso.documents import parsed_toml
 
 
 class CalibrationError(ValueError):
@@ -47,7 +47,7 @@ def load_calibration(path: Path) -> CameraCalibration:
     try:
         text = path.read_text(encoding="utf-8")
         if path.suffix == ".toml":
-            return _calibration(tomllib.loads(text))
+            return _calibration(parsed_toml(text))
         if path.suffix in (".yaml", ".yml"):
             return _calibration(sensor_values(text, path.stem))
         raise ValueError("neither .toml nor .yaml")

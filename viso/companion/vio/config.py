@@ -7,11 +7,12 @@ import enum
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
+
+from viso.documents import parsed_toml
 
 _T = TypeVar("_T")
 
@@ -261,8 +262,8 @@ def config_from_table(tables: Mapping[str, Any], file: str) -> VioConfig:
 def config_from_text(text: str, file: str) -> VioConfig:
     """Return the configuration of TOML text. Raises ConfigError, naming file, and key or line."""
     try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        tables = parsed_toml(text)
+    except ValueError as error:
         raise ConfigError(f"{file}: {error}") from error
     return config_from_table(tables, file)
 

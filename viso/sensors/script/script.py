@@ -83,6 +83,10 @@ class ScriptSource(UnmovedSource):
         """Hear whether the vehicle is armed; a script may wait for it."""
         self._armed = armed
 
+    def is_at_rest(self, until_us: int) -> bool:
+        """Move at any time, for all that is known."""
+        return False
+
     def yaw_rad(self) -> float:
         """Return the heading at the last pass in rad, -pi..pi."""
         return math.remainder(self._last.yaw_rad, TURN)

@@ -52,7 +52,6 @@ direction of travel ("path"). To ``yaw_deg`` the vehicle turns the shorter way.
 """
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +59,7 @@ from types import MappingProxyType
 from typing import Final
 
 from ekf_stub.filter.inertial import GRAVITY_MSS
+from viso.documents import parsed_toml
 from viso.errors import InputError
 from viso.sensors.script.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
 from viso.sensors.script.scripted_motion import Trajectory
@@ -97,9 +97,9 @@ def parse_script(text: str, name: str, heading_rad: float = 0.0) -> Script:
     Raises InputError, naming the script, and leg and key, of what cannot be used.
     """
     try:
-        values = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: not TOML: {error}") from error
+        values = parsed_toml(text)
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from error
     table = TomlTable(values, name)
     start_s, delay_s = _read_start(table)
     tilts = table.choice("attitude", ("multirotor", "given"), "multirotor") == "multirotor"

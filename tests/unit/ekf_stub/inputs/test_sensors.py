@@ -21,6 +21,9 @@ class Rest:
 
     def set_armed(self, armed: bool) -> None: ...
 
+    def is_at_rest(self, until_us: int) -> bool:
+        return until_us > 0
+
     def yaw_rad(self) -> float:
         return 0.5
 

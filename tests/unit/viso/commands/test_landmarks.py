@@ -415,7 +415,9 @@ def test_what_cannot_be_used_is_one_line(viso: Viso, args: list[str], line: str)
     [
         ("fx_px = 'a'\n", "camera.toml: fx_px: not a number"),
         ("fx = 5\n", "camera.toml: unknown key fx; there are width_px, "),
-        ("fx_px 5\n", "camera.toml: "),
+        ("fx_px 5\n", "camera.toml: not TOML: "),
+        ("fx_px = " + "[" * 5000, "camera.toml: nested too deeply"),
+        ("{" + '"K":[' * 5000, "camera.toml: "),
         ('{"K": [1, 2]}', "camera.toml: K is no list of 9 numbers"),
         ('{"width": 2}', "camera.toml: no known record"),
         ("{", "camera.toml: "),

@@ -238,7 +238,7 @@ def test_file_that_is_not_there_is_one_line(viso: Viso, name: str) -> None:
 def test_command_of_the_page_works(viso: Viso, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     recorded = load_trajectory(Source(FLIGHT))  # in the place of files that only their owners have
     _, ours = make_pair()
-    monkeypatch.setattr(play_command, "load", lambda _source, _format: recorded)
+    monkeypatch.setattr(play_command, "load", lambda _source, _format, **_options: recorded)
     monkeypatch.setattr(play_command, "open_link", lambda _name: ours)
     program, *args = shlex.split(command)
     outcome = viso(*args, "--until", "0.5", "--wait", "0", "--speedup", "1000")

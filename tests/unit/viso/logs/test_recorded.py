@@ -13,7 +13,7 @@ import pytest
 
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
-from ap_core.log_structure import ATT, COMMON_STRUCTURES
+from ap_core.log_structure import ATT, COMMON_STRUCTURES, FMT
 from tests.places import DATA
 from viso.errors import InputError
 from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states, records_in
@@ -195,6 +195,13 @@ def test_kinds_are_read_past_damage(path: Path) -> None:
     columns = read_columns(path)
     assert [lost.size for lost in columns.lost] == [3]
     assert read_kinds(path, columns, ["ATT"], kinds_of) == ["ATT 1000", "ATT 2000"]
+
+
+def test_log_with_a_type_without_length_is_read(path: Path) -> None:
+    # DFReader reads a record of such a type for ever.
+    described = FMT.pack((200, 0, "NONE", "", "")) + bytes((0xA3, 0x95, 200))
+    path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + described + log_bytes(att(2000, 0, 0, 2)))
+    assert read_log(path, kinds_of) == ["ATT 1000", "ATT 2000"]
 
 
 def test_log_as_columns_is_refused_like_any_other(path: Path) -> None:

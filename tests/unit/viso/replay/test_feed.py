@@ -18,6 +18,7 @@ from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, VISION_SPEED_ESTIMAT
 from tests.unit.viso.conftest import odometry
 from viso.fates.samples import FATE_WAIT_US
 from viso.fates.watch import FilterWatch
+from viso.replay import feed
 from viso.replay.feed import Replay, ReplayedMessage, batches, makes_record
 from viso.sensors.options import ImuOptions
 from viso.sensors.stream.follow import FollowSource
@@ -318,3 +319,77 @@ def test_messages_are_judged_on_after_the_filter_has_ended() -> None:
     assert end_us == 4_000_000
     assert [(one.verdict, one.records) for one in part] == [(one.verdict, one.records) for one in whole]
     assert [bool(one.samples) for one in part] == [at_us <= end_us for at_us in times_us]
+
+
+# Silence
+
+
+@pytest.fixture
+def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a silence be long that does not take long to run."""
+    for name, time_us in (("LONGEST_SILENCE_US", 900_000), ("SILENCE_BEGIN_US", 400_000), ("SILENCE_END_US", 50_000)):
+        monkeypatch.setattr(feed, name, time_us)
+
+
+def counted_loops(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    times: list[int] = []
+    loop = vehicle.loop
+
+    def counted() -> None:
+        times.append(vehicle.clock.micros64())
+        loop()
+
+    monkeypatch.setattr(vehicle, "loop", counted)
+    return times
+
+
+HOUR_US = 3_600_000_000
+WITH_A_HOLE = [(100_000, SAMPLE), (100_000 + HOUR_US, SAMPLE), (150_000 + HOUR_US, SAMPLE)]
+
+
+def test_silence_of_an_hour_is_passed_over(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = stream(*WITH_A_HOLE, shared=False)
+    vehicle = Vehicle(VehicleConfig(defaults=recorded.params))
+    loops = counted_loops(vehicle, monkeypatch)
+    replay = Replay(vehicle, recorded, None)
+    messages = list(replay.run())
+    assert [field(message, 0) for message in messages] == [arrival_us for arrival_us, _ in WITH_A_HOLE]
+    assert len(loops) < 300
+    assert [loops[number + 1] - time_us for number, time_us in enumerate(loops[:-1])].count(2500) == len(loops) - 2
+    (note,) = replay.notes()
+    assert note == "test: gap of 3600 s from 0.100 s on: passed over but for its first 0.4 s and last 0.05 s"
+
+
+def test_health_runs_out_in_a_silence_that_is_passed_over(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = stream(*WITH_A_HOLE, shared=False)
+    vehicle = Vehicle(VehicleConfig(defaults=recorded.params))
+    healthy: list[tuple[int, bool]] = []
+    loop = vehicle.loop
+
+    def watched() -> None:
+        loop()
+        if not healthy or healthy[-1][1] != vehicle.visual_odom.healthy():
+            healthy.append((vehicle.clock.micros64(), vehicle.visual_odom.healthy()))
+
+    monkeypatch.setattr(vehicle, "loop", watched)
+    list(Replay(vehicle, recorded, None).run())
+    assert healthy == [(0, True), (400_000, False), (102_500 + HOUR_US, True)]
+
+
+def test_several_silences_are_one_line(short_waits: None) -> None:
+    recorded = stream((2_000_000, SAMPLE), (5_000_000, SAMPLE), (9_000_000, SAMPLE), shared=False)
+    replay = Replay(Vehicle(VehicleConfig()), recorded, None)
+    list(replay.run())
+    (note,) = replay.notes()
+    assert note.startswith("test: gap of 4 s from 5.000 s on (3 gaps, 9 s in all; this is the longest): passed over ")
+
+
+def test_silence_is_run_while_the_vehicle_moves(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = stream((2_000_000, SAMPLE), shared=False)
+    vehicle = Vehicle(VehicleConfig())
+    assert vehicle.ahrs.source is not None
+    monkeypatch.setattr(vehicle.ahrs.source, "is_at_rest", lambda _until_us: False)
+    loops = counted_loops(vehicle, monkeypatch)
+    replay = Replay(vehicle, recorded, None)
+    list(replay.run())
+    assert (len(loops), replay.notes()) == (801, ())

@@ -58,6 +58,18 @@ def test_time_does_not_run_backwards(vehicle: Vehicle) -> None:
         scheduler.run_until(4999)
 
 
+def test_time_can_pass_without_the_loop(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = loops_of(vehicle, monkeypatch)
+    scheduler = Scheduler(vehicle)
+    scheduler.run_until(6_001)
+    scheduler.pass_over(3_600_000_000)
+    assert scheduler.now_us == 3_600_000_000
+    scheduler.run_until(3_600_005_000)
+    assert times == [0, 2500, 5000, 3_600_002_500, 3_600_005_000]
+    with pytest.raises(ValueError, match="has passed"):
+        scheduler.pass_over(3_600_004_999)
+
+
 @pytest.mark.parametrize("read_us", [None, 3000])
 def test_bytes_come_at_the_present_time(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch, read_us: int | None) -> None:
     scheduler = Scheduler(vehicle)

@@ -104,6 +104,17 @@ def test_records_are_played_at_their_times(path: Path) -> None:
     assert delta.del_ang_dt == np.float32(0.003)
 
 
+def test_vehicle_rests_where_the_log_says_nothing(path: Path) -> None:
+    source = play(path, one_pass(100_000, still()), one_pass(200_000, still()))
+    assert source.is_at_rest(99_999)
+    assert not source.is_at_rest(100_000)
+    sense(source, 100_000)
+    assert source.is_at_rest(199_999)
+    assert not source.is_at_rest(10**9)
+    sense(source, 200_000)
+    assert source.is_at_rest(10**9)
+
+
 def test_what_is_not_written_again_holds(path: Path) -> None:
     first = one_pass(100_000, declination(0.25), still(), baro(95, 1.5), mag(95_000, 1, 2, 3))
     source = play(path, first, one_pass(102_500), one_pass(105_000, baro(105, 2.5)), one_pass(107_500))

@@ -58,6 +58,14 @@ def test_formats_are_found_out(tmp_path: Path, name: str, text: str) -> None:
     assert stream.messages[-1].arrival_us == LEAD_US + 200_000
 
 
+def test_hole_in_a_trajectory_is_not_filled_with_heartbeats(tmp_path: Path) -> None:
+    late = "".join(f"{80_000 + n} 2 2 3 0 0 0 1\n" for n in (1, 2))
+    stream = read_stream(written(tmp_path, "hole.tum", TUM + late), 0)
+    assert [message.time_usec for message in poses_of(stream)] == [0, 100_000, 200_000, 80_000_000_000, 80_001_000_000]
+    times_us = [message.arrival_us for message in stream.messages]
+    assert times_us == [0, 0, 100_000, 200_000, 80_000_000_000, 80_000_000_000, 80_001_000_000, 80_001_000_000]
+
+
 def test_kitti_has_its_times_in_another_file(tmp_path: Path) -> None:
     times = written(tmp_path, "times.txt", "0.0\n0.5\n1.0\n")
     stream = read_stream(written(tmp_path, "00.txt", KITTI), 0, TrajectoryOptions(times=times, axes="optical"))

@@ -89,7 +89,9 @@ def test_command_line_wins_over_the_file(whole: Path) -> None:
     ("until = 'late'", "until: not a number"),
     ("imu = 3", "imu: not a text"),
     ("allow_unknown = 1", "allow_unknown: not true or false"),
-    ("baud = x", "Invalid value (at line 1, column 8)"),
+    ("baud = " + "[" * 5000, "nested too deeply"),
+    ("baud = " + "9" * 5000, "not TOML: Exceeds the limit"),
+    ("baud = x", "not TOML: Invalid value (at line 1, column 8)"),
 ])  # fmt: skip
 def test_toml_that_cannot_be_used_is_one_line(toml: Toml, text: str, complaint: str) -> None:
     path = toml(text)

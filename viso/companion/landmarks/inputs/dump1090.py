@@ -6,7 +6,6 @@ Speeds are in kt, altitudes in ft, rates in ft/min. ``alt_baro`` is pressure alt
 tells none, ``alt_geom`` above the ellipsoid is taken. Older versions call them ``altitude``, ``speed``, ``vert_rate``.
 """
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -27,6 +26,7 @@ from viso.companion.landmarks.inputs.base import (
 )
 from viso.companion.landmarks.inputs.lines import file_lines
 from viso.companion.landmarks.types import AircraftReport, Event
+from viso.documents import parsed_json
 
 SAME_POSITION_S: Final = 0.25
 """Two snapshots give the time of one position with a difference below this, as they round to 0.1 s."""
@@ -43,7 +43,7 @@ class Dump1090Reader(LineReader):
         self._last: dict[str, AircraftReport] = {}
 
     def _events(self, line: str, arrival_s: float | None) -> list[Event]:
-        return self.take_snapshot(parsed_json(line), arrival_s)
+        return self.take_snapshot(json_record(line), arrival_s)
 
     def take_snapshot(self, snapshot: object, arrival_s: float | None = None) -> list[Event]:
         """Return the reports of a snapshot as JSON gives it.
@@ -138,11 +138,11 @@ class Dump1090Folder:
     def _of_file(self, path: Path) -> Iterator[Any]:
         lines = list(file_lines(path))
         try:
-            yield json.loads("".join(lines))
-        except (ValueError, RecursionError):
+            yield parsed_json("".join(lines))
+        except ValueError:
             for line in filter(str.strip, lines):
                 with counted(self.refused):
-                    yield parsed_json(line)
+                    yield json_record(line)
 
 
 def _is_snapshot(snapshot: Any) -> bool:
@@ -151,13 +151,13 @@ def _is_snapshot(snapshot: Any) -> bool:
     return isinstance(now, int | float) and abs(now) <= LARGEST_S and "aircraft" in snapshot
 
 
-def parsed_json(text: str) -> Any:
+def json_record(text: str) -> Any:
     """Return what a text in JSON holds.
 
     Raises:
         Refused: if it is none.
     """
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
+        return parsed_json(text)
+    except ValueError:
         raise Refused("not JSON") from None

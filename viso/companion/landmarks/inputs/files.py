@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which reader a file needs, by the ending of its name or by how it begins."""
 
-import json
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -17,6 +16,7 @@ from viso.companion.landmarks.inputs.lines import TextFile, file_lines
 from viso.companion.landmarks.inputs.mode_s import ModeSReader, is_frame
 from viso.companion.landmarks.inputs.sbs1 import OTHER_TYPES, Sbs1Reader
 from viso.companion.landmarks.inputs.vehicle import TlogFile
+from viso.documents import parsed_json
 
 KNOWN: Final = (
     "JSON lines, aircraft.json or a folder of them, BaseStation lines, Mode-S frames, .BIN, .tlog, "
@@ -90,8 +90,8 @@ def _text(path: Path, options: InputOptions) -> FileReader:
 def _json(path: Path) -> FileReader:
     """Return the reader of a file with one record, or one a line."""
     try:
-        record: Any = json.loads("".join(file_lines(path)))
-    except (ValueError, RecursionError):
+        record: Any = parsed_json("".join(file_lines(path)))
+    except ValueError:
         return TextFile(path, JsonReader())
     is_snapshot = isinstance(record, list) or ("aircraft" in record and "now" in record)
     return TextFile(path, Dump1090Reader() if is_snapshot else JsonReader(), whole=True)

@@ -34,7 +34,7 @@ from viso.companion.landmarks.inputs.base import (
     number,
     optional_number,
 )
-from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader, parsed_json
+from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader, json_record
 from viso.companion.landmarks.inputs.poses import pose_from_enu, rotation_of_quat
 from viso.companion.landmarks.types import (
     AircraftReport,
@@ -77,7 +77,7 @@ class JsonReader(LineReader):
         )
 
     def _events(self, line: str, arrival_s: float | None) -> list[Event]:
-        record = parsed_json(line)
+        record = json_record(line)
         if not isinstance(record, dict):
             raise Refused("no object")
         kinds = [events_of for keys, events_of in self._kinds if keys & record.keys()]

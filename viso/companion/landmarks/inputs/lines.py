@@ -2,17 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Text, a record a line: from files, and out of the bytes of a stream."""
 
-import gzip
-import zlib
+import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Final
 
+from mav_handlers.links.packed import PackedError, open_packed
 from viso.companion.landmarks.inputs.base import InputFileError, LineReader
 from viso.companion.landmarks.types import Event
 
 LONGEST_LINE_BYTES: Final = 1 << 20
-_GZIP_MAGIC: Final = b"\x1f\x8b"
 
 
 class TextFile:
@@ -47,23 +46,15 @@ def file_lines(path: Path) -> Iterator[str]:
     """
     number = 0
     try:
-        with _opened(path) as file:
+        with io.TextIOWrapper(open_packed(path), encoding="utf-8-sig", errors="replace") as file:
             for number, line in enumerate(file, 1):
                 if "\0" in line:
                     raise InputFileError(f"{path}:{number}: not a text file")
                 yield line
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise InputFileError(f"{path}:{number + 1}: damaged gzip file: {error}") from error
+    except PackedError as error:
+        raise InputFileError(f"{path}:{number + 1}: {error}") from error
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
-
-
-def _opened(path: Path) -> TextIO:
-    with path.open("rb") as probe:
-        packed = probe.read(len(_GZIP_MAGIC)) == _GZIP_MAGIC
-    if packed:
-        return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
-    return path.open(encoding="utf-8-sig", errors="replace")
 
 
 class LineSplitter:

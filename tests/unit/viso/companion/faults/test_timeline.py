@@ -64,7 +64,7 @@ def test_seed_is_read() -> None:
     ("faults: []\nsneed: 1", "t.yaml: sneed: unknown field; there are faults, seed"),
     ("faults: []\nseed: -1", "t.yaml: seed: -1 is no whole number from 0 to 9223372036854775807"),
     ("faults: []\nseed: true", "t.yaml: seed: True is no whole number from 0 to 9223372036854775807"),
-    ("faults:\n  - {kind: loss\n", "t.yaml: line 3: expected ',' or '}', but got '<stream end>'"),
+    ("faults:\n  - {kind: loss\n", "t.yaml: not YAML: line 3: expected ',' or '}', but got '<stream end>'"),
     ("faults: [\x00]", "t.yaml: not YAML: unacceptable character #x0000: special characters are not allowed"),
     ("faults: [3]", "t.yaml: entry 1: kind: missing; there are fail, "),
     ("faults: [{kind: fail}, {kind: lose}]", "t.yaml: entry 2: kind: 'lose' is unknown; there are fail, "),

@@ -137,7 +137,8 @@ def test_recorded_sensor_yaml_can_be_read() -> None:
         (CAMERA + PLACE + LENS.replace("radtan", "fisheye"), "distortion_model: 'fisheye' is none of"),
         (CAMERA + PLACE + LENS.replace("-0.02, ", ""), "distortion: 3 coefficients"),
         (CAMERA + PLACE + LENS.replace("-0.02", '"k1"'), "distortion: not a number"),
-        ("camera_id = nav", "Invalid value (at line 1, column 13)"),
+        ("camera_id = " + "[" * 5000, "nested too deeply"),
+        ("camera_id = nav", "not TOML: Invalid value (at line 1, column 13)"),
     ],
 )
 def test_bad_file_is_one_line_with_file_and_field(tmp_path: Path, text: str, message: str) -> None:

@@ -81,7 +81,8 @@ BAD = {
     "[vio]\nqueue = 5": "vio.queue: not a table",
     "vio = 5": "vio: not a table",
     "[vio]\nmin_tracked = 200": "vio.min_tracked: 200 is more than max_features (180)",
-    "[vio": "Expected ']' at the end of a table declaration (at end of document)",
+    "vio = " + "[" * 5000: "nested too deeply",
+    "[vio": "not TOML: Expected ']' at the end of a table declaration (at end of document)",
 }
 
 

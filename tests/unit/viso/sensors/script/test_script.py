@@ -80,6 +80,10 @@ def sense(source: ScriptSource, now_us: int) -> Sensors:
     return sensors
 
 
+def test_script_may_move_at_any_time() -> None:
+    assert not make_source(script_of("given", 'shape = "hover"\nduration_s = 1')).is_at_rest(1)
+
+
 def quat_of(truth: Truth) -> quaternion.quaternion:
     return quaternion.quaternion(*truth.quat_wxyz)
 
