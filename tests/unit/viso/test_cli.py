@@ -23,11 +23,14 @@ import pytest
 from typer.testing import CliRunner
 
 from mav_handlers.links import packed
+from mav_handlers.wire.codec import Codec
 from tests.places import DATA
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
+from tests.unit.viso.conftest import odometry
 from viso import cli
 from viso.cli import COMMANDS, _command, command_function, command_help, make_app
 from viso.commands import serve as serve_command
+from viso.replay import feed
 
 pytestmark = pytest.mark.usefixtures("uncounted")
 
@@ -344,6 +347,18 @@ def test_telemetry_log_is_replayed(viso: Viso, tmp_path: Path, capture: Path) ->
     assert outcome.code == 0
     assert outcome.err == "note: flight.tlog: the last entry is cut short\n"
     assert json.loads(outcome.out)["stream"] == "flight"
+
+
+@pytest.mark.parametrize("args", [["replay"], ["replay", "--ekf"], ["doctor"]])
+def test_gap_in_a_recording_is_told(viso: Viso, monkeypatch: pytest.MonkeyPatch, args: list[str]) -> None:
+    for name, time_us in (("LONGEST_SILENCE_US", 900_000), ("SILENCE_BEGIN_US", 400_000), ("SILENCE_END_US", 50_000)):
+        monkeypatch.setattr(feed, name, time_us)
+    frame = Codec(1, 197).encode(odometry(0))
+    Path("hole.tlog").write_bytes(b"".join((base * 10**6).to_bytes(8, "big") + frame for base in (10**9, 10**9 + 3600)))
+    outcome = viso(*args, "hole.tlog", "--lead", "0.5")
+    assert outcome.code in (0, 1)
+    passed = "passed over but for its first 0.4 s and last 0.05 s"
+    assert f"note: hole: gap of 3600 s from 0.500 s on: {passed}\n" in outcome.err
 
 
 @pytest.mark.parametrize(("args", "line"), [
