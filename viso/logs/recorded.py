@@ -28,7 +28,6 @@ Array = npt.NDArray[np.float64]
 _FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
 # For the mode and the time of day of a record; PARM is among them because flights change parameters.
 _FOLLOWED_BY_DFREADER: Final = ("GPS", "MODE", "MSG", "PARM", "STAT", "ORGN", "VER")
-_CORE: Final = 0
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
 
@@ -140,7 +139,7 @@ def read_recorded_states(path: Path) -> RecordedStates:
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
     with _problems_told(path):
         attitude = table_of(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
-        position = _valid_positions(log)
+        position = valid_positions(log)
     return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:])
 
 
@@ -149,11 +148,11 @@ def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
     return np.column_stack([column.astype(np.float64) for column in log.columns(kind, labels).values()])
 
 
-def _valid_positions(log: LogColumns) -> Array:
-    """Return time and position of the XKF1 records of the first core before which its XKF4 said that it has one."""
+def valid_positions(log: LogColumns, core: int = 0) -> Array:
+    """Return time and position of the XKF1 records of a core before which its XKF4 said that it has one."""
     if not (log.counts.get("XKF1") and log.counts.get("XKF4")):
         return np.zeros((0, 4))
-    of_core, of_status = (_of_first_core(log, kind) for kind in ("XKF1", "XKF4"))
+    of_core, of_status = (_of_core(log, kind, core) for kind in ("XKF1", "XKF4"))
     status = log.columns("XKF4", ["SS"])["SS"][of_status]
     valid = (status & _HORIZONTAL_POSITION != 0) & (status & _VERTICAL_POSITION != 0)
     # An XKF4 is written just before the XKF1 of the same time.
@@ -163,8 +162,8 @@ def _valid_positions(log: LogColumns) -> Array:
     return positions
 
 
-def _of_first_core(log: LogColumns, kind: str) -> npt.NDArray[np.bool_]:
-    """Tell which records are of the first core; before Copter 4.1 other cores have types of their own."""
+def _of_core(log: LogColumns, kind: str, core: int) -> npt.NDArray[np.bool_]:
+    """Tell which records are of a core; before Copter 4.1 others than the first have types of their own."""
     if "C" not in log.types[kind].labels:
         return np.ones(log.counts[kind], dtype=np.bool_)
-    return np.asarray(log.columns(kind, ["C"])["C"] == _CORE, dtype=np.bool_)
+    return np.asarray(log.columns(kind, ["C"])["C"] == core, dtype=np.bool_)

@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 
 from ekf_stub.inputs.sensors import SensorSource
 from viso.errors import InputError
+from viso.sensors.flown.source import read_recorded_source
 from viso.sensors.hil.source import HilSource
 from viso.sensors.options import ImuOptions
-from viso.sensors.recorded import read_recorded_source
 from viso.sensors.script.script import read_script_source
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource
@@ -40,7 +40,7 @@ IMU_SOURCES: Final[Mapping[str, ImuSource]] = MappingProxyType(
         "script": ImuSource("FILE", "moves as a TOML file says", read_script_source),
         "follow": ImuSource("", "moves as external navigation says", lambda _: FollowSource),
         "hil": ImuSource("", "HIL_SENSOR and HIL_STATE_QUATERNION over MAVLink", lambda _: HilSource),
-        "log": ImuSource("FILE", "the sensors of a log with replay records", read_recorded_source),
+        "log": ImuSource("FILE", "moves as a DataFlash log says", read_recorded_source),
     }
 )
 

@@ -22,6 +22,7 @@ from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
@@ -34,6 +35,8 @@ from viso.logs.logger import Logger, structures_with
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
 from viso.parameters.conversion import carry_over
 from viso.parameters.table import make_groups
+from viso.sensors.flown.flight import Event, Happening
+from viso.sensors.flown.source import RecordedSource
 from viso.sensors.hil.source import HilSource
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
@@ -113,7 +116,7 @@ class Vehicle:
             self.logger,
             self.params,
             self.texts,
-            gps=self.gps.sample,
+            gps=self._gps_sample,
             is_armed=lambda: self.copter.arming.armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
@@ -122,6 +125,7 @@ class Vehicle:
         )
         self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
+        self.flown = self.ahrs.source if isinstance(self.ahrs.source, RecordedSource) else None
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,
             ahrs=self.ahrs,
@@ -139,6 +143,7 @@ class Vehicle:
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
         self._initialised = False
         self.copter = self._make_copter()
+        self.copter.landing.is_told = self.flown is not None and self.flown.flight.tells_flying
         self._last_location: Location | None = None
         self._internal_errors_told = 0
         self._kept_generation = 0
@@ -185,7 +190,7 @@ class Vehicle:
                 ahrs=self.ahrs,
                 visual_odom=self.visual_odom,
                 internal_errors=self.internal_errors,
-                gps=self.gps.sample,
+                gps=self._gps_sample,
                 is_initialised=self.is_initialised,
                 is_downloading=lambda: self.endpoint.log_transfer.is_active,
                 on_mode=self._send_heartbeat,
@@ -202,6 +207,9 @@ class Vehicle:
         now_us = self.clock.micros64()
         if not self._initialised and now_us >= AHRS_START_US:
             self._finish_boot()
+        if self.flown is not None and self._initialised:
+            for event in self.flown.events_until(now_us):
+                self._let_happen(event)
         self._run_estimator_frame()
         self.copter.update()
         if self.internal_errors.mask != self._internal_errors_told:
@@ -222,6 +230,21 @@ class Vehicle:
         self.logger.update(self._log_wanted(), self.params)
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
+
+    def _gps_sample(self) -> GpsSample | None:
+        return (self.flown and self.flown.gps()) or self.gps.sample()
+
+    def _let_happen(self, event: Event) -> None:
+        """Do what the vehicle of a log did, if it is not so already."""
+        match event.what, event.value:
+            case Happening.ARMED | Happening.DISARMED, _:
+                self.copter.follow(armed=event.what is Happening.ARMED)
+            case Happening.LIFTED_OFF | Happening.LANDED, _:
+                self.copter.landing.follow(landed=event.what is Happening.LANDED)
+            case Happening.SOURCE_SET, int(index):
+                self.set_source_set(index)
+            case Happening.ORIGIN, Location() as place:
+                self.set_origin(place)
 
     def _run_estimator_frame(self) -> None:
         camera = self._camera_frames()[self.visual_odom.healthy()]

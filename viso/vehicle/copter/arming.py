@@ -159,13 +159,17 @@ class Arming:
         """
         if self.armed or not (self._may_be_forced(do_checks) or self._passes()):
             return False
+        self.become_armed(forced=not do_checks)
+        return True
+
+    def become_armed(self, *, forced: bool) -> None:
+        """Arm, whatever checks would say."""
         self.armed = True
-        self._log.arming(armed=True, checks=self.enabled_checks(), forced=not do_checks, method=ArmMethod.MAVLINK)
+        self._log.arming(armed=True, checks=self.enabled_checks(), forced=forced, method=ArmMethod.MAVLINK)
         self._log.event(EV_ARMED)
-        if do_checks and self.enabled_checks() == 0:
+        if not forced and self.enabled_checks() == 0:
             self._texts.send_text(_MAV_SEVERITY_WARNING, "Warning: Arming Checks Disabled")
         self._tell_change("Arming motors")
-        return True
 
     def _may_be_forced(self, do_checks: bool) -> bool:
         # When it may not, the firmware goes on to make all checks.

@@ -166,6 +166,20 @@ class Copter:
         if not self.arming.arm(do_checks):
             self.disarmed_us = parts.clock.micros64()
             return False
+        self._note_armed()
+        return True
+
+    def follow(self, *, armed: bool) -> None:
+        """Be armed or not, as a vehicle was whose flight is flown again."""
+        if armed and not self.is_armed():
+            self._parts.logger.update(True, self._parts.params)
+            self.arming.become_armed(forced=True)
+            self._note_armed()
+        elif not armed:
+            self._disarm(ArmMethod.MAVLINK, forced=True)
+
+    def _note_armed(self) -> None:
+        parts = self._parts
         parts.logger.update(True, parts.params)
         if not self.has_home():
             parts.ahrs.reset_height_datum()
@@ -175,7 +189,6 @@ class Copter:
         self.landing.note_armed()
         self.modes.log_mode()
         parts.on_armed()
-        return True
 
     def disarm(self, force: bool) -> bool:
         """Disarm, in flight only when forced; tell whether that changed anything (AP_Arming_Copter::disarm)."""

@@ -35,6 +35,10 @@ class Landing:
         params: all parameters.
         clock: time since boot.
         mode: returns the flight mode.
+
+    Attributes:
+        landed: whether it stands on the ground.
+        is_told: somebody else tells when it lifts off, lands and is disarmed.
     """
 
     def __init__(
@@ -50,6 +54,7 @@ class Landing:
         self._lift_off_us: int | None = None
         self._flying_since_us = 0
         self.landed = True
+        self.is_told = False
 
     def flying_ms(self) -> int:
         """Return for how long the vehicle has been flying, 0 on the ground (AP_Vehicle::get_time_flying_ms)."""
@@ -81,6 +86,8 @@ class Landing:
 
     def update(self) -> None:
         """Lift off, or land, of an armed vehicle; every main loop."""
+        if self.is_told:
+            return
         if self._lift_off_us is not None and self._clock.micros64() >= self._lift_off_us:
             self._lift_off_us = None
             self._set_landed(False)
@@ -93,6 +100,10 @@ class Landing:
             self._flying_since_us = self._clock.micros64()
             self._log.event(EV_LAND_COMPLETE if landed else EV_NOT_LANDED)
 
+    def follow(self, *, landed: bool) -> None:
+        """Lift off or land, as a vehicle did whose flight is flown again."""
+        self._set_landed(landed)
+
     def wants_disarming(self, armed: bool) -> bool:
         """Tell, ten times a second, whether the vehicle has idled on the ground for DISARM_DELAY.
 
@@ -100,11 +111,11 @@ class Landing:
         """
         now_us = self._clock.micros64()
         delay_us = self._params.get_int("DISARM_DELAY") * 1_000_000
-        idles = armed and delay_us > 0 and self.landed and self._lift_off_us is None
+        idles = armed and not self.is_told and delay_us > 0 and self.landed and self._lift_off_us is None
         if not idles or self._mode().number == ModeNumber.THROW:
             self._idle_since_us = now_us
         return idles and now_us - self._idle_since_us >= delay_us
 
     def has_landed_by_itself(self) -> bool:
         """Tell whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
-        return self.landed and self._lift_off_us is None and self._mode().lands
+        return self.landed and not self.is_told and self._lift_off_us is None and self._mode().lands

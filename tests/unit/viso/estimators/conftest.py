@@ -11,7 +11,7 @@ from pymavlink.DFReader import DFReader_binary
 from tests.places import DATA
 from viso.estimators.turning import Array, quats_of_euler
 from viso.logs.recorded import read_log
-from viso.sensors.recorded import read_recording
+from viso.sensors.flown.source import read_flight
 
 LOG = DATA / "logs" / "flight_t265.BIN.xz"
 HALF_A_STEP_US = 1250  # the rotation of a pass is what happened since the one before
@@ -67,5 +67,5 @@ def flight() -> Flight:
 
 def read_gyro() -> tuple[Array, Array]:
     """Return the times in us and body rates in rad/s of the passes of the flight's main loop."""
-    passes = read_recording(LOG)
-    return np.asarray(passes.time_us) - HALF_A_STEP_US, passes.deltas[:, 3:6] / passes.deltas[:, 7:]
+    passes = read_flight(LOG)
+    return passes.time_us.astype(np.float64) - HALF_A_STEP_US, passes.deltas[:, 3:6] / passes.deltas[:, 7:]

@@ -14,8 +14,8 @@ from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from tests.places import DATA
 from viso.errors import InputError
 from viso.options.ahrs import AhrsChoice, ahrs_maker
+from viso.sensors.flown.source import RecordedSource
 from viso.sensors.hil.source import HilSource
-from viso.sensors.recorded import RecordedSource
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource

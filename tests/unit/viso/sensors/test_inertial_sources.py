@@ -10,10 +10,10 @@ import pytest
 from ekf_stub.inputs.sensors import SensorSource
 from tests.places import DATA
 from viso.errors import InputError
+from viso.sensors.flown.source import RecordedSource
 from viso.sensors.hil.source import HilSource
 from viso.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, read_source
 from viso.sensors.options import ImuOptions
-from viso.sensors.recorded import RecordedSource
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource

@@ -17,8 +17,8 @@ from ekf_stub.inputs.sensors import Sensors
 from tests.places import DATA
 from viso.errors import InputError
 from viso.sensors.errors import SensorErrors
+from viso.sensors.flown.source import RecordedSource, read_recorded_source
 from viso.sensors.options import ImuOptions
-from viso.sensors.recorded import RecordedSource, read_recorded_source
 
 FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
 LOOP_US = 2500
@@ -237,10 +237,10 @@ def test_recording_of_the_firmware_is_played_whole() -> None:
     )  # its bias included
 
 
-def test_log_without_replay_records_is_refused(path: Path) -> None:
+def test_log_that_tells_of_no_motion_is_refused(path: Path) -> None:
     with pytest.raises(InputError) as raised:
         play(path, [("ATT", (100_000, 0, 0, 0, 0, 0, 0, 3))], [("RFRH", (100_000, 0)), ("RFRF", (8, 1))])
-    assert str(raised.value) == f"{path}: holds no inertial data (RFRH, RISI, RFRF); LOG_REPLAY was off"
+    assert str(raised.value) == f"{path}: no motion to fly: neither replay records, nor IMU, nor ATT with XKF1 or POS"
 
 
 @pytest.mark.parametrize("data", [b"", b"not a log\n" * 20])

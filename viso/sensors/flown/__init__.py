@@ -1,0 +1,3 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A vehicle that flies what a DataFlash log says it flew."""

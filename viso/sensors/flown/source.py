@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sensors of a log, played at the log's times since boot."""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from ap_core.dataflash_columns import LogColumns
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.sensors import Sensors
+from viso.errors import InputError
+from viso.logs.recorded import read_columns
+from viso.sensors.attitude import rotate_to_body
+from viso.sensors.errors import to_single
+from viso.sensors.flown.estimates import estimates
+from viso.sensors.flown.events import events_of
+from viso.sensors.flown.flight import Basis, Event, Flight, Happening, chosen
+from viso.sensors.flown.imu_records import imu_records
+from viso.sensors.flown.replay_records import replay_records
+from viso.sensors.options import ImuOptions, UnmovedSource
+
+READERS: Final[Mapping[Basis, Callable[[LogColumns, int], Flight | None]]] = MappingProxyType(
+    {Basis.REPLAY: replay_records, Basis.IMU: imu_records, Basis.ESTIMATE: estimates}
+)
+"""What makes a flight of a log and the number of a lane, the best first; None where the log lacks what is needed."""
+
+
+def lane_in_use(log: LogColumns) -> int:
+    """Return the lane by which the vehicle navigated for the longest time while it was armed."""
+    lanes, _ = chosen(log, "XKF4", ["TimeUS", "PI"])
+    switches = [event for event in events_of(log) if event.what in (Happening.ARMED, Happening.DISARMED)]
+    latest = np.searchsorted([event.time_us for event in switches], lanes[:, 0], side="right")
+    armed = np.array([False, *(event.what is Happening.ARMED for event in switches)])[latest]
+    used = lanes[armed if armed.any() else slice(None), 1].astype(int)
+    return int(np.bincount(np.maximum(used, 0)).argmax()) if len(used) else 0
+
+
+def read_flight(path: Path) -> Flight:
+    """Return the flight of a log. Raises InputError if it cannot be read, or tells of no motion."""
+    log = read_columns(path)
+    lane = lane_in_use(log)
+    for reader in READERS.values():
+        flight = reader(log, lane)
+        if flight is not None:
+            return flight
+    raise InputError(f"{path}: no motion to fly: neither replay records, nor IMU, nor ATT with XKF1 or POS")
+
+
+class RecordedSource(UnmovedSource):
+    """Sensors that say what they said in a log, at the same times since boot.
+
+    A pass gets what the log's passes since the last one add up to; without any, as before the log's first and after
+    its last, there is nothing.
+    """
+
+    def __init__(self, options: ImuOptions, flight: Flight) -> None:
+        super().__init__(options)
+        self.flight = flight
+        self._times_us = flight.time_us.tolist()
+        self._next: int | None = None
+        self._next_event = 0
+        self._yaw_rad = options.heading_rad
+        self._gps: GpsSample | None = None
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return what the sensors said since the last pass, or None if the log has nothing."""
+        times_us, flight = self._times_us, self.flight
+        end = start = self._next or 0
+        while end < len(times_us) and times_us[end] <= now_us:
+            end += 1
+        if self._next is None:
+            start = max(end - 1, 0)  # what was before the first pass is over
+        self._next = end
+        if start == end:
+            return None
+        newest = end - 1
+        yaw_rad, self._gps = flight.yaw_rad.at(newest), flight.gps.at(newest)
+        if yaw_rad is not None:
+            self._yaw_rad = yaw_rad
+        mag = flight.mag.at(newest) if self._options.has_compass() else None
+        declination = flight.declination.at(newest) or 0.0
+        return self._model.apply(Sensors(_sum_of(flight.deltas[start:end]), flight.baro.at(newest), mag, declination))
+
+    def is_at_rest(self, until_us: int) -> bool:
+        """Tell whether the log says nothing from now until a time since boot."""
+        times_us = self._times_us
+        return (self._next or 0) == len(times_us) or times_us[self._next or 0] > until_us
+
+    def yaw_rad(self) -> float:
+        """Return the newest yaw of the log's own estimate (ATT) in rad, -pi..pi; without any, the heading given."""
+        return self._yaw_rad
+
+    def gps(self) -> GpsSample | None:
+        """Return the newest solution of the log's GPS; None without one."""
+        return self._gps
+
+    def events_until(self, now_us: int) -> Iterator[Event]:
+        """Yield what has happened since the last call, up to a time."""
+        events = self.flight.events
+        while self._next_event < len(events) and events[self._next_event].time_us <= now_us:
+            self._next_event += 1
+            yield events[self._next_event - 1]
+
+
+def _sum_of(deltas: Array) -> InertialDelta:
+    """Add up inertial data of passes, so that the filter gets from the sum what it would have got from the parts.
+
+    That takes a change of velocity to be in the body frame at the end of its pass.
+    """
+    if len(deltas) == 1:
+        (numbers,) = deltas
+        return InertialDelta(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
+    turned, del_vel = quaternion.one, np.zeros(3)
+    for delta in deltas:
+        turn = quat_of_rotation(delta[3:6])
+        turned, del_vel = turned * turn, rotate_to_body(turn, del_vel) + delta[:3]
+    vel_dt, ang_dt = to_single(deltas[:, 6:].sum(axis=0))
+    return InertialDelta(to_single(del_vel), to_single(rotation_of_quat(turned)), float(vel_dt), float(ang_dt))
+
+
+def read_recorded_source(argument: str) -> Callable[[ImuOptions], RecordedSource]:
+    """Return what makes sources from a log. Raises InputError if the log cannot be used."""
+    flight = read_flight(Path(argument))
+    return lambda options: RecordedSource(options, flight)
