@@ -49,8 +49,8 @@ from viso.firmware.releases import PROFILES, Firmware
 from viso.options.presets import PRESETS, preset_title
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
+from viso.replay.figures import OBJECTIVES
 from viso.streams.stream_kinds import STREAM_KINDS
-from viso.sweep.objectives import OBJECTIVES
 from viso.web.desk import ACTIONS
 from viso.web.faults import SWITCHES
 

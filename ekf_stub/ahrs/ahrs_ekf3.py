@@ -59,6 +59,7 @@ class Ekf3Ahrs(AhrsBase):
         source: where inertial data and other measurements come from.
         kernel: what the filter's arithmetic runs on.
         start_us: when the AHRS starts.
+        buffer_ms: a delay for which the filter's buffers are long enough in any case.
 
     Attributes:
         core: the filter, once it has been set up; None also when no core is wanted.
@@ -66,7 +67,13 @@ class Ekf3Ahrs(AhrsBase):
     """
 
     def __init__(
-        self, parts: AhrsParts, source: SensorSource, *, kernel: Kernel = PLAIN, start_us: int = AHRS_START_US
+        self,
+        parts: AhrsParts,
+        source: SensorSource,
+        *,
+        kernel: Kernel = PLAIN,
+        start_us: int = AHRS_START_US,
+        buffer_ms: int = 0,
     ) -> None:
         super().__init__(parts.clock, parts.sources, parts.log, start_us=start_us)
         self._parts = parts
@@ -77,6 +84,7 @@ class Ekf3Ahrs(AhrsBase):
         get_int = parts.params.get_int
         self._estimates = EkfLog(parts.logger, get_int, lambda: cores_of_mask(get_int("EK3_IMU_MASK")))
         self._kernel = kernel
+        self._buffer_ms = buffer_ms
         self._camera: VisualOdomFrame | None = None
         self._camera_pos: Vector3f | None = None
         self._imu_pos: Vector3f | None = None
@@ -153,7 +161,7 @@ class Ekf3Ahrs(AhrsBase):
         self.core = Ekf3Core(
             self._sources,
             Numbers(parts.params, "EK3_").__getitem__,
-            buffer_sizes(parts.params.get_int, self._sources, has_camera=self._has_camera),
+            buffer_sizes(parts.params.get_int, self._sources, has_camera=self._has_camera, least_ms=self._buffer_ms),
             CoreTexts(parts.texts, cores),
             self.ext_nav_counts,
             self._has_compass,

@@ -13,17 +13,20 @@ _GPS_LAG_MS: Final = 200  # of a receiver whose own is not known
 _MAX_DELAY_MS: Final = 250
 
 
-def buffer_sizes(get_int: Callable[[str], int], sources: EkfSources, *, has_camera: bool) -> RingSizes:
+def buffer_sizes(
+    get_int: Callable[[str], int], sources: EkfSources, *, has_camera: bool, least_ms: int = 0
+) -> RingSizes:
     """Return the lengths of the estimator's buffers (NavEKF3_core::setup_core).
 
     Args:
         get_int: returns an integer parameter by its full name.
         sources: the source sets.
         has_camera: whether there is visual odometry.
+        least_ms: a delay for which they are long enough in any case.
     """
     delays = [get_int(f"EK3_{name}_DELAY") for name in ("HGT", "FLOW", "BCN")]
     if sources.uses_gps():
         delays.append(_GPS_LAG_MS)
     if has_camera:
         delays.append(min(get_int("VISO_DELAY_MS"), _MAX_DELAY_MS))
-    return ring_sizes(max(*delays, _MAG_DELAY_MS))
+    return ring_sizes(max(*delays, _MAG_DELAY_MS, min(least_ms, _MAX_DELAY_MS)))

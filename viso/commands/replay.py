@@ -10,11 +10,14 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple
 
+import numpy as np
 import typer
 
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
+from viso.companion.trials.evaluation import TimedPoses
+from viso.doctor.measures.vehicle_position import PositionSeries, position_of_log
 from viso.errors import InputError
 from viso.files.text_files import write_text
 from viso.firmware.flown import notes_on
@@ -28,6 +31,7 @@ from viso.options.ahrs import (
     ImuOption,
     ImuSeedOption,
     ahrs_maker,
+    of_stream,
 )
 from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
@@ -36,9 +40,13 @@ from viso.options.settings import load_settings, needing_reboot, parse_assignmen
 from viso.replay import versus as versus_runs
 from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
 from viso.replay.feed import ReplayedMessage
+from viso.replay.figures import Judge, Row
+from viso.replay.merit import merit_lines, merit_rows, merit_table
+from viso.replay.observability import doubts
 from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
+from viso.sensors.inertial_sources import FLOWN
 from viso.streams.heard import firmware_of_recording, params_of_recording
-from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_stream
+from viso.streams.stream_kinds import DATAFLASH_LOG, Stream, TrajectoryOptions, kind_of, read_stream
 from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
 
@@ -128,9 +136,13 @@ def replay(
     EKF3, makes of each sample, how far off samples are, and when it navigates. A line of --records then has filter as
     well: what became of the message's samples.
 
+    With --imu log the vehicle does what the vehicle of a DataFlash log did, and the filter is watched as with --ekf: by
+    replay records, else by IMU records, else by what the filter believed then; log:FILE takes another log than STREAM.
+
     With --set the stream is replayed twice, and what differs is told: counts, the first messages that fare otherwise,
-    texts, and when the filter navigates. Both vehicles have their parameters from boot on. With --versus the two are
-    different firmware, and the errors that they work out are compared as well, with --ekf the innovations too.
+    texts, and when the filter navigates; at the end, figures of merit of both. Both vehicles have their parameters from
+    boot on. With --versus the two are different firmware, and the errors that they work out are compared as well, with
+    --ekf the innovations too.
 
     A trajectory is sent as a companion computer would send it; viso play has more ways to do so, and writes a .tlog.
 
@@ -155,6 +167,8 @@ def replay(
         raise InputError(f"--baud {baud}: not a rate")
     if with_filter and ahrs is not None:
         raise InputError("--ekf and --ahrs: a vehicle that follows a log has no filter")
+    imu = of_stream(imu, stream_file)
+    with_filter = with_filter or (imu or "").startswith(FLOWN)
     choice = AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)
     make_ahrs = ahrs_maker(choice, "follow" if with_filter else "bench")
     setup = ReplaySetup(make_ahrs, uart_rate, with_filter, profile)
@@ -165,10 +179,20 @@ def replay(
         # Files are read anew, as the other firmware may call their parameters otherwise.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
-    outcomes = _run_all(stream, runs, log, records)
+    truth = position_of_log(stream_file) if with_filter and kind_of(stream_file, options) == DATAFLASH_LOG else None
+    outcomes, judges = _run_all(stream, runs, log, records, truth)
     _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
+    for line in judges[0].notes:
+        err.print(f"note: {line}")
     if changes:
-        _tell_changes(stream, changes, outcomes, as_json=as_json)
+        figures = [judge.row(outcome) for judge, outcome in zip(judges, outcomes, strict=True)]
+        used = imu or ("follow" if with_filter else "bench")
+        told = _Told(
+            (figures[0], figures[1]),
+            None if truth is None else truth.origin,
+            list(doubts(changes, used, judges[0].basis)),
+        )
+        _tell_changes(stream, changes, outcomes, told if with_filter else None, as_json=as_json)
     elif other is not None:
         _tell_versus(stream, (profile, other), outcomes, as_json=as_json)
     elif as_json:
@@ -184,17 +208,29 @@ class _Run(NamedTuple):
     setup: ReplaySetup
 
 
-def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Path | None) -> list[ReplayOutcome]:
+class _Told(NamedTuple):
+    """Figures of both runs, what the truth in them is, and what they cannot tell."""
+
+    figures: tuple[Row, Row]
+    truth: str | None
+    doubts: Sequence[str]
+
+
+def _run_all(
+    stream: Stream, runs: Sequence[_Run], log: Path | None, records: Path | None, truth: PositionSeries | None
+) -> tuple[list[ReplayOutcome], list[Judge]]:
     """Replay a stream one way after the other; files are of the last run."""
     outcomes = []
+    judges = [Judge(None if truth is None else _poses_of(truth)) for _ in runs]
     with (
         nullcontext() if records is None else write_text(records) as sink,
         nullcontext() if log is None else single_log(log) as open_log,
         progress("replaying", len(stream.messages) * len(runs)) as bar,
     ):
 
-        def write(message: ReplayedMessage) -> None:
-            if sink is not None:
+        def write(judge: Judge, is_last: bool, message: ReplayedMessage) -> None:
+            judge.take_message(message)
+            if sink is not None and is_last:
                 sink.write(json.dumps(message.as_dict()) + "\n")
 
         def show(before: int, fed: int) -> None:
@@ -207,12 +243,18 @@ def _run_all(stream: Stream, runs: Sequence[_Run], log: Path | None, records: Pa
                 run.settings,
                 run.setup,
                 open_log=open_log if is_last else None,
-                on_message=write if is_last else None,
+                on_message=partial(write, judges[index], is_last),
                 on_progress=partial(show, index * len(stream.messages)),
                 keep_messages=len(runs) > 1,
+                on_start=judges[index].start,
             )
             outcomes.append(outcome)
-    return outcomes
+    return outcomes, judges
+
+
+def _poses_of(places: PositionSeries) -> TimedPoses:
+    kept = np.diff(places.time_us, prepend=-1) > 0
+    return TimedPoses(places.time_us[kept] * 1000, places.ned_m[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
 
 
 def _note(stream: Stream, firmware: Firmware, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
@@ -250,19 +292,29 @@ def _tell(outcome: ReplayOutcome) -> None:
 
 
 def _tell_changes(
-    stream: Stream, changes: Mapping[str, float], outcomes: Sequence[ReplayOutcome], *, as_json: bool
+    stream: Stream,
+    changes: Mapping[str, float],
+    outcomes: Sequence[ReplayOutcome],
+    told: _Told | None,
+    *,
+    as_json: bool,
 ) -> None:
     before, after = outcomes
     comparison = compare(before, after)
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
         differs = comparison_rows(comparison)
-        out.print_json(data={"stream": stream.name, "set": dict(changes), **both, "differs": differs})
+        merit = {} if told is None else {"figures": merit_rows(*told.figures), "doubts": list(told.doubts)}
+        out.print_json(data={"stream": stream.name, "set": dict(changes), **both, "differs": differs, **merit})
         return
     for line in setting_lines(changes, before):
         out.print(line)
     for part in comparison_tables(comparison, with_filter=before.aiding is not None):
         out.print(part)
+    if told is not None:
+        out.print(merit_table(*told.figures, told.truth))
+        for line in (*merit_lines(*told.figures), *told.doubts):
+            out.print(line)
 
 
 def _tell_versus(

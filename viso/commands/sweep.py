@@ -18,15 +18,16 @@ from viso.firmware.releases import PROFILES
 from viso.options.ahrs import HeadingOption, ImuErrorOption
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP
+from viso.replay.figures import BY_TIME, OBJECTIVES
+from viso.replay.observability import doubts
 from viso.sensors.inertial_sources import IMU_HELP
 from viso.sweep.cluster import run_on_cluster
 from viso.sweep.job import Result, run_point
-from viso.sweep.objectives import OBJECTIVES
-from viso.sweep.plan import FOLLOW, NO_MOTION_OF_ITS_OWN, SAMPLINGS, Point, SweepPlan
+from viso.sweep.plan import FOLLOW, SAMPLINGS, Point, SweepPlan
 from viso.sweep.planning import make_plan
 from viso.sweep.processes import default_jobs, run_in_processes
 from viso.sweep.request import NO_FAULTS, Wishes, read_wishes
-from viso.sweep.result_tables import DELAY, best_as_dict, best_lines, found, result_table, swept_axis
+from viso.sweep.result_tables import best_as_dict, best_lines, found, result_table, swept_axis
 from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
 from viso.terminal.console import err, out, progress
 
@@ -76,8 +77,8 @@ def sweep(
     imu: Annotated[
         str | None,
         typer.Option(
-            help=f"The filter's sensors: {IMU_HELP}; {{name}} is that of the stream. Default: of the log, or of "
-            f"a capture's log of the same name, beside it or in ../logs; else {FOLLOW}.",
+            help=f"The filter's sensors: {IMU_HELP}; {{name}} is that of the stream. Default: log, or a capture's log "
+            f"of the same name, beside it or in ../logs; else {FOLLOW}.",
             metavar="SOURCE",
         ),
     ] = None,
@@ -185,12 +186,13 @@ def _wishes(streams: list[Path], given: dict[str, Any]) -> Wishes:
 
 
 def _note(plan: SweepPlan) -> None:
-    blind = [one for one in plan.recordings if one.imu in NO_MOTION_OF_ITS_OWN and one.ahrs is None]
-    if blind and DELAY in (axis.name for axis in plan.axes):
-        err.print(
-            f"note: {blind[0].name}: with --imu {blind[0].imu} innovations do not show how late the stream is; "
-            "--imu log:FLIGHT.BIN takes the sensors of a flight"
-        )
+    for recorded in plan.recordings:
+        if recorded.basis is not None:
+            err.print(f"note: {recorded.name}: the vehicle moves by {recorded.basis.value}")
+        for line in () if recorded.ahrs else doubts((axis.name for axis in plan.axes), recorded.imu, recorded.basis):
+            err.print(f"note: {recorded.name}: {line}")
+    if plan.longest_delay_ms:
+        err.print(f"note: at each point the filter has buffers for a delay of {plan.longest_delay_ms:g} ms")
 
 
 def _worked_out(
@@ -260,6 +262,7 @@ def _tell(
             out.print(line)
         return
     failed = [{"point": failure.number, "error": failure.error} for failure in failures]
-    best = [best_as_dict(plan, one) for one in bests]
+    best = [best_as_dict(plan, one, objective) for one in bests]
+    rows = [{name: value for name, value in row.items() if name != BY_TIME} for row in rows]
     told = {"points": plan.size, "objective": objective, "axis": swept_axis(plan), "best": best}
     out.print_json(data={**told, "failed": failed, "rows": rows})

@@ -16,7 +16,7 @@ from ekf_stub.ahrs.parts import AhrsParts
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
 from viso.sensors.errors import parse_errors
-from viso.sensors.inertial_sources import IMU_HELP, read_source
+from viso.sensors.inertial_sources import FLOWN, IMU_HELP, read_source
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import by_ekf3
 
@@ -54,6 +54,11 @@ class AhrsChoice:
     imu_errors: list[str] | None
     imu_seed: int
     heading_deg: float
+
+
+def of_stream(imu: str | None, stream: Path) -> str | None:
+    """Return the source of inertial data; ``log`` alone stands for the log that is replayed."""
+    return f"{FLOWN}:{stream}" if imu == FLOWN else imu
 
 
 def imu_options(choice: AhrsChoice) -> ImuOptions:

@@ -17,6 +17,9 @@ from viso.sensors.stream.follow import FollowSource
 
 MakeSource = Callable[[ImuOptions], SensorSource]
 
+FLOWN: Final = "log"
+"""The source that flies a log again."""
+
 _OPTION: Final = "--imu"
 
 
@@ -40,7 +43,7 @@ IMU_SOURCES: Final[Mapping[str, ImuSource]] = MappingProxyType(
         "script": ImuSource("FILE", "moves as a TOML file says", read_script_source),
         "follow": ImuSource("", "moves as external navigation says", lambda _: FollowSource),
         "hil": ImuSource("", "HIL_SENSOR and HIL_STATE_QUATERNION over MAVLink", lambda _: HilSource),
-        "log": ImuSource("FILE", "moves as a DataFlash log says", read_recorded_source),
+        FLOWN: ImuSource("FILE", "moves as a DataFlash log says", read_recorded_source),
     }
 )
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from viso.sweep.objectives import LOWER_IS_BETTER
+from viso.replay.figures import LOWER_IS_BETTER
+from viso.replay.significance import surplus
 
 GROUPED_BY: Final = ("stream", "firmware", "faults", "seed")
 
@@ -24,6 +25,8 @@ class Best:
         vertex: where the parabola through it and its neighbours has its vertex; None at the edge, or where it is flat.
         at_edge: whether the best point is the first or the last.
         is_first: whether it is the first.
+        alike: from which value to which others may be as good, the difference being chance; None if that is unknown.
+        stands_out: whether any value is worse by more than chance; None if that is unknown.
         row: the whole of it.
     """
 
@@ -33,6 +36,8 @@ class Best:
     vertex: float | None
     at_edge: bool
     is_first: bool
+    alike: tuple[float, float] | None
+    stands_out: bool | None
     row: Row
 
 
@@ -62,7 +67,21 @@ def _best_of(members: Sequence[Row], axis: str, objective: str) -> Best:
     at_edge = index in (0, len(members) - 1)
     around = [] if at_edge else [(row[axis], row[objective]) for row in members[index - 1 : index + 2]]
     vertex = _vertex(*around) if around else None
-    return Best(best[axis], same, best[objective], vertex, at_edge, index == 0, best)
+    alike, stands_out = _alike(members, index, axis, objective)
+    return Best(best[axis], same, best[objective], vertex, at_edge, index == 0, alike, stands_out, best)
+
+
+def _alike(
+    members: Sequence[Row], index: int, axis: str, objective: str
+) -> tuple[tuple[float, float] | None, bool | None]:
+    """Return between which values about the best point the objective is as good, and whether any value is worse."""
+    found = [surplus(row, members[index], objective) for row in members]
+    worse = [one is not None and one.value > 0 and not one.is_chance for one in found]
+    if len(members) < 2 or None in found:
+        return None, None
+    first = next((number + 1 for number in range(index, -1, -1) if worse[number]), 0)
+    last = next((number - 1 for number in range(index, len(members)) if worse[number]), len(members) - 1)
+    return (members[first][axis], members[last][axis]), any(worse)
 
 
 def _vertex(left: tuple[float, float], middle: tuple[float, float], right: tuple[float, float]) -> float | None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Works out one point of a sweep: in a process of this machine, or anywhere in a cluster."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,12 +20,12 @@ from viso.errors import InputError, told_errors
 from viso.extras import installed_version
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
+from viso.replay.figures import Judge, Row
 from viso.replay.run import ReplaySetup, run_replay
 from viso.sensors.inertial_sources import MakeSource, read_source
 from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import Stream, StreamMessage, TrajectoryOptions, read_stream
 from viso.sweep.dimensions import fault_field
-from viso.sweep.objectives import Judge, Row
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
 from viso.vehicle.config import by_ekf3
 
@@ -108,7 +109,7 @@ def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[Ah
     if recorded.ahrs is not None:
         return _following(recorded.ahrs)
     choice = AhrsChoice(None, recorded.imu, list(plan.imu_errors), seed or 0, plan.heading_deg)
-    return by_ekf3(_source(recorded.imu), imu_options(choice))
+    return by_ekf3(_source(recorded.imu), imu_options(choice), buffer_ms=math.ceil(plan.longest_delay_ms))
 
 
 @lru_cache(_KEPT)

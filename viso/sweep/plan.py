@@ -14,17 +14,17 @@ import numpy as np
 
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
+from viso.sensors.flown.flight import Basis
 from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.dimensions import Axis
 
 FOLLOW: Final = "follow"
-NO_MOTION_OF_ITS_OWN: Final = ("bench", FOLLOW)
-"""Sources of inertial data whose motion does not tell whether a stream is late."""
 RANDOM: Final = "random"
 LATIN: Final = "latin"
 SAMPLINGS: Final = (RANDOM, LATIN)
 MOST_POINTS: Final = 10_000_000
-FORMAT: Final = 1
+DELAY: Final = "VISO_DELAY_MS"
+FORMAT: Final = 2
 """Of the definition and of what is worked out of a point; one more whenever either changes."""
 
 
@@ -52,6 +52,7 @@ class Recorded:
         others: files that the replay reads as well: of sensors, attitude, reference.
         ahrs: the log whose attitude is followed in place of a filter, if any.
         reference: where the vehicle truly was, if that is known.
+        basis: what its motion is made of, where a log is flown again.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Recorded:
     others: tuple[InputFile, ...] = ()
     ahrs: str | None = None
     reference: str | None = None
+    basis: Basis | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return what counts: what files hold, not where they are."""
@@ -140,6 +142,16 @@ class SweepPlan:
             "until_s": None if math.isinf(self.until_s) else self.until_s,
             "trajectory": {name: value and str(value) for name, value in asdict(self.trajectory).items()},
         }
+
+    @property
+    def longest_delay_ms(self) -> float:
+        """The largest VISO_DELAY_MS that is tried, 0 where it is not swept.
+
+        All points have buffers for it: the filter looks back as far as the buffers reach, which changes innovations.
+        """
+        return max(
+            (value for axis in self.axes if axis.name == DELAY for value in axis.span or axis.values), default=0.0
+        )
 
     @property
     def size(self) -> int:

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -15,20 +16,21 @@ from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.recorded import read_columns
-from viso.options.ahrs import AhrsChoice, imu_options
+from viso.options.ahrs import AhrsChoice, imu_options, of_stream
 from viso.options.firmware import firmware_of
 from viso.options.presets import preset_files
 from viso.options.settings import known_parameters, load_settings, parse_assignments
+from viso.sensors.flown.flight import Basis
+from viso.sensors.flown.source import read_flight
+from viso.sensors.inertial_sources import FLOWN
 from viso.sensors.script.script_file import EXAMPLES
-from viso.streams.stream_kinds import STREAM_KINDS, TrajectoryOptions, kind_of
+from viso.streams.stream_kinds import DATAFLASH_LOG, STREAM_KINDS, TrajectoryOptions, kind_of
 from viso.sweep.dimensions import Axis, fault_field, parse_axes, values_of
 from viso.sweep.job import code_version, timeline_of
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
 from viso.sweep.request import NO_FAULTS, Wishes
 
 _NAME: Final = "{name}"
-_FLIGHT_LOG: Final = "DataFlash log"
 _CAPTURE: Final = "capture"
 _LOG_ENDINGS: Final = (".BIN", ".BIN.xz", ".bin")
 _MOST_SEEDS: Final = 1_000_000
@@ -108,25 +110,29 @@ def _recorded(wishes: Wishes, path: Path, name: str, shown: str, options: Trajec
     ahrs, reference = (text and _absolute(text.replace(_NAME, name)) for text in (wishes.ahrs, wishes.reference))
     if ahrs is not None and (wishes.imu or wishes.imu_error):
         raise InputError("--ahrs and --imu: a vehicle that follows a log has no sensors")
-    imu = _imu(wishes.imu, path, name, kind)
+    imu, basis = _imu(wishes.imu, path, name, kind)
     sensors = imu.partition(":")[2] if ahrs is None else ""
     used = [sensors if sensors not in ("", *EXAMPLES) else None, ahrs, reference]
     others = tuple(input_file(Path(one)) for one in dict.fromkeys(used) if one is not None)
-    return Recorded(shown, file, imu, others, ahrs, reference)
+    return Recorded(shown, file, imu, others, ahrs, reference, basis if ahrs is None else None)
 
 
-def _imu(wish: str | None, path: Path, name: str, kind: str) -> str:
+def _imu(wish: str | None, path: Path, name: str, kind: str) -> tuple[str, Basis | None]:
+    """Return the source of inertial data, and what its motion is made of if that is a log."""
     if wish is None:
-        log = next((one for one in _logs_of(path, name, kind) if one.is_file() and _has_sensors(one)), None)
-        return FOLLOW if log is None else f"log:{log.absolute()}"
-    source, _, argument = wish.replace(_NAME, name).partition(":")
+        for log in (one for one in _logs_of(path, name, kind) if one.is_file()):
+            with suppress(InputError):
+                return f"{FLOWN}:{log.absolute()}", read_flight(log).basis
+        return FOLLOW, None
+    source, _, argument = (of_stream(wish, path) or "").replace(_NAME, name).partition(":")
     is_file = argument and argument not in EXAMPLES
-    return f"{source}:{_absolute(argument)}" if is_file else wish
+    basis = read_flight(Path(argument)).basis if source == FLOWN and argument else None
+    return f"{source}:{_absolute(argument)}" if is_file else wish, basis
 
 
 def _logs_of(path: Path, name: str, kind: str) -> list[Path]:
     """Return where the sensors of a recording with times since boot may be: in itself, or in the log of its name."""
-    if kind == _FLIGHT_LOG:
+    if kind == DATAFLASH_LOG:
         return [path]
     folders = (path.absolute().parent, path.absolute().parent.parent / "logs") if kind == _CAPTURE else ()
     return [folder / f"{name}{ending}" for folder in folders for ending in _LOG_ENDINGS]
@@ -140,10 +146,6 @@ def _name_of(path: Path) -> str:
     endings = sorted((ending for kind in STREAM_KINDS.values() for ending in kind.endings), key=len, reverse=True)
     ending = next((ending for ending in endings if path.name.lower().endswith(ending)), "")
     return path.name[: len(path.name) - len(ending)]
-
-
-def _has_sensors(path: Path) -> bool:
-    return bool(read_columns(path).counts.get("RISI"))
 
 
 def _faults(names: Sequence[str] | None, axes: Sequence[Axis]) -> tuple[Faults, ...]:

@@ -7,15 +7,15 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
+from viso.replay.figures import LOWER_IS_BETTER, OBJECTIVES
+from viso.replay.observability import unobservable
+from viso.replay.significance import SIGMAS
 from viso.sweep.best import GROUPED_BY, Best, best_along, best_rows
-from viso.sweep.objectives import LOWER_IS_BETTER, OBJECTIVES
-from viso.sweep.plan import NO_MOTION_OF_ITS_OWN, SweepPlan
-
-DELAY: Final = "VISO_DELAY_MS"
+from viso.sweep.plan import DELAY, Recorded, SweepPlan
 
 _MOST_ROWS: Final = 40
 _BEST_ROWS: Final = 10
-_BESIDE: Final = ("nis", "fused_share", "rejected", "resets", "time_to_aiding_s", "ate_m")
+_BESIDE: Final = ("nis", "fused_share", "rejected", "resets", "time_to_aiding_s", "log_m", "ate_m")
 
 Row = dict[str, Any]
 
@@ -69,15 +69,35 @@ def _line(plan: SweepPlan, best: Best, axis: str, objective: str) -> str:
     extreme = "least" if objective in LOWER_IS_BETTER else "greatest"
     changed = [name for name in changed_columns(plan) if name != axis and name in GROUPED_BY]
     group = ", ".join(f"{name} {best.row[name]}" for name in changed)
+    start = f"{group + ': ' if group else ''}"
+    if reason := unjudged(plan, best, axis, objective):
+        return f"{start}{axis} cannot be judged: {reason}"
     unit = OBJECTIVES[objective].unit
     same = "" if best.same_until == best.at else f", and the same up to {best.same_until:g}"
     value = f"{best.value:.6g}{unit and ' ' + unit}"
-    text = f"{group + ': ' if group else ''}{objective} is {extreme} at {axis} {best.at:g}{same} ({value})"
+    text = f"{start}{objective} is {extreme} at {axis} {best.at:g}{same} ({value})"
     if best.at_edge:
-        text += ", at the edge of what was tried"
+        text += ", at the edge of what was tried: what is best may lie beyond"
     elif best.vertex is not None:
         text += f"; a parabola has it at {best.vertex:{'.1f' if axis == DELAY else '.6g'}}"
-    return text + (_age(plan, best) if axis == DELAY else "")
+    text += _chance(best, axis)
+    return text + (_age(plan, best) if axis == DELAY and best.stands_out is not False else "")
+
+
+def _chance(best: Best, axis: str) -> str:
+    if best.alike is None:
+        return ""
+    if not best.stands_out:
+        return f"; no value is worse by more than chance ({SIGMAS:g} deviations): this material does not tell {axis}"
+    low, high = best.alike
+    return "" if low == high else f"; {low:g} to {high:g} are not told apart ({SIGMAS:g} deviations)"
+
+
+def unjudged(plan: SweepPlan, best: Best, axis: str, objective: str) -> str | None:
+    """Return why what is best along an axis says nothing; None if it does."""
+    if axis.endswith("_NSE") and objective.startswith("nis"):
+        return f"{objective} counts innovations in units of it; rms_... does not"
+    return None if _recorded(plan, best).ahrs else unobservable(axis, _recorded(plan, best).imu)
 
 
 def age_ms(best: Best) -> float | None:
@@ -88,7 +108,7 @@ def age_ms(best: Best) -> float | None:
 
 def _age(plan: SweepPlan, best: Best) -> str:
     age = age_ms(best)
-    if age is None or plan.recordings[_stream_of(plan, best)].imu in NO_MOTION_OF_ITS_OWN:
+    if age is None:
         return ""
     bound = "" if not best.at_edge else " or less" if best.is_first else " or more"
     lag = best.row["stamp_lag_ms"]
@@ -96,13 +116,14 @@ def _age(plan: SweepPlan, best: Best) -> str:
     return f". Corrected stamps are {lag:.1f} ms before the arrival: samples arrive {age:.1f} ms{bound} old{hint}"
 
 
-def _stream_of(plan: SweepPlan, best: Best) -> int:
-    return [recorded.name for recorded in plan.recordings].index(best.row["stream"])
+def _recorded(plan: SweepPlan, best: Best) -> Recorded:
+    return next(recorded for recorded in plan.recordings if recorded.name == best.row["stream"])
 
 
-def best_as_dict(plan: SweepPlan, best: Best) -> dict[str, Any]:
+def best_as_dict(plan: SweepPlan, best: Best, objective: str) -> dict[str, Any]:
     """Return the best point of a group for machines."""
     axis = swept_axis(plan) or ""
-    figures = {name: getattr(best, name) for name in ("at", "same_until", "value", "vertex", "at_edge")}
-    told = {**{name: best.row[name] for name in GROUPED_BY}, "axis": axis, **figures}
+    names = ("at", "same_until", "value", "vertex", "at_edge", "alike", "stands_out")
+    group, figures = {name: best.row[name] for name in GROUPED_BY}, {name: getattr(best, name) for name in names}
+    told = {**group, "axis": axis, **figures, "unjudged": unjudged(plan, best, axis, objective)}
     return {**told, "age_on_arrival_ms": age_ms(best)} if axis == DELAY else told

@@ -18,8 +18,8 @@ from viso.documents import parsed_json
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
 from viso.files.outputs import output_file, reading, refuse_input, replace_file
+from viso.replay.figures import OBJECTIVES, Row
 from viso.sweep.job import Result
-from viso.sweep.objectives import OBJECTIVES, Row
 from viso.sweep.plan import Point, SweepPlan
 
 DEFINITION: Final = "sweep.json"
@@ -180,7 +180,7 @@ def table_rows(plan: SweepPlan, done: Mapping[int, Row]) -> list[dict[str, Any]]
 
 def _as_csv(plan: SweepPlan, rows: list[dict[str, Any]]) -> bytes:
     text = io.StringIO()
-    writer = csv.DictWriter(text, columns(plan), lineterminator="\n")
+    writer = csv.DictWriter(text, columns(plan), extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().encode()

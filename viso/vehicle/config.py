@@ -22,12 +22,20 @@ from viso.sensors.stream.follow import FollowSource
 from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 
-def by_ekf3(make_source: Callable[[ImuOptions], SensorSource], options: ImuOptions) -> Callable[[AhrsParts], AhrsBase]:
-    """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's."""
+def by_ekf3(
+    make_source: Callable[[ImuOptions], SensorSource], options: ImuOptions, *, buffer_ms: int = 0
+) -> Callable[[AhrsParts], AhrsBase]:
+    """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's.
+
+    Args:
+        make_source: makes the sensors.
+        options: of the sensors.
+        buffer_ms: a delay for which the filter's buffers are long enough in any case.
+    """
 
     def make(parts: AhrsParts) -> AhrsBase:
         source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
-        ahrs = Ekf3Ahrs(parts, source, kernel=kernel_of(chosen_kernel()))
+        ahrs = Ekf3Ahrs(parts, source, kernel=kernel_of(chosen_kernel()), buffer_ms=buffer_ms)
         if isinstance(source, FollowSource):
             ahrs.on_pose = source.take_pose
         return ahrs

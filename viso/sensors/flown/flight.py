@@ -28,9 +28,9 @@ REST_S: Final = 10.0
 class Basis(Enum):
     """What the motion of a flight is made of."""
 
-    REPLAY = "replay records"
-    IMU = "IMU records"
-    ESTIMATE = "the filter's estimate of the time"
+    REPLAY = "the log's replay records"
+    IMU = "the log's IMU records"
+    ESTIMATE = "a motion reconstructed from what the filter believed in flight, smoothed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +117,10 @@ class Flight:
     def tells_flying(self) -> bool:
         """Whether the log tells when the vehicle lifted off and landed."""
         return any(event.what in (Happening.LIFTED_OFF, Happening.LANDED) for event in self.events)
+
+    def told(self) -> tuple[str, ...]:
+        """Return what the vehicle moves by, and how that was made, a line each."""
+        return (f"the vehicle moves by {self.basis.value}", *self.notes)
 
 
 # Columns of a log

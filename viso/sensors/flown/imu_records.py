@@ -130,7 +130,7 @@ def _rates(table: Array) -> Rates:
 def _gaps(rates: Rates) -> tuple[str, ...]:
     steps = np.diff(rates.time_s)
     gaps = steps[steps > GAP_S]
-    return (f"{len(gaps)} gaps of {gaps.sum():.1f} s in all are bridged by straight lines",) if len(gaps) else ()
+    return (f"no record for {gaps.sum():.1f} s in {len(gaps)} gaps, bridged by straight lines",) if len(gaps) else ()
 
 
 def integral_at(rates: Rates, at_s: Array) -> Array:

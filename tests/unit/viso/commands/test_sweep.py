@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,9 +21,10 @@ import pytest
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import sweep as sweep_command
+from viso.replay.figures import OBJECTIVES
+from viso.sensors.flown.flight import Basis
 from viso.sweep import job, planning
 from viso.sweep.job import Result
-from viso.sweep.objectives import OBJECTIVES
 from viso.sweep.plan import Point, SweepPlan
 
 CAPTURE = ROOT / "tests" / "data" / "captures" / "mav.jsonl.gz"
@@ -66,15 +68,15 @@ def test_json_has_minimum_and_rows(viso: Viso) -> None:
 
 @pytest.mark.usefixtures("quick")
 def test_stream_that_moves_the_vehicle_gets_a_note(viso: Viso) -> None:
-    assert (
-        "with --imu follow innovations do not show how late" in viso("sweep", *SHORT, "--set", "VISO_DELAY_MS=0,1").err
-    )
-    assert viso("sweep", *SHORT, "--set", "VISO_SCALE=0.5,1").err == ""
+    noted = viso("sweep", *SHORT, "--set", "VISO_SCALE=0.5,1")
+    assert noted.err.startswith("note: mav: VISO_SCALE cannot be judged: with --imu follow the vehicle moves as the")
+    assert "VISO_SCALE cannot be judged" in noted.out
+    assert viso("sweep", *SHORT, "--set", "VISO_QUAL_MIN=0,1").err == ""
 
 
 @pytest.mark.usefixtures("quick")
 def test_same_command_goes_on_and_another_is_refused(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    args = ("sweep", *SHORT, "--set", "VISO_SCALE=1:3:1", "-o", "out")
+    args = ("sweep", *SHORT, "--set", "VISO_QUAL_MIN=1:3:1", "-o", "out")
     seen: list[int] = []
 
     def failing_second(plan: SweepPlan, point: Point) -> Result:
@@ -89,9 +91,11 @@ def test_same_command_goes_on_and_another_is_refused(viso: Viso, monkeypatch: py
     outcome = viso(*args)
     assert (outcome.code, outcome.err) == (0, "note: out: 2 of 3 points are done already\n")
     assert seen == [0, 1, 2]
-    outcome = viso("sweep", *SHORT, "--set", "VISO_SCALE=1:4:1", "-o", "out")
+    outcome = viso("sweep", *SHORT, "--set", "VISO_QUAL_MIN=1:4:1", "-o", "out")
     assert outcome.code == 2
-    assert outcome.err.startswith("viso: out/sweep.json: another sweep: set.VISO_SCALE.values was [1.0, 2.0, 3.0], now")
+    assert outcome.err.startswith(
+        "viso: out/sweep.json: another sweep: set.VISO_QUAL_MIN.values was [1.0, 2.0, 3.0], now"
+    )
 
 
 def test_interruption_keeps_what_is_done(viso: Viso, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,7 +163,7 @@ def test_command_that_is_killed_leaves_no_process_behind(tmp_path: Path) -> None
 def test_when_every_point_fails_it_is_an_unusable_input(viso: Viso, tmp_path: Path) -> None:
     (tmp_path / "bad.jsonl").write_text("{}\n")
     complaint = f"{tmp_path}/bad.jsonl:1: the first line of a capture is an object with 'name' and 'params'"
-    assert failed_with(viso("sweep", "bad.jsonl", "-j", "1", "--set", "VISO_SCALE=1,2"), complaint)
+    assert failed_with(viso("sweep", "bad.jsonl", "-j", "1", "--set", "VISO_QUAL_MIN=1,2"), complaint)
 
 
 @pytest.mark.parametrize(("args", "complaint"), [
@@ -188,7 +192,7 @@ def test_missing_table_writer_is_one_line(viso: Viso, monkeypatch: pytest.Monkey
 @pytest.mark.usefixtures("quick")
 def test_without_matplotlib_the_rest_is_written(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "viso.sweep.plot", None)
-    outcome = viso("sweep", *SHORT, "--set", "VISO_SCALE=1,2", "-o", "out")
+    outcome = viso("sweep", *SHORT, "--set", "VISO_QUAL_MIN=1,2", "-o", "out")
     assert (outcome.code, outcome.err) == (
         0, "note: no plot: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'\n",
     )  # fmt: skip
@@ -216,7 +220,7 @@ def in_a_copy(tmp_path: Path) -> None:
 @pytest.mark.parametrize("line", commands_of_the_page())
 def test_command_of_the_page_is_understood(viso: Viso, monkeypatch: pytest.MonkeyPatch, line: str) -> None:
     """The replays themselves would take minutes; the page's figures have a test of their own."""
-    monkeypatch.setattr(planning, "_has_sensors", lambda _log: True)  # which takes reading it
+    monkeypatch.setattr(planning, "read_flight", lambda _log: SimpleNamespace(basis=Basis.REPLAY))
     monkeypatch.setattr(sweep_command, "_draw", lambda *_args: None)
     monkeypatch.setattr(sweep_command, "run_point", parabola)
     monkeypatch.setattr(

@@ -5,8 +5,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from viso.replay.figures import OBJECTIVES
 from viso.sweep.dimensions import Axis
-from viso.sweep.objectives import OBJECTIVES
 from viso.sweep.plan import InputFile, Recorded, Sampling, SweepPlan
 from viso.sweep.store import table_rows
 

@@ -4,10 +4,12 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from viso.replay.figures import BY_TIME
 from viso.sweep.best import Best, best_along, best_rows
 
 GROUP = {"stream": "s", "firmware": "f", "faults": "none", "seed": None}
@@ -67,6 +69,33 @@ def test_shares_are_best_where_they_are_greatest() -> None:
 def test_groups_have_their_own_best() -> None:
     both = rows({0: 1.0, 1: 2.0}, seed=1) + rows({0: 2.0, 1: 1.0}, seed=2)
     assert [(found.row["seed"], found.at) for found in best_along(both, "X", "nis")] == [(1, 0), (2, 1)]
+
+
+def judged(points: dict[float, float], noise: float) -> Best:
+    """Return the best of rows whose innovations are made of 40 spans, with noise that each row has of its own."""
+    made = rows(dict(points))
+    for row in made:
+        of_spans = row["nis"] + noise * np.random.default_rng(row["point"]).standard_normal(40)
+        sums = [[number, 10, 10 * square, 0.0] for number, square in enumerate(of_spans)]
+        row[BY_TIME] = {"span_s": 1, "sums": {"pose": sums}}
+    (found,) = best_along(made, "X", "nis")
+    return found
+
+
+VALUES = {0: 4.0, 1: 1.1, 2: 1.0, 3: 1.2, 4: 4.0}
+
+
+@pytest.mark.parametrize(("noise", "alike", "stands_out"), [
+    (0.0, (2, 2), True), (0.5, (1, 3), True), (50.0, (0, 4), False),
+])  # fmt: skip
+def test_values_that_are_worse_by_chance_alone_are_alike(noise: float, alike: object, stands_out: bool) -> None:
+    found = judged(VALUES, noise)
+    assert (found.alike, found.stands_out) == (alike, stands_out)
+
+
+def test_without_figures_over_time_chance_is_unknown() -> None:
+    found = best(dict(VALUES))
+    assert (found.alike, found.stands_out) == (None, None)
 
 
 def test_best_rows_come_first_and_equal_ones_in_order() -> None:

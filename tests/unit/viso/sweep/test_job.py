@@ -12,9 +12,9 @@ from tests.unit.viso.command_line import Viso
 from tests.unit.viso.sweep.conftest import CAPTURE, UNTIL_S, MakePlan
 from viso.errors import InputError
 from viso.files.text_files import read_lines
+from viso.replay.figures import BY_TIME, OBJECTIVES
 from viso.sweep import job
 from viso.sweep.job import Result, run_point, timeline_of
-from viso.sweep.objectives import OBJECTIVES
 from viso.sweep.plan import Faults, SweepPlan
 
 LOSS = "faults: [{kind: loss, probability: 0.5}, {kind: delay, delay_ms: 40}]\nseed: 3\n"
@@ -47,7 +47,7 @@ def test_figures_are_those_of_a_replay(plan: SweepPlan, viso: Viso, tmp_path: Pa
     row = row_of(plan, 1)
     outcome = viso("replay", short(tmp_path), "--ekf", "--param", "VISO_DELAY_MS=100", "--json")
     told = json.loads(outcome.out)
-    assert list(row) == list(OBJECTIVES)
+    assert list(row) == [*OBJECTIVES, BY_TIME]
     assert row["texts"] == len(told["texts"])
     innovations = {one["kind"]: one for one in told["innovations"]}
     assert row["tested"] == sum(one["tested"] for one in innovations.values())

@@ -4,10 +4,12 @@
 
 from io import StringIO
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from tests.unit.viso.sweep.made import made_plan, made_rows
+from viso.replay.figures import BY_TIME
 from viso.sweep.dimensions import Axis
 from viso.sweep.plan import Sampling
 from viso.sweep.result_tables import best_as_dict, best_lines, changed_columns, found, result_table, swept_axis
@@ -39,21 +41,51 @@ def test_minimum_at_the_edge_is_only_a_bound(lowest: float, age: str) -> None:
     assert line.endswith(f"samples arrive {age}")
 
 
-@pytest.mark.parametrize("imu", ["follow", "bench"])
-def test_no_age_is_told_where_the_motion_does_not_show_it(imu: str) -> None:
-    assert "old" not in lines(imu=imu)[0]
+@pytest.mark.parametrize(("imu", "why"), [
+    ("follow", "the vehicle moves as the stream says"), ("bench", "the vehicle stands still"),
+])  # fmt: skip
+def test_what_the_motion_does_not_show_is_not_told(imu: str, why: str) -> None:
+    (line,) = lines(imu=imu)
+    assert line.startswith(f"VISO_DELAY_MS cannot be judged: with --imu {imu} {why}")
+    assert "least" not in line
+
+
+def test_noise_is_not_judged_by_figures_in_units_of_it() -> None:
+    plan = made_plan(Axis("VISO_POS_M_NSE", (0.1, 0.2)))
+    (best,) = found(plan, made_rows(plan, lambda noise: noise), "nis")
+    assert best_lines(plan, [best], "nis") == [
+        "VISO_POS_M_NSE cannot be judged: nis counts innovations in units of it; rms_... does not"
+    ]
+    assert best_as_dict(plan, best, "nis")["unjudged"] is not None
+    assert best_as_dict(plan, best, "rejected")["unjudged"] is None
 
 
 def test_other_parameters_have_no_age() -> None:
     plan = made_plan(GATE)
     (line,) = best_lines(plan, found(plan, made_rows(plan, lambda gate: gate), "nis"), "nis")
-    assert line == "nis is least at EK3_POS_I_GATE 300 (300), at the edge of what was tried"
+    assert line == (
+        "nis is least at EK3_POS_I_GATE 300 (300), at the edge of what was tried: what is best may lie beyond"
+    )
 
 
 def test_plateau_is_told() -> None:
     plan = made_plan(DELAY)
     rows = made_rows(plan, lambda delay: max(abs(delay - 20), 10))
     assert "at VISO_DELAY_MS 10, and the same up to 30 (10)" in best_lines(plan, found(plan, rows, "nis"), "nis")[0]
+
+
+@pytest.mark.parametrize(("noise", "told"), [
+    (0.02, "20 to 30 are not told apart (2 deviations). Corrected stamps are"),
+    (9.0, "no value is worse by more than chance (2 deviations): this material does not tell VISO_DELAY_MS"),
+])  # fmt: skip
+def test_chance_is_told(noise: float, told: str) -> None:
+    plan = made_plan(DELAY)
+    rows = made_rows(plan, lambda delay: 1 + (delay - 25.0) ** 2 / 1000)
+    for row in rows:
+        of_spans = row["nis"] + noise * np.random.default_rng(row["point"]).standard_normal(40)
+        row[BY_TIME] = {"span_s": 1, "sums": {"pose": [[n, 10, 10 * nis, 0.0] for n, nis in enumerate(of_spans)]}}
+    (line,) = best_lines(plan, found(plan, rows, "nis"), "nis")
+    assert told in line
 
 
 def test_several_axes_have_no_one_minimum() -> None:
@@ -72,7 +104,7 @@ def test_each_seed_has_its_line() -> None:
 def test_machines_are_told_the_same() -> None:
     plan = made_plan(DELAY)
     (best,) = found(plan, made_rows(plan, lambda delay: (delay - 22) ** 2), "nis")
-    told = best_as_dict(plan, best)
+    told = best_as_dict(plan, best, "nis")
     assert (told["axis"], told["at"], told["vertex"], told["at_edge"]) == ("VISO_DELAY_MS", 20.0, 22.0, False)
     assert told["age_on_arrival_ms"] == pytest.approx(29.5)
 

@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from viso.errors import InputError
+from viso.replay.figures import OBJECTIVES, Row
 from viso.sweep.dimensions import Axis
 from viso.sweep.job import Result
-from viso.sweep.objectives import OBJECTIVES, Row
 from viso.sweep.plan import InputFile, Recorded, SweepPlan
 from viso.sweep.store import CSV, DEFINITION, JOURNAL, PARQUET, SweepFolder, columns, table_rows
 

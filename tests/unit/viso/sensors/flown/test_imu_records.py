@@ -76,7 +76,7 @@ def test_gap_is_a_straight_line_and_told() -> None:
     flight = flown(IMU=rows(1, 4.26) + rows(10.26, 14))
     during = (flight.time_us > 4_300_000) & (flight.time_us < 10_200_000)
     assert np.abs(np.diff(flight.deltas[during, 3], n=2)).max() < 1e-8
-    assert flight.notes[1:] == ("1 gaps of 6.0 s in all are bridged by straight lines",)
+    assert flight.notes[1:] == ("no record for 6.0 s in 1 gaps, bridged by straight lines",)
 
 
 def test_log_that_begins_late_begins_at_rest() -> None:

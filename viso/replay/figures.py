@@ -5,14 +5,15 @@
 import math
 import statistics
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.filter.inertial import Array
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.body_odometry import GATE_SIGMAS
 from viso.companion.faults.poses import VISION_NAMES
@@ -21,10 +22,18 @@ from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts
 from viso.fates.watch import UNITS, AidingSpan, FilterWatch, SampleTest
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
+from viso.sensors.flown.flight import Basis
 from viso.vehicle.vehicle import Vehicle
 
 Figure = float | int | None
-Row = dict[str, Figure]
+Row = dict[str, Any]
+"""Figures by column, and under ``BY_TIME`` what they are made of."""
+
+BY_TIME: Final = "by_time"
+"""Sums of innovations over equal spans of time: the length of a span in s, and by kind rows of the number of the span,
+the count of samples, and their sums of squares, normalised and not."""
+
+MOST_SPANS: Final = 64
 
 _GATES: Final[Mapping[str, str]] = {
     "pose": "EK3_POS_I_GATE",
@@ -36,6 +45,7 @@ _TIME, _CORRECTED = 0, 2  # of VISP and VISV: TimeUS, CTimeMS
 _STAMPED: Final = ("VISP", "VISV")
 _WARNING: Final = 4  # MAV_SEVERITY
 _NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0)
+_GAP_US: Final = 500_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +74,7 @@ OBJECTIVES: Final[Mapping[str, Objective]] = {
     "aiding_losses": Objective("", "how often it stopped"),
     "ate_m": Objective("m", "how far its positions are from the reference, aligned, root of the mean square"),
     "ate_poses": Objective("", "positions compared with the reference"),
+    "log_m": Objective("m", "how far they are from those of the log that is flown again, root of the mean square"),
     "messages": Objective("", "messages of external navigation that arrived"),
     "accepted_share": Objective("", "those whose data went to the filter, of all"),
     "ignored": Objective("", "those whose data was withheld from it"),
@@ -75,7 +86,18 @@ OBJECTIVES: Final[Mapping[str, Objective]] = {
 """The columns, in their order."""
 
 LOWER_IS_BETTER: Final = frozenset(
-    {"nis", "worst_ratio", "rejected", "lost", "refused", "resets", "time_to_aiding_s", "aiding_losses", "ate_m"}
+    {
+        "nis",
+        "worst_ratio",
+        "rejected",
+        "lost",
+        "refused",
+        "resets",
+        "time_to_aiding_s",
+        "aiding_losses",
+        "ate_m",
+        "log_m",
+    }
     | {"ignored", "dropped", "texts", "warnings"}
     | {f"{what}_{kind}" for what in ("nis", "rms") for kind in UNITS}
 )
@@ -89,11 +111,37 @@ class _Squares:
         self.tested = 0
         self.normalised = self.innovation = self.worst_ratio = 0.0
 
-    def add(self, ratio: float, gate: float, innovation: float) -> None:
+    def add(self, ratio: float, sigmas: float, innovation: float) -> None:
         self.tested += 1
-        self.normalised += (ratio * gate) ** 2
+        self.normalised += sigmas**2
         self.innovation += innovation**2
         self.worst_ratio = max(self.worst_ratio, ratio)
+
+
+class _ByTime:
+    """Sums over spans of time, which double in length whenever there get to be too many."""
+
+    def __init__(self) -> None:
+        self._span_s = 1
+        self._sums: dict[tuple[str, int], list[float]] = {}
+
+    def add(self, kind: str, time_us: int, squares: tuple[float, float]) -> None:
+        while time_us // (self._span_s * 1_000_000) >= MOST_SPANS:
+            before, self._sums = self._sums, {}
+            self._span_s *= 2
+            for (other, number), sums in before.items():
+                self._add(other, number // 2, sums)
+        self._add(kind, time_us // (self._span_s * 1_000_000), (1, *squares))
+
+    def _add(self, kind: str, number: int, sums: Sequence[float]) -> None:
+        known = self._sums.get((kind, number), (0, 0.0, 0.0))
+        self._sums[kind, number] = [one + other for one, other in zip(known, sums, strict=True)]
+
+    def as_dict(self) -> dict[str, Any]:
+        sums: dict[str, list[list[float]]] = {}
+        for (kind, number), of_span in self._sums.items():
+            sums.setdefault(kind, []).append([number, *of_span])
+        return {"span_s": self._span_s, "sums": sums}
 
 
 class Judge:
@@ -101,11 +149,19 @@ class Judge:
 
     Args:
         truth: where the vehicle was, by times since boot; None if that is not known.
+
+    Attributes:
+        basis: what the vehicle's motion is made of, and
+        notes: how, if it flies a log again.
     """
 
     def __init__(self, truth: TimedPoses | None = None) -> None:
         self._truth = truth
         self._squares: dict[str, _Squares] = {}
+        self._by_time = _ByTime()
+        self._track: Array = np.zeros((0, 4))
+        self.basis: Basis | None = None
+        self.notes: tuple[str, ...] = ()
         self._lags_ms: list[float] = []
         self._places: dict[int, tuple[float, float, float]] = {}
         self._vehicle: Vehicle | None = None
@@ -115,6 +171,9 @@ class Judge:
         """Follow a vehicle from boot on."""
         self._vehicle = vehicle
         self._gate_of = _gates(vehicle)
+        if vehicle.flown is not None:
+            flight = vehicle.flown.flight
+            self._track, self.basis, self.notes = flight.track, flight.basis, flight.told()
         if watch is not None:
             watch.listeners.append(self._take_test)
 
@@ -123,7 +182,9 @@ class Judge:
         if ratio is None or test.innovation is None or not math.isfinite(ratio):
             return
         kind = test.outcome.kind
-        self._squares.setdefault(kind, _Squares()).add(ratio, self._gate_of(kind), test.innovation)
+        sigmas = ratio * self._gate_of(kind)
+        self._squares.setdefault(kind, _Squares()).add(ratio, sigmas, test.innovation)
+        self._by_time.add(kind, test.time_us, (sigmas**2, test.innovation**2))
 
     def take_message(self, message: ReplayedMessage) -> None:
         """Take what became of a message."""
@@ -133,7 +194,7 @@ class Judge:
                 assert isinstance(time_us, int)
                 assert isinstance(corrected_ms, int)
                 self._lags_ms.append(time_us * 1e-3 - corrected_ms)
-        if self._truth is not None:
+        if self._truth is not None or len(self._track):
             self._note_place()
 
     def _note_place(self) -> None:
@@ -144,7 +205,7 @@ class Judge:
             self._places[vehicle.clock.micros64()] = north, east, down
 
     def row(self, outcome: ReplayOutcome) -> Row:
-        """Return the figures of a replay that is over, one a column of ``OBJECTIVES``."""
+        """Return the figures of a replay that is over, one a column of ``OBJECTIVES``, and ``BY_TIME``."""
         row: Row = dict.fromkeys(OBJECTIVES)
         row |= _of_messages(outcome)
         if self._lags_ms:
@@ -155,6 +216,7 @@ class Judge:
             row |= self._of_innovations()
             row |= _of_aiding(outcome.aiding)
             row |= self._of_places()
+        row[BY_TIME] = self._by_time.as_dict()
         return row
 
     def _of_innovations(self) -> Row:
@@ -171,16 +233,27 @@ class Judge:
         return row
 
     def _of_places(self) -> Row:
-        if self._truth is None:
-            return {}
         times_us = sorted(self._places)
         places = np.array([self._places[time_us] for time_us in times_us]).reshape(-1, 3)
+        row: Row = {"log_m": _distance(np.array(times_us, np.float64), places, self._track)}
+        if self._truth is None:
+            return row
         estimate = TimedPoses(np.array(times_us, np.int64) * 1000, places, np.tile(_NO_ROTATION, (len(places), 1)))
         try:
             error = absolute_error(estimate, self._truth)
         except EvaluationError:
-            return {"ate_poses": 0}
-        return {"ate_m": error.rmse_m, "ate_poses": error.count}
+            return {**row, "ate_poses": 0}
+        return {**row, "ate_m": error.rmse_m, "ate_poses": error.count}
+
+
+def _distance(time_us: Array, places: Array, track: Array) -> float | None:
+    """Return the root mean square distance between places at times, and a track [N, 4] where it has no gap."""
+    if len(track) < 2 or not len(places):
+        return None
+    after = np.clip(np.searchsorted(track[:, 0], time_us), 1, len(track) - 1)
+    near = (time_us >= track[0, 0]) & (time_us <= track[-1, 0]) & (track[after, 0] - track[after - 1, 0] < _GAP_US)
+    ways = places - np.column_stack([np.interp(time_us, track[:, 0], track[:, axis]) for axis in (1, 2, 3)])
+    return float(np.sqrt(np.mean(np.sum(ways[near] ** 2, axis=1)))) if near.any() else None
 
 
 def _gates(vehicle: Vehicle) -> Callable[[str], float]:
