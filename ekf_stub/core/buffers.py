@@ -10,7 +10,7 @@ from ekf_stub.inputs.sources import EkfSources
 
 _MAG_DELAY_MS: Final = 60
 _GPS_LAG_MS: Final = 200  # of a receiver whose own is not known
-_MAX_DELAY_MS: Final = 250
+MAX_DELAY_MS: Final = 250
 
 
 def buffer_sizes(
@@ -28,5 +28,5 @@ def buffer_sizes(
     if sources.uses_gps():
         delays.append(_GPS_LAG_MS)
     if has_camera:
-        delays.append(min(get_int("VISO_DELAY_MS"), _MAX_DELAY_MS))
-    return ring_sizes(max(*delays, _MAG_DELAY_MS, min(least_ms, _MAX_DELAY_MS)))
+        delays.append(min(get_int("VISO_DELAY_MS"), MAX_DELAY_MS))
+    return ring_sizes(max(*delays, _MAG_DELAY_MS, min(least_ms, MAX_DELAY_MS)))

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from ekf_stub.core.buffers import MAX_DELAY_MS
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
@@ -191,8 +192,8 @@ def _note(plan: SweepPlan) -> None:
             err.print(f"note: {recorded.name}: the vehicle moves by {recorded.basis.value}")
         for line in () if recorded.ahrs else doubts((axis.name for axis in plan.axes), recorded.imu, recorded.basis):
             err.print(f"note: {recorded.name}: {line}")
-    if plan.longest_delay_ms:
-        err.print(f"note: at each point the filter has buffers for a delay of {plan.longest_delay_ms:g} ms")
+    if plan.buffer_ms:
+        err.print(f"note: at each point the filter's buffers reach back {min(plan.buffer_ms, MAX_DELAY_MS):g} ms")
 
 
 def _worked_out(

@@ -109,7 +109,7 @@ def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[Ah
     if recorded.ahrs is not None:
         return _following(recorded.ahrs)
     choice = AhrsChoice(None, recorded.imu, list(plan.imu_errors), seed or 0, plan.heading_deg)
-    return by_ekf3(_source(recorded.imu), imu_options(choice), buffer_ms=math.ceil(plan.longest_delay_ms))
+    return by_ekf3(_source(recorded.imu), imu_options(choice), buffer_ms=math.ceil(plan.buffer_ms))
 
 
 @lru_cache(_KEPT)

@@ -24,6 +24,9 @@ LATIN: Final = "latin"
 SAMPLINGS: Final = (RANDOM, LATIN)
 MOST_POINTS: Final = 10_000_000
 DELAY: Final = "VISO_DELAY_MS"
+LATEST_MS: Final = 100
+"""Corrected stamps are before the arrival by less than that."""
+
 FORMAT: Final = 2
 """Of the definition and of what is worked out of a point; one more whenever either changes."""
 
@@ -144,14 +147,14 @@ class SweepPlan:
         }
 
     @property
-    def longest_delay_ms(self) -> float:
-        """The largest VISO_DELAY_MS that is tried, 0 where it is not swept.
+    def buffer_ms(self) -> float:
+        """How far the filter's buffers reach back at all points where VISO_DELAY_MS is swept, else 0.
 
-        All points have buffers for it: the filter looks back as far as the buffers reach, which changes innovations.
+        The filter works as far in the past as its buffers reach, which changes innovations too; and what arrives later
+        than that is dated later than it was observed.
         """
-        return max(
-            (value for axis in self.axes if axis.name == DELAY for value in axis.span or axis.values), default=0.0
-        )
+        tried = [value for axis in self.axes if axis.name == DELAY for value in axis.span or axis.values]
+        return max(tried) + LATEST_MS if tried else 0.0
 
     @property
     def size(self) -> int:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where an objective is best."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,14 @@ from viso.sweep.best import Best, best_along, best_rows
 GROUP = {"stream": "s", "firmware": "f", "faults": "none", "seed": None}
 
 
-def rows(points: dict[float, float | None], objective: str = "nis", **group: Any) -> list[dict[str, Any]]:
+def rows(points: Mapping[float, float | None], objective: str = "nis", **group: Any) -> list[dict[str, Any]]:
     return [
         {**GROUP, **group, "point": number, "X": x, objective: value}
         for number, (x, value) in enumerate(points.items())
     ]
 
 
-def best(points: dict[float, float | None], objective: str = "nis") -> Best:
+def best(points: Mapping[float, float | None], objective: str = "nis") -> Best:
     (found,) = best_along(rows(points, objective), "X", objective)
     return found
 
@@ -71,9 +72,9 @@ def test_groups_have_their_own_best() -> None:
     assert [(found.row["seed"], found.at) for found in best_along(both, "X", "nis")] == [(1, 0), (2, 1)]
 
 
-def judged(points: dict[float, float], noise: float) -> Best:
+def judged(points: Mapping[float, float], noise: float) -> Best:
     """Return the best of rows whose innovations are made of 40 spans, with noise that each row has of its own."""
-    made = rows(dict(points))
+    made = rows(points)
     for row in made:
         of_spans = row["nis"] + noise * np.random.default_rng(row["point"]).standard_normal(40)
         sums = [[number, 10, 10 * square, 0.0] for number, square in enumerate(of_spans)]
@@ -82,7 +83,7 @@ def judged(points: dict[float, float], noise: float) -> Best:
     return found
 
 
-VALUES = {0: 4.0, 1: 1.1, 2: 1.0, 3: 1.2, 4: 4.0}
+VALUES = {0.0: 4.0, 1.0: 1.1, 2.0: 1.0, 3.0: 1.2, 4.0: 4.0}
 
 
 @pytest.mark.parametrize(("noise", "alike", "stands_out"), [
@@ -94,7 +95,7 @@ def test_values_that_are_worse_by_chance_alone_are_alike(noise: float, alike: ob
 
 
 def test_without_figures_over_time_chance_is_unknown() -> None:
-    found = best(dict(VALUES))
+    found = best(VALUES)
     assert (found.alike, found.stands_out) == (None, None)
 
 

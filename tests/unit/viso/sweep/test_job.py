@@ -43,9 +43,9 @@ def timeline(tmp_path: Path) -> Path:
     return path
 
 
-def test_figures_are_those_of_a_replay(plan: SweepPlan, viso: Viso, tmp_path: Path) -> None:
-    row = row_of(plan, 1)
-    outcome = viso("replay", short(tmp_path), "--ekf", "--param", "VISO_DELAY_MS=100", "--json")
+def test_figures_are_those_of_a_replay(make_plan_of: MakePlan, viso: Viso, tmp_path: Path) -> None:
+    row = row_of(make_plan_of(set=["VISO_POS_M_NSE=0.2,0.5"]), 1)
+    outcome = viso("replay", short(tmp_path), "--ekf", "--param", "VISO_POS_M_NSE=0.5", "--json")
     told = json.loads(outcome.out)
     assert list(row) == [*OBJECTIVES, BY_TIME]
     assert row["texts"] == len(told["texts"])
