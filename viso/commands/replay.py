@@ -17,11 +17,12 @@ from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.companion.trials.evaluation import TimedPoses
-from viso.doctor.measures.vehicle_position import PositionSeries, position_of_log
+from viso.doctor.measures.vehicle_position import PositionSeries, position_in
 from viso.errors import InputError
 from viso.files.text_files import write_text
 from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
+from viso.logs.recorded import read_columns
 from viso.logs.single import single_log
 from viso.options.ahrs import (
     AhrsChoice,
@@ -179,7 +180,11 @@ def replay(
         # Files are read anew, as the other firmware may call their parameters otherwise.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
-    truth = position_of_log(stream_file) if with_filter and kind_of(stream_file, options) == DATAFLASH_LOG else None
+    truth = (
+        position_in(read_columns(stream_file))
+        if with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
+        else None
+    )
     outcomes, judges = _run_all(stream, runs, log, records, truth)
     _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     for line in judges[0].notes:
