@@ -64,7 +64,7 @@ class ClockDrift(ContentFault):
     """
 
     lasts: ClassVar[bool] = True
-    drift_ppm: float = parameter(100.0, -1e6, 1e6)
+    drift_ppm: float = parameter(100.0, -1e8, 1e8)
 
     def change(self, message: Any, moment: Moment) -> Any:
         """Shift the stamp by more and more."""
