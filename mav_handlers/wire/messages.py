@@ -493,6 +493,35 @@ class HIGHRES_IMU(_Sensors):
 
 
 @message
+class SIM_STATE(Message):
+    """A simulator's truth: attitude in rad, m/s/s, rad/s, degrees of place, m of altitude, m/s NED, 1e-7 degrees."""
+
+    q1: float
+    q2: float
+    q3: float
+    q4: float
+    roll: float
+    pitch: float
+    yaw: float
+    xacc: float
+    yacc: float
+    zacc: float
+    xgyro: float
+    ygyro: float
+    zgyro: float
+    lat: float
+    lon: float
+    alt: float
+    std_dev_horz: float
+    std_dev_vert: float
+    vn: float
+    ve: float
+    vd: float
+    lat_int: int = 0
+    lon_int: int = 0
+
+
+@message
 class TIMESYNC(Message):
     """Time in ns: tc1 of the answering side (0 in a request), ts1 of the asking side."""
 
@@ -582,6 +611,23 @@ class AHRS(Message):
     renorm_val: float
     error_rp: float
     error_yaw: float
+
+
+@message
+class SIMSTATE(Message):
+    """ArduPilot's simulator's truth: attitude in rad, m/s/s, rad/s, place in 1e-7 degrees."""
+
+    roll: float
+    pitch: float
+    yaw: float
+    xacc: float
+    yacc: float
+    zacc: float
+    xgyro: float
+    ygyro: float
+    zgyro: float
+    lat: int
+    lng: int
 
 
 @message

@@ -71,6 +71,8 @@ IGNORED: frozenset[type[Message]] = frozenset(
         m.SCALED_PRESSURE2,
         m.SERVO_OUTPUT_RAW,
         m.SET_HOME_POSITION,
+        m.SIMSTATE,
+        m.SIM_STATE,
         m.SYS_STATUS,
         m.VFR_HUD,
         m.VIBRATION,
