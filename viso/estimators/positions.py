@@ -47,15 +47,15 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Moves:
+class Moves:
     """Displacements [N, 3] of a stream and of the reference, and when they start."""
 
     start_s: Array
     stream_m: Array
     reference_m: Array
 
-    def chosen(self, mask: npt.NDArray[np.bool_]) -> "_Moves":
-        return _Moves(self.start_s[mask], self.stream_m[mask], self.reference_m[mask])
+    def chosen(self, mask: npt.NDArray[np.bool_]) -> "Moves":
+        return Moves(self.start_s[mask], self.stream_m[mask], self.reference_m[mask])
 
 
 def estimate_scale(
@@ -81,7 +81,7 @@ def estimate_scale(
     Raises:
         ValueError: if shapes do not fit.
     """
-    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_m, delay_ms)
+    moves = moves_of(stream_time_us, stream_pos_m, reference_time_us, reference_pos_m, delay_ms)
     if len(moves.start_s) < _FEWEST_SAMPLES:
         return Scale(math.nan, math.inf, 0.0, False)
     kept = moves
@@ -126,7 +126,7 @@ def estimate_position_axes(
     Raises:
         ValueError: if shapes do not fit.
     """
-    moves = _moves(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms)
+    moves = moves_of(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms)
     if len(moves.start_s) < _FEWEST_SAMPLES:
         return ChosenAxes(UNDECIDED, False, *_POSITION)
     stream = centred(moves.stream_m)
@@ -140,9 +140,10 @@ def _about_down(heading_deg: float) -> Array:
     return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:
+def clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:
+    """Return times in s [N] and positions [N, D] without what is not finite or not later than all before."""
     times, positions = np.asarray(time_us, np.float64), np.asarray(pos_m, np.float64)
-    if times.ndim != 1 or positions.shape != (len(times), 3):
+    if times.ndim != 1 or positions.ndim != 2 or positions.shape[1] not in (2, 3) or len(positions) != len(times):
         raise ValueError(f"times of shape {times.shape} and positions of shape {positions.shape}: not [N] and [N, 3]")
     usable = np.isfinite(times) & np.isfinite(positions).all(axis=1)
     times, positions = times[usable], positions[usable]
@@ -152,26 +153,31 @@ def _clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:
     return times[newer] * 1e-6, positions[newer]
 
 
-def _moves(
+def moves_of(
     stream_time_us: npt.ArrayLike,
     stream_pos_m: npt.ArrayLike,
     reference_time_us: npt.ArrayLike,
     reference_pos_m: npt.ArrayLike,
     delay_ms: float,
-) -> _Moves:
-    stream_s, stream_m = _clean(stream_time_us, stream_pos_m)
-    reference_s, reference_m = _clean(reference_time_us, reference_pos_m)
+    longest_gap_s: float = _LONGEST_GAP_S,
+) -> Moves:
+    """Return the displacements of a stream and of the reference over some 2 s, where both are known."""
+    stream_s, stream_m = clean(stream_time_us, stream_pos_m)
+    reference_s, reference_m = clean(reference_time_us, reference_pos_m)
     if len(reference_s) < 2:
-        return _Moves(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+        return Moves(np.zeros(0), np.zeros((0, stream_m.shape[1])), np.zeros((0, reference_m.shape[1])))
     start, end = windows(stream_s, WINDOW_S)
-    first, first_known = _interpolated(reference_s, reference_m, stream_s[start] - delay_ms * 1e-3)
-    last, last_known = _interpolated(reference_s, reference_m, stream_s[end] - delay_ms * 1e-3)
-    return _Moves(stream_s[start], stream_m[end] - stream_m[start], last - first).chosen(first_known & last_known)
+    first, first_known = interpolated(reference_s, reference_m, stream_s[start] - delay_ms * 1e-3, longest_gap_s)
+    last, last_known = interpolated(reference_s, reference_m, stream_s[end] - delay_ms * 1e-3, longest_gap_s)
+    return Moves(stream_s[start], stream_m[end] - stream_m[start], last - first).chosen(first_known & last_known)
 
 
-def _interpolated(time_s: Array, values: Array, at_s: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+def interpolated(
+    time_s: Array, values: Array, at_s: Array, longest_gap_s: float
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Return values [M, D] at times [K], and which are known: those of no gap, within the first and the last."""
     after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)
-    known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (time_s[after] - time_s[after - 1] <= _LONGEST_GAP_S)
+    known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (time_s[after] - time_s[after - 1] <= longest_gap_s)
     return np.column_stack([np.interp(at_s, time_s, column) for column in values.T]), known
 
 

@@ -46,7 +46,12 @@ def from_rotation_vector(rotations: npt.ArrayLike) -> Any:
 
 def as_rotation_matrix(quats: Any) -> Array:
     """Return the matrices [..., 3, 3] that rotate as quaternions [...] of any length but zero do."""
-    w, x, y, z = np.moveaxis(as_float_array(quats), -1, 0)
+    return matrices_of(as_float_array(quats))
+
+
+def matrices_of(wxyz: Array) -> Array:
+    """Return likewise the matrices of components w, x, y, z [..., 4]."""
+    w, x, y, z = np.moveaxis(wxyz, -1, 0)
     square = w * w + x * x + y * y + z * z
     rows = (
         (1.0 - 2 * (y**2 + z**2) / square, 2 * (x * y - z * w) / square, 2 * (x * z + y * w) / square),
@@ -56,4 +61,12 @@ def as_rotation_matrix(quats: Any) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-__all__ = ["as_float_array", "as_quat_array", "as_rotation_matrix", "from_rotation_vector", "one", "quaternion"]
+__all__ = [
+    "as_float_array",
+    "as_quat_array",
+    "as_rotation_matrix",
+    "from_rotation_vector",
+    "matrices_of",
+    "one",
+    "quaternion",
+]
