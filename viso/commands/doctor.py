@@ -17,16 +17,13 @@ from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.readers import FORMATS
 from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_rules, diagnose, gather
 from viso.doctor.live import LinkRecorder
-from viso.doctor.measures.own_log import own_filter_in
-from viso.doctor.measures.vehicle_data import is_log, vehicle_of_log
-from viso.doctor.measures.vehicle_position import position_in
+from viso.doctor.measures.vehicle_data import vehicle_of_log
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import count_text, finding_lines, summary_lines, summary_table
 from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
-from viso.logs.recorded import read_columns
 from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
@@ -182,16 +179,19 @@ def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
 
 
 def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherOptions:
-    """Return options with what a log tells of the vehicle and its filter, the source itself if that is one."""
-    of_vehicle = source if log is None else log
-    attitude, height = vehicle_of_log(of_vehicle)
-    if log is not None and attitude is None:
+    """Return options with what a log holds of the vehicle, the source itself if that is one."""
+    vehicle = vehicle_of_log(source if log is None else log)
+    if log is not None and vehicle.attitude is None:
         raise InputError(f"{log}: not a DataFlash log with ATT records")
-    if not is_log(of_vehicle):
-        return options
-    columns = read_columns(of_vehicle)
-    own_filter = own_filter_in(columns)
-    return replace(options, attitude=attitude, height=height, position=position_in(columns), own_filter=own_filter)
+    return replace(
+        options,
+        attitude=vehicle.attitude,
+        height=vehicle.height,
+        position=vehicle.position,
+        level=vehicle.level,
+        truth=vehicle.truth,
+        own_filter=vehicle.own_filter,
+    )
 
 
 def _examine(stream: Stream, options: GatherOptions) -> Evidence:

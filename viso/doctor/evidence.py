@@ -15,7 +15,7 @@ from viso.doctor.measures.paths import PathComparison
 from viso.doctor.measures.refused_frames import FrameKind
 from viso.doctor.measures.tracks import Poses, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
-from viso.doctor.measures.vehicle_position import EXTNAV
+from viso.doctor.measures.vehicle_position import EXTNAV, LevelSeries, PositionSeries
 from viso.doctor.witness import Witness
 from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.flown import FlownVersion
@@ -69,6 +69,9 @@ class Evidence:
         flown: the release that flew, if the recording tells.
         refused: the types and senders of which frames failed their checksum.
         model_jumps: how many jumps without a reset the imagined vehicle that follows the stream saw in it.
+        position, level: the vehicle's place and height, by something that does not take them from the stream.
+        truth: the vehicle's attitude by a simulator.
+        is_simulated: whether the vehicle flies in a simulator.
     """
 
     name: str
@@ -101,6 +104,10 @@ class Evidence:
     flown: FlownVersion | None = None
     model_jumps: int = 0
     refused: tuple[FrameKind, ...] = ()
+    position: PositionSeries | None = None
+    level: LevelSeries | None = None
+    truth: AttitudeSeries | None = None
+    is_simulated: bool = False
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""

@@ -16,6 +16,7 @@ from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.verdicts import BAD_CRC
 from mav_handlers.wire.codec import message_name
 from viso.doctor.evidence import Evidence, vision_of
+from viso.doctor.measures.boot_clock import by_boot_clock
 from viso.doctor.measures.compare import Comparison, compare
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
@@ -23,8 +24,8 @@ from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.refused_frames import refused_kinds
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
-from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, listen
-from viso.doctor.measures.vehicle_position import PositionSeries
+from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, is_of_simulator, listen
+from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.phrases import at
 from viso.doctor.trial_parameters import Settled, settle
 from viso.errors import InputError
@@ -53,7 +54,8 @@ class GatherOptions:
     Attributes:
         params: parameters that the user gives; they win over those of the stream.
         baud: rate of the link's transport-time model; None for a link without delay.
-        attitude, height, position, own_filter: the vehicle's, where something else than the stream tells it.
+        attitude, height, position, level, truth, own_filter: the vehicle's, where something else than the stream tells
+            it.
         heading_rad: where the vehicle points at first, if its attitude is not known.
         firmware: which release to try it on; None for the one that is nearest to what flew.
         is_tried: whether it is tried at all; else every message counts as accepted, and no filter is asked.
@@ -66,6 +68,8 @@ class GatherOptions:
     height: HeightSeries | None = None
     position: PositionSeries | None = None
     own_filter: OwnFilter | None = None
+    level: LevelSeries | None = None
+    truth: AttitudeSeries | None = None
     heading_rad: float = 0.0
     firmware: Firmware | None = None
     is_tried: bool = True
@@ -107,7 +111,10 @@ class _Trial:
         heading_rad: float,
         firmware: Firmware,
         options: GatherOptions,
+        *,
+        heeds_stamps: bool,
     ) -> None:
+        self._heeds_stamps = heeds_stamps
         make_ahrs = by_ekf3(self._follow, ImuOptions(heading_rad=heading_rad))
         self.vehicle = _vehicle(
             stream, VehicleConfig(make_ahrs, defaults=params, firmware=firmware, message_intervals=_NO_TELEMETRY)
@@ -123,7 +130,7 @@ class _Trial:
         self.vehicle.endpoint.on_event = self._take_event
 
     def _follow(self, options: ImuOptions) -> FollowSource:
-        self._source = FollowSource(options)
+        self._source = FollowSource(options, heeds_stamps=self._heeds_stamps)
         return self._source
 
     @property
@@ -219,19 +226,31 @@ def gather(
     """
     options = options or GatherOptions()
     told = listen(stream)
-    attitude = told.attitude if options.attitude is None else options.attitude
+    if told.clock is not None:
+        stream = by_boot_clock(stream, told.clock)
+        told = replace(listen(stream), is_simulated=True)
+    told = replace(
+        told,
+        attitude=options.attitude or told.attitude,
+        height=options.height or told.height,
+        position=options.position or told.position,
+        level=options.level or told.level,
+        truth=options.truth or told.truth,
+        own_filter=options.own_filter or told.own_filter,
+    )
     kinds = Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
     names = told.vision | (kinds.keys() & _NAMES)
     firmware = options.firmware or firmware_of_recording(stream)
     flown = stream.flown if options.firmware is None else None
     settled = settle(stream, told, options.params, names, firmware, flown)
-    heading_rad = options.heading_rad if attitude is None else float(attitude.euler_rad[0, 2])
+    heading_rad = options.heading_rad if told.attitude is None else float(told.attitude.euler_rad[0, 2])
     if options.is_tried and names:
-        outcome = _Trial(stream, settled.params, heading_rad, firmware, options).run(on_progress)
+        trial = _Trial(stream, settled.params, heading_rad, firmware, options, heeds_stamps=told.are_stamps_steady)
+        outcome = trial.run(on_progress)
     else:
         outcome = _untried(stream if names else replace(stream, messages=()), settled.params, firmware)
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
-        evidence = _evidence(stream, replace(told, attitude=attitude), options, settled, outcome)
+        evidence = _evidence(stream, told, options, settled, outcome)
     notes = (*evidence.notes, *(f"{stream.name}: {one}" for one in notes_on(stream.flown, firmware)))
     return replace(evidence, notes=notes, kinds=kinds, flown=flown)
 
@@ -250,17 +269,17 @@ def _evidence(
     outcome: _Outcome,
 ) -> Evidence:
     messages = outcome.messages
-    attitude, vision, notes = told.attitude, vision_of(messages), (*stream.notes, *outcome.notes)
+    vision, notes = vision_of(messages), (*stream.notes, *outcome.notes)
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
-    comparisons = compare(poses, vision, attitude, outcome.params)
+    comparisons = compare(poses, vision, told.attitude, outcome.params)
     if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):
-        attitude, comparisons = None, ()
+        told = replace(told, attitude=None, height=None, position=None, level=None, truth=None)
+        comparisons = ()
         notes = (*notes, f"{stream.name}: the vehicle turns otherwise, or at other times (--lead): left out of account")
     if outcome.filter_until_us is not None:
         until = f"the first {options.filter_s:g} s of external navigation, to {at(outcome.filter_until_us)}"
         notes = (*notes, f"{stream.name}: the filter (a model) was run over {until} (--filter-seconds)")
     known = {**told.params, **stream.params}
-    position = told.position if options.position is None else options.position
     arrivals_us = [one.arrival_us for one in stream.messages[-1:] if one.arrival_us is not None]
     return Evidence(
         name=stream.name,
@@ -270,8 +289,8 @@ def _evidence(
         poses=poses,
         velocities=velocities,
         motions=motions_of(poses, velocities),
-        attitude=attitude,
-        height=options.height or told.height,
+        attitude=told.attitude,
+        height=told.height,
         comparisons=comparisons,
         params=outcome.params,
         assumed=settled.assumed,
@@ -284,11 +303,15 @@ def _evidence(
         notes=notes,
         vision=vision,
         lacks=stream.lacks,
-        paths=compare_paths(poses, position, comparisons, outcome.params),
-        own_filter=options.own_filter or told.own_filter,
+        paths=compare_paths(poses, told.position, comparisons, outcome.params),
+        own_filter=told.own_filter,
         is_as_flown=all(known.get(name, value) == value for name, value in options.params.items()),
         told=settled.told,
         tells_all=settled.tells_all,
         model_jumps=outcome.model_jumps,
         refused=refused_kinds(stream) if any(one.verdict is BAD_CRC for one in messages) else (),
+        position=told.position,
+        level=told.level,
+        truth=told.truth,
+        is_simulated=told.is_simulated or told.truth is not None or is_of_simulator(stream.params),
     )

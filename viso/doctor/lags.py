@@ -8,22 +8,29 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from viso.doctor.evidence import Evidence
+from viso.doctor.measures.sender_clock import sender_clock
 from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms
 from viso.doctor.measures.tracks import Floats, Ints, Track
 
 STEP_BACK_US: Final = 1000
 LEAST_JUMP_MS: Final = 100.0
 LEAST_STEP_MS: Final = 20.0
+LEAST_NET_MS: Final = 300.0
 STEADY_WINDOWS: Final = 4
 _WINDOW_US: Final = 500_000
 _MOST_IN_PAIRS: Final = 300
 
 
 def usable_tracks(evidence: Evidence) -> Iterator[Track]:
-    """Yield the tracks whose stamps are us of some clock."""
+    """Yield the tracks whose stamps are us of a clock that runs as the autopilot's: of others no lag can be told."""
     for track in evidence.tracks:
-        if len(track) >= FEWEST and not is_constant(track) and are_us(track):
+        if len(track) >= FEWEST and tells_lags(track):
             yield track
+
+
+def tells_lags(track: Track) -> bool:
+    """Tell whether the stamps of a track say how late its messages are."""
+    return not is_constant(track) and are_us(track) and sender_clock(track) is None
 
 
 class Minima(NamedTuple):
@@ -73,7 +80,7 @@ def _slope(minima: Minima) -> float:
 
 
 def drift_ppm(minima: Minima) -> float | None:
-    """Return the steady drift of the clocks; None where the lag does not follow a line."""
+    """Return the steady drift of the clocks, positive if messages seem later and later; None where it is no line."""
     if len(minima.lag_ms) < 2 * STEADY_WINDOWS:
         return None
     every = max(1, len(minima.lag_ms) // _MOST_IN_PAIRS)
@@ -83,6 +90,18 @@ def drift_ppm(minima: Minima) -> float | None:
     change = abs(slope) * float(minima.time_s[-1] - minima.time_s[0])
     is_line = float(np.median(np.abs(off - np.median(off)))) < 0.1 * change
     return slope * 1000 if is_line and change > LEAST_STEP_MS else None
+
+
+def net_drift_ppm(minima: Minima) -> float | None:
+    """Return the drift of the clocks in all, of whatever shape; None where it turns back, is a step, or is little."""
+    if len(minima.lag_ms) < 2 * STEADY_WINDOWS or minima.segment[-1] != minima.segment[0]:
+        return None
+    steady = np.lib.stride_tricks.sliding_window_view(minima.lag_ms, STEADY_WINDOWS).min(axis=1)
+    change = float(steady[-1] - steady[0])
+    step = float(np.abs(steady[STEADY_WINDOWS:] - steady[:-STEADY_WINDOWS]).max(initial=0.0))
+    if abs(change) < LEAST_NET_MS or abs(change) < 0.6 * float(np.ptp(steady)) or step > 0.5 * abs(change):
+        return None
+    return change / float(minima.time_s[-1] - minima.time_s[0]) * 1000
 
 
 def lateness_ms(track: Track) -> Floats:

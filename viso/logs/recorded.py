@@ -134,7 +134,11 @@ def _rows(log: LogColumns, kind: str) -> Iterator[LogRecord]:
 
 def read_recorded_states(path: Path) -> RecordedStates:
     """Return attitude and position of a log. Raises InputError if it cannot be read, or holds no ATT records."""
-    log = read_columns(path)
+    return recorded_states(path, read_columns(path))
+
+
+def recorded_states(path: Path, log: LogColumns) -> RecordedStates:
+    """Return attitude and position of a log that has been read; see ``read_recorded_states``."""
     if not log.counts.get("ATT"):
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
     with _problems_told(path):

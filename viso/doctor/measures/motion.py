@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from viso.doctor.measures.sender_clock import sender_clock
 from viso.doctor.measures.stamps import time_base_us
 from viso.doctor.measures.tracks import (
     Bools,
@@ -25,7 +26,7 @@ from viso.doctor.measures.tracks import (
 )
 
 WINDOW_S: Final = 0.25
-LONGEST_WINDOW_S: Final = 0.6
+_LONGEST_WINDOW: Final = 2.4  # times its length
 FEWEST_WINDOWS: Final = 30
 LEAST_SPEED: Final = 0.25  # m/s, for directions to mean anything
 _LEAST_RESIDUAL: Final = 0.3  # m/s, below which nothing is an outlier
@@ -36,7 +37,7 @@ _INVERSE: Final = np.array([1.0, -1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Mean velocities over windows of a quarter of a second, m/s, each M x 3.
+    """Mean velocities over windows, of a quarter of a second unless told otherwise, m/s, each M x 3.
 
     Attributes:
         pose_sender, velocity_sender: whose messages.
@@ -156,12 +157,18 @@ def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | N
     """Return velocities as sent at the times of poses."""
     if velocities.track.sender == poses.track.sender:
         return velocities.told
-    offset = velocities.track.first_stamp - poses.track.first_stamp
-    if abs(offset) > 10_000_000 or time_us is not poses.track.stamp_us or len(velocities.track) < 2:
+    if len(velocities.track) < 2:
         return None
-    times = velocities.track.stamp_us + offset
-    if bool(np.any(np.diff(times) < 0)):
+    times = velocities.track.arrival_us
+    if time_us is poses.track.stamp_us:
+        offset = velocities.track.first_stamp - poses.track.first_stamp
+        times = velocities.track.stamp_us + offset
+        if abs(offset) > 10_000_000 or bool(np.any(np.diff(times) < 0)):
+            return None
+    elif sender_clock(poses.track) is None:
         return None
+    else:
+        time_us = poses.track.arrival_us
     return np.column_stack([np.interp(time_us, times, velocities.told[:, axis]) for axis in range(3)])
 
 
@@ -171,7 +178,7 @@ def _is_level(quat_wxyz: Floats) -> bool:
     return float(np.nanmedian(upright)) > math.cos(math.radians(45))
 
 
-def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
+def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | None:
     time_us = time_base_us(poses.track)
     told = _on_times(velocities, poses, time_us)
     if told is None or len(poses.track) < FEWEST_WINDOWS:
@@ -181,12 +188,12 @@ def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
     finite = np.isfinite(np.column_stack((poses.pos_m, told, turned))).all(axis=1)
     fine: Bools = np.asarray(finite & (poses.quality != _FAILED), dtype=np.bool_)
     first = np.arange(len(time_s))
-    last = np.searchsorted(time_s, time_s + WINDOW_S)
+    last = np.searchsorted(time_s, time_s + window_s)
     first, last = first[last < len(time_s)], last[last < len(time_s)]
     bad = np.concatenate([[0], np.cumsum(~fine)])
     changes = np.concatenate([[0], np.cumsum(np.diff(poses.reset_counter) != 0)])
     dt = time_s[last] - time_s[first]
-    usable = (bad[last + 1] == bad[first]) & (changes[last] == changes[first]) & (dt <= LONGEST_WINDOW_S)
+    usable = (bad[last + 1] == bad[first]) & (changes[last] == changes[first]) & (dt <= _LONGEST_WINDOW * window_s)
     first, last, dt = first[usable], last[usable], dt[usable, None]
     if not len(first):
         return None
@@ -215,7 +222,9 @@ def _motion(poses: Poses, velocities: Velocities) -> Motion | None:
     )
 
 
-def motions_of(poses: Sequence[Poses], velocities: Sequence[Velocities]) -> tuple[Motion, ...]:
+def motions_of(
+    poses: Sequence[Poses], velocities: Sequence[Velocities], window_s: float = WINDOW_S
+) -> tuple[Motion, ...]:
     """Return the motions of all senders that send poses and velocities; ODOMETRY holds both."""
     found = []
     for one in poses:
@@ -224,7 +233,7 @@ def motions_of(poses: Sequence[Poses], velocities: Sequence[Velocities]) -> tupl
             of = other.track.sender
             both = (of.system_id, of.component_id) == (sender.system_id, sender.component_id)
             if both and (of == sender or "ODOMETRY" not in (of.name, sender.name)):
-                motion = _motion(one, other)
+                motion = _motion(one, other, window_s)
                 if motion is not None:
                     found.append(motion)
     return tuple(found)

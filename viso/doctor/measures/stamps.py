@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.measures.sender_clock import Departure, sender_clock
 from viso.doctor.measures.tracks import Floats, Ints, Track
 
 FEWEST: Final = 10
@@ -53,6 +54,9 @@ def lag_ms(track: Track) -> Floats:
 
 def time_base_us(track: Track) -> Ints:
     """Return times of the messages in us, never decreasing: their stamps if they are a clock, else their arrivals."""
-    if are_us(track) and bool(np.all(np.diff(track.stamp_us) >= 0)):
+    clock, advance = sender_clock(track), np.diff(track.stamp_us)
+    if clock is None and are_us(track) and bool(np.all(advance >= 0)):
         return track.stamp_us
+    if clock is not None and clock.departure is Departure.RATE and bool(np.all(advance > 0)):
+        return np.asarray(track.stamp_us / clock.factor, dtype=np.int64)
     return np.asarray(track.arrival_us - track.arrival_us[0], dtype=np.int64)

@@ -116,7 +116,8 @@ class Velocities:
     used: Floats
 
 
-def _stamp(message: object) -> int:
+def stamp_of(message: object) -> int:
+    """Return the stamp of a message as sent; 0 of one that has none."""
     return int(getattr(message, "usec", None) or getattr(message, "time_usec", 0) or 0)
 
 
@@ -124,15 +125,21 @@ def _ints(values: Sequence[int]) -> Ints:
     return np.array(values, dtype=np.int64)
 
 
+def track_of(
+    sender: Sender, numbers: Sequence[int], arrival_us: Sequence[int], stamps: Sequence[int], sequence: Sequence[int]
+) -> Track:
+    """Return a track of its messages, whose stamps are as sent."""
+    since_first = [max(-_MOST_US, min(stamp - stamps[0], _MOST_US)) for stamp in stamps]
+    return Track(sender, _ints(numbers), _ints(arrival_us), _ints(since_first), stamps[0], _ints(sequence))
+
+
 def _track(sender: Sender, seen: Sequence[SeenMessage]) -> Track:
-    stamps = [_stamp(one.message) for one in seen]
-    return Track(
+    return track_of(
         sender,
-        _ints([one.number for one in seen]),
-        _ints([one.arrival_us for one in seen]),
-        _ints([max(-_MOST_US, min(stamp - stamps[0], _MOST_US)) for stamp in stamps]),
-        stamps[0],
-        _ints([one.sequence for one in seen]),
+        [one.number for one in seen],
+        [one.arrival_us for one in seen],
+        [stamp_of(one.message) for one in seen],
+        [one.sequence for one in seen],
     )
 
 

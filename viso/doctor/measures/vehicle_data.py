@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the autopilot itself said in a stream: its attitude, height, parameters and texts."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -11,13 +11,26 @@ import numpy as np
 
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Header, Received
-from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, STATUSTEXT, Message
+from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, SIM_STATE, SIMSTATE, STATUSTEXT, Message
+from viso.doctor.measures.boot_clock import BootClock, boot_clock
 from viso.doctor.measures.own_filter import OwnFilter
+from viso.doctor.measures.own_log import own_filter_in
 from viso.doctor.measures.own_telemetry import FilterListener
-from viso.doctor.measures.tracks import Floats, Ints
-from viso.doctor.measures.vehicle_position import PositionListener, PositionSeries, sources_of
+from viso.doctor.measures.sender_clock import sender_clock
+from viso.doctor.measures.tracks import STAMPED_TYPES, Floats, Ints, Sender, Track, stamp_of, track_of
+from viso.doctor.measures.vehicle_position import (
+    LevelSeries,
+    PositionListener,
+    PositionSeries,
+    follows_yaw,
+    level_in,
+    params_in,
+    position_in,
+    sources_of,
+    truth_in,
+)
 from viso.errors import InputError
-from viso.logs.recorded import read_recorded_states
+from viso.logs.recorded import read_columns, recorded_states
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
 from viso.streams.stream_kinds import Stream
 
@@ -31,10 +44,14 @@ class AttitudeSeries:
     Attributes:
         time_us: N, us since boot.
         euler_rad: N x 3, roll, pitch, yaw.
+        origin: what tells it, such as ATT.
+        follows_stream: whether its yaw may come from external navigation: that it agrees proves nothing then.
     """
 
     time_us: Ints
     euler_rad: Floats
+    origin: str = "ATTITUDE"
+    follows_stream: bool = False
 
     def __len__(self) -> int:
         return len(self.time_us)
@@ -87,6 +104,11 @@ class VehicleData:
         position: what it said of its place, if that does not come from the stream itself.
         own_filter: what its filter said of itself; None without an autopilot.
         vision: the names of the messages of external navigation that came whole, whoever sent them.
+        level: likewise of its height.
+        truth: the attitude by a simulator.
+        is_simulated: whether it flies in a simulator.
+        clock: how its clock ran against that of the recording; None if alike.
+        are_stamps_steady: whether the clocks of those who send external navigation run as the recording's.
     """
 
     system_id: int | None = None
@@ -99,6 +121,11 @@ class VehicleData:
     position: PositionSeries | None = None
     own_filter: OwnFilter | None = None
     vision: frozenset[str] = frozenset()
+    level: LevelSeries | None = None
+    truth: AttitudeSeries | None = None
+    is_simulated: bool = False
+    clock: BootClock | None = None
+    are_stamps_steady: bool = True
 
 
 class _Listener:
@@ -110,10 +137,15 @@ class _Listener:
         self._texts: dict[int, list[tuple[int, int, str]]] = {}
         self._positions: dict[int, PositionListener] = {}
         self._filters: dict[int, FilterListener] = {}
+        self._truths: dict[int, list[tuple[float, ...]]] = {}
+        self._stamps: dict[Sender, list[tuple[int, int, int]]] = {}
 
     def take(self, time_us: int, header: Header, message: Message | None) -> None:
         sender = header.system_id
         self._params.setdefault(sender, ParamListener()).take(time_us, header.component_id, message)
+        if isinstance(message, STAMPED_TYPES):
+            whose = Sender(sender, header.component_id, header.name)
+            self._stamps.setdefault(whose, []).append((time_us, stamp_of(message), header.sequence))
         if header.component_id != MAV_COMP_ID_AUTOPILOT1:
             return
         self._positions.setdefault(sender, PositionListener()).take(time_us, message)
@@ -125,31 +157,45 @@ class _Listener:
             self._attitudes.setdefault(sender, []).append((time_us, message.time_boot_ms * 1000, *angles))
         elif isinstance(message, GLOBAL_POSITION_INT):
             self._heights.setdefault(sender, []).append((time_us, -1e-3 * message.relative_alt))
+        elif isinstance(message, SIM_STATE | SIMSTATE):
+            self._truths.setdefault(sender, []).append((time_us, message.roll, message.pitch, message.yaw))
         elif isinstance(message, STATUSTEXT):
             self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
 
     def told(self) -> VehicleData:
+        are_steady = all(sender_clock(_track(whose, rows)) is None for whose, rows in self._stamps.items())
         if self.system_id is None:
-            return VehicleData()
+            return VehicleData(are_stamps_steady=are_steady)
         heard = self._params[self.system_id].told()
         first, changes = _values(heard)
         texts = tuple(self._texts.get(self.system_id, []))
         new_values = [(change.time_us, change.name, change.new) for change in changes]
+        params = sources_of((*first.items(), *((name, value) for _, name, value in new_values)))
+        attitude, places = _series(self._attitudes.get(self.system_id, [])), self._positions[self.system_id]
+        truth = _truth(self._truths.get(self.system_id, []))
         return VehicleData(
             self.system_id,
-            _series(self._attitudes.get(self.system_id, [])),
+            None if attitude is None else replace(attitude, follows_stream=follows_yaw(params)),
             _heights(self._heights.get(self.system_id, [])),
             first,
             changes,
             texts,
             has_all_params=heard.has_all,
-            position=self._positions[self.system_id].told(
-                sources_of((*first.items(), *((change.name, change.new) for change in changes)))
-            ),
+            position=places.told(params),
             own_filter=self._filters[self.system_id].told(
                 first, new_values, [(time_us, text) for time_us, _, text in texts]
             ),
+            level=places.level(params),
+            truth=truth,
+            is_simulated=truth is not None or is_of_simulator(first),
+            are_stamps_steady=are_steady,
+            clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
         )
+
+
+def _track(whose: Sender, rows: list[tuple[int, int, int]]) -> Track:
+    arrival_us, stamps, sequence = zip(*rows, strict=True)
+    return track_of(whose, range(1, len(rows) + 1), arrival_us, stamps, sequence)
 
 
 def _values(heard: HeardParams) -> tuple[dict[str, float], tuple[ParamChange, ...]]:
@@ -179,6 +225,17 @@ def _series(heard: list[tuple[int, int, float, float, float]]) -> AttitudeSeries
     return AttitudeSeries(time_us[order].astype(np.int64), table[order, 2:])
 
 
+def _truth(heard: list[tuple[float, ...]]) -> AttitudeSeries | None:
+    table = np.array(heard, dtype=np.float64).reshape(-1, 4)
+    table = table[np.isfinite(table).all(axis=1)]
+    return AttitudeSeries(table[:, 0].astype(np.int64), table[:, 1:], "SIMSTATE") if len(table) > 1 else None
+
+
+def is_of_simulator(names: Iterable[str]) -> bool:
+    """Tell whether some parameters are of a vehicle in ArduPilot's simulator."""
+    return any(name.startswith("SIM_") for name in names)
+
+
 def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
     if len(heard) < 2:
         return None
@@ -204,18 +261,33 @@ def is_log(path: Path) -> bool:
     return path.name.lower().endswith(_LOG_ENDINGS)
 
 
-def vehicle_of_log(path: Path) -> tuple[AttitudeSeries | None, HeightSeries | None]:
-    """Return attitude and height that a DataFlash log holds; None of a file of another kind or of a log without."""
-    if not is_log(path):
-        return None, None
+def vehicle_of_log(path: Path) -> VehicleData:
+    """Return what a DataFlash log has of the vehicle; nothing of a file of another kind, or that cannot be read."""
     try:
-        states = read_recorded_states(path)
+        log = read_columns(path) if is_log(path) else None
     except InputError:
-        return None, None
-    attitude = AttitudeSeries(
-        np.asarray(states.att_time_us, dtype=np.int64), np.radians(np.asarray(states.att_rpy_deg, dtype=np.float64))
+        log = None
+    if log is None:
+        return VehicleData()
+    truth = truth_in(log)
+    told = VehicleData(
+        position=position_in(log),
+        own_filter=own_filter_in(log),
+        level=level_in(log),
+        truth=None if truth is None else AttitudeSeries(truth[:, 0].astype(np.int64), np.radians(truth[:, 1:]), "SIM"),
     )
-    if len(states.pos_time_us) < 2:
-        return attitude, None
-    down_m = np.asarray(states.pos_ned[:, 2], dtype=np.float64)
-    return attitude, HeightSeries(np.asarray(states.pos_time_us, dtype=np.int64), down_m)
+    try:
+        states = recorded_states(path, log)
+    except InputError:  # without ATT
+        return told
+    attitude = AttitudeSeries(
+        np.asarray(states.att_time_us, dtype=np.int64),
+        np.radians(np.asarray(states.att_rpy_deg, dtype=np.float64)),
+        "ATT",
+        follows_yaw(params_in(log)),
+    )
+    height = None
+    if len(states.pos_time_us) > 1:
+        down_m = np.asarray(states.pos_ned[:, 2], dtype=np.float64)
+        height = HeightSeries(np.asarray(states.pos_time_us, dtype=np.int64), down_m)
+    return replace(told, attitude=attitude, height=height)

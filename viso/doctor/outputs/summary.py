@@ -13,8 +13,8 @@ import numpy as np
 from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from viso.doctor.evidence import Evidence
+from viso.doctor.lags import lateness_ms, tells_lags
 from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
-from viso.doctor.measures.stamps import are_us, lag_ms
 from viso.doctor.witness import Witness
 from viso.fates.labels import Fate, fate_of
 from viso.streams.stream_kinds import Aspect
@@ -25,7 +25,7 @@ LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """How much later than the quickest message of a type others arrive, by their stamps.
+    """How much later than the quickest messages around them others of a type arrive, by their stamps.
 
     Attributes:
         sender: who sends what.
@@ -73,7 +73,8 @@ class Summary:
         unhealthy: how often the sensor turned unhealthy before the end.
         aiding_from_us: when the filter would navigate by it first, a model's opinion; None if never.
         aiding_until_us: when it would stop for good; None if it never starts or goes on to the end.
-        lags: of each sender's messages of each type; none if the recording does not tell when they arrived.
+        lags: of each sender's messages of each type; none if the recording does not tell when they arrived, or the
+            sender's clock does not run as the autopilot's.
         own: what the vehicle's own filter said; None if no vehicle is heard, or it says nothing of its filter.
     """
 
@@ -133,8 +134,8 @@ def _own_words(own: OwnFilter | None) -> OwnWords | None:
 def _lags(evidence: Evidence) -> tuple[Lags, ...]:
     found = []
     for track in evidence.tracks:
-        if are_us(track):
-            lag = lag_ms(track)
+        if tells_lags(track):
+            lag = lateness_ms(track)
             counts = np.bincount(np.searchsorted(LAG_EDGES_MS, lag, side="right"), minlength=len(LAG_EDGES_MS) + 1)
             median, high = (float(value) for value in np.quantile(lag, [0.5, 0.99]))
             found.append(Lags(str(track.sender), median, high, float(lag.max()), tuple(counts.tolist())))

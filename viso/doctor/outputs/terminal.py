@@ -77,8 +77,8 @@ def summary_lines(summary: Summary) -> list[str]:
         lines.append(f"{kind} samples: " + ", ".join(f"{count} {fate.value}" for fate, count in counts if count) + ".")
     for lags in summary.lags:
         lines.append(
-            f"{lags.sender}: later than the quickest by {lags.median_ms:.0f} ms (median), {lags.p99_ms:.0f} ms (one "
-            f"in a hundred), {lags.worst_ms:.0f} ms (worst)."
+            f"{lags.sender}: later than the quickest around them by {lags.median_ms:.0f} ms (median), "
+            f"{lags.p99_ms:.0f} ms (one in a hundred), {lags.worst_ms:.0f} ms (worst)."
         )
     return lines
 

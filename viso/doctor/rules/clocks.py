@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Sighting, error, note, warning
-from viso.doctor.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, usable_tracks
+from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, net_drift_ppm, usable_tracks
+from viso.doctor.measures.sender_clock import Departure, SenderClock, sender_clock
 from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms, stamp_rate
 from viso.doctor.measures.tracks import Track
 from viso.doctor.outputs.phrases import at, of_some, often
@@ -17,6 +18,7 @@ from viso.streams.stream_kinds import Aspect
 
 CORRECTION: Final = "AP_RTC/JitterCorrection.cpp, JitterCorrection::correct_offboard_timestamp_usec"
 _LEAST_DRIFT_PPM: Final = 2000.0
+_GROSS: Final = 0.04
 _APART_US: Final = 500_000
 _UNITS: Final = (
     ("s", 1e-6, "seconds", "multiply them by 1000000"),
@@ -60,18 +62,23 @@ def _constant(evidence: Evidence) -> Iterator[Sighting]:
 )
 def _wrong_unit(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
-        if is_constant(track) or are_us(track):
-            continue
-        # Whole seconds show over half of the track alone.
-        rates = [rate for rate in (stamp_rate(track), stamp_rate(track, parts=2)) if rate is not None]
         for unit, factor, name, cure in _UNITS:
-            if any(0.8 < rate / factor < 1.25 for rate in rates):
+            if _counts(track, factor):
                 advance = int(track.stamp_us[-1] - track.stamp_us[0])
                 if Aspect.ARRIVAL in evidence.lacks:
                     yield _wrong_unit_of_file(track, advance, factor)
                     continue
                 text = f"{track.sender}: in {track.span_s:.1f} s the stamps advance by {advance}: they count {name}"
                 yield of_some(text, track, fix=f"The field is in us; your stamps are {unit}: {cure}.")
+
+
+def _counts(track: Track, factor: float) -> bool:
+    """Tell whether stamps count a unit of which there are ``factor`` in a us."""
+    if is_constant(track) or are_us(track):
+        return False
+    # Whole seconds show over half of the track alone.
+    rates = [rate for rate in (stamp_rate(track), stamp_rate(track, parts=2)) if rate is not None]
+    return any(0.8 < rate / factor < 1.25 for rate in rates)
 
 
 def _wrong_unit_of_file(track: Track, advance_us: int, factor: float) -> Sighting:
@@ -140,10 +147,13 @@ def _steps_forward(evidence: Evidence) -> Iterator[Sighting]:
 )
 def _drift(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
-        ppm = drift_ppm(minima_of(track))
+        minima = minima_of(track)
+        steady_ppm = drift_ppm(minima)
+        ppm = net_drift_ppm(minima) if steady_ppm is None else steady_ppm
         if ppm is not None and abs(ppm) >= _LEAST_DRIFT_PPM:
-            way = "slow" if ppm > 0 else "fast"
-            yield of_some(f"{track.sender}: the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}", track)
+            way, how = "slow" if ppm > 0 else "fast", "" if steady_ppm is not None else " in all, not steadily"
+            text = f"the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}{how}, over {track.span_s:.0f} s"
+            yield of_some(f"{track.sender}: {text}", track)
 
 
 @error(
@@ -156,7 +166,7 @@ def _drift(evidence: Evidence) -> Iterator[Sighting]:
     needs=frozenset({Aspect.LINK}),
 )
 def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
-    tracks = [track for track in evidence.tracks if len(track) >= FEWEST]
+    tracks = [track for track in evidence.tracks if len(track) >= FEWEST and sender_clock(track) is None]
     offsets = [int(np.median(track.arrival_us - track.stamp_us)) - track.first_stamp for track in tracks]
     for index in range(1, len(tracks)):
         one, other = tracks[0], tracks[index]
@@ -164,3 +174,56 @@ def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
         together = one.arrival_us[0] < other.arrival_us[-1] and other.arrival_us[0] < one.arrival_us[-1]
         if together and apart_us > _APART_US:
             yield of_some(f"the clocks of {one.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other)
+
+
+@error(
+    "XN3-12",
+    "The sender's clock runs otherwise than the autopilot's",
+    "Only differences of stamps count. A fast clock is followed at once: each sample counts as just measured, whatever "
+    "its stamp. A slow one makes samples older and older, by up to 500 ms, until 100 have come, and then anew.",
+    CORRECTION,
+    "Stamp with a clock that runs as the autopilot's does, in us, and is never set: a monotonic one, read when the "
+    "measurement is made.",
+    needs=frozenset({Aspect.ARRIVAL}),
+)
+def _other_rate(evidence: Evidence) -> Iterator[Sighting]:
+    told = set()
+    for track in evidence.tracks:
+        clock, whose = sender_clock(track), (track.sender.system_id, track.sender.component_id)
+        if clock is None or is_constant(track) or any(_counts(track, factor) for _, factor, _, _ in _UNITS):
+            continue
+        if (whose, clock.departure) in told:
+            continue
+        told.add((whose, clock.departure))
+        cause, fix = _cause(clock, is_simulated=evidence.is_simulated)
+        advance_s = float(track.stamp_us[-1]) * 1e-6
+        is_gross = clock.worst >= _GROSS or clock.departure is Departure.ALTERNATING
+        yield of_some(
+            f"{track.sender}: in {track.span_s:.1f} s of the autopilot's clock stamps advance by {advance_s:.1f} s, "
+            f"{advance_s / track.span_s:.3f} times as much{cause}",
+            track,
+            fix=fix,
+            severity=None if is_gross else Severity.WARNING,
+        )
+
+
+def _cause(clock: SenderClock, *, is_simulated: bool) -> tuple[str, str | None]:
+    """Return what to add on a clock, and what to do if the rule's advice is not all."""
+    stretches = f"{clock.slowest:.3g} to {clock.quickest:.3g} times in stretches of it"
+    if clock.departure is Departure.ALTERNATING:
+        text = f": they come from two clocks in turn, {clock.step_s:.3g} s apart, with {clock.steps} steps to and fro"
+        return text, "Stamp all messages with one clock; look for a second thread."
+    if clock.departure is Departure.STEPS:
+        text = f": the clock is set {clock.steps} times, by {clock.step_s:.3g} s in the middle"
+        return text, "Stamp with a monotonic clock, not with one that NTP, PTP or GPS sets."
+    by_simulation = (
+        "Stamp with the simulation's clock (ROS: use_sim_time, or the stamp of the picture), or let it run in real "
+        "time; without a simulation, with a monotonic clock that nobody sets."
+    )
+    if clock.departure is Departure.CHANGING:
+        stretches = f"{clock.slowest:.3g} to {clock.quickest:.3g} times in stretches of it"
+        return f", {stretches}: as a wall clock does beside a simulation whose speed changes", by_simulation
+    if not is_simulated:
+        return ", all along: as frames counted at a nominal rate do, or a wall clock beside a slowed simulation", None
+    slowed = f"runs at {1 / clock.factor:.2g} times real time" if clock.factor > 0 else "is slowed"
+    return f", all along: as a wall clock does beside a simulation that {slowed}", by_simulation

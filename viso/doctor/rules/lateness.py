@@ -11,6 +11,7 @@ from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Sighting, warning
 from viso.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_ms, minima_of, usable_tracks
 from viso.doctor.measures.compare import Comparison
+from viso.doctor.measures.sender_clock import sender_clock
 from viso.doctor.outputs.phrases import at, of_some, share
 from viso.doctor.rules.clocks import CORRECTION
 from viso.doctor.witness import Witness
@@ -86,7 +87,7 @@ def _late(evidence: Evidence) -> Iterator[Sighting]:
             middle, most = np.quantile(lateness, [0.5, 0.99])
             yield of_some(
                 f"{track.sender}: {share(len(late), len(track))} messages come more than {allowed:.0f} ms later than "
-                f"the quickest (median {middle:.0f} ms, one in a hundred {most:.0f} ms or more)",
+                f"the quickest around them (median {middle:.0f} ms, one in a hundred {most:.0f} ms or more)",
                 track,
                 late,
             )
@@ -151,7 +152,7 @@ def _delay(evidence: Evidence) -> Iterator[Sighting]:
     setting = min(max(evidence.param("VISO_DELAY_MS"), 0.0), 250.0)
     for compared in evidence.comparisons:
         delay, arrival = compared.delay, compared.since_arrival
-        if not delay.enough_motion or not arrival.enough_motion:
+        if not delay.enough_motion or not arrival.enough_motion or sender_clock(compared.poses.track) is not None:
             continue
         # What a port's rate says that bytes take may be true or not: the truth lies between the two.
         tolerance = _DELAY_TOLERANCE_MS + 3 * delay.sigma_ms

@@ -62,12 +62,17 @@ class FollowSource(UnmovedSource):
     After 0.3 s without a pose, or with jumps alone, the vehicle brakes, levels, and is at rest within another second.
     When poses come again, it catches up smoothly with one less than 1.4 m and 50 deg away; more is a jump.
 
+    Args:
+        options: as of every source.
+        heeds_stamps: whether stamps tell how old poses are; else they count as new when they come.
+
     Attributes:
         ignored: how many poses were not used, by reason.
     """
 
-    def __init__(self, options: ImuOptions) -> None:
+    def __init__(self, options: ImuOptions, *, heeds_stamps: bool = True) -> None:
         super().__init__(options)
+        self._heeds_stamps = heeds_stamps
         self._vehicle = ImaginedVehicle(options.heading_rad)
         self._follower: StreamFollower | None = None
         self._now_us = -1
@@ -155,7 +160,7 @@ class FollowSource(UnmovedSource):
         length = attitude.abs()
         if not abs(length - 1.0) <= _LENGTH_TOLERANCE:
             return "absurd_attitude"
-        age_ms = max(0, min(i32(now_us // 1000 - observed_ms), MAX_AGE_MS))
+        age_ms = max(0, min(i32(now_us // 1000 - observed_ms), MAX_AGE_MS)) if self._heeds_stamps else 0
         time_s = 1e-3 * (now_us // 1000 - age_ms)
         if self._follower is not None and time_s - self._follower.time_s < MIN_INTERVAL_S:
             return "not_newer"

@@ -40,9 +40,9 @@ def recording(name: str) -> Stream:
 @cache
 def log_of(name: str) -> tuple[AttitudeSeries, HeightSeries | None]:
     """Return attitude and height in the log of a capture."""
-    attitude, height = vehicle_of_log(DATA / "logs" / f"{name}.BIN.xz")
-    assert attitude is not None
-    return attitude, height
+    vehicle = vehicle_of_log(DATA / "logs" / f"{name}.BIN.xz")
+    assert vehicle.attitude is not None
+    return vehicle.attitude, vehicle.height
 
 
 @cache

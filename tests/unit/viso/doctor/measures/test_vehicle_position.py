@@ -18,7 +18,7 @@ from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piec
 from viso.doctor import Finding, Severity
 from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.tracks import Floats
-from viso.doctor.measures.vehicle_data import listen
+from viso.doctor.measures.vehicle_data import listen, vehicle_of_log
 from viso.doctor.measures.vehicle_position import (
     PositionListener,
     PositionSeries,
@@ -27,7 +27,7 @@ from viso.doctor.measures.vehicle_position import (
     position_in,
     sources_of,
 )
-from viso.logs.recorded import read_columns, read_recorded_states
+from viso.logs.recorded import read_recorded_states
 from viso.streams.stream_kinds import Stream, StreamMessage
 
 COUNT = 400
@@ -162,12 +162,19 @@ def told_by(sources: dict[str, float], **kinds: dict[str, Any]) -> tuple[str, in
 def test_log_tells_truth_then_gps_then_a_filter_without_the_stream() -> None:
     places = {"TimeUS": 100_000 * np.arange(60), "Lat": 1e-5 * np.arange(60), "Lng": np.zeros(60), "Alt": np.zeros(60)}
     fixed, unfixed = {**places, "Status": [3] * 40 + [1] * 20}, {**places, "Status": [1] * 60}
-    states = {"TimeUS": places["TimeUS"], "C": np.arange(60) % 2, **dict.fromkeys(("PN", "PE", "PD"), np.zeros(60))}
+    cores = {"TimeUS": places["TimeUS"], "C": np.arange(60) % 2}
+    states = {**cores, **dict.fromkeys(("PN", "PE", "PD"), np.zeros(60))}
+    flags = {**cores, "SS": np.where(np.arange(60) < 50, 0x1F, 0xA7)}
+    sets = {**cores, "SS": np.arange(60) // 45}
+    mixed = {**GPS, "EK3_SRC2_POSXY": 6.0}
     own = {**GPS, "EK3_SRC1_POSXY": 6.0}
     assert told_by(own, GPS=fixed, SIM=places) == ("SIM", 60)
     assert told_by(own, GPS=fixed, XKF1=states) == ("GPS", 40)
-    assert told_by(GPS, GPS=unfixed, XKF1=states) == ("XKF1", 30)
-    assert told_by(own, XKF1=states, POS=places) is None
+    assert told_by(GPS, GPS=unfixed, XKF1=states, XKF4=flags) == ("XKF1", 25)  # then it holds what it had
+    assert told_by(mixed, XKF1=states, XKF4=flags, XKFS=sets) == ("XKF1", 23)  # then it takes the stream
+    assert told_by(mixed, XKF1=states, XKF4=flags) is None
+    assert told_by(GPS, POS=places) == ("POS", 60)
+    assert told_by(own, XKF1=states, XKF4=flags, POS=places) is None
     assert told_by(GPS, GPS={"TimeUS": places["TimeUS"]}) is None  # of a firmware that logs others
 
 
@@ -179,7 +186,7 @@ def test_source_that_was_the_stream_once_remains_so() -> None:
 
 
 def test_recorded_flight_by_external_navigation_proves_nothing() -> None:
-    assert position_in(read_columns(DATA / "logs" / "flight_t265.BIN.xz")) is None
+    assert vehicle_of_log(DATA / "logs" / "flight_t265.BIN.xz").position is None
 
 
 @pytest.fixture(scope="module")
