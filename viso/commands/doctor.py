@@ -6,7 +6,6 @@ import json
 import math
 import time
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -183,15 +182,7 @@ def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherO
     vehicle = vehicle_of_log(source if log is None else log)
     if log is not None and vehicle.attitude is None:
         raise InputError(f"{log}: not a DataFlash log with ATT records")
-    return replace(
-        options,
-        attitude=vehicle.attitude,
-        height=vehicle.height,
-        position=vehicle.position,
-        level=vehicle.level,
-        truth=vehicle.truth,
-        own_filter=vehicle.own_filter,
-    )
+    return options.beside(vehicle)
 
 
 def _examine(stream: Stream, options: GatherOptions) -> Evidence:

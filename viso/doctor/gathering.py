@@ -75,6 +75,18 @@ class GatherOptions:
     is_tried: bool = True
     filter_s: float = math.inf
 
+    def beside(self, vehicle: VehicleData) -> "GatherOptions":
+        """Return the options with what else tells of the vehicle."""
+        return replace(
+            self,
+            attitude=vehicle.attitude,
+            height=vehicle.height,
+            position=vehicle.position,
+            level=vehicle.level,
+            truth=vehicle.truth,
+            own_filter=vehicle.own_filter,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class _Outcome:

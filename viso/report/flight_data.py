@@ -14,9 +14,7 @@ import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from viso.doctor.gathering import GatherOptions
-from viso.doctor.measures.own_log import own_filter_in
-from viso.doctor.measures.vehicle_data import vehicle_of_log
-from viso.doctor.measures.vehicle_position import position_in
+from viso.doctor.measures.vehicle_data import vehicle_in
 from viso.errors import InputError
 from viso.estimators.series import Array, Series, number_in, series_of
 from viso.firmware.flown import FlownVersion, version_in
@@ -151,12 +149,6 @@ def _stream(path: Path, columns: LogColumns) -> Stream:
     return Stream(path.name, (), params)
 
 
-def _vehicle(path: Path, columns: LogColumns) -> GatherOptions:
-    attitude, height = vehicle_of_log(path)
-    position, own_filter = position_in(columns), own_filter_in(columns)
-    return GatherOptions(attitude=attitude, height=height, position=position, own_filter=own_filter, is_tried=False)
-
-
 def _taken(record: Any, mode_name: str) -> Happening | LoggedParameter | None:
     kind = record.get_type()
     time_us = number_in(record, "TimeUS")
@@ -218,7 +210,7 @@ def _material(path: Path, log: LogColumns, told: Sequence[Happening | LoggedPara
         parameters=tuple(one for one in told if isinstance(one, LoggedParameter)),
         left_out=left_out + of_filter.left_out,
         stream=_stream(path, log),
-        vehicle=_vehicle(path, log),
+        vehicle=GatherOptions(is_tried=False).beside(vehicle_in(path, log)),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from ap_core.dataflash_columns import LogColumns
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, SIM_STATE, SIMSTATE, STATUSTEXT, Message
@@ -264,11 +265,13 @@ def is_log(path: Path) -> bool:
 def vehicle_of_log(path: Path) -> VehicleData:
     """Return what a DataFlash log has of the vehicle; nothing of a file of another kind, or that cannot be read."""
     try:
-        log = read_columns(path) if is_log(path) else None
+        return vehicle_in(path, read_columns(path)) if is_log(path) else VehicleData()
     except InputError:
-        log = None
-    if log is None:
         return VehicleData()
+
+
+def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
+    """Return what a DataFlash log that has been read has of the vehicle."""
     truth = truth_in(log)
     told = VehicleData(
         position=position_in(log),

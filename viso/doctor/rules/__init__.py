@@ -24,6 +24,7 @@ from viso.doctor.rules import (
     clocks,
     frames,
     lateness,
+    misfit,
     numbers,
     outcome,
     parameters,
@@ -52,7 +53,7 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
 
 _FILES: Final = (
     *(transport, frames, axes, clocks, lateness, rate, numbers, sizes),
-    *(release, resets, quality, parameters, alignment, outcome, recorded),
+    *(release, resets, quality, parameters, alignment, misfit, outcome, recorded),
 )
 _FOUND: Final = (value for file in _FILES for value in vars(file).values() if isinstance(value, Rule))
 

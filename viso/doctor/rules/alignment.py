@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.beside_vehicle import lasting
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
@@ -20,7 +21,9 @@ from viso.doctor.witness import Witness
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"
 _LIMIT_RAD: Final = math.radians(10)
+_GROSS_RAD: Final = math.radians(20)
 _LASTING_US: Final = 1_000_000
+_GPS: Final = 3
 _NEVER_US: Final = 1 << 62
 
 
@@ -81,28 +84,19 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
     "XN8-04",
     "The stream's frame is turned",
     "Type 1 aligns nothing: with yaw from a compass positions and velocities point another way than the vehicle "
-    "does, and it circles instead of holding its place.",
+    "does, and so do those of a GPS with yaw from the stream: it circles instead of holding its place.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
     "Turn the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
     witness=Witness.LOG,
 )
 def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
-    severity = Severity.NOTE if evidence.source("YAW") == EXTNAV else None
+    by_north = _GPS in (evidence.source("POSXY"), evidence.source("VELXY"))
+    severity = Severity.NOTE if evidence.source("YAW") == EXTNAV and not by_north else None
     for poses, _, told, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
         mean, spread = _mean_angle(told[:, 2] - vehicle[:, 2])
         if abs(mean) > _LIMIT_RAD and spread < _LIMIT_RAD:
             text = f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own"
             yield of_some(text, poses.track, severity=severity)
-
-
-def _lasting(time_us: Ints, mask: Bools) -> Bools:
-    """Return a mask without what lasts no more than a second: a late camera in a quick turn is no disagreement."""
-    edges = np.flatnonzero(np.diff(mask.astype(np.int8))) + 1
-    kept = mask.copy()
-    for run in np.split(np.arange(len(mask)), edges):
-        if time_us[run[-1]] - time_us[run[0]] <= _LASTING_US:
-            kept[run] = False
-    return kept
 
 
 def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severity | None = None) -> Sighting:
@@ -117,7 +111,7 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
 
     Types 2 and 3 alone obey VISO_ORIENT. A vehicle whose filter has lost itself, with a bad IMU, is no measure.
     """
-    attitude, own = evidence.attitude, evidence.own_filter
+    attitude, own = evidence.truth or evidence.attitude, evidence.own_filter if evidence.truth is None else None
     if attitude is None:
         return
     for poses in evidence.poses:
@@ -144,14 +138,14 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
     for poses, chosen, told, vehicle in _beside_vehicle(evidence):
         angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
-        mask = _lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD)
+        mask = lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD, _LASTING_US)
         if mask.any():
             middle = math.degrees(float(np.median(angle[mask])))
             text = f"roll and pitch are {middle:.0f} deg from the vehicle's own"
             yield _apart(poses, chosen, mask, text, severity)
 
 
-@warning(
+@error(
     "XN8-08",
     "The yaw leaves the vehicle's after alignment",
     "Types 2 and 3 align the yaw once. Afterwards they compare: more than 10 deg, and arming fails with VisOdom: "
@@ -172,11 +166,11 @@ def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
             inside = (times >= start) & (times < end)
             if first.any():
                 since = np.abs(np.angle(np.exp(1j * (off - _mean_angle(off[first])[0]))))
-                mask |= _lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_))
+                mask |= lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_), _LASTING_US)
                 worst = max(worst, float(since[inside].max()))
         if mask.any():
             text = f"since it was aligned the yaw has left the vehicle's own by up to {math.degrees(worst):.0f} deg"
-            yield _apart(poses, chosen, mask, text)
+            yield _apart(poses, chosen, mask, text, None if worst > _GROSS_RAD else Severity.WARNING)
 
 
 @note(

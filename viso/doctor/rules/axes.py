@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Sighting, error
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
@@ -139,7 +140,7 @@ def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
 def _path_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.paths:
         axes = compared.axes
-        if axes is None or not axes.sufficient or axes.axes.is_identity:
+        if axes is None or not axes.sufficient or axes.axes.is_identity or not is_related(evidence, compared.poses):
             continue
         yield of_some(
             f"{compared.poses.track.sender}: against the vehicle's own path ({compared.origin}), positions are "

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
+from viso.doctor.beside_vehicle import wanders
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Sighting, error, warning
 from viso.doctor.measures.motion import LEAST_SPEED, Motion, agreement, best_axes, heading_between, typical_speed
@@ -184,7 +185,7 @@ def _mix_up(motion: Motion) -> _Mixed | None:
 def _mixed_as(code: str, evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.motions:
         mixed = _mix_up(motion)
-        if mixed is not None and mixed.code == code:
+        if mixed is not None and mixed.code == code and not wanders(evidence, motion.velocity_sender):
             text = f"{motion.velocity_sender} against {motion.pose_sender.name}: {mixed.text}"
             fit = f"(correlation {mixed.correlation:.2f}, as the autopilot reads them {_as_used(motion):.2f})"
             yield of_some(f"{text} {fit}", motion, fix=mixed.fix)

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from viso.doctor.beside_vehicle import aligned_us
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES
@@ -33,7 +34,6 @@ _NEIGHBOURS: Final = 2
 _NEAR: Final = 5
 _OF_ONE_JUMP: Final = 3
 _SHAKEN: Final = 3.0
-_ALIGNED: Final = "VisOdom: yaw shifted"
 _ALIGNED_WITHIN_US: Final = 100_000
 _TYPE_VOXL: Final = 3
 
@@ -134,10 +134,7 @@ def _resets(poses: Poses) -> _Resets:
 
 
 def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
-    aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_ALIGNED)]
     own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
-    if own is not None:
-        aligned_us += [time_us for time_us, text in own.texts if text.startswith(_ALIGNED)]
     for poses in evidence.poses:
         if len(poses.track) < FEWEST:
             continue
@@ -145,7 +142,7 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         # A DataFlash log holds what the autopilot made of poses: they jump where it aligned them.
         arrival_us = poses.track.arrival_us[1:]
         by_autopilot = np.zeros(len(arrival_us), dtype=np.bool_)
-        for time_us in aligned_us:
+        for time_us in aligned_us(evidence):
             by_autopilot |= np.abs(arrival_us - time_us) < _ALIGNED_WITHIN_US
         leaps = ~by_autopilot | resets.changed
         jumped = resets.jumped & leaps

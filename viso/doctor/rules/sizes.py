@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_speed
@@ -110,6 +111,8 @@ def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
         found = compared.scale
         off = found.scale - setting
         if not found.sufficient or abs(off) <= max(_VEHICLE_TOLERANCE * setting, _SIGMAS * found.sigma):
+            continue
+        if not is_related(evidence, compared.poses):
             continue
         track = compared.poses.track
         cure = f"Set VISO_SCALE to {found.scale:.3f}, or correct the source's scale."

@@ -6,20 +6,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import numpy as np
+
+from tests.unit.viso.doctor.evidences import seen_in
 from tests.unit.viso.doctor.streams import faulty, piece, shifted
 from viso.doctor import GatherOptions
+from viso.doctor.measures.tracks import pose_tracks
+from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.streams.stream_kinds import Stream
 
 ODOMETRY: Final = "odometry"
 SPEED: Final = "speed"
 POSE: Final = "pose"
 CLIMB: Final = "climb"
+LONG: Final = "long"
 
 _PIECES: Final[Mapping[str, tuple[str, float, float]]] = {
     ODOMETRY: ("flight_t265", 40.0, 12.0),
     SPEED: ("flight_mav_extyaw", 40.0, 12.0),
     POSE: ("flight_mav_extyaw", 40.0, 12.0),
     CLIMB: ("flight_mav_extyaw", 26.5, 12.0),
+    LONG: ("flight_mav_extyaw", 30.0, 30.0),
 }
 _NO_SPEED: Final = {"EK3_SRC1_VELXY": 0.0, "EK3_SRC1_VELZ": 0.0}
 
@@ -37,7 +44,9 @@ class Case:
         knows_attitude: whether the vehicle's own attitude is there.
         delay_s: by how much the stream is older than its stamps say.
         every: of so many messages one is kept.
-        allowed: codes of warnings that the defect brings about as well.
+        place: what a simulator knows of the vehicle's place: "" for nothing, "flown" if it is that of the clean piece,
+            "stands" if it never moved.
+        first: the code of the worst finding, if that is asked for.
     """
 
     name: str
@@ -48,6 +57,8 @@ class Case:
     knows_attitude: bool = False
     delay_s: float = 0.0
     every: int = 1
+    place: str = ""
+    first: str = ""
 
     def stream(self) -> Stream:
         """Return the stream with its defect."""
@@ -61,8 +72,16 @@ class Case:
 
     def options(self) -> GatherOptions | None:
         """Return what else is known."""
-        name, start_s, _ = _PIECES[self.base]
-        return shifted(name, start_s, delay_s=self.delay_s) if self.knows_attitude else None
+        name, start_s, length_s = _PIECES[self.base]
+        if not self.knows_attitude and not self.place:
+            return None
+        told = shifted(name, start_s, delay_s=self.delay_s) if self.knows_attitude else GatherOptions()
+        if not self.place:
+            return told
+        (poses,) = pose_tracks(seen_in(piece(name, start_s, length_s)))
+        time_us, ned_m = poses.track.arrival_us, poses.pos_m * (self.place == "flown") + np.array([5.0, -3.0, 2.0])
+        position = PositionSeries("SIM", time_us, ned_m, 0.05)
+        return replace(told, position=position, level=LevelSeries("SIM", time_us, ned_m[:, 2], 0.05))
 
 
 def _case(name: str, base: str, faults: str, *expected: str, **params: float) -> Case:
@@ -73,7 +92,40 @@ def _seen(name: str, base: str, faults: str, *expected: str, delay_s: float = 0.
     return Case(name, base, faults, frozenset(expected), params, knows_attitude=True, delay_s=delay_s)
 
 
+def _placed(name: str, base: str, faults: str, **params: float) -> Case:
+    return Case(name, base, faults, frozenset(), params, knows_attitude=True, place="flown")
+
+
+def _first(name: str, base: str, faults: str, first: str, place: str = "", **params: float) -> Case:
+    return Case(name, base, faults, frozenset({first}), params, bool(place), place=place, first=first)
+
+
+def _turning(*rates_deg_s: float) -> str:
+    """Return faults that turn the yaw at some rates, each for 1.5 s."""
+    changes = np.diff(rates_deg_s, prepend=0.0).tolist()
+    return ", ".join(f"{{kind: drift, yaw_deg_s: {by}, at_s: {1 + 1.5 * n}}}" for n, by in enumerate(changes))
+
+
+def _wandering(*speeds_m_s: tuple[float, float]) -> str:
+    """Return faults that let positions be at the origin, and then go at some speeds, north and east, each for 2 s."""
+    changes = np.diff(np.array(speeds_m_s), axis=0, prepend=0.0).tolist()
+    moves = [
+        f"{{kind: drift, x_m_s: {x}, y_m_s: {y}, at_s: {2 * n}, {_POSE_ONLY}}}" for n, (x, y) in enumerate(changes)
+    ]
+    return ", ".join([f"{{kind: scale, factor: 0, {_POSE_ONLY}}}", *moves])
+
+
+def _clock(*factors: float) -> str:
+    """Return faults that let the sender's clock run so fast, each for as long as the others."""
+    changes = np.diff(factors, prepend=1.0).tolist()
+    length_s = 12.0 / len(factors)
+    return ", ".join(
+        f"{{kind: clock_drift, drift_ppm: {1e6 * by:.0f}, at_s: {length_s * n}}}" for n, by in enumerate(changes)
+    )
+
+
 _POSE_ONLY: Final = "messages: VISION_POSITION_ESTIMATE"
+_SPEED_ONLY: Final = "messages: VISION_SPEED_ESTIMATE"
 
 CLEAN: Final = (
     _case("odometry", ODOMETRY, ""),
@@ -88,7 +140,15 @@ CLEAN: Final = (
     _case("clock good to 50 ppm", ODOMETRY, "{kind: clock_drift, drift_ppm: 50}"),
     _case("noise of a centimetre", SPEED, "{kind: p_sd, sd_m: 0.01}"),
     _case("frame turned, yaw with it", ODOMETRY, "{kind: yaw, yaw_deg: 70}"),
+    _placed("odometry against the vehicle's place", ODOMETRY, ""),
+    _placed("pose and speed against the vehicle's place", SPEED, ""),
+    _placed("frame turned against the vehicle's place, yaw with it", SPEED, "{kind: yaw, yaw_deg: -120}"),
+    _placed("noise of a decimetre against the vehicle's place", SPEED, f"{{kind: p_sd, sd_m: 0.1, {_POSE_ONLY}}}"),
+    _placed("climb against the vehicle's place", CLIMB, ""),
 )
+
+_BOTH_STAND: Final = frozenset({"XN8-12", "XN8-14"})
+_FROZEN: Final = frozenset({"XN8-10", "XN8-11"})
 
 CORPUS: Final = (
     # Transport
@@ -137,6 +197,20 @@ CORPUS: Final = (
     _case("delay grows by 80 ms", ODOMETRY, "{kind: delay, delay_ms: 80, start_s: 6}", "XN3-10"),
     _seen("80 ms old", SPEED, "", "XN3-11", delay_s=-0.08),
     _seen("delay set too large", SPEED, "", "XN3-11", VISO_DELAY_MS=150),
+    _first("clock 5 % fast", ODOMETRY, _clock(1.05), "XN3-12"),
+    _first("clock 10 % fast", SPEED, _clock(1.1), "XN3-12"),
+    _first("clock twice as fast", ODOMETRY, _clock(2), "XN3-12"),
+    _first("clock thirty times as fast", SPEED, _clock(30), "XN3-12"),
+    _first("clock 10 % slow", ODOMETRY, _clock(0.9), "XN3-12"),
+    _first("clock of a wall beside a simulation", SPEED, _clock(1.2, 3, 1.6, 5), "XN3-12"),
+    _first("clock fast, then slow", ODOMETRY, _clock(1.4, 0.6), "XN3-12"),
+    _first(
+        "clock set ahead again and again",
+        SPEED,
+        ", ".join(f"{{kind: clock_step, step_ms: 500, at_s: {1 + 1.7 * number}}}" for number in range(6)),
+        "XN3-12",
+    ),
+    _first("two clocks in turn", ODOMETRY, "{kind: clock_step, step_ms: 3000, probability: 0.4}", "XN3-12"),
     # Rate
     _case("three a second", ODOMETRY, "{kind: rate, rate_hz: 3}", "XN4-01"),
     _case("gap of 0.4 s", SPEED, "{kind: fail, start_s: 5, end_s: 5.4}", "XN4-03"),
@@ -188,5 +262,50 @@ CORPUS: Final = (
     # Alignment, and what comes of it
     _case("T265 without a compass", ODOMETRY, "", "XN8-03", VISO_TYPE=2, EK3_SRC1_YAW=1, COMPASS_USE=0),
     _seen("frame turned by 28 deg", ODOMETRY, "", "XN8-04", EK3_SRC1_YAW=1),
+    _first("yaw drifts", ODOMETRY, _turning(8, 8, 8), "XN8-10", "flown"),
+    _first("yaw swings", SPEED, _turning(40, -40, -40, 40, 40, -40), "XN8-10", "flown"),
+    _first("yaw wanders, with a compass", SPEED, _turning(25, 10, -45, 30, 60, -20), "XN8-10", "flown", EK3_SRC1_YAW=1),
+    _first(
+        "yaw jumps to and fro",
+        SPEED,
+        "{kind: yawerr, yaw_deg: 50, start_s: 3, end_s: 5}, {kind: yawerr, yaw_deg: -60, start_s: 7, end_s: 10}",
+        "XN8-10",
+        "flown",
+    ),
+    _first("positions that stand", SPEED, f"{{kind: scale, factor: 0.003, {_POSE_ONLY}}}", "XN8-11", "flown"),
+    _first(
+        "positions that stand in noise",
+        SPEED,
+        f"{{kind: scale, factor: 0, {_POSE_ONLY}}}, {{kind: p_sd, sd_m: 0.05, {_POSE_ONLY}}}",
+        "XN8-11",
+        "flown",
+    ),
+    replace(_first("pose frozen from the start", POSE, "{kind: frozen}", "XN8-10", "flown"), expected=_FROZEN),
+    _first(
+        "positions that wander by themselves",
+        LONG,
+        _wandering((1, 0), (0, -1.5), (-0.5, 1), (1, 1), (-1.5, 0), (0, -1), (1.5, 0.5), (-1, 1), (0, 1), (0.5, -2)),
+        "XN8-11",
+        "flown",
+    ),
+    _first("positions that sink", POSE, "{kind: drift, z_m_s: 0.5}", "XN8-13", "flown", EK3_SRC1_POSZ=6),
+    _first(
+        "positions that sink and stand", POSE, f"{_wandering((0, 0))}, {{kind: drift, z_m_s: 2}}", "XN8-11", "flown"
+    ),
+    replace(_first("everything of a vehicle that stands", ODOMETRY, "", "XN8-12", "stands"), expected=_BOTH_STAND),
+    _first("positions of a vehicle that stands", POSE, "", "XN8-12", "stands"),
+    _first(
+        "velocity always the same",
+        LONG,
+        f"{{kind: scale, factor: 0, {_SPEED_ONLY}}}, {{kind: vgli, x_m_s: 1.2, {_SPEED_ONLY}}}",
+        "XN8-14",
+        "flown",
+    ),
+    _first(
+        "velocity of noise",
+        LONG,
+        f"{{kind: scale, factor: 0, {_SPEED_ONLY}}}, {{kind: v_sd, sd_m_s: 1.5, {_SPEED_ONLY}}}",
+        "XN8-15",
+    ),
     _case("position glitch rejected", SPEED, "{kind: reset, x_m: 10, count: 0, at_s: 5}", "XN6-01", "XN9-04"),
 )

@@ -4,6 +4,7 @@
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
 from viso.doctor import RULES, Evidence, Severity, diagnose
 from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import finding_lines, summary_lines
@@ -93,7 +95,13 @@ def test_rules_and_outputs_take_whatever_comes(
     if knows_attitude:
         times = START_US + np.arange(0, 100) * 50_000
         attitude = AttitudeSeries(times, np.column_stack([np.sin(times * 1e-6 + axis) for axis in range(3)]))
-    take(evidence_of(messages, params, attitude))
+    made = evidence_of(messages, params, attitude)
+    if data.draw(st.booleans()):
+        times = START_US + np.arange(0, 200) * 50_000
+        ned_m = data.draw(st.sampled_from([1.0, 0.0])) * np.column_stack([np.cos(times * 1e-6 + n) for n in range(3)])
+        level = LevelSeries("BARO", times, ned_m[:, 2], 1.5)
+        made = replace(made, position=PositionSeries("SIM", times, 5 * ned_m, 0.05), level=level)
+    take(made)
 
 
 def take(evidence: Evidence) -> None:
