@@ -180,11 +180,8 @@ def replay(
         # Files are read anew, as the other firmware may call their parameters otherwise.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
-    truth = (
-        position_in(read_columns(stream_file))
-        if with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
-        else None
-    )
+    is_judged = changes and with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
+    truth = position_in(read_columns(stream_file)) if is_judged else None
     outcomes, judges = _run_all(stream, runs, log, records, truth)
     _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     for line in judges[0].notes:

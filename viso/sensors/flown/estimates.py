@@ -17,7 +17,7 @@ from ekf_stub.filter.inertial import GRAVITY_MSS, Array
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.turning import quats_of_euler, rotation_vectors
 from viso.sensors.flown.flight import PASS_US, Basis, Flight, chosen, growing
-from viso.sensors.flown.imu_records import flight_of, hermite, passes_between
+from viso.sensors.flown.imu_records import edges_of, flight_of, gaps_in, hermite, passes_of
 
 JERK_NOISE: Final = 20.0
 """m/s^3 a root of Hz: how lively the motion may be between records."""
@@ -41,15 +41,19 @@ def estimates(log: LogColumns, lane: int) -> Flight | None:
     track, has_velocity = _track(log, lane)
     if min(len(attitude), len(track)) < _FEWEST:
         return None
-    pass_us = passes_between(max(attitude[0, 0], track[0, 0]), min(attitude[-1, 0], track[-1, 0]))
-    edges_s = np.concatenate([pass_us[:1] - PASS_US, pass_us]) * _S
-    quats = _smooth_attitude(attitude, edges_s)
+    common = (track[:, 0] >= attitude[0, 0]) & (track[:, 0] <= attitude[-1, 0])
+    pass_us = passes_of(track[common, 0])
+    if not len(pass_us):
+        return None
+    begin_s, end_s = edges_of(pass_us)
+    quats, before = _smooth_attitude(attitude, end_s), _smooth_attitude(attitude, begin_s)
     sigma = VELOCITY_SIGMA if has_velocity else _UNKNOWN
     vel, acc = smoothed(track[:, 0], _without_jumps(track), sigma)
-    gained = np.diff(hermite(track[:, 0], vel, acc, edges_s), axis=0)
+    gained = hermite(track[:, 0], vel, acc, end_s) - hermite(track[:, 0], vel, acc, begin_s)
     gained[:, 2] -= GRAVITY_MSS * PASS_US * _S
-    del_vel, del_ang = _to_body(quats[1:], gained), _turns_between(quats[:-1], quats[1:])
-    return flight_of(log, lane, Basis.ESTIMATE, pass_us, del_vel, del_ang, _notes(has_velocity))
+    del_vel, del_ang = _to_body(quats, gained), _turns_between(before, quats)
+    notes = (*_notes(has_velocity), *gaps_in(track[:, 0]))
+    return flight_of(log, lane, Basis.ESTIMATE, pass_us, del_vel, del_ang, notes)
 
 
 def _notes(has_velocity: bool) -> tuple[str, ...]:

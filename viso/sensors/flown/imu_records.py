@@ -23,6 +23,12 @@ from viso.sensors.flown.slow_sensors import slow_sensors
 GAP_S: Final = 0.5
 """For longer than that without a record, what is in between is a straight line, and told."""
 
+BRIDGED_S: Final = 10.0
+"""For longer than that there is nothing in between."""
+
+MOST_PASSES: Final = 3 * 3600 * 400
+"""Of three hours; what comes after that is left out."""
+
 _FEWEST: Final = 50
 _S: Final = 1e-6
 _FILTERS: Final = ("INS_GYRO_FILTER", "INS_ACCEL_FILTER")
@@ -45,18 +51,45 @@ def imu_records(log: LogColumns, lane: int) -> Flight | None:
         kind = "IMU"
     if len(gyro.time_s) < _FEWEST:
         return None
-    pass_us = passes_between(max(gyro.time_s[0], accel.time_s[0]), min(gyro.time_s[-1], accel.time_s[-1]))
-    edges_s = np.concatenate([pass_us[:1] - PASS_US, pass_us]) * _S
-    del_ang, del_vel = (np.diff(integral_at(rates, edges_s), axis=0) for rates in (gyro, accel))
+    common = (gyro.time_s >= accel.time_s[0]) & (gyro.time_s <= accel.time_s[-1])
+    pass_us = passes_of(gyro.time_s[common])
+    if not len(pass_us):
+        return None
+    begin_s, end_s = edges_of(pass_us)
+    del_ang, del_vel = (integral_at(rates, end_s) - integral_at(rates, begin_s) for rates in (gyro, accel))
     rate_hz = 1.0 / float(np.median(np.diff(gyro.time_s)))
     return flight_of(
-        log, lane, Basis.IMU, pass_us, del_vel, del_ang, (f"{kind} of IMU {imu}, {rate_hz:.0f} Hz", *_gaps(gyro))
+        log,
+        lane,
+        Basis.IMU,
+        pass_us,
+        del_vel,
+        del_ang,
+        (f"{kind} of IMU {imu}, {rate_hz:.0f} Hz", *gaps_in(gyro.time_s)),
     )
 
 
-def passes_between(start_s: float, end_s: float) -> Ints:
-    """Return the times in us of the passes of a main loop at 400 Hz from a time in s to another."""
-    return np.arange(math.ceil(start_s / _S / PASS_US) + 1, math.floor(end_s / _S / PASS_US) + 1) * PASS_US
+def passes_of(time_s: Array) -> Ints:
+    """Return the times in us of the passes of a main loop at 400 Hz while there are records.
+
+    Args:
+        time_s: of the records, growing. Where they are more than ``BRIDGED_S`` apart there are no passes.
+    """
+    if not len(time_s):
+        return np.zeros(0, np.int64)
+    breaks = np.flatnonzero(np.diff(time_s) > BRIDGED_S)
+    starts, ends = (np.ceil(time_s[at] / _S / PASS_US) for at in (np.append(0, breaks + 1), np.append(breaks, -1)))
+    passes, left = [], MOST_PASSES
+    for start, end in zip(starts.astype(np.int64) + 1, ends.astype(np.int64), strict=True):
+        passes.append(np.arange(start, min(end, start + left)) * PASS_US)
+        left -= len(passes[-1])
+    return np.concatenate(passes)
+
+
+def edges_of(pass_us: Ints) -> tuple[Array, Array]:
+    """Return when each pass begins and ends, in s."""
+    end_s: Array = pass_us.astype(np.float64) * _S
+    return end_s - PASS_US * _S, end_s
 
 
 def flight_of(
@@ -127,10 +160,12 @@ def _rates(table: Array) -> Rates:
     return Rates(table[:, 0] * _S, table[:, 1:])
 
 
-def _gaps(rates: Rates) -> tuple[str, ...]:
-    steps = np.diff(rates.time_s)
+def gaps_in(time_s: Array) -> tuple[str, ...]:
+    """Return a line about the gaps between records, if there are any."""
+    steps = np.diff(time_s)
     gaps = steps[steps > GAP_S]
-    return (f"no record for {gaps.sum():.1f} s in {len(gaps)} gaps, bridged by straight lines",) if len(gaps) else ()
+    told = f"no record for {gaps.sum():.1f} s in {len(gaps)} gaps; up to {BRIDGED_S:g} s each are a straight line"
+    return (told,) if len(gaps) else ()
 
 
 def integral_at(rates: Rates, at_s: Array) -> Array:

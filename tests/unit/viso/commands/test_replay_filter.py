@@ -24,6 +24,7 @@ SHORT = 30
 PERIOD_US = 33_333
 LOG = DATA / "logs" / "prearm.BIN.xz"
 SHORT_BYTES = 300_000
+ORDINARY = DATA / "ordinary" / "lane_switch.BIN.xz"
 BY_EXT_NAV = [
     *("--param", "VISO_TYPE=1", "--param", "EK3_SRC1_POSXY=6", "--param", "EK3_SRC1_VELXY=6"),
     *("--param", "EK3_SRC1_POSZ=1", "--param", "EK3_SRC1_YAW=6", "--param", "GPS1_TYPE=0"),
@@ -121,6 +122,33 @@ def test_replay_tells_machines_the_same_and_writes_lines_that_agree(viso: Viso, 
         key = fate["kind"], fate["rule"]
         found[key] = found.get(key, 0) + 1
     assert found == {(row["kind"], row["rule"]): row["count"] for row in answer["filter"]}
+
+
+def test_change_that_the_motion_cannot_contradict_is_told(viso: Viso, leaping: Path) -> None:
+    answer = replayed(viso, leaping, "--ekf", "--set", "VISO_SCALE=1.1")
+    (doubt,) = answer["doubts"]
+    assert doubt.startswith("VISO_SCALE cannot be judged: with --imu follow the vehicle moves as the stream says")
+    assert {row["name"] for row in answer["figures"]} >= {"rms_pose", "worst_ratio", "resets", "aiding_share"}
+    shown = viso("replay", leaping, "--ekf", "--set", "VISO_QUAL_MIN=1").out
+    assert "Figures of merit (the filter is a model)" in shown
+    assert "cannot be judged" not in shown
+
+
+def test_stream_that_is_no_log_has_no_motion_of_its_own(viso: Viso, leaping: Path) -> None:
+    assert failed_with(viso("replay", leaping, "--imu", "log"), f"{leaping}: not a DataFlash log")
+
+
+@pytest.mark.slow
+def test_ordinary_log_is_flown_again_by_its_imu_records(viso: Viso) -> None:
+    outcome = viso("replay", ORDINARY, "--imu", "log", "--set", "VISO_POS_X=0.5", "--json")
+    assert "note: the vehicle moves by the log's IMU records\nnote: IMU of IMU 1, 25 Hz\n" in outcome.err
+    answer = json.loads(outcome.out)
+    figures = {row["name"]: row for row in answer["figures"]}
+    assert figures["log_m"]["before"] < 0.1
+    assert figures["ate_m"]["before"] < 0.1
+    assert figures["nis"]["after"] > 2 * figures["nis"]["before"]
+    assert figures["nis"]["chance"] is False
+    assert answer["doubts"] == []
 
 
 @pytest.mark.slow

@@ -76,7 +76,14 @@ def test_gap_is_a_straight_line_and_told() -> None:
     flight = flown(IMU=rows(1, 4.26) + rows(10.26, 14))
     during = (flight.time_us > 4_300_000) & (flight.time_us < 10_200_000)
     assert np.abs(np.diff(flight.deltas[during, 3], n=2)).max() < 1e-8
-    assert flight.notes[1:] == ("no record for 6.0 s in 1 gaps, bridged by straight lines",)
+    assert flight.notes[1:] == ("no record for 6.0 s in 1 gaps; up to 10 s each are a straight line",)
+
+
+def test_long_silence_is_passed_over() -> None:
+    flight = flown(IMU=rows(1, 3) + rows(40_000, 40_003))
+    assert not ((flight.time_us > 3_000_000) & (flight.time_us < 39_980_000_000)).any()
+    assert len(flight.time_us) == pytest.approx(400 * 5, abs=40)
+    assert np.abs(flight.deltas[:, 3:6]).max() < 0.003
 
 
 def test_log_that_begins_late_begins_at_rest() -> None:
