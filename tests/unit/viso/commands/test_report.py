@@ -45,7 +45,8 @@ def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch:
 def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path) -> None:
     outcome = viso("report", log)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.splitlines()[0] == "LOOK: The log holds no external navigation: no VISP, VISV or VISO record."
+    said = "NO VERDICT: The log holds no external navigation: no VISP, VISV or VISO record."
+    assert outcome.out.splitlines()[0] == said
     assert "No VISP: position and attitude of vision." in (tmp_path / "quiet.html").read_text(encoding="utf-8")
 
 
