@@ -32,6 +32,7 @@ _LIKE_M: Final = 0.5
 _LIKE_SHARE: Final = 0.5
 _FITTING: Final = 0.8
 _ALIKE: Final = 0.9
+_FARTHEST_M: Final = 200.0  # that a vehicle goes in a window
 _OVER_MOVES: Final = 4.0
 _WANDER_SHARE: Final = 1 / 3  # of a reference's noise within a window
 _LEAP: Final = 3.0
@@ -188,8 +189,8 @@ def _as_it_fits(stream_s: Array, stream_m: Array, reference_s: Array, reference_
 
 
 def _moving(moves: Moves, noise_m: float) -> Moves:
-    least_m = max(LEAST_MOVE_M, _OVER_MOVES * _WANDER_SHARE * noise_m)
-    return moves.chosen(np.linalg.norm(moves.reference_m, axis=1) > least_m)
+    length = np.linalg.norm(moves.reference_m, axis=1)
+    return moves.chosen((length > max(LEAST_MOVE_M, _OVER_MOVES * _WANDER_SHARE * noise_m)) & (length < _FARTHEST_M))
 
 
 def _without_jumps(moves: Moves) -> Moves:

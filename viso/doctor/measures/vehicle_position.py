@@ -17,6 +17,7 @@ from mav_handlers.wire.messages import (
     EKF_STATUS_REPORT,
     GLOBAL_POSITION_INT,
     GPS_RAW_INT,
+    HEARTBEAT,
     LOCAL_POSITION_NED,
     SCALED_PRESSURE,
     SIM_STATE,
@@ -50,6 +51,7 @@ _NOISE_M: Final[Mapping[str, float]] = {
 }
 _FILTER_NOISE_M: Final = 0.5
 _MM: Final = 1e-3
+_SUBMARINE: Final = 12  # MAV_TYPE: its first barometer is inside the hull
 _SIMULATED_M: Final = 0.05
 _BARO_M: Final = 1.5
 Place = tuple[float, float, float, float]
@@ -126,7 +128,7 @@ class PositionListener:
         self._places: dict[str, list[Place]] = {name: [] for name in _TOLD}
         self._levels: dict[str, list[tuple[float, float]]] = {"SIM_STATE": [], "SCALED_PRESSURE": [], "VFR_HUD": []}
         self._accuracy_m: list[float] = []
-        self._navigates = True
+        self._navigates, self._is_in_air = True, True
 
     def take(self, time_us: int, message: Message | None) -> None:
         """Take a message that came at a time in us since boot."""
@@ -147,7 +149,9 @@ class PositionListener:
             self._levels["SIM_STATE"].append((time_us, -message.alt))
         elif isinstance(message, SIMSTATE):
             self._add("SIMSTATE", time_us, message.lat * 1e-7, message.lng * 1e-7, np.nan)
-        elif isinstance(message, SCALED_PRESSURE):
+        elif isinstance(message, HEARTBEAT):
+            self._is_in_air = message.type != _SUBMARINE
+        elif isinstance(message, SCALED_PRESSURE) and self._is_in_air:
             self._levels["SCALED_PRESSURE"].append((time_us, message.press_abs))
         elif isinstance(message, VFR_HUD):
             self._levels["VFR_HUD"].append((time_us, -message.alt))
@@ -175,6 +179,11 @@ _TOLD: Final = ("SIM_STATE", "SIMSTATE", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "
 # Of the standard atmosphere: height by a share of the pressure below.
 _STANDARD_M: Final = 44330.0
 _STANDARD_POWER: Final = 0.1903
+_PRIMARY: Final[Mapping[str, tuple[str, ...]]] = {
+    "BARO": ("BARO_PRIMARY", "GND_PRIMARY"),
+    "GPS": ("GPS_PRIMARY",),
+    "GPA": ("GPS_PRIMARY",),
+}
 _LOCAL: Final = frozenset({"LOCAL_POSITION_NED", "XKF1"})
 _FILTERED: Final = frozenset({"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "POS"})
 _FILTERED_LEVELS: Final = frozenset({"VFR_HUD", "XKF1"})
@@ -189,6 +198,8 @@ def _best(
             continue
         table = np.array(rows, dtype=np.float64)
         table = table[np.isfinite(table[:, :3]).all(axis=1)]
+        if name not in _LOCAL:  # of latitude and longitude 0 nothing is known yet
+            table = table[np.any(table[:, 1:3] != 0, axis=1)]
         if len(table) < _FEWEST:
             continue
         ned_m = table[:, 1:] if name in _LOCAL else ned_of_degrees(table[:, 1:])
@@ -216,16 +227,17 @@ def _places(log: LogColumns, kind: str, labels: Sequence[str], only: tuple[str, 
     if layout is None or not set(wanted) <= set(layout.labels):
         return np.zeros((0, 1 + len(labels)))
     table = table_of(log, kind, wanted)
-    chosen = _is_first(log, kind, len(table)) & (True if only is None else only[1](table[:, -1]))
+    chosen = _is_primary(log, kind, len(table)) & (True if only is None else only[1](table[:, -1]))
     return np.asarray(table[chosen][:, : 1 + len(labels)], dtype=np.float64)
 
 
-def _is_first(log: LogColumns, kind: str, count: int) -> Bools:
-    """Tell which records of a type are of the first sensor, by its field I if it has one."""
-    if "I" not in log.types[kind].labels:
+def _is_primary(log: LogColumns, kind: str, count: int) -> Bools:
+    """Tell which records of a type are of the primary sensor, by its field I if it has one."""
+    if not count or "I" not in log.types[kind].labels:
         return np.ones(count, dtype=np.bool_)
     number = log.columns(kind, ["I"])["I"]
-    return np.asarray(number == (number.min() if count else 0), dtype=np.bool_)
+    chosen = next((value for _, name, value in parameters_in(log) if name in _PRIMARY.get(kind, ())), number.min())
+    return np.asarray(number == (chosen if chosen in number else number.min()), dtype=np.bool_)
 
 
 def _filter_places(log: LogColumns, params: Mapping[str, float]) -> Floats:

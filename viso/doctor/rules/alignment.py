@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.doctor.beside_vehicle import lasting
+from viso.doctor.beside_vehicle import aligned_us, lasting
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
@@ -157,17 +157,18 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
 )
 def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
     """Find yaw that leaves the vehicle's own after it was aligned to that."""
-    aligned_us = [time_us for time_us, _, text in evidence.texts if text.startswith(_SHIFTED)]
-    for poses, chosen, told, vehicle in _beside_vehicle(evidence) if aligned_us else ():
+    starts_us = sorted(aligned_us(evidence)) if evidence.viso_type in ALIGNING_TYPES else []
+    for poses, chosen, told, vehicle in _beside_vehicle(evidence) if starts_us else ():
         times, off = poses.track.arrival_us[chosen], told[:, 2] - vehicle[:, 2]
         mask, worst = np.zeros(len(times), dtype=np.bool_), 0.0
-        for start, end in itertools.pairwise([*aligned_us, _NEVER_US]):
+        for start, end in itertools.pairwise([*starts_us, _NEVER_US]):
             first = (times >= start) & (times < min(start + _LASTING_US, end))
             inside = (times >= start) & (times < end)
             if first.any():
                 since = np.abs(np.angle(np.exp(1j * (off - _mean_angle(off[first])[0]))))
-                mask |= lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_), _LASTING_US)
-                worst = max(worst, float(since[inside].max()))
+                left = lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_), _LASTING_US)
+                mask |= left
+                worst = max(worst, float(since[left].max(initial=0.0)))
         if mask.any():
             text = f"since it was aligned the yaw has left the vehicle's own by up to {math.degrees(worst):.0f} deg"
             yield _apart(poses, chosen, mask, text, None if worst > _GROSS_RAD else Severity.WARNING)
@@ -182,7 +183,7 @@ def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
 )
 def _not_aligned(evidence: Evidence) -> Iterator[Sighting]:
     aligns = evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") != EXTNAV and evidence.has_compass
-    if aligns and evidence.poses and not any(text.startswith(_SHIFTED) for _, _, text in evidence.texts):
+    if aligns and evidence.poses and not aligned_us(evidence):
         yield Sighting(f"the stream ends at {at(evidence.end_us)}, before the AHRS has settled, 20 s after it started")
 
 

@@ -14,6 +14,7 @@ from viso.doctor.beside_vehicle import (
     RELATED,
     UNLIKE,
     Way,
+    aligned_us,
     heading_departures,
     is_of_one_time,
     lasting,
@@ -74,10 +75,8 @@ def _takes(evidence: Evidence, *names: str) -> Severity | None:
     witness=Witness.LOG,
 )
 def _yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
-    aligned = evidence.viso_type in ALIGNING_TYPES and any(
-        text.startswith("VisOdom: yaw") for *_, text in evidence.texts
-    )
-    for heading in () if aligned else heading_departures(evidence):
+    is_aligned = evidence.viso_type in ALIGNING_TYPES and aligned_us(evidence)
+    for heading in () if is_aligned else heading_departures(evidence):
         mask = leaves(heading)
         if mask.any():
             off_deg, track = np.degrees(np.abs(heading.off_rad)), heading.poses.track
@@ -106,7 +105,7 @@ def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) 
         return
     is_gross = is_still or (not is_related and found.unlike > _MOSTLY)
     yield of_some(
-        f"{way.track.sender}: the vehicle flew {found.flown_m:.1f} m by its own path ({position.origin}) within "
+        f"{way.track.sender}: the vehicle moved {found.flown_m:.1f} m by its own path ({position.origin}) within "
         f"{found.span_s:.0f} s, and {what} went {found.seen_m:.2f} m meanwhile; turned and moved to fit best "
         f"(correlation {found.correlation:.2f}), the two are {found.median_m:.1f} m apart in the middle, "
         f"{found.worst_m:.1f} m at worst",

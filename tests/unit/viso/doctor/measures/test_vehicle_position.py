@@ -11,7 +11,14 @@ import numpy as np
 import pytest
 
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import GLOBAL_POSITION_INT, GPS_RAW_INT, HEARTBEAT, LOCAL_POSITION_NED, PARAM_VALUE
+from mav_handlers.wire.messages import (
+    GLOBAL_POSITION_INT,
+    GPS_RAW_INT,
+    HEARTBEAT,
+    LOCAL_POSITION_NED,
+    PARAM_VALUE,
+    SCALED_PRESSURE,
+)
 from tests.places import DATA
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, pose, stream_of
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piece, shifted
@@ -23,6 +30,7 @@ from viso.doctor.measures.vehicle_position import (
     PositionListener,
     PositionSeries,
     is_independent,
+    level_in,
     ned_of_degrees,
     position_in,
     sources_of,
@@ -150,17 +158,24 @@ class Columns:
         return {label: self._kinds[kind][label] for label in labels}
 
 
+def log_of(params: dict[str, float], **kinds: dict[str, Any]) -> Any:
+    """Return a log with parameters and other records."""
+    return Columns(PARM={"TimeUS": [0] * len(params), "Name": list(params), "Value": list(params.values())}, **kinds)
+
+
 def told_by(sources: dict[str, float], **kinds: dict[str, Any]) -> tuple[str, int] | None:
     """Return what tells the vehicle's place, and how often, in a log."""
-    log: Any = Columns(
-        PARM={"TimeUS": [0] * len(sources), "Name": list(sources), "Value": list(sources.values())}, **kinds
-    )
-    told = position_in(log)
+    told = position_in(log_of(sources, **kinds))
     return None if told is None else (told.origin, len(told.time_us))
 
 
 def test_log_tells_truth_then_gps_then_a_filter_without_the_stream() -> None:
-    places = {"TimeUS": 100_000 * np.arange(60), "Lat": 1e-5 * np.arange(60), "Lng": np.zeros(60), "Alt": np.zeros(60)}
+    places = {
+        "TimeUS": 100_000 * np.arange(60),
+        "Lat": 47 + 1e-5 * np.arange(60),
+        "Lng": np.zeros(60),
+        "Alt": np.zeros(60),
+    }
     fixed, unfixed = {**places, "Status": [3] * 40 + [1] * 20}, {**places, "Status": [1] * 60}
     cores = {"TimeUS": places["TimeUS"], "C": np.arange(60) % 2}
     states = {**cores, **dict.fromkeys(("PN", "PE", "PD"), np.zeros(60))}
@@ -176,6 +191,46 @@ def test_log_tells_truth_then_gps_then_a_filter_without_the_stream() -> None:
     assert told_by(GPS, POS=places) == ("POS", 60)
     assert told_by(own, XKF1=states, XKF4=flags, POS=places) is None
     assert told_by(GPS, GPS={"TimeUS": places["TimeUS"]}) is None  # of a firmware that logs others
+
+
+def test_log_tells_heights_by_truth_then_the_primary_barometer_then_a_filter() -> None:
+    time_us = 100_000 * np.arange(60)
+    truth = {"TimeUS": time_us, "Alt": 584.0 + np.arange(60)}
+    baro = {"TimeUS": time_us, "I": np.arange(60) % 2, "Alt": np.where(np.arange(60) % 2, 7.0, 3.0)}
+    state = {"TimeUS": time_us, "C": np.zeros(60), "PD": -np.arange(60.0)}
+
+    def told(params: dict[str, float], **kinds: dict[str, Any]) -> tuple[str, float] | None:
+        level = level_in(log_of(params, **kinds))
+        return None if level is None else (level.origin, float(level.down_m[0]))
+
+    assert told(GPS, SIM=truth, BARO=baro) == ("SIM", -584.0)
+    assert told(GPS, BARO=baro) == ("BARO", -3.0)
+    assert told({**GPS, "BARO_PRIMARY": 1.0}, BARO=baro) == ("BARO", -7.0)
+    assert told(GPS, XKF1=state) == ("XKF1", 0.0)
+    assert told({**GPS, "EK3_SRC1_POSZ": 6.0}, XKF1=state) is None
+
+
+@pytest.mark.parametrize(("vehicle_type", "is_told"), [(2, True), (12, False)])
+def test_pressure_tells_heights_of_what_is_not_a_submarine(vehicle_type: int, is_told: bool) -> None:
+    listener = PositionListener()
+    listener.take(0, HEARTBEAT(vehicle_type, 3, 81, 0, 3, 3))
+    for number in range(30):
+        listener.take(number * 100_000, SCALED_PRESSURE(number, 1000.0 - 0.12 * number, 0.0, 0))
+    level = listener.level({})
+    assert (level is not None) == is_told
+    if level is not None:
+        assert level.down_m[-1] == pytest.approx(-29 * 0.12 / 1000 * 0.1903 * 44330, rel=0.01)
+
+
+def test_poor_gps_counts_for_less() -> None:
+    listener = PositionListener()
+    for number in range(30):
+        listener.take(
+            number * 200_000, GPS_RAW_INT(0, 3, 470_000_000, 80_000_000 + number, 0, 0, 0, 0, 0, 9, h_acc=8000)
+        )
+    told = listener.told({})
+    assert told is not None
+    assert told.noise_m == 8.0
 
 
 def test_source_that_was_the_stream_once_remains_so() -> None:
