@@ -182,7 +182,8 @@ def _of_stream(facts: Facts) -> Iterator[Remark]:
             )
     lag = facts.lag_ms[np.isfinite(facts.lag_ms)]
     if len(lag) and np.median(lag) > 200.0:
-        yield Remark(Level.WARNING, f"Measurements counted as {np.median(lag):.0f} ms old on arrival, by the middle one.")
+        text = f"Measurements counted as {np.median(lag):.0f} ms old on arrival, by the middle one."
+        yield Remark(Level.WARNING, text)
 
 
 def _why(kind: KindFacts) -> str:
