@@ -141,7 +141,7 @@ def main() -> None:
     try:
         mavsdk.add_any_connection(sys.argv[1])
         system = mavsdk.first_autopilot(LIMIT_S)
-        print(json.dumps(fly(system)))
+        print("\n" + json.dumps(fly(system)))  # the library may just have begun a line of its own
     finally:
         mavsdk.destroy()
 

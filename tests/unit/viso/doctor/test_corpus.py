@@ -90,7 +90,7 @@ def test_clean_capture_gives_no_warning(name: str, knows_attitude: bool) -> None
     ("name", "expected"),
     [
         ("dropout", {"XN4-04", "XN4-05"}),
-        ("flight_voxl_reset", {"XN6-12", "XN9-04"}),
+        ("flight_voxl_reset", {"XN6-12"}),
         ("mav", {"XN5-11", "XN6-03"}),
         ("mocap", {"XN5-11", "XN7-03"}),
         ("prearm", {"XN6-02"}),

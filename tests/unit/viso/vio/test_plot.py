@@ -14,6 +14,7 @@ from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.types import VioState
+from viso.errors import InputError
 from viso.vio.log import VioLog
 from viso.vio.plot import save_plot
 
@@ -89,5 +90,5 @@ def test_features_have_gaps_where_there_is_no_output(tmp_path: Path, figures: li
 
 @pytest.mark.slow
 def test_place_that_cannot_be_written_to_raises(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="No such file"):
+    with pytest.raises(InputError, match="No such file"):
         save_plot(flown(MIXED), None, "a flight", tmp_path / "none" / "a.png", aligned=False)
