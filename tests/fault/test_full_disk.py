@@ -5,10 +5,7 @@
 The system's own limit on the size of a file stands for a full disk: a write is cut short at it, and the next fails.
 """
 
-import resource
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +13,7 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from mav_handlers.wire.messages import COMMAND_LONG, STATUSTEXT
+from tests.little_space import space_for
 from viso.parameters.store import ParamStore
 
 if TYPE_CHECKING:
@@ -23,17 +21,6 @@ if TYPE_CHECKING:
 
 ARM = COMMAND_LONG(1, 1, 400, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ROOM_BYTES = 10_000
-
-
-@contextmanager
-def space_for(size: int) -> Iterator[None]:
-    """Let no file grow beyond a size in bytes; Python ignores the signal that goes with it."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def fill_the_disk(bench: "Bench") -> int:

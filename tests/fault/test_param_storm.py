@@ -88,9 +88,9 @@ def test_storm_of_parameter_requests_leaves_legal_values_and_whole_files(make_be
 def test_long_storm_of_parameter_requests_takes_no_memory(make_bench: "MakeBench", memory: "Memory") -> None:
     bench = make_bench(links=LINKS)
     storm = Storm(bench, 9)
-    rage(bench, storm, 10_000)
+    rage(bench, storm, 5_000)
     memory.begin()
-    rage(bench, storm, 20_000)
+    rage(bench, storm, 10_000)
     assert memory.growth() < ALLOWED_GROWTH_BYTES
     check_list(bench)
     bench.check_everything()

@@ -33,13 +33,12 @@ ALLOWED_GROWTH_KB = 4_000
 START = "from viso.cli import main; main()"
 LOG_LIMIT_BYTES = 60_000
 LIMITED_START = f"""
-import resource
+import resource, sys
+sys.dont_write_bytecode = True  # which it would cut short
 resource.setrlimit(resource.RLIMIT_FSIZE, ({LOG_LIMIT_BYTES}, {LOG_LIMIT_BYTES}))
 from viso.cli import main
 main()
 """
-
-
 DESCRIPTORS = 64
 FEW_DESCRIPTORS_START = f"""
 import resource

@@ -11,7 +11,7 @@ while:
 - the present state that is told is finite;
 - no arithmetic warns.
 
-The slow test runs a million steps, of which a third have measurements: flights, bumps and standstills, aided or not,
+The slow test runs 250,000 steps, of which a third have measurements: flights, bumps and standstills, aided or not,
 with measurements from exact to useless and innovations from none to absurd.
 """
 
@@ -299,10 +299,10 @@ class Wanderer:
 
 
 @pytest.mark.slow
-def test_covariance_is_one_throughout_a_million_steps() -> None:
+def test_covariance_is_one_throughout_many_steps() -> None:
     wanderer = Wanderer(seed=1)
-    wanderer.run(1_000_000 // Wanderer.PHASE, check_each=Wanderer.PHASE)
-    assert wanderer.fused > 100_000
+    wanderer.run(250_000 // Wanderer.PHASE, check_each=Wanderer.PHASE)
+    assert wanderer.fused > 25_000
 
 
 @pytest.mark.slow

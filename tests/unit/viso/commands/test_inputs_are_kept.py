@@ -6,7 +6,6 @@ import itertools
 import json
 import lzma
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -18,6 +17,7 @@ from typing import Final
 import pytest
 
 from mav_handlers.wire.messages import HEARTBEAT
+from tests.little_space import space_for
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import vectors as vectors_command
@@ -168,7 +168,8 @@ def test_error_halfway_leaves_what_was_there(viso: Viso, calls: Path) -> None:
 
 
 FULL: Final = """
-import resource
+import resource, sys
+sys.dont_write_bytecode = True  # which it would cut short
 from viso import cli
 from viso.files import outputs
 
@@ -214,18 +215,10 @@ def test_full_disk_leaves_what_was_there(viso: Viso, calls: Path, tmp_path: Path
     assert sorted(os.listdir()) == there
 
 
-@pytest.fixture
-def little_space() -> Iterator[None]:
-    """Let no file grow beyond 20 kB."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def test_full_disk_is_one_line(viso: Viso, calls: Path, little_space: None) -> None:
+def test_full_disk_is_one_line(viso: Viso, calls: Path) -> None:
     Path("out.jsonl").write_bytes(PRECIOUS)
-    assert failed_with(viso("vectors", calls, "-o", "out.jsonl"), "out.jsonl: File too large")
+    with space_for(20_000):
+        assert failed_with(viso("vectors", calls, "-o", "out.jsonl"), "out.jsonl: File too large")
     assert Path("out.jsonl").read_bytes() == PRECIOUS
     assert sorted(os.listdir()) == ["calls.jsonl", "out.jsonl"]
 

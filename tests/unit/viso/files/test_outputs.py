@@ -6,7 +6,6 @@ import errno
 import fcntl
 import os
 import re
-import resource
 import stat
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -15,6 +14,7 @@ from typing import BinaryIO
 
 import pytest
 
+from tests.little_space import space_for
 from tests.places import ROOT
 from viso.errors import InputError
 from viso.files.outputs import (
@@ -243,13 +243,8 @@ def test_what_was_there_is_kept_beside_a_growing_file(path: Path) -> None:
 
 
 def test_growing_file_without_space_keeps_both(path: Path) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
-    try:
-        with pytest.raises(InputError, match="file: File too large"):
-            write(growing_file, path, bytes(30_000))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with space_for(20_000), pytest.raises(InputError, match="file: File too large"):
+        write(growing_file, path, bytes(30_000))
     assert (path.read_bytes(), path.with_name("file~").read_bytes()) == (bytes(20_000), OLD)
 
 
