@@ -5,16 +5,21 @@
 from collections.abc import Callable
 from typing import Final
 
+from ekf_stub.inputs.gps_sample import USUAL_LAG_S, whole_ms
 from ekf_stub.inputs.obs_ring import RingSizes, ring_sizes
 from ekf_stub.inputs.sources import EkfSources
 
 _MAG_DELAY_MS: Final = 60
-_GPS_LAG_MS: Final = 200  # of a receiver whose own is not known
 MAX_DELAY_MS: Final = 250
 
 
 def buffer_sizes(
-    get_int: Callable[[str], int], sources: EkfSources, *, has_camera: bool, least_ms: int = 0
+    get_int: Callable[[str], int],
+    sources: EkfSources,
+    *,
+    has_camera: bool,
+    gps_lag_s: float = USUAL_LAG_S,
+    least_ms: int = 0,
 ) -> RingSizes:
     """Return the lengths of the estimator's buffers (NavEKF3_core::setup_core).
 
@@ -22,11 +27,12 @@ def buffer_sizes(
         get_int: returns an integer parameter by its full name.
         sources: the source sets.
         has_camera: whether there is visual odometry.
+        gps_lag_s: what the GPS receiver is said to be late, s.
         least_ms: a delay for which they are long enough in any case.
     """
     delays = [get_int(f"EK3_{name}_DELAY") for name in ("HGT", "FLOW", "BCN")]
     if sources.uses_gps():
-        delays.append(_GPS_LAG_MS)
+        delays.append(min(whole_ms(gps_lag_s), MAX_DELAY_MS))
     if has_camera:
         delays.append(min(get_int("VISO_DELAY_MS"), MAX_DELAY_MS))
     return ring_sizes(max(*delays, _MAG_DELAY_MS, min(least_ms, MAX_DELAY_MS)))

@@ -43,7 +43,7 @@ from ekf_stub.fusion.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
 from ekf_stub.fusion.yaw_fusion import YawFusion
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
 from ekf_stub.inputs.gps_checks import GpsChecks
-from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.gps_reading import CENTI, GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.sources import EkfSources, SourceYaw
@@ -114,7 +114,7 @@ class Ekf3Core:
         self._steps: deque[InertialStep] = deque(maxlen=sizes.imu)
         self._baro_ms = self._mag_us = 0
         self.origin: Location | None = None
-        self._origin_alt_cm = 0
+        self._origin_alt_cm, self._reference_height_m = 0, 0.0
         self._had_flags_ms = self._now_ms = 0
         self._fix: GpsSample | None = None
         self.initialised = self.stepped = False
@@ -167,7 +167,7 @@ class Ekf3Core:
         self._had_flags_ms = 0
         self.ingest.initialised = self.initialised = True
         if self.origin is not None:
-            self._origin_alt_cm = self.origin.alt_cm
+            self._put_origin_at(self.origin.alt_cm)
             self._texts.add("origin set")
         self._texts.add("initialised")
 
@@ -287,9 +287,15 @@ class Ekf3Core:
             worst_ratios=(innovations.vel_ratio, innovations.pos_ratio),
         )
         if fix is not None and self.gps.checks.good and self.origin is None:
-            self.set_origin(fix.location)
+            self._set_origin_by_gps(fix.location)
         if fix is not None and self.origin is not None:
-            self.gps.push(fix, self.origin, self.ingest.horizon_ms, now_ms)
+            self.gps.push(fix, self.origin, self._reference_height_m, self.ingest.horizon_ms, now_ms)
+
+    def _set_origin_by_gps(self, place: Location) -> None:
+        """Put the origin where the vehicle is, in flight at the height from which it has climbed."""
+        climbed_cm = int(100.0 * self.state.down) if self.control.vehicle.in_flight else 0
+        self.set_origin(Location(place.lat, place.lng, place.alt_cm + climbed_cm))
+        self._reference_height_m = CENTI * place.alt_cm + float(self.output.now.pos[2])
 
     def _check_stuck(self, frame: Frame, now_ms: int) -> None:
         """Begin anew once nothing has been right for a while, on the ground."""
@@ -306,7 +312,7 @@ class Ekf3Core:
         if self.origin is not None:
             return False
         self.origin = origin
-        self._origin_alt_cm = origin.alt_cm
+        self._put_origin_at(origin.alt_cm)
         latitude = math.radians(1e-7 * origin.lat)
         if self.initialised:
             self.state.earth_rate_ned = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
@@ -337,13 +343,20 @@ class Ekf3Core:
     def reset_height_datum(self) -> bool:
         """Count heights from the present one, on the ground; the barometer does so too (resetHeightDatum).
 
-        The origin takes up the difference, so that the height above the sea stays what it was.
+        The origin takes up the difference, so that the height above the sea stays what it was; it is the GPS's where
+        that is good.
         """
         if not self.initialised or not self.control.vehicle.on_ground:
             return False
-        self._origin_alt_cm += math.trunc(-100.0 * float(self.state.pos[2]))
+        if self.origin is not None:
+            above_cm = self._origin_alt_cm + math.trunc(-100.0 * float(self.state.pos[2]))
+            fix = self._fix if self.gps.checks.good else None
+            self._put_origin_at(above_cm if fix is None else fix.location.alt_cm)
         self.state.pos = np.array([*self.state.pos[:2], 0.0])
         return True
+
+    def _put_origin_at(self, alt_cm: int) -> None:
+        self._origin_alt_cm, self._reference_height_m = alt_cm, CENTI * alt_cm
 
     @property
     def yaw_resets(self) -> int:
@@ -376,9 +389,12 @@ class Ekf3Core:
         """The average interval of the steps, s."""
         return self._pass.dt_ekf_avg
 
-    def origin_alt_m(self) -> float:
-        """Return the height of the origin above mean sea level, 0 without one."""
-        return 0.0 if self.origin is None else 0.01 * self._origin_alt_cm
+    def origin_alt_cm(self) -> int:
+        """Return the height of the origin above mean sea level as it is told, 0 without one (getOriginLLH).
+
+        It has been through metres and single precision, and may so have lost a centimetre.
+        """
+        return 0 if self.origin is None else int(np.float32(100) * np.float32(self._reference_height_m))
 
     def position(self) -> Array:
         """Return the present position, metres NED from the origin as it was set (getPosNE, getPosD).
@@ -391,4 +407,4 @@ class Ekf3Core:
             return np.array([0.0, 0.0, down]) if is_unknown else np.array([north, east, down])
         if self.aiding.mode is _NO_AIDING and self._fix is not None and self._fix.fix_type >= _FIX_2D:
             north, east = (float(value) for value in self.origin.distance_ned(self._fix.location).to_tuple()[:2])
-        return np.array([north, east, down + 0.01 * (self.origin.alt_cm - self._origin_alt_cm)])
+        return np.array([north, east, down + CENTI * (self.origin.alt_cm - self.origin_alt_cm())])

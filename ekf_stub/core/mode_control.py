@@ -97,7 +97,7 @@ class ModeControl:
         self._sources: dict[str, int] | None = None
         self._situation: tuple[object, ...] = ()
         self.tests_stillness = self._no_yaw_on_ground = False
-        self.tilt_aligned = False
+        self.tilt_aligned = self._learns_biases = False
         self.flags = self._state_flags = self._now_ms = 0
         self._dt_ekf_avg = 0.0
         self._state: tuple[object, ...] = ()
@@ -111,10 +111,13 @@ class ModeControl:
         core = self._core
         if self._initialised_ms is None:
             self._initialised_ms = now_ms
+        if self.tilt_aligned and not self._learns_biases:
+            # FIRMWARE PARITY: a frame late. Until then their variances are 0, so that they count as known.
+            self._learns_biases = True
+            core.state.learn_biases(get_float("ACC_BIAS_LIM"), dt_ekf_avg)
         if core.stepped or self._is_news(frame):
             if not self.tilt_aligned and core.state.predicted_tilt_variance < TILT_ALIGNED_VAR:
                 self.tilt_aligned = True
-                core.state.learn_biases(get_float("ACC_BIAS_LIM"), dt_ekf_avg)
                 texts.add("tilt alignment complete")
             self._detect_flight(frame)
             core.yaw.control(self.vehicle)

@@ -41,7 +41,7 @@ def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
         height_rate=output.height_rate,
         gyro_bias=gyro_bias,
         accel_bias=accel_bias,
-        origin_height_m=core.origin_alt_m(),
+        origin_alt_cm=core.origin_alt_cm(),
         vel_innovation=three(innovations.vel),
         pos_innovation=three(innovations.pos),
         yaw_innovation=yaw.innovation,

@@ -16,10 +16,10 @@ from ap_core.location import Location
 from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
 from ekf_stub.inputs.gps_checks import GpsChecks
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.gps_sample import GpsSample, whole_ms
 from ekf_stub.inputs.obs_ring import ObsRing
 
-LAG_MS: Final = 200  # of a receiver whose own is not known
+CENTI: Final = float(np.float32(0.01))  # the firmware's literals are of single precision
 MIN_YAW_ERR: Final = float(np.radians(5.0))
 HEIGHT_TO_HORIZONTAL: Final = 1.5
 SCALERS: Final = {5: 1.4}  # of the noise, by number of satellites
@@ -107,13 +107,22 @@ class GpsReading:
         self._judge_for_flight(fix, now_ms, worst_ratios)
         return fix
 
-    def push(self, sample: GpsSample, origin: Location, horizon_ms: int, newest_ms: int) -> None:
-        """Put a solution where it waits for the horizon."""
-        place = origin.distance_ned(sample.location)
-        time_ms = later_ms(u32(sample.time_ms - LAG_MS - HALF_FILTER_STEP_MS), horizon_ms)
+    def push(
+        self, sample: GpsSample, origin: Location, reference_height_m: float, horizon_ms: int, newest_ms: int
+    ) -> None:
+        """Put a solution where it waits for the horizon.
+
+        Args:
+            sample: the solution.
+            origin: where north and east count from.
+            reference_height_m: where down counts from.
+            horizon_ms, newest_ms: the oldest and the newest inertial data.
+        """
+        north, east, _ = (float(value) for value in origin.distance_ned(sample.location).to_tuple())
+        time_ms = later_ms(u32(sample.time_ms - whole_ms(sample.lag_s) - HALF_FILTER_STEP_MS), horizon_ms)
         if i32(time_ms - newest_ms) > 0:
             time_ms = newest_ms
-        pos = np.array([float(value) for value in place.to_tuple()])
+        pos = np.array([north, east, reference_height_m - CENTI * sample.location.alt_cm])
         vel = np.array([float(value) for value in sample.vel_ned.to_tuple()])
         yaw = None if sample.yaw_deg is None else float(np.radians(sample.yaw_deg))
         self.newest = GpsFix(time_ms, pos, vel, sample.has_vertical_velocity, yaw)

@@ -5,10 +5,18 @@
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 
 FIX_3D: Final = 3
+USUAL_LAG_S: Final = 0.2
+
+
+def whole_ms(lag_s: float) -> int:
+    """Return a lag in ms as the firmware has it, which computes it in single precision and cuts it off."""
+    return int(np.float32(1000) * np.float32(lag_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +25,8 @@ class GpsSample:
 
     ``time_ms`` is since boot. Accuracies and the vertical velocity are None when the receiver gives none; hdop and
     vdop are x 100, 65535 when unknown. ``yaw_deg`` is 0..360 from north. ``last_fix_ms`` is the ``time_ms`` of the last
-    solution with a fix, 0 before the first. ``is_healthy`` tells whether solutions have come regularly.
+    solution with a fix, 0 before the first. ``is_healthy`` tells whether solutions have come regularly. ``lag_s`` is
+    how old a solution is when it comes; the default is what the firmware assumes of most receivers.
     """
 
     time_ms: int
@@ -34,3 +43,4 @@ class GpsSample:
     yaw_deg: float | None = None
     last_fix_ms: int = 0
     is_healthy: bool = True
+    lag_s: float = USUAL_LAG_S

@@ -157,7 +157,7 @@ def _xkf1_to_3(report: CoreReport) -> tuple[Values, Values, Values]:
     motion = (*report.vel_ned, report.height_rate, *report.pos_ned)
     error_score = max(0.5 * (report.vel_ratio + report.pos_ratio), report.height_ratio)
     return (
-        (roll, pitch, _heading_cdeg(yaw), *motion, gx, gy, gz, round(100 * report.origin_height_m)),
+        (roll, pitch, _heading_cdeg(yaw), *motion, gx, gy, gz, report.origin_alt_cm),
         (ax, ay, az, 0, 0, *milligauss[3:], 0.0, 0.0, 0.0),
         (*innovations, *milligauss[:3], yaw_innovation, 0, 0.0, error_score),
     )

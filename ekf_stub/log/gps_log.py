@@ -9,7 +9,6 @@ from ekf_stub.inputs.gps_sample import GpsSample
 
 Values = tuple[LogValue, ...]
 
-MAVLINK_LAG_S: Final = 0.2
 YAW_ACCURACY_DEG: Final = 10.0
 
 _UNKNOWN_DOP: Final = 65535
@@ -46,5 +45,5 @@ def gps_values(gps: GpsSample | None) -> tuple[Values, tuple[Values, Values]]:
     place = gps.location.lat, gps.location.lng, gps.location.alt_cm
     accuracies = gps.horizontal_accuracy or 0.0, gps.vertical_accuracy or 0.0
     motion = *gps.vel_ned.to_tuple(), gps.speed_accuracy or 0.0
-    slow = (*_NOWHERE, MAVLINK_LAG_S, flags, gps.fix_type, gps.num_sats, 0)
+    slow = (*_NOWHERE, gps.lag_s, flags, gps.fix_type, gps.num_sats, 0)
     return (1, 0), (slow, (gps.time_ms, *motion, *yaw, *place, *accuracies, gps.hdop, 0))

@@ -56,7 +56,7 @@ class CoreReport:
         vel_ned, pos_ned: m/s and m, of the outputs; the position from the origin as it was set.
         height_rate: d(down)/dt of the outputs, m/s.
         gyro_bias, accel_bias: rad/s and m/s/s, body.
-        origin_height_m: of the origin above mean sea level; 0 without one.
+        origin_alt_cm: of the origin above mean sea level; 0 without one.
         vel_innovation, pos_innovation: m/s and m, NED, prediction less measurement.
         yaw_innovation: rad.
         mag_innovation: of the compass's three axes, Gauss, body.
@@ -83,7 +83,7 @@ class CoreReport:
     height_rate: float = 0.0
     gyro_bias: Three = _REST
     accel_bias: Three = _REST
-    origin_height_m: float = 0.0
+    origin_alt_cm: int = 0
     vel_innovation: Three = _REST
     pos_innovation: Three = _REST
     yaw_innovation: float = 0.0

@@ -9,7 +9,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from viso.logs.record_fields import finite, instance, numbers, whole
 
-_VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
+_VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 
 
 class GpsRecords:
@@ -18,6 +18,7 @@ class GpsRecords:
     def __init__(self) -> None:
         self._count = self._primary = 0
         self._slow: dict[int, list[int]] = {}
+        self._lags_s: dict[int, float] = {}
         self._fast: dict[int, Any] = {}
         self._last_fix_ms = 0
 
@@ -28,8 +29,14 @@ class GpsRecords:
             self._count, self._primary = whole(record, "NumInst", "Primary")
         elif kind == "RGPI":
             self._slow[instance(record)] = whole(record, "Flags", "Stat", "NSats")
+            (self._lags_s[instance(record)],) = finite(record, "Lg")
         else:
             self._fast[instance(record)] = record
+
+    def lag_s(self) -> float | None:
+        """Return how late the primary GPS is, s; None while it cannot be said."""
+        flags, *_ = self._slow.get(self._primary, (0,))
+        return self._lags_s[self._primary] if flags & _LAG else None
 
     def newest(self) -> GpsSample | None:
         """Return the newest solution of the primary GPS, or None without one."""
@@ -54,4 +61,5 @@ class GpsRecords:
             vertical_accuracy=vertical if flags & _VERTICAL else None,
             yaw_deg=yaw if flags & _YAW else None,
             last_fix_ms=self._last_fix_ms,
+            lag_s=self._lags_s[self._primary],
         )

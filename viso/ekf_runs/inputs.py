@@ -37,6 +37,7 @@ class ReplayInputs:
         camera_frd: where the camera is on the vehicle, m; None while there is none.
         camera_delay_ms: how late it is.
         gps: the newest solution of the primary GPS; None while there is none.
+        gps_lag_s: how late that GPS is; None while it cannot be said.
     """
 
     def __init__(self) -> None:
@@ -49,6 +50,7 @@ class ReplayInputs:
         self.camera_frd: tuple[float, float, float] | None = None
         self.camera_delay_ms = 0
         self.gps: GpsSample | None = None
+        self.gps_lag_s: float | None = None
         self._primary_baro = self._usable_mag = 0
         self._gps_records = GpsRecords()
         self._handlers: dict[str, Callable[[Any], None]] = {
@@ -108,4 +110,4 @@ class ReplayInputs:
 
     def _take_gps(self, record: Any) -> None:
         self._gps_records.take(record)
-        self.gps = self._gps_records.newest()
+        self.gps, self.gps_lag_s = self._gps_records.newest(), self._gps_records.lag_s()

@@ -130,7 +130,7 @@ class EkfPlayer:
     def _take_rfrf(self, record: Any) -> None:
         (frame_types,) = whole(record, "FTypes")
         if self.core is None and frame_types & EKF3_RUNS and self.inputs.delta is not None:
-            self.core = self._make_core()
+            self._make_core()
         if frame_types & EKF3_RUNS:
             self._run_frame()
 
@@ -169,12 +169,18 @@ class EkfPlayer:
         )
         return x, y, z
 
-    def _make_core(self) -> Ekf3Core:
+    def _make_core(self) -> None:
+        lag_s = self.inputs.gps_lag_s
+        if lag_s is None and self._sources.uses_gps():
+            return  # the firmware waits for it, to know how long its buffers must be
         has_camera = self.inputs.camera_frd is not None
-        return Ekf3Core(
+        sizes = buffer_sizes(
+            lambda name: int(self.param(name)), self._sources, has_camera=has_camera, gps_lag_s=lag_s or 0.0
+        )
+        self.core = Ekf3Core(
             self._sources,
             lambda name: self.param(f"EK3_{name}"),
-            buffer_sizes(lambda name: int(self.param(name)), self._sources, has_camera=has_camera),
+            sizes,
             CoreTexts(self._events, self.imus),
             Counter(),
             lambda: self.inputs.mag is not None,

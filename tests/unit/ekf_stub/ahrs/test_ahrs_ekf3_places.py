@@ -131,7 +131,7 @@ def test_origin_is_set_once_and_not_before_the_filter(make_bench: MakeBench) -> 
     assert not bench.ahrs.set_origin(Location(1, 2, 3))
     assert bench.ahrs.origin() == bench.place
     assert bench.said(since_s=6) == ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set"]
-    assert bench.report.origin_height_m == 584
+    assert bench.report.origin_alt_cm == 58400
 
 
 def test_origin_leaves_the_state_as_it_was(make_bench: MakeBench) -> None:
@@ -226,7 +226,7 @@ def test_height_counts_from_the_ground_when_asked_to_and_the_height_above_the_se
     assert place.alt_cm == pytest.approx(bench.place.alt_cm + 500, abs=10)
     assert bench.ahrs.reset_height_datum()
     assert bench.core.state.pos[2] == 0
-    assert bench.report.origin_height_m == pytest.approx(589, abs=0.1)
+    assert bench.report.origin_alt_cm == pytest.approx(58900, abs=10)
     bench.stream(22, lambda: bench.pose(0, 0, -5))
     assert bench.core.state.pos[2] == pytest.approx(0, abs=0.1)
     again = bench.ahrs.get_location()

@@ -29,3 +29,9 @@ def test_buffers_are_as_long_as_the_longest_delay_takes(
 ) -> None:
     values = {**DELAYS, **params}
     assert buffer_sizes(values.__getitem__, sources(source), has_camera=has_camera) == sizes
+
+
+@pytest.mark.parametrize(("lag_s", "imu_steps"), [(0.0, 6), (0.1, 9), (0.12, 11), (0.22, 19), (0.3, 21)])
+def test_receivers_lag_counts_only_where_gps_is_a_source(lag_s: float, imu_steps: int) -> None:
+    assert buffer_sizes(DELAYS.__getitem__, sources(3), has_camera=False, gps_lag_s=lag_s).imu == imu_steps
+    assert buffer_sizes(DELAYS.__getitem__, sources(6), has_camera=False, gps_lag_s=lag_s).imu == 6

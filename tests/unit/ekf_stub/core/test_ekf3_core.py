@@ -84,12 +84,14 @@ def test_first_variances_are_those_of_the_parameters(make_core: MakeCore) -> Non
     assert diagonal[10:13].tolist() == [0, 0, 0]
 
 
-def test_biases_are_learned_once_tilt_is_known(make_core: MakeCore) -> None:
+def test_biases_are_learned_from_the_frame_after_tilt_is_known_on(make_core: MakeCore) -> None:
     rig = make_core(run_s=1.0025)
     while "tilt alignment complete" not in rig.told():
         assert not rig.core.state.learns_biases
         rig.run_for(0.0025)
     assert START_MS + 1500 < rig.now_ms < START_MS + 3000
+    assert not rig.core.state.learns_biases  # in that frame their variances are still 0
+    rig.run_for(0.0025)
     assert rig.core.state.learns_biases
     gyro, accel = math.radians(2.5) * rig.core.dt_ekf_avg, 0.2 * rig.core.dt_ekf_avg
     diagonal = rig.core.state.cov.diagonal()
@@ -197,7 +199,7 @@ def test_origin_is_set_once(make_core: MakeCore) -> None:
     rig.told()
     assert rig.core.set_origin(HOME)
     assert not rig.core.set_origin(Location(1, 2, 3))
-    assert (rig.core.origin, rig.core.origin_alt_m()) == (HOME, 584)
+    assert (rig.core.origin, rig.core.origin_alt_cm()) == (HOME, 58400)
     assert rig.told() == ["origin set"]
 
 
@@ -215,7 +217,19 @@ def test_origin_may_be_set_before_there_is_a_state(make_core: MakeCore) -> None:
     assert rig.core.set_origin(HOME)
     rig.run_for(1.0)
     assert rig.core.origin == HOME
-    assert rig.core.origin_alt_m() == 584
+    assert rig.core.origin_alt_cm() == 58400
+
+
+@pytest.mark.parametrize(
+    ("alt_cm", "told_cm"), [(58400, 58400), (58408, 58408), (58409, 58408), (58410, 58409), (58428, 58427)]
+)
+def test_told_height_of_the_origin_has_been_through_single_precision(
+    make_core: MakeCore, alt_cm: int, told_cm: int
+) -> None:
+    rig = make_core()
+    rig.core.set_origin(Location(HOME.lat, HOME.lng, alt_cm))
+    assert rig.core.origin_alt_cm() == told_cm
+    assert rig.core.position()[2] == pytest.approx(rig.core.output.now.pos[2] + 0.01 * (alt_cm - told_cm), abs=1e-9)
 
 
 def gps(rig: "CoreRig", place: Location = HOME, **fields: Any) -> None:
@@ -335,7 +349,7 @@ def test_height_counts_from_where_the_vehicle_stands_and_the_origin_goes_there(m
     assert down == pytest.approx(-3, abs=0.5)
     assert rig.core.reset_height_datum()
     assert rig.core.state.pos[2] == 0
-    assert rig.core.origin_alt_m() == pytest.approx(584 - down, abs=0.01)
+    assert rig.core.origin_alt_cm() == 58400 + int(-100 * down) - 1  # single precision loses one
     assert rig.core.origin == HOME
 
 

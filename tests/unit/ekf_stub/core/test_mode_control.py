@@ -202,6 +202,13 @@ def test_odometry_starts_relative_aiding_once_gyros_are_known(
     assert ("started relative aiding" in rig.told()) is starts
 
 
+def test_odometry_from_the_beginning_starts_relative_aiding_as_soon_as_tilt_is_known(make_core: MakeCore) -> None:
+    rig = make_core("06000", run_s=0.1)
+    rig.stream(6, lambda: odometry(rig), period_s=0.06)
+    times_ms = dict(map(reversed, rig.said))  # type: ignore[arg-type]
+    assert times_ms["started relative aiding"] == times_ms["tilt alignment complete"]
+
+
 def test_poor_odometry_starts_nothing(make_core: MakeCore) -> None:
     rig = make_core("06101", has_compass=True)
     rig.core.state.clear(GYRO, 1e-12)

@@ -73,7 +73,7 @@ def test_reset_of_position_is_told_by_how_far_it_went(report: CoreReport) -> Non
 def test_state_of_the_core_is_told(report: CoreReport) -> None:
     assert (report.flags, report.timeouts, report.faults) == (0x1233F, 48, 0)
     assert report.source_set == 0
-    assert (report.odometry, report.origin_height_m) == (None, 0)
+    assert (report.odometry, report.origin_alt_cm) == (None, 0)
     assert report.stillness is not None
 
 
@@ -105,7 +105,7 @@ def test_report_of_a_running_core_is_part_of_the_whole(rig: "CoreRig", report: C
 def test_height_of_the_origin_is_told(make_core: MakeCore) -> None:
     rig = make_core()
     rig.core.set_origin(HOME)
-    assert report_of(rig.core, rig.now_ms).origin_height_m == 584
+    assert report_of(rig.core, rig.now_ms).origin_alt_cm == 58400
 
 
 def test_test_for_stillness_that_rests_is_not_told(make_core: MakeCore) -> None:

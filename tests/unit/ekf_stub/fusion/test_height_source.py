@@ -14,6 +14,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.fusion.height_source import BARO, EXT_NAV, GPS, NO_SOURCE, Vehicle
 from ekf_stub.fusion.measurements import BaroSample
+from ekf_stub.inputs.gps_reading import CENTI
 from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def good_gps(parts: "FilterParts", from_ms: int, to_ms: int, **fields: Any) -> N
     for time_ms in range(from_ms, to_ms + 1, 200):
         sample = GpsSample(time_ms=time_ms, vel_ned=Vector3f(), hdop=100, **{**values, **fields})
         parts.gps.read(sample, time_ms, absolute=True, worst_ratios=(0.0, 0.0))
-        parts.gps.push(sample, ORIGIN, time_ms - 400, time_ms)
+        parts.gps.push(sample, ORIGIN, CENTI * ORIGIN.alt_cm, time_ms - 400, time_ms)
         parts.gps.recall(time_ms - 206)
 
 

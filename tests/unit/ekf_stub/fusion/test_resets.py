@@ -39,7 +39,7 @@ def set_fix(parts: "FilterParts", *, time_ms: int = NOW_MS, **fields: Any) -> No
     values: dict[str, Any] = {"fix_type": 3, "location": ORIGIN, "vel_ned": Vector3f(), "num_sats": 10, "hdop": 100}
     sample = GpsSample(time_ms=time_ms, **{**values, **fields})
     parts.gps.read(sample, time_ms, absolute=True, worst_ratios=(0.0, 0.0))
-    parts.gps.push(sample, ORIGIN, time_ms - 300, time_ms)
+    parts.gps.push(sample, ORIGIN, 0.01 * ORIGIN.alt_cm, time_ms - 300, time_ms)
 
 
 def variances(parts: "FilterParts", first: int, count: int) -> list[float]:

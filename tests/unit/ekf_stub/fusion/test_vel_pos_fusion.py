@@ -546,7 +546,7 @@ def fix(parts: "FilterParts", place: Vector3f, **fields: Any) -> None:
     values: dict[str, Any] = {"vel_ned": Vector3f(), "num_sats": 10, "hdop": 100, **fields}
     sample = GpsSample(time_ms=NOW_MS, fix_type=3, location=ORIGIN.offset(place), **values)
     parts.gps.read(sample, NOW_MS, absolute=True, worst_ratios=(0.0, 0.0))
-    parts.gps.push(sample, ORIGIN, NOW_MS - 300, NOW_MS)
+    parts.gps.push(sample, ORIGIN, 0.01 * ORIGIN.alt_cm, NOW_MS - 300, NOW_MS)
     parts.gps.recall(NOW_MS - 206)
 
 

@@ -399,7 +399,7 @@ def fix(parts: "FilterParts", yaw_deg: float | None, *, now_ms: int = NOW_MS, ve
     """Let a solution of the GPS come due in a step of now."""
     place = Location(-353632610, 1491652300, 58400)
     values: dict[str, Any] = {"fix_type": 3, "location": place, "vel_ned": Vector3f(), "num_sats": 10}
-    parts.gps.push(GpsSample(time_ms=now_ms, yaw_deg=yaw_deg, **values), place, now_ms, now_ms)
+    parts.gps.push(GpsSample(time_ms=now_ms, yaw_deg=yaw_deg, **values), place, 0.01 * place.alt_cm, now_ms, now_ms)
     run(parts, now_ms, vehicle=vehicle)
 
 

@@ -5,6 +5,7 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ap_core.location import Location
@@ -66,7 +67,7 @@ def test_same_solution_is_taken_once() -> None:
 def test_solution_counts_from_the_origin_and_is_of_200_ms_ago() -> None:
     gps = reading()
     place = ORIGIN.offset(Vector3f(30, -40, -5))
-    gps.push(sample(5000, location=place, vel_ned=Vector3f(1, 2, 3), yaw_deg=90.0), ORIGIN, 4700, 5000)
+    gps.push(sample(5000, location=place, vel_ned=Vector3f(1, 2, 3), yaw_deg=90.0), ORIGIN, 584.0, 4700, 5000)
     assert gps.newest is not None
     assert gps.newest.time_ms == 5000 - 200 - 6
     assert gps.newest.pos == pytest.approx([30, -40, -5], abs=0.02)
@@ -74,24 +75,39 @@ def test_solution_counts_from_the_origin_and_is_of_200_ms_ago() -> None:
     assert gps.newest.yaw == pytest.approx(math.pi / 2)
 
 
+@pytest.mark.parametrize(("lag_s", "lag_ms"), [(0.0, 0), (0.1, 100), (0.12, 120), (0.22, 220)])
+def test_solution_is_as_old_as_its_receiver_is_late(lag_s: float, lag_ms: int) -> None:
+    gps = reading()
+    gps.push(sample(5000, lag_s=float(np.float32(lag_s))), ORIGIN, 584.0, 4700, 5000)
+    assert gps.newest is not None
+    assert gps.newest.time_ms == 5000 - lag_ms - 6
+
+
+def test_height_counts_from_a_height_of_its_own() -> None:
+    gps = reading()
+    gps.push(sample(5000), ORIGIN, 580.0, 4700, 5000)
+    assert gps.newest is not None
+    assert gps.newest.pos == pytest.approx([0, 0, -4], abs=1e-4)
+
+
 @pytest.mark.parametrize(("horizon_ms", "time_ms"), [(4700, 4794), (4900, 4900)])
 def test_solution_is_never_older_than_the_horizon(horizon_ms: int, time_ms: int) -> None:
     gps = reading()
-    gps.push(sample(5000), ORIGIN, horizon_ms, 5000)
+    gps.push(sample(5000), ORIGIN, 584.0, horizon_ms, 5000)
     assert gps.newest is not None
     assert gps.newest.time_ms == time_ms
 
 
 def test_solution_from_the_future_is_of_now() -> None:
     gps = reading()
-    gps.push(sample(9000), ORIGIN, 4700, 5000)
+    gps.push(sample(9000), ORIGIN, 584.0, 4700, 5000)
     assert gps.newest is not None
     assert gps.newest.time_ms == 5000
 
 
 def test_solution_comes_due_as_the_horizon_reaches_it_and_stays_known() -> None:
     gps = reading()
-    gps.push(sample(5000), ORIGIN, 4700, 5000)
+    gps.push(sample(5000), ORIGIN, 584.0, 4700, 5000)
     gps.recall(4793)
     assert (gps.is_due, gps.delayed) == (False, None)
     gps.recall(4794)
@@ -103,7 +119,7 @@ def test_solution_comes_due_as_the_horizon_reaches_it_and_stays_known() -> None:
 
 def test_solution_without_a_yaw_has_none() -> None:
     gps = reading()
-    gps.push(sample(5000), ORIGIN, 4700, 5000)
+    gps.push(sample(5000), ORIGIN, 584.0, 4700, 5000)
     assert gps.newest is not None
     assert gps.newest.yaw is None
 
@@ -195,9 +211,9 @@ def test_single_speed_accuracy_counts_a_fifth(speed_accuracy: float, good: bool)
 def test_reset_forgets_all_but_the_judgement_of_the_receiver() -> None:
     gps = reading()
     run(gps, 1000, 12_000, horizontal_accuracy=2.0)
-    gps.push(sample(12_000), ORIGIN, 11_000, 12_000)
+    gps.push(sample(12_000), ORIGIN, 584.0, 11_000, 12_000)
     gps.recall(11_990)
-    gps.push(sample(12_200), ORIGIN, 11_000, 12_200)
+    gps.push(sample(12_200), ORIGIN, 584.0, 11_000, 12_200)
     gps.reset()
     assert (gps.newest, gps.delayed, gps.is_due, gps.received_ms, gps.pos_accuracy) == (None, None, False, 0, 0)
     assert not gps.accuracy_good

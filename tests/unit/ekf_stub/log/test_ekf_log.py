@@ -220,7 +220,7 @@ def test_outputs_of_a_moment() -> None:
         height_rate=3.5,
         pos_ned=(4.0, 5.0, -6.0),
         gyro_bias=(math.radians(0.127), math.radians(-0.253), 0.0),
-        origin_height_m=583.99,
+        origin_alt_cm=58399,
     )
     fields = Rig().fields("XKF1", report)
     assert [fields[label] for label in ("Roll", "Pitch", "GX", "GY", "GZ", "OH")] == [150, -225, 12, -25, 0, 58399]
