@@ -356,12 +356,12 @@ def steps(examples: int) -> settings:
 
 @pytest.mark.slow
 def test_whatever_comes_the_vehicle_goes_on() -> None:
-    run_state_machine_as_test(AhrsMachine, settings=steps(20))
+    run_state_machine_as_test(AhrsMachine, settings=steps(10))
 
 
 @pytest.mark.slow
 def test_two_vehicles_do_the_same() -> None:
-    run_state_machine_as_test(TwinMachine, settings=steps(10))
+    run_state_machine_as_test(TwinMachine, settings=steps(6))
 
 
 # A long trip

@@ -205,7 +205,7 @@ def test_odometry_starts_relative_aiding_once_gyros_are_known(
 def test_odometry_from_the_beginning_starts_relative_aiding_as_soon_as_tilt_is_known(make_core: MakeCore) -> None:
     rig = make_core("06000", run_s=0.1)
     rig.stream(6, lambda: odometry(rig), period_s=0.06)
-    times_ms = dict(map(reversed, rig.said))  # type: ignore[arg-type]
+    times_ms = {text: time_ms for time_ms, text in rig.said}
     assert times_ms["started relative aiding"] == times_ms["tilt alignment complete"]
 
 
