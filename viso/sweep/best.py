@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where an objective is best along one axis: the lowest point, and the vertex of the parabola through it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from viso.replay.figures import LOWER_IS_BETTER
 from viso.replay.significance import surplus
+
+RESOLUTIONS: Final[Mapping[str, float]] = {"VISO_DELAY_MS": 12.5}
+"""What the filter cannot tell apart whatever the samples say: a step of it, in ms."""
 
 GROUPED_BY: Final = ("stream", "firmware", "faults", "seed")
 
@@ -76,7 +79,11 @@ def _alike(
 ) -> tuple[tuple[float, float] | None, bool | None]:
     """Return between which values about the best point the objective is as good, and whether any value is worse."""
     found = [surplus(row, members[index], objective) for row in members]
-    worse = [one is not None and one.value > 0 and not one.is_chance for one in found]
+    near = [abs(row[axis] - members[index][axis]) <= RESOLUTIONS.get(axis, 0.0) for row in members]
+    worse = [
+        one is not None and one.value > 0 and not one.is_chance and not close
+        for one, close in zip(found, near, strict=True)
+    ]
     if len(members) < 2 or None in found:
         return None, None
     first = next((number + 1 for number in range(index, -1, -1) if worse[number]), 0)

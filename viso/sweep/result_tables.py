@@ -10,7 +10,7 @@ from rich.table import Column, Table
 from viso.replay.figures import LOWER_IS_BETTER, OBJECTIVES
 from viso.replay.observability import unobservable
 from viso.replay.significance import SIGMAS
-from viso.sweep.best import GROUPED_BY, Best, best_along, best_rows
+from viso.sweep.best import GROUPED_BY, RESOLUTIONS, Best, best_along, best_rows
 from viso.sweep.plan import DELAY, Recorded, SweepPlan
 
 _MOST_ROWS: Final = 40
@@ -90,7 +90,8 @@ def _chance(best: Best, axis: str) -> str:
     if not best.stands_out:
         return f"; no value is worse by more than chance ({SIGMAS:g} deviations): this material does not tell {axis}"
     low, high = best.alike
-    return "" if low == high else f"; {low:g} to {high:g} are not told apart ({SIGMAS:g} deviations)"
+    step = f", or a step of the filter, {RESOLUTIONS[axis]:g} ms" if axis in RESOLUTIONS else ""
+    return "" if low == high else f"; {low:g} to {high:g} are not told apart ({SIGMAS:g} deviations{step})"
 
 
 def unjudged(plan: SweepPlan, best: Best, axis: str, objective: str) -> str | None:
