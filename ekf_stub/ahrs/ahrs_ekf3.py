@@ -351,7 +351,8 @@ class Ekf3Ahrs(AhrsBase):
             return False
         self._replay_log.event(RESET_HEIGHT_DATUM)
         was_reset = self.core.reset_height_datum()
-        if was_reset and self._sensors is not None and self._sensors.baro is not None:
+        is_zeroed_here = was_reset and not self._source.has_recorded_heights
+        if is_zeroed_here and self._sensors is not None and self._sensors.baro is not None:
             self._baro_zero_m = self._sensors.baro[1]
         return was_reset
 

@@ -26,7 +26,13 @@ class Sensors:
 
 
 class SensorSource(Protocol):
-    """Where inertial data, height and magnetic field come from."""
+    """Where inertial data, height and magnetic field come from.
+
+    Attributes:
+        has_recorded_heights: its barometer was set to zero as the recorded vehicle did so; it is not to be set again.
+    """
+
+    has_recorded_heights: bool
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what is there at a time since boot, or None while there are no new inertial data.

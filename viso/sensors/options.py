@@ -28,6 +28,8 @@ class ImuOptions:
 class UnmovedSource:
     """What a source does that does not heed arming; ``SensorSource`` tells what it is to do."""
 
+    has_recorded_heights = False
+
     def __init__(self, options: ImuOptions) -> None:
         self._options = options
         self._model = ErrorModel(options.errors, options.seed)

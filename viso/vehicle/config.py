@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from ap_core.param_cache import FromParams
-from ekf_stub.ahrs.ahrs_base import AhrsBase
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.sensors import SensorSource
@@ -16,6 +16,7 @@ from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
 from viso.logs.sink import LogSink
 from viso.parameters.memory import MemoryParamStore, StoredParams
+from viso.sensors.flown.source import RecordedSource
 from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource
@@ -35,7 +36,9 @@ def by_ekf3(
 
     def make(parts: AhrsParts) -> AhrsBase:
         source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
-        ahrs = Ekf3Ahrs(parts, source, kernel=kernel_of(chosen_kernel()), buffer_ms=buffer_ms)
+        start_us = source.flight.ahrs_start_us if isinstance(source, RecordedSource) else AHRS_START_US
+        kernel = kernel_of(chosen_kernel())
+        ahrs = Ekf3Ahrs(parts, source, kernel=kernel, start_us=start_us, buffer_ms=buffer_ms)
         if isinstance(source, FollowSource):
             ahrs.on_pose = source.take_pose
         return ahrs

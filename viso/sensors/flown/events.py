@@ -3,8 +3,9 @@
 """What a log tells of a flight besides its motion: arming, lift-off, source sets, the origin, and the GPS."""
 
 import math
+import re
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +13,10 @@ import numpy.typing as npt
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.filter.inertial import Array
-from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
-from viso.sensors.flown.flight import Event, Happening, Readings, chosen, has, readings
+from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
+from viso.sensors.flown.flight import Event, Happening, Ints, Readings, chosen, has, parameters, readings
 
 _ARMED, _DISARMED = 10, 11  # of EV
 _SWITCHES: Final = {
@@ -25,6 +27,9 @@ _SWITCHES: Final = {
 _EKF_ORIGIN: Final = 0  # of ORGN.Type
 _HIGHEST_M: Final = 1e6
 _NOT_KNOWN: Final = 655.35  # of GPA's accuracies
+_UBLOX_LAG_S: Final = 0.12  # from series 7 on
+_INITIALISED: Final = re.compile(r"EKF3 IMU\d initialised")
+_START_UP_US: Final = 2_000_000
 
 
 def events_of(log: LogColumns) -> tuple[Event, ...]:
@@ -70,10 +75,13 @@ def _place(degrees_and_m: Sequence[float]) -> Location:
 def gps_of(log: LogColumns, pass_us: npt.ArrayLike) -> Readings[GpsSample]:
     """Return the solutions of the first receiver (GPS, with GPA), as each pass had them."""
     labels = ["TimeUS", "Status", "NSats", "HDop", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"]
-    table, _ = chosen(log, "GPS", labels, _first(log, "GPS"))
+    table, begins = chosen(log, "GPS", labels, _first(log, "GPS"))
     quality = _quality(log, table[:, 0])
+    lags_s = _lags_s(log, begins)
     samples, last_fix_ms = [], 0
-    for row, (time_ms, vdop, *accuracies, has_vertical) in zip(table.tolist(), quality.tolist(), strict=True):
+    for row, (time_ms, vdop, *accuracies, has_vertical), lag_s in zip(
+        table.tolist(), quality.tolist(), lags_s.tolist(), strict=True
+    ):
         _, fix_type, satellites, hdop, lat, lng, alt_m, speed, course_deg, down = row
         last_fix_ms = int(time_ms) if fix_type >= FIX_3D else last_fix_ms
         course = math.radians(course_deg)
@@ -92,9 +100,40 @@ def gps_of(log: LogColumns, pass_us: npt.ArrayLike) -> Readings[GpsSample]:
                 horizontal_accuracy=horizontal,
                 vertical_accuracy=vertical,
                 last_fix_ms=last_fix_ms,
+                lag_s=lag_s,
             )
         )
     return readings(samples, table[:, 0], pass_us)
+
+
+def _lags_s(log: LogColumns, begins: Ints) -> Array:
+    """Return how late each solution of a GPS was taken to be: by replay records, a parameter, or the kind of receiver.
+
+    Source: AP_GPS::get_lag, AP_GPS_UBLOX::get_lag.
+    """
+    told, of_told = chosen(log, "RGPI", ["Lg"], 0)
+    if len(told):
+        lags_s: Array = told[np.maximum(np.searchsorted(of_told, begins) - 1, 0), 0]
+        return lags_s
+    params = parameters(log)
+    delay_ms = params.get("GPS1_DELAY_MS", params.get("GPS_DELAY_MS", 0.0))
+    by_kind_s = _UBLOX_LAG_S if any("u-blox" in text for _, text in _texts(log)) else USUAL_LAG_S
+    return np.full(len(begins), 1e-3 * delay_ms if delay_ms > 0 else by_kind_s)
+
+
+def ahrs_start_us(log: LogColumns) -> int:
+    """Return when the AHRS of a log started: its filter is initialised 2 s later, and says so."""
+    began_us = next((time_us for time_us, text in _texts(log) if _INITIALISED.fullmatch(text)), None)
+    start_us = AHRS_START_US if began_us is None else began_us - _START_UP_US
+    return start_us if start_us > 0 else AHRS_START_US
+
+
+def _texts(log: LogColumns) -> list[tuple[int, str]]:
+    """Return time in us and text of what was told."""
+    if not has(log, "MSG", "TimeUS", "Message"):
+        return []
+    columns: Any = log.columns("MSG", ["TimeUS", "Message"])
+    return list(zip(columns["TimeUS"].tolist(), columns["Message"].tolist(), strict=True))
 
 
 def _first(log: LogColumns, kind: str) -> int | None:

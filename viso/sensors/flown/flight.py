@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.gps_sample import GpsSample
 from viso.estimators.series import IMPOSSIBLE_S
@@ -99,6 +100,7 @@ class Flight:
         events: what happened, in order.
         track: where the log's own filter says it was, while it knew: time in us and NED in m, [N, 4].
         notes: how it was made, a line each.
+        ahrs_start_us: when the AHRS started, since boot.
     """
 
     basis: Basis
@@ -112,6 +114,7 @@ class Flight:
     events: Sequence[Event]
     track: Array
     notes: tuple[str, ...] = ()
+    ahrs_start_us: int = AHRS_START_US
 
     @property
     def tells_flying(self) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.filter.inertial import Array
 from viso.logs.recorded import valid_positions
-from viso.sensors.flown.events import events_of, gps_of
+from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import PASS_US, REST_S, Basis, Flight, Ints, chosen, growing, imu_of, parameters
 from viso.sensors.flown.slow_sensors import slow_sensors
 
@@ -130,6 +130,7 @@ def flight_of(
         events_of(log),
         valid_positions(log, lane),
         notes,
+        ahrs_start_us(log),
     )
 
 

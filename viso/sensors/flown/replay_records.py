@@ -12,7 +12,7 @@ import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from viso.logs.recorded import valid_positions
-from viso.sensors.flown.events import events_of, gps_of
+from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import Basis, Flight, Ints, Readings, chosen, growing, imu_of, readings
 from viso.sensors.flown.slow_sensors import slow_sensors
 
@@ -47,6 +47,7 @@ def replay_records(log: LogColumns, lane: int) -> Flight | None:
         gps_of(log, time_us),
         events_of(log),
         valid_positions(log, lane),
+        ahrs_start_us=ahrs_start_us(log),
     )
 
 

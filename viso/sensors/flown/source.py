@@ -59,6 +59,8 @@ class RecordedSource(UnmovedSource):
     its last, there is nothing.
     """
 
+    has_recorded_heights = True
+
     def __init__(self, options: ImuOptions, flight: Flight) -> None:
         super().__init__(options)
         self.flight = flight

@@ -234,6 +234,17 @@ def test_height_counts_from_the_ground_when_asked_to_and_the_height_above_the_se
     assert again.alt_cm == pytest.approx(place.alt_cm, abs=10)
 
 
+@pytest.mark.parametrize(("recorded", "down_m"), [(False, 0.0), (True, -5.0)])
+def test_recorded_heights_are_not_set_to_zero_again(make_bench: MakeBench, recorded: bool, down_m: float) -> None:
+    bench = make_bench("60106", errors=SensorErrors(baro_bias_m=5))
+    assert bench.ahrs.source is not None
+    bench.ahrs.source.has_recorded_heights = recorded
+    bench.run_to(6)
+    assert bench.ahrs.reset_height_datum()
+    bench.run_to(7)
+    assert bench.core.height.baro_height == pytest.approx(-down_m, abs=0.3)
+
+
 def test_height_is_not_begun_anew_while_armed_or_before_the_filter(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.run_to(3)

@@ -16,6 +16,8 @@ REST = InertialDelta(np.array([0.0, 0.0, -0.0245]), np.zeros(3), 0.0025, 0.0025)
 class Rest:
     """The least that a source of sensors' data is."""
 
+    has_recorded_heights = False
+
     def sense(self, now_us: int) -> Sensors | None:
         return Sensors(REST) if now_us else None
 

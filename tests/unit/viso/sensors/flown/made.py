@@ -3,6 +3,7 @@
 """Logs of ordinary records, made up."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,9 +31,11 @@ _LAYOUTS = {
     "ORGN": ("TimeUS,Type,Lat,Lng,Alt", "QBLLe"),
     "GPS": ("TimeUS,I,Status,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ", "QBBBcLLefff"),
     "GPA": ("TimeUS,I,VDop,HAcc,VAcc,SAcc,VV,SMS", "QBCCCCBI"),
+    "RGPI": ("Lg,I", "fB"),
+    "MSG": ("TimeUS,Message", "QZ"),
 }
 
-Rows = Iterable[Sequence[float]]
+Rows = Iterable[Sequence[Any]]
 
 
 def log_of(params: Mapping[str, float] | None = None, /, **rows: Rows) -> LogColumns:
@@ -44,7 +47,7 @@ def log_of(params: Mapping[str, float] | None = None, /, **rows: Rows) -> LogCol
         layout = writer.define(kind, *_LAYOUTS[kind])
         for row in of_kind:
             values = [
-                int(value) if char in "QBHIhbLecC" else float(value)
+                value if char == "Z" else int(value) if char in "QBHIhbLecC" else float(value)
                 for value, char in zip(row, layout.format, strict=True)
             ]
             parts.append(writer.record(layout, values))

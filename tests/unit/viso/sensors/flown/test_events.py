@@ -3,13 +3,14 @@
 """What a log tells of arming, flying, source sets, the origin and the GPS."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ap_core.location import Location
 from tests.unit.viso.sensors.flown.made import log_of
-from viso.sensors.flown.events import events_of, gps_of
+from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import Event, Happening
 
 BEGUN = {"ATT": [[7_000_000, 0, 0, 0]]}
@@ -80,8 +81,33 @@ def test_accuracies_that_nobody_tells_are_unknown() -> None:
     assert without.time_ms == 20_000
 
 
+@pytest.mark.parametrize(("params", "records", "lag_s"), [
+    ({}, {}, 0.2),
+    ({}, {"MSG": [[5e6, "GPS 1: detected u-blox"]]}, 0.12),
+    ({"GPS1_DELAY_MS": 80}, {"MSG": [[5e6, "GPS 1: detected u-blox"]]}, 0.08),
+    ({"GPS_DELAY_MS": 90}, {}, 0.09),
+    ({"GPS1_DELAY_MS": 80}, {"RGPI": [[0.22, 0], [0.5, 1]]}, 0.22),
+])  # fmt: skip
+def test_solution_is_as_late_as_the_log_tells_of_the_receiver(
+    params: dict[str, float], records: dict[str, Any], lag_s: float
+) -> None:
+    sample = gps_of(log_of(params, **records, GPS=[GPS]), PASSES_US).at(3)
+    assert sample is not None
+    assert sample.lag_s == pytest.approx(lag_s, rel=1e-6)
+
+
 def test_first_receiver_counts() -> None:
     second = [20e6, 1, 3, 4, 121, 0, 0, 0, math.pi, 0, 0]
     sample = gps_of(log_of(GPS=[GPS, second]), PASSES_US).at(3)
     assert sample is not None
     assert sample.num_sats == 10
+
+
+@pytest.mark.parametrize(("texts", "start_us"), [
+    ([], 2_455_000),
+    ([[1e6, "ArduPilot Ready"]], 2_455_000),
+    ([[3_930_094, "EKF3 IMU0 initialised"], [90e6, "EKF3 IMU0 initialised"]], 1_930_094),
+    ([[5, "EKF3 IMU0 initialised"]], 2_455_000),
+])  # fmt: skip
+def test_ahrs_starts_two_seconds_before_its_filter_is_initialised(texts: list[list[Any]], start_us: int) -> None:
+    assert ahrs_start_us(log_of(MSG=texts)) == start_us
