@@ -30,6 +30,7 @@ _LONGEST_WINDOW: Final = 2.4  # times its length
 FEWEST_WINDOWS: Final = 30
 LEAST_SPEED: Final = 0.25  # m/s, for directions to mean anything
 _LEAST_RESIDUAL: Final = 0.3  # m/s, below which nothing is an outlier
+_ENOUGH: Final = 5000  # samples to tell axes by
 _CLEARLY_BETTER: Final = 0.02
 _FAILED: Final = -1  # of a quality
 _INVERSE: Final = np.array([1.0, -1.0, -1.0, -1.0])
@@ -129,7 +130,11 @@ AXES: Final[Sequence[Axes]] = tuple(sorted(_all_axes(), key=lambda axes: -float(
 
 
 def best_axes(path: Floats, velocities: Floats) -> tuple[Axes, Agreement]:
-    """Return the axes with which velocities fit a path best, the least mixed up of those that fit about equally."""
+    """Return the axes with which velocities fit a path best, the least mixed up of those that fit about equally.
+
+    Of long paths a part is looked at, evenly spread.
+    """
+    path, velocities = (values[:: len(path) // _ENOUGH + 1] for values in (path, velocities))
     best = AXES[0], agreement(path, velocities)
     for axes in AXES[1:]:
         fit = agreement(path, velocities @ axes.matrix.T)
