@@ -96,7 +96,9 @@ class VioSession:
             stack.enter_context(_source_errors())
             vio = LiveVio(self._source(), self.config, self.log, self.logger, link, alignment=alignment, on_text=take)
             if link is not None and wait_s and not vio.wait_for_vehicle(wait_s, self.stop) and not self.stop():
-                raise InputError(f"--master {master}: no vehicle heard within {wait_s:g} s (--wait 0 sends unheard)")
+                why = f": {link.stats.unreached}" if link.stats.unreached else ""
+                told = f"no vehicle heard within {wait_s:g} s{why} (--wait 0 sends unheard)"
+                raise InputError(f"--master {master}: {told}")
             before = None if link is None else link.stats
             vio.run(self.stop, delay_s=delay_s, until_s=self.until_s)
             if link is not None and before is not None:

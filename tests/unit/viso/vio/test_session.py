@@ -115,6 +115,11 @@ def test_vehicle_that_is_not_heard_is_told(vehicle: PairLink, film: Recording) -
         live(session(film), [], wait_s=0.01)
 
 
+def test_server_that_refuses_is_named_as_that(film: Recording) -> None:
+    with pytest.raises(InputError, match=r"tcp:127\.0\.0\.1:1: no vehicle heard within 0\.05 s: connection refused \("):
+        live(session(film), [], master="tcp:127.0.0.1:1", wait_s=0.05)
+
+
 def test_unheard_sending_is_possible(vehicle: PairLink, film: Recording) -> None:
     assert live(session(film, until_s=0.1), [], wait_s=0.0)["texts"] == []
 
