@@ -10,6 +10,7 @@ import numpy as np
 
 from viso.doctor.evidence import Evidence
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
+from viso.doctor.measures.own_filter import POSITION
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, Sender, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries
@@ -104,9 +105,15 @@ def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
 
 
 def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
-    """Yield poses, and the way of those that are not told to have failed."""
+    """Yield poses, and the way of those that are not told to have failed.
+
+    Those of a log are left out where the autopilot made them follow the vehicle, which navigated by something else.
+    """
+    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
     for poses in evidence.poses:
         fine = (np.abs(poses.pos_m) < _FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
+        if own is not None and evidence.viso_type in ALIGNING_TYPES:
+            fine &= ~own.is_fed_by_others(POSITION, poses.track.arrival_us)
         chosen = np.flatnonzero(fine)
         if len(chosen) >= _FEWEST:
             yield poses, Way(poses.track, chosen, poses.pos_m[chosen], began_anew_us(evidence, poses))

@@ -39,6 +39,7 @@ from tests.unit.viso.report.log_maker import LOST, LogMaker
 from viso.doctor import RULES, Finding, Severity, diagnose
 from viso.doctor.measures.own_filter import NOT_TOLD, OwnFilter
 from viso.doctor.measures.own_log import own_filter_in
+from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import summary_lines
 from viso.doctor.witness import Witness
@@ -241,6 +242,18 @@ def test_jumps_of_logged_poses_where_the_autopilot_aligned_them_are_its_own(
     own = None if make is None else own_of(make())
     findings = diagnose(evidence_of(stream_of(poses), {"VISO_TYPE": viso_type}, own_filter=own), RULES)
     assert {one.code for one in findings if one.code in ("XN6-01", "XN6-02")} == found
+
+
+@pytest.mark.parametrize(("params", "viso_type", "found"), [(GPS, 1, True), (GPS, 2, False), (EXTNAV, 2, True)])
+def test_logged_positions_that_the_autopilot_moved_are_held_against_nothing(
+    params: dict[str, float], viso_type: int, found: bool
+) -> None:
+    moved = [odometry(1 + number * 40_000, x=4.0 * (number >= 500)) for number in range(1000)]
+    times_us = np.arange(10_000_000, 60_000_000, 100_000)
+    stands = PositionSeries("SIM", times_us, np.zeros((len(times_us), 3)), 0.05)
+    own = own_of(logged(params=params))
+    findings = diagnose(evidence_of(stream_of(moved), {"VISO_TYPE": viso_type}, own_filter=own, position=stands), RULES)
+    assert any(one.code == "XN8-12" for one in findings) is found
 
 
 def test_log_without_records_of_the_filter_says_so() -> None:
