@@ -71,6 +71,7 @@ def test_stream_is_read_by_its_ending(tmp_path: Path) -> None:
         read_stream(path, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("installed")
 def test_rule_of_the_doctor_finds(tmp_path: Path) -> None:
     camera = Codec(1, 197)

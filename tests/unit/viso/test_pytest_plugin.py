@@ -39,6 +39,7 @@ def run(pytester: pytest.Pytester, tests: str, *args: str) -> pytest.RunResult:
     return pytester.runpytest_inprocess(*WITH_PLUGIN, "--strict-markers", *args)
 
 
+@pytest.mark.slow
 def test_each_test_has_a_vehicle_of_its_own(pytester: pytest.Pytester) -> None:
     tests = """
 @pytest.mark.parametrize("turn", [1, 2])

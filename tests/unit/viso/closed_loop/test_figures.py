@@ -20,6 +20,8 @@ from viso.closed_loop.record import COMPANION
 from viso.companion.vio.se3 import Array
 from viso.logs.sink import MemoryLog
 
+pytestmark = pytest.mark.slow  # a flight with a companion
+
 
 def errors(errors_ned: list[tuple[float, float, float]], sigma_m: float) -> PoseErrors:
     """Return errors at one place after the other."""

@@ -124,6 +124,7 @@ def test_replay_tells_machines_the_same_and_writes_lines_that_agree(viso: Viso, 
     assert found == {(row["kind"], row["rule"]): row["count"] for row in answer["filter"]}
 
 
+@pytest.mark.slow
 def test_change_that_the_motion_cannot_contradict_is_told(viso: Viso, leaping: Path) -> None:
     answer = replayed(viso, leaping, "--ekf", "--set", "VISO_SCALE=1.1")
     (doubt,) = answer["doubts"]

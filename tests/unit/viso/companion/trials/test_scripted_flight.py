@@ -53,6 +53,7 @@ def test_velocity_is_continuous(time_s: float) -> None:
     assert np.linalg.norm(step) < 2e-2
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(TIMES, st.floats(0.1, 5.0))
 def test_velocity_integrates_to_the_change_of_position(time_s: float, duration_s: float) -> None:
