@@ -153,7 +153,6 @@ class VelPosFusion(Fusion):
 
     def _observe_by_gps(self, observed: _Observed, fix: GpsFix) -> None:
         gps, accel = self._gps, self._state.acceleration()
-        scale = gps.noise_scaler**2
         pos_noise, vel_noise, down_noise = (
             self._get_float(name) for name in ("POSNE_M_NSE", "VELNE_M_NSE", "VELD_M_NSE")
         )
@@ -161,18 +160,17 @@ class VelPosFusion(Fusion):
         observed.pos_ne = fix.pos[NORTH_EAST]
         own = limited(pos_noise, 0.1, 10.0) ** 2 + by_accel
         observed.pos_variance = gps.pos_accuracy**2 if gps.pos_accuracy > 0 else own
-        observed.pos_variance *= scale
         if not self._sources.uses_vel_xy(_XY_GPS):
             return
         observed.vel = fix.vel
         observed.vel_axes = 3 if fix.has_vertical_velocity and self._sources.uses_vel_z(_Z_GPS) else 2
         observed.vel_gate_variance = limited(vel_noise, 0.05, 5.0) ** 2 + by_accel
         if gps.speed_accuracy > 0:
-            observed.vel_ne_variance = scale * limited(gps.speed_accuracy, vel_noise, 50.0) ** 2
-            observed.vel_d_variance = scale * limited(gps.speed_accuracy, down_noise, 50.0) ** 2
+            observed.vel_ne_variance = limited(gps.speed_accuracy, vel_noise, 50.0) ** 2
+            observed.vel_d_variance = limited(gps.speed_accuracy, down_noise, 50.0) ** 2
         else:
-            observed.vel_ne_variance = scale * observed.vel_gate_variance
-            observed.vel_d_variance = scale * (limited(down_noise, 0.05, 5.0) ** 2 + by_accel)
+            observed.vel_ne_variance = observed.vel_gate_variance
+            observed.vel_d_variance = limited(down_noise, 0.05, 5.0) ** 2 + by_accel
 
     # Gates and fusion
 
@@ -188,11 +186,16 @@ class VelPosFusion(Fusion):
         height_ok = self._height.is_new and self._test_height(now_ms, vehicle)
         by_ground_effect = height_ok and vehicle.near_ground and self._height.active == BARO
         wanted: list[tuple[int, float, float]] = []
+        # With few satellites whatever GPS is the source of counts for less, even if it is assumed for want of GPS.
+        scale = self._gps.noise_scaler**2
         if vel_ok and observed.vel is not None:
-            variances = observed.vel_ne_variance, observed.vel_ne_variance, observed.vel_d_variance
+            factor = scale if self._sources.uses_vel_xy(_XY_GPS) else 1.0
+            north_east, down = factor * observed.vel_ne_variance, factor * observed.vel_d_variance
+            variances = north_east, north_east, down
             wanted += zip(_VEL[: observed.vel_axes], observed.vel.tolist(), variances, strict=False)
         if pos_ok and observed.pos_ne is not None:
-            wanted += zip(_POS_NE, observed.pos_ne.tolist(), 2 * (observed.pos_variance,), strict=True)
+            variance = (scale if self._sources.pos_xy() == _XY_GPS else 1.0) * observed.pos_variance
+            wanted += zip(_POS_NE, observed.pos_ne.tolist(), 2 * (variance,), strict=True)
         if height_ok and not by_ground_effect:
             wanted.append((_POS_D, self._height.down, self._height.variance))
         if wanted:

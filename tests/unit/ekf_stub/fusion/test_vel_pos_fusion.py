@@ -596,6 +596,27 @@ def test_noises_of_a_gps_that_tells_no_accuracies_have_limits(make_parts: MakePa
     assert parts.state.vel == pytest.approx([0.1 * weight(VEL_VAR, 5.0), 0, 0.3 * weight(VEL_D_VAR, 5.0)])
 
 
+def test_few_satellites_count_for_less_but_not_at_the_gate(make_parts: MakeParts) -> None:
+    parts = navigating(make_parts, "33131")
+    fix(parts, Vector3f(1, 0, 0), horizontal_accuracy=1.0)
+    parts.gps.noise_scaler = 2.0
+    step(parts)
+    assert parts.state.pos[0] == pytest.approx(weight(POS_VAR, 2.0), abs=0.01)
+    assert parts.fusion.innovations.pos_ratio == pytest.approx(1 / (GATE * 2 * (POS_VAR + 1.0)), rel=0.03)
+
+
+@pytest.mark.parametrize(("sources", "scale"), [("33131", 2.0), ("60131", 1.0)])
+def test_position_that_is_assumed_for_want_of_gps_counts_for_less(
+    make_parts: MakeParts, sources: str, scale: float
+) -> None:
+    parts = make_parts(sources)
+    parts.gps.noise_scaler = 2.0
+    parts.state.pos = np.array([1.0, 0.0, 0.0])
+    parts.height.baro.push(BaroSample(NOW_MS - 10, 0.0))
+    step(parts)
+    assert parts.state.pos[0] == pytest.approx(1 - weight(POS_VAR, 0.5 * scale), abs=0.01)
+
+
 def test_gps_that_jumps_is_rejected(make_parts: MakeParts) -> None:
     parts = navigating(make_parts, "33131")
     fix(parts, Vector3f(1000, 0, 0))
