@@ -201,7 +201,7 @@ class Ekf3Core:
         self.resets = Resets(parts)
         self.height = HeightSource(parts)
         self.fusion = VelPosFusion(parts, self.resets, self.height)
-        self.yaw = YawFusion(parts)
+        self.yaw = YawFusion(parts, self.resets, self.fusion.innovations)
         self.odometry = BodyOdometry(parts)
         self.control = ModeControl(self)
         self._fusion_waits = False
@@ -243,6 +243,7 @@ class Ekf3Core:
         self.yaw.field.begin_step()
         aided = self.aiding.mode is not _NO_AIDING
         self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground)
+        self.yaw.by_gps.predict(step)
         self._read_sensors(frame, now_ms)
         climbed_m = self.control.climbed_m()
         self.yaw.step(now_ms, vehicle, step, is_still=self._pass.stillness.is_still, climbed_m=climbed_m)
@@ -253,6 +254,7 @@ class Ekf3Core:
             self._read_gps(frame.gps, now_ms)
             self.fusion.step(now_ms, vehicle)
             self.odometry.step(now_ms, step)
+        self.yaw.correct_by_gps(now_ms, vehicle)
         self.control.update_flags(frame, now_ms)
 
     def _process_noise(self, get: Callable[[str], float]) -> ProcessNoise:
@@ -354,6 +356,11 @@ class Ekf3Core:
             self._put_origin_at(above_cm if fix is None else fix.location.alt_cm)
         self.state.pos = np.array([*self.state.pos[:2], 0.0])
         return True
+
+    def request_yaw_reset(self) -> None:
+        """Ask for yaw to be reset by the velocity of GPS, within 5 s (EKFGSF_requestYawReset)."""
+        if self.initialised:
+            self.yaw.by_gps.request(self._now_ms)
 
     def _put_origin_at(self, alt_cm: int) -> None:
         self._origin_alt_cm, self._reference_height_m = alt_cm, CENTI * alt_cm

@@ -119,7 +119,7 @@ class ModeControl:
             if not self.tilt_aligned and core.state.predicted_tilt_variance < TILT_ALIGNED_VAR:
                 self.tilt_aligned = True
                 texts.add("tilt alignment complete")
-            self._detect_flight(frame)
+            self._detect_flight(frame, dt_ekf_avg)
             core.yaw.control(self.vehicle)
             source = core.yaw.source()
             self._no_yaw_on_ground = source == _YAW_NONE and not frame.armed
@@ -141,7 +141,7 @@ class ModeControl:
         self._states, self._sources, self._situation = states, sources, situation
         return True
 
-    def _detect_flight(self, frame: Frame) -> None:
+    def _detect_flight(self, frame: Frame, dt_ekf_avg: float) -> None:
         if not frame.armed:
             self._states_on_ground = self._core.state.states
         in_flight = frame.armed and (
@@ -152,6 +152,8 @@ class ModeControl:
         if known != self._known:
             self._known = known
             self.vehicle = Vehicle(frame.armed, not frame.armed, in_flight, near_ground, self.tilt_aligned)
+        gsf = self._core.yaw.by_gps
+        gsf.follow_flight(self.vehicle, takeoff_expected=frame.takeoff_expected, dt_ekf_avg=dt_ekf_avg)
 
     def climbed_m(self) -> float:
         """Return the height above where the vehicle was disarmed."""

@@ -67,4 +67,5 @@ def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
         odometry=core.odometry.report(),
         stillness=core.stillness.report,
         source_set=core.sources.active_set,
+        gsf=yaw.by_gps.report(),
     )

@@ -5,13 +5,19 @@
 import math
 from typing import Final
 
+from ap_core.fmath import f32
 from ekf_stub.filter.error_state import MIN_NOISE_VAR
 from ekf_stub.filter.inertial import InertialStep, limited
+from ekf_stub.filter.states import ATT
+from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.compass_yaw import ALWAYS, CompassAlignment
+from ekf_stub.fusion.gps_yaw import GpsYaw
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.mag_fusion import MagFusion
 from ekf_stub.fusion.measurements import MagSample
 from ekf_stub.fusion.parts import FilterParts, Fusion
+from ekf_stub.fusion.resets import Resets
+from ekf_stub.fusion.vel_pos_fusion import Innovations
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import YawSample
 from ekf_stub.inputs.gps_reading import MIN_YAW_ERR
@@ -24,6 +30,7 @@ IN_USE_MS: Final = 5000
 MIN_YAW_NOISE: Final = 0.05
 MIN_ALIGNED_NOISE: Final = 0.01
 MAX_INNOVATION: Final = 0.5
+WELL_KNOWN: Final = float(f32(0.01))
 _BY_GPS: Final = (SourceYaw.GPS, SourceYaw.GPS_COMPASS_FALLBACK)
 _BY_COMPASS: Final = (SourceYaw.COMPASS, SourceYaw.GPS_COMPASS_FALLBACK)
 
@@ -34,6 +41,7 @@ _YAW_GPS: Final = SourceYaw.GPS
 _YAW_GSF: Final = SourceYaw.GSF
 _YAW_NONE: Final = SourceYaw.NONE
 _WITHOUT_COMPASS: Final = (*_BY_GPS, _YAW_EXTNAV)
+_NO_AIDING: Final = AidingMode.NONE
 
 
 def wrap_pi(angle: float) -> float:
@@ -53,11 +61,16 @@ class YawFusion(Fusion):
         field: the fields of the earth and of the vehicle.
         mag_fusion: 0 while the compass is not in use, 1 while its heading is fused, 2 while its three axes are.
         field_was_fused: whether they took up this step, so that other measurements wait for the next.
+        by_gps: yaw by the velocity of GPS.
     """
 
-    def __init__(self, parts: FilterParts) -> None:
+    def __init__(self, parts: FilterParts, resets: Resets, innovations: Innovations) -> None:
         super().__init__(parts)
+        self._reset = resets
+        self._innovations = innovations
+        self.by_gps = GpsYaw(parts)
         self.has_compass = parts.has_compass
+        self._compass_failed = False
         self.aligned = False
         self.resets = 0
         self.innovation = self.ratio = 0.0
@@ -83,7 +96,7 @@ class YawFusion(Fusion):
     def _look_at_sources(self) -> None:
         source, has_compass = self._sources.yaw(), self.has_compass()
         self._frame_source = _YAW_NONE if source == _YAW_COMPASS and not has_compass else source
-        self._frame_uses_compass = source in _BY_COMPASS and has_compass
+        self._frame_uses_compass = source in _BY_COMPASS and has_compass and not self._compass_failed
 
     def uses_ext_nav(self, now_ms: int) -> bool:
         """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
@@ -121,9 +134,10 @@ class YawFusion(Fusion):
             self._yaw_at_rest = self._state.yaw(by_321=self._by_321_at_rest)
         self.field_was_fused = False
         if source == _YAW_GSF or (not self.uses_compass() and source not in _WITHOUT_COMPASS):
-            self._source_changed = False
-            if self._fuse_synthetic(now_ms, vehicle, is_still=is_still):
-                self.ratio = 0.0
+            if self._source_changed or not self.aligned:
+                self._align_by_gps(now_ms, vehicle)
+                self._source_changed = False
+            self._go_without_sensor(now_ms, vehicle, is_still=is_still)
             return
         if source in _BY_GPS:
             self._use_gps(now_ms, vehicle, is_still=is_still)
@@ -134,8 +148,8 @@ class YawFusion(Fusion):
             self._ingest.tell("yaw", rules.NOT_FINITE, ext_nav.time_ms)
         elif ext_nav is not None:
             self._use_ext_nav(ext_nav, now_ms, vehicle)
-        elif source == _YAW_EXTNAV and vehicle.tilt_aligned and not self.aligned:
-            self._fuse_synthetic(now_ms, vehicle, is_still=is_still)
+        elif source == _YAW_EXTNAV:
+            self._wait_for_sensor(now_ms, vehicle, is_still=is_still)
         mag = self.mag.recall(self._ingest.horizon_ms).sample
         if mag is not None and self.uses_compass():
             self._align_by_compass(mag, vehicle, climbed_m=climbed_m)
@@ -145,18 +159,42 @@ class YawFusion(Fusion):
     def _noise(self) -> float:
         return self._get_float("YAW_M_NSE")
 
-    def _fuse_synthetic(self, now_ms: int, vehicle: Vehicle, *, is_still: bool) -> bool:
-        """Keep yaw from growing uncertain while nothing measures it; tell whether it was time for that."""
+    def _go_without_sensor(self, now_ms: int, vehicle: Vehicle, *, is_still: bool) -> None:
+        """Use the GSF, or keep yaw from growing uncertain, while no sensor measures it."""
+        if not self._synthetic_is_due(now_ms):
+            return
+        if not self._fuse_gsf(vehicle):
+            is_known = float(self._state.cov.diagonal()[ATT].sum()) <= WELL_KNOWN
+            if is_still or vehicle.on_ground or self._aiding.mode is _NO_AIDING or not is_known:
+                self._fuse_assumed(vehicle, is_still=is_still)
+        self.field.ratios[:] = 0.0
+        self.ratio = 0.0
+
+    def _synthetic_is_due(self, now_ms: int) -> bool:
         if now_ms - self._synthetic_ms <= SYNTHETIC_PERIOD_MS:
             return False
         self._synthetic_ms = now_ms
+        return True
+
+    def _fuse_gsf(self, vehicle: Vehicle) -> bool:
+        estimate = self.by_gps.estimate() if self.aligned and self._source == _YAW_GSF else None
+        if estimate is None:
+            return False
+        yaw, variance = estimate
+        by_321 = self._state.prefers_321()
+        return self._fuse(wrap_pi(self._state.yaw(by_321=by_321) - yaw), variance, vehicle, by_321=by_321)
+
+    def _fuse_assumed(self, vehicle: Vehicle, *, is_still: bool) -> None:
         if is_still:
             by_321 = self._by_321_at_rest
             innovation = wrap_pi(self._state.yaw(by_321=by_321) - self._yaw_at_rest)
             self._fuse(innovation, max(self._noise(), MIN_YAW_NOISE) ** 2, vehicle, by_321=by_321)
         else:
             self._fuse(0.0, self._noise() ** 2, vehicle, by_321=self._state.prefers_321())
-        return True
+
+    def _wait_for_sensor(self, now_ms: int, vehicle: Vehicle, *, is_still: bool) -> None:
+        if vehicle.tilt_aligned and not self.aligned and self._synthetic_is_due(now_ms):
+            self._fuse_assumed(vehicle, is_still=is_still)
 
     def _use_ext_nav(self, sample: YawSample, now_ms: int, vehicle: Vehicle) -> None:
         if self._source != _YAW_EXTNAV:
@@ -188,8 +226,52 @@ class YawFusion(Fusion):
                 return
             self._align(wrap_pi(fix.yaw), MIN_YAW_ERR**2, vehicle, by_321=True)
             self._texts.add("yaw aligned")
-        elif vehicle.tilt_aligned and not self.aligned:
-            self._fuse_synthetic(now_ms, vehicle, is_still=is_still)
+        else:
+            self._wait_for_sensor(now_ms, vehicle, is_still=is_still)
+
+    # By the velocity of GPS
+
+    def correct_by_gps(self, now_ms: int, vehicle: Vehicle) -> None:
+        """Let the GSF take the velocity that came due in a step, and set yaw by it if that was asked for."""
+        self.by_gps.fuse()
+        if self.by_gps.emergency(now_ms) and self._reset_to_gsf(now_ms, vehicle):
+            self._compass_failed = True
+
+    def _align_by_gps(self, now_ms: int, vehicle: Vehicle) -> None:
+        """Set yaw by the GSF, or else to where the vehicle goes, unless it agrees (realignYawGPS)."""
+        if self._source == _YAW_GSF and not self.by_gps.is_steady:
+            return
+        course = self.by_gps.course(self._innovations.vel_ratio)
+        if course is None:
+            return
+        if self.aligned and not course.disagrees:
+            if course.is_steady:
+                self.by_gps.forget_course()
+                self._alignment.note_yaw(vehicle)
+        elif not self._reset_to_gsf(now_ms, vehicle) and course.is_steady:
+            self.by_gps.forget_course()
+            self._align(course.yaw, course.variance, vehicle, by_321=self._best_order())
+            self._reset.velocity(now_ms, by_gps=True)
+            self._reset.position(now_ms, by_gps=True)
+            self._texts.add("yaw aligned to GPS velocity")
+
+    def _reset_to_gsf(self, now_ms: int, vehicle: Vehicle) -> bool:
+        found = self.by_gps.for_reset()
+        if found is None:
+            return False
+        self._align(*found, vehicle, by_321=self._best_order())
+        if self.uses_compass():
+            self._texts.add("emergency yaw reset", MAV_SEVERITY_WARNING)
+        else:
+            self._texts.add("yaw aligned using GPS")
+        self._reset.velocity(now_ms)
+        self._reset.position(now_ms)
+        self._innovations.vel_ratio = self._innovations.pos_ratio = 0.0
+        return True
+
+    def _best_order(self) -> bool:
+        """Tell whether to set yaw by 3-2-1 (bestRotationOrder)."""
+        return abs(float(self._state.rotation[0, 2])) < abs(float(self._state.rotation[1, 2]))
 
     def _align(self, yaw: float, variance: float, vehicle: Vehicle, *, by_321: bool) -> None:
         self._source_changed = False
@@ -214,7 +296,7 @@ class YawFusion(Fusion):
             return
         if not self.aligned:
             self._texts.add("MAG0 initial yaw alignment complete")
-        by_321 = abs(float(self._state.rotation[0, 2])) < abs(float(self._state.rotation[1, 2]))
+        by_321 = self._best_order()
         measured = self._compass_yaw(mag, by_321=by_321)
         self._align(measured, max(self._noise(), MIN_ALIGNED_NOISE) ** 2, vehicle, by_321=by_321)
         if due == "final":

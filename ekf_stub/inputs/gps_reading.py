@@ -62,6 +62,7 @@ class GpsReading:
         speed_accuracy, pos_accuracy, height_accuracy: m/s and m, decaying from the worst of the last seconds; 0 when
             the receiver gives none.
         noise_scaler: by which noise counts more while few satellites are seen.
+        speed_good: whether the receiver tells velocity well.
         accuracy_good: whether solutions are good enough for flight.
     """
 
@@ -82,7 +83,7 @@ class GpsReading:
         self.noise_scaler = 1.0
         self.accuracy_good = False
         self._speed_low_passed = self._speed_held = 0.0
-        self._speed_good = self._innovations_good = False
+        self.speed_good = self._innovations_good = False
         self._checked_ms = self._innovations_passed_ms = self._innovations_failed_ms = 0
 
     def read(
@@ -160,9 +161,9 @@ class GpsReading:
         keep = 1.0 - limited(interval_s / _SPEED_HOLD_S, 0.0, 1.0)
         self._speed_held = max(self._speed_low_passed, keep * self._speed_held)
         if self._speed_held > _BAD_SPEED:
-            self._speed_good = False
+            self.speed_good = False
         elif self._speed_held < _GOOD_SPEED:
-            self._speed_good = True
+            self.speed_good = True
         if max(worst_ratios) < 1:
             self._innovations_passed_ms = now_ms
         elif max(worst_ratios) > _WARNING_RATIO:
@@ -171,4 +172,4 @@ class GpsReading:
             self._innovations_good = False
         elif now_ms - self._innovations_failed_ms > _GOOD_INNOVATION_MS:
             self._innovations_good = True
-        self.accuracy_good = self._speed_good and self._innovations_good
+        self.accuracy_good = self.speed_good and self._innovations_good

@@ -16,8 +16,23 @@ from ap_core.fmath import RAD_TO_DEG, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
-from ekf_stub.log.ekf_log_structure import XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2
-from ekf_stub.reports.core_report import CoreReport, OdometryReport, RunReport
+from ekf_stub.log.ekf_log_structure import (
+    XKF1,
+    XKF2,
+    XKF3,
+    XKF4,
+    XKF5,
+    XKFD,
+    XKFM,
+    XKFS,
+    XKQ,
+    XKTV,
+    XKV1,
+    XKV2,
+    XKY0,
+    XKY1,
+)
+from ekf_stub.reports.core_report import CoreReport, GsfReport, OdometryReport, RunReport
 
 COVARIANCE_INTERVAL_MS: Final = 490
 TILT_INTERVAL_MS: Final = 500
@@ -114,6 +129,8 @@ class EkfLog:
         primary = self._primary()
         with np.errstate(over="ignore", invalid="ignore"):
             records = [(XKF4, _xkf4(report, primary), False)]
+            if level != _ONLY_XKF4 and report.gsf is not None:
+                records += [(XKY0, _xky0(report.gsf), False), (XKY1, _xky1(report.gsf), False)]
             if level < _ONLY_XKF4:
                 records += self._further_records(report, now_us // 1000)
         for core in self._cores():
@@ -181,3 +198,12 @@ def _xkf5(report: CoreReport) -> Values:
 
 def _xkfd(odometry: OdometryReport) -> Values:
     return (*odometry.innovation, *odometry.variance)
+
+
+def _xky0(gsf: GsfReport) -> Values:
+    yaw, *yaws = (math.degrees(yaw) % 360 for yaw in (gsf.yaw, *gsf.yaws))
+    return (yaw, math.sqrt(math.degrees(gsf.variance)), *yaws, *gsf.weights)
+
+
+def _xky1(gsf: GsfReport) -> Values:
+    return (*gsf.innovations_north, *gsf.innovations_east)

@@ -69,5 +69,21 @@ XKV2: Final = LogStructure(
     "s#------------",
     "F-------------",
 )
+XKY0: Final = LogStructure(
+    57,
+    "XKY0",
+    "QBffffffffffff",
+    "TimeUS,C,YC,YCS,Y0,Y1,Y2,Y3,Y4,W0,W1,W2,W3,W4",
+    "s#hdhhhhh-----",
+    "F-000000000000",
+)
+XKY1: Final = LogStructure(
+    58,
+    "XKY1",
+    "QBffffffffff",
+    "TimeUS,C,IVN0,IVN1,IVN2,IVN3,IVN4,IVE0,IVE1,IVE2,IVE3,IVE4",
+    "s#nnnnnnnnnn",
+    "F-0000000000",
+)
 
-LOG_STRUCTURE_FROM_EKF3: Final = (XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2)
+LOG_STRUCTURE_FROM_EKF3: Final = (XKF1, XKF2, XKF3, XKF4, XKF5, XKFD, XKFM, XKFS, XKQ, XKTV, XKV1, XKV2, XKY0, XKY1)

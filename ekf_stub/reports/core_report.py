@@ -23,6 +23,21 @@ class OdometryReport:
     variance: Three
 
 
+@dataclass(frozen=True, slots=True)
+class GsfReport:
+    """What the GSF knows of yaw (XKY0, XKY1): each of its five models by itself, and all together.
+
+    Yaws are in rad, the variance in rad^2, innovations in m/s north and east.
+    """
+
+    yaw: float
+    variance: float
+    yaws: tuple[float, ...]
+    weights: tuple[float, ...]
+    innovations_north: tuple[float, ...]
+    innovations_east: tuple[float, ...]
+
+
 # Reports are not frozen, as none is ever changed and to make a frozen one takes three times as long.
 @dataclass(slots=True)
 class StillnessReport:
@@ -74,6 +89,7 @@ class CoreReport:
         odometry: None while there was none.
         stillness: None while the test does not run.
         source_set: the active one, 0..2.
+        gsf: None while it is not running.
     """
 
     rpy_rad: Three = _REST
@@ -109,3 +125,4 @@ class CoreReport:
     odometry: OdometryReport | None = None
     stillness: StillnessReport | None = None
     source_set: int = 0
+    gsf: GsfReport | None = None

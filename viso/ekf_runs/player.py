@@ -31,6 +31,7 @@ from viso.vehicle.kernels import chosen_kernel, kernel_of
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
 _AFTER_THE_FRAME: Final = frozenset({"XKF4", "REPH", "REVH", "RBOH", "RSO3", "REV3"})
 _RESET_HEIGHT_DATUM: Final = 1  # of REV3.Event
+_REQUEST_YAW_RESET: Final = 11
 _SOURCE_SETS: Final = range(13, 16)
 
 
@@ -226,3 +227,5 @@ class EkfPlayer:
             self._events.source_set(self._sources.active_set)
         elif event == _RESET_HEIGHT_DATUM and self.core is not None:
             self.core.reset_height_datum()
+        elif event == _REQUEST_YAW_RESET and self.core is not None:
+            self.core.request_yaw_reset()

@@ -76,6 +76,9 @@ _AFTER_FLOW: Final = (
     ParamInfo("VIS_VERR_MAX", FLOAT, 0.9, "Odometry velocity error at worst quality", "m/s", (0.5, 5.0)),
     ParamInfo("HRT_FILT", FLOAT, 2.0, "Crossover frequency of the height rate", "Hz", (0.1, 30.0)),
     ParamInfo("MAG_EF_LIM", INT16, 50, "Greatest error of the earth's field", "mGauss", (0.0, 500.0)),
+    _boot("GSF_RUN_MASK", INT8, 3, "Which cores estimate yaw by GPS (GSF), a bit each"),
+    ParamInfo("GSF_USE_MASK", INT8, 3, "Which of them use it, a bit each"),
+    ParamInfo("GSF_RST_MAX", INT8, 2, "How often yaw may be reset by it in a flight", "", (1.0, 10.0)),
 )
 
 _AFTER_SOURCES: Final = (

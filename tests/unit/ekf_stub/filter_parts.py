@@ -81,7 +81,7 @@ class FilterParts:
         self.resets = Resets(shared)
         self.height = HeightSource(shared)
         self.fusion = VelPosFusion(shared, self.resets, self.height)
-        self.yaw = YawFusion(shared)
+        self.yaw = YawFusion(shared, self.resets, self.fusion.innovations)
         self.odometry = BodyOdometry(shared)
 
     def send_text(self, severity: int, text: str) -> None:

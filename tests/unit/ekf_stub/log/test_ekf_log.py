@@ -15,7 +15,7 @@ import pytest
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
-from ekf_stub.reports.core_report import CoreReport, OdometryReport, StillnessReport
+from ekf_stub.reports.core_report import CoreReport, GsfReport, OdometryReport, StillnessReport
 
 PERIOD_US = 99_960  # of the recorded logs
 LOOP_US = 2499
@@ -273,3 +273,32 @@ def test_core_without_a_state_says_so_and_nothing_else() -> None:
     fields = rig.fields("XKF4", UNINITIALISED)
     assert {label: value for label, value in fields.items() if value} == {"FS": 128}
     assert dict(rig.records)["XKQ"] == {"TimeUS": 0, "C": 0, "Q1": 1.0, "Q2": 0.0, "Q3": 0.0, "Q4": 0.0}
+
+
+GSF = GsfReport(
+    -0.5 * math.pi,
+    math.radians(4.0),
+    (0.0, -math.pi / 6, 0.25 * math.pi, 0.5 * math.pi, 0.75 * math.pi),
+    (0.5, 0.125, 0.125, 0.125, 0.125),
+    (1.0, 2.0, 3.0, 4.0, 5.0),
+    (-1.0, -2.0, -3.0, -4.0, -5.0),
+)
+
+
+@pytest.mark.parametrize(("level", "names"), [
+    (0, ["XKF4", "XKY0", "XKY1", "XKF1"]),
+    (1, ["XKF4"]),
+    (2, ["XKF4", "XKY0", "XKY1"]),
+    (3, []),
+])  # fmt: skip
+def test_yaw_by_gps_is_logged_as_long_as_more_than_health_is(level: int, names: list[str]) -> None:
+    rig = Rig((0,), EK3_LOG_LEVEL=level)
+    assert rig.stream(replace(REPORT, gsf=GSF))[:4] == names
+
+
+def test_yaw_by_gps_in_degrees() -> None:
+    rig = Rig()
+    assert list(rig.fields("XKY0", replace(REPORT, gsf=GSF)).values())[2:] == pytest.approx(
+        [270, 2, 0, 330, 45, 90, 135, *GSF.weights]
+    )
+    assert list(dict(rig.records)["XKY1"].values())[2:] == [1, 2, 3, 4, 5, -1, -2, -3, -4, -5]

@@ -11,13 +11,13 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from ap_core.log_structure import LogStructure
-from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM
+from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM, XKY0, XKY1
 from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
 from tests.places import DATA
 
 FIRMWARE: dict[str, dict[str, Any]] = json.loads((DATA / "firmware_fmt.json").read_text())["types"]
-# The recorded logs have been reduced, and this one is not among what was kept.
-NOT_RECORDED = {XKFM.name}
+# The recorded logs have been reduced, and these are not among what was kept.
+NOT_RECORDED = {XKFM.name, XKY0.name, XKY1.name}
 
 
 def described(structure: LogStructure) -> dict[str, object]:
@@ -43,6 +43,10 @@ def test_layout_that_no_log_shows_fits_between_its_neighbours() -> None:
     # From the firmware's specification, as no recording has it.
     assert (XKFM.msg_type, XKFM.format) == (50, "QBBffff")
     assert XKFM.labels == "TimeUS,C,OGNM,GLR,ALR,GDR,ADR"
+    assert [(record.msg_type, record.format) for record in (XKY0, XKY1)] == [
+        (57, "QB" + 12 * "f"),
+        (58, "QB" + 10 * "f"),
+    ]
 
 
 def test_order_is_that_of_the_firmwares_table() -> None:
