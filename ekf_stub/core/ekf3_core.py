@@ -42,7 +42,7 @@ from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
 from ekf_stub.fusion.yaw_fusion import YawFusion
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
-from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_checks import GpsSurroundings
 from ekf_stub.inputs.gps_reading import CENTI, GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.obs_ring import RingSizes
@@ -106,7 +106,7 @@ class Ekf3Core:
         self._kernel = kernel
         self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
-        self.gps = GpsReading(GpsChecks(), get_float, sizes.slow)
+        self.gps = GpsReading(get_float, sizes.slow)
         self._pass = kernel.make_pass()
         self._door = FrameDoor()
         self.refused = self._door.refused
@@ -282,11 +282,15 @@ class Ekf3Core:
 
     def _take_gps(self, sample: GpsSample, now_ms: int) -> None:
         innovations = self.fusion.innovations
+        mag_x, mag_y, _ = self.yaw.field.ratios.tolist()
         fix = self.gps.read(
             sample,
             now_ms,
             absolute=self.aiding.mode is _ABSOLUTE,
             worst_ratios=(innovations.vel_ratio, innovations.pos_ratio),
+            around=GpsSurroundings(
+                on_ground=self.control.vehicle.on_ground, mag_x=mag_x, mag_y=mag_y, yaw=self.yaw.ratio
+            ),
         )
         if fix is not None and self.gps.checks.good and self.origin is None:
             self._set_origin_by_gps(fix.location)

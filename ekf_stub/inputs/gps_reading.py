@@ -15,7 +15,7 @@ from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
 from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
-from ekf_stub.inputs.gps_checks import GpsChecks
+from ekf_stub.inputs.gps_checks import GpsChecks, GpsSurroundings
 from ekf_stub.inputs.gps_sample import GpsSample, whole_ms
 from ekf_stub.inputs.obs_ring import ObsRing
 
@@ -25,6 +25,7 @@ HEIGHT_TO_HORIZONTAL: Final = 1.5
 SCALERS: Final = {5: 1.4}  # of the noise, by number of satellites
 FEW_SATELLITES_SCALER: Final = 2.0
 ENOUGH_SATELLITES: Final = 6
+UNKNOWN: Final = GpsSurroundings()
 _MAX_SPEED_ACCURACY: Final = 50.0
 _MAX_ACCURACY: Final = 100.0
 _DECAY_PER_MS: Final = 0.0002
@@ -52,11 +53,11 @@ class GpsReading:
     """Reads the receiver once a step.
 
     Args:
-        checks: judges whether it is good enough to start with.
         get_float: returns a parameter by its name after ``EK3_``.
         ring_size: how many solutions wait.
 
     Attributes:
+        checks: judges whether it is good enough to start with.
         newest, delayed: the last solution read, and the last that the horizon has reached.
         is_due: whether one came due in this step.
         speed_accuracy, pos_accuracy, height_accuracy: m/s and m, decaying from the worst of the last seconds; 0 when
@@ -66,8 +67,8 @@ class GpsReading:
         accuracy_good: whether solutions are good enough for flight.
     """
 
-    def __init__(self, checks: GpsChecks, get_float: Callable[[str], float], ring_size: int) -> None:
-        self.checks = checks
+    def __init__(self, get_float: Callable[[str], float], ring_size: int) -> None:
+        self.checks = GpsChecks(get_float)
         self._get_float = get_float
         self._ring: ObsRing[GpsFix] = ObsRing(ring_size)
         self.reset()
@@ -87,7 +88,13 @@ class GpsReading:
         self._checked_ms = self._innovations_passed_ms = self._innovations_failed_ms = 0
 
     def read(
-        self, sample: GpsSample, now_ms: int, *, absolute: bool, worst_ratios: tuple[float, float]
+        self,
+        sample: GpsSample,
+        now_ms: int,
+        *,
+        absolute: bool,
+        worst_ratios: tuple[float, float],
+        around: GpsSurroundings = UNKNOWN,
     ) -> GpsSample | None:
         """Take a new solution; return it when it is one with a fix.
 
@@ -96,8 +103,9 @@ class GpsReading:
             now_ms: time of the step.
             absolute: whether the filter navigates by position.
             worst_ratios: of the innovations of velocity and position to their gates, squared.
+            around: what else tells whether it is to be believed; what the receiver says of that is added.
         """
-        fix = self.checks.update(sample, now_ms)
+        fix = self.checks.update(sample)
         if fix is None:
             return None
         self._follow_accuracy(fix, u32(fix.time_ms - self.received_ms))
@@ -105,6 +113,8 @@ class GpsReading:
         enough = absolute and fix.num_sats >= ENOUGH_SATELLITES
         scaler = SCALERS.get(fix.num_sats, FEW_SATELLITES_SCALER) if absolute else FEW_SATELLITES_SCALER
         self.noise_scaler = 1.0 if enough else scaler
+        speed = 0.0 if self.delayed is None else float(np.hypot(*self.delayed.vel[:2]))
+        self.checks.judge(fix, now_ms, around._replace(speed_accuracy=self.speed_accuracy, horizontal_speed=speed))
         self._judge_for_flight(fix, now_ms, worst_ratios)
         return fix
 

@@ -24,7 +24,6 @@ from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import YawFusion
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
-from ekf_stub.inputs.gps_checks import GpsChecks
 from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.sources import EkfSources
@@ -60,7 +59,7 @@ class FilterParts:
         self.ingest.set_up(RingSizes(6, 5, 2))
         self.ingest.initialised = True
         self.ingest.on_outcome = self._take_outcome
-        self.gps = GpsReading(GpsChecks(), get, 3)
+        self.gps = GpsReading(get, 3)
         self.state = ErrorState(quaternion.one, np.array([0.3, 0.3, 0.5, 0.5, 0.5, 2.0]) ** 2)
         self.output = OutputPredictor(self.state, 6)
         self.aiding = Aiding()

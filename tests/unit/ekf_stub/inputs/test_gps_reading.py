@@ -10,18 +10,17 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_checks import GpsChecks
 from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 
 ORIGIN = Location(-353632610, 1491652300, 58400)
-NOISES = {"VELNE_M_NSE": 0.3, "POSNE_M_NSE": 0.5}
+NOISES = {"VELNE_M_NSE": 0.3, "POSNE_M_NSE": 0.5, "GPS_CHECK": 31, "CHECK_SCALE": 100}
 GOOD_INNOVATIONS = (0.1, 0.1)
 STEP_MS = 200
 
 
 def reading() -> GpsReading:
-    return GpsReading(GpsChecks(), NOISES.__getitem__, 3)
+    return GpsReading(NOISES.__getitem__, 3)
 
 
 def sample(time_ms: int, **fields: Any) -> GpsSample:
