@@ -126,10 +126,22 @@ class ModeControl:
             by_compass = source == _YAW_COMPASS and core.yaw.uses_compass()
             self.tests_stillness = self.vehicle.on_ground and not by_compass
         if self._no_yaw_on_ground and core.aiding.mode is not _NO_AIDING:
-            core.yaw.aligned = False
+            self._forget_flight(now_ms)
         self._now_ms, self._dt_ekf_avg = now_ms, dt_ekf_avg
         if core.aiding.update(now_ms, self._ready, no_yaw_on_ground=self._no_yaw_on_ground):
             self._enter_mode(now_ms, self._ready(), texts)
+
+    def _forget_flight(self, now_ms: int) -> None:
+        """Begin anew with what was known by a yaw that the vehicle has lost as it was disarmed."""
+        core = self._core
+        mode, core.aiding.mode = core.aiding.mode, _NO_AIDING
+        core.yaw.aligned = False
+        core.yaw.by_gps.forget_course()
+        core.resets.velocity(now_ms)
+        core.resets.position(now_ms)
+        core.fusion.reset_height(now_ms, self.vehicle)
+        core.state.forget_correlations()
+        core.aiding.mode = mode
 
     def _is_news(self, frame: Frame) -> bool:
         """Tell whether anything may have changed since the last frame, in which there was no step."""

@@ -218,6 +218,14 @@ class ErrorState(NominalState):
         is_estimated = self.learns_field or states.start < EARTH.start
         covariance.clear(self.cov, states, variance if is_estimated else 0.0, self.limits)
 
+    def forget_correlations(self) -> None:
+        """Forget what the errors of attitude and of biases have to do with others; how large they are stays."""
+        attitude, variances = self.cov[ATT, ATT].copy(), self.cov.diagonal().copy()
+        for states in (ATT, slice(GYRO.start, ACCEL.stop)):
+            self.cov[states] = self.cov[:, states] = 0.0
+        np.fill_diagonal(self.cov, variances)
+        self.cov[ATT, ATT] = attitude
+
     def set_yaw(self, yaw: float, variance: float, *, by_321: bool = True) -> quaternion.quaternion:
         """Set yaw, keep roll, pitch and how well they are known; return the rotation, earth to earth."""
         if not math.isfinite(yaw):

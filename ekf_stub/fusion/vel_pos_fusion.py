@@ -8,11 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from ap_core.cint import u32
 from ap_core.verdict import Rule
 from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
-from ekf_stub.fusion.height_source import BARO, EXT_NAV, HeightSource, Vehicle
+from ekf_stub.fusion.height_source import BARO, EXT_NAV, FRESH_MS, HeightSource, Vehicle
 from ekf_stub.fusion.measurements import Velocity
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.resets import NORTH_EAST, POS_NE, Resets
@@ -304,11 +305,19 @@ class VelPosFusion(Fusion):
     def reset_height(self, now_ms: int, vehicle: Vehicle) -> None:
         """Put height where it was measured last."""
         self._height.is_lost = False
-        velocity = self._delayed.velocity
+        velocity, fix = self._delayed.velocity, self._gps.newest
         vertical_velocity: float | None = 0.0 if vehicle.on_ground else None
-        if vehicle.in_flight and velocity is not None and self._height.active == EXT_NAV:
+        if vehicle.in_flight and fix is not None and self._gps_tells_climb(now_ms, fix):
+            vertical_velocity = float(fix.vel[2])
+        elif vehicle.in_flight and velocity is not None and self._height.active == EXT_NAV:
             vertical_velocity = float(velocity.vel[2])
         self._resets.height(now_ms, self._height.down, self._height.variance, vertical_velocity=vertical_velocity)
+
+    def _gps_tells_climb(self, now_ms: int, newest: GpsFix) -> bool:
+        delayed = self._gps.delayed
+        is_fresh = delayed is not None and u32(now_ms - delayed.time_ms) < FRESH_MS
+        is_used = self._sources.uses_vel_z(_Z_GPS) and not self._aiding.pos_timeout
+        return is_fresh and is_used and newest.has_vertical_velocity
 
     # What became of samples of external navigation
 

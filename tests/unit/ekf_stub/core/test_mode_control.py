@@ -12,7 +12,7 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter.states import ATT, GYRO, POS, VEL
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.aiding import ALL_LOST_MS, AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def test_end_of_aiding_holds_the_position_and_puts_height_where_the_barometer_is
     rig.core.odometry.is_fused = True
     rig.core.fusion.innovations.pos_ratio = rig.core.fusion.innovations.vel_ratio = 7.0
     before = rig.core.output.now.pos.copy()
-    rig.params.set("EK3_SRC1_YAW", 0)
+    rig.core.aiding.times.pos = rig.core.aiding.times.vel = rig.now_ms - ALL_LOST_MS
     rig.run_for(0.0025)
     assert rig.core.aiding.mode is AidingMode.NONE
     assert rig.core.state.pos == pytest.approx([3, 4, -0.5], abs=0.2)
@@ -364,3 +364,24 @@ def test_tilt_counts_as_known_below_5_degrees(make_core: MakeCore) -> None:
     rig.run_for(0.03)
     assert rig.core.control.tilt_aligned
     assert "tilt alignment complete" in rig.told()
+
+
+# Without a yaw source
+
+
+def test_vehicle_without_yaw_forgets_its_flight_as_it_is_disarmed(make_core: MakeCore) -> None:
+    rig = make_core("66660", run_s=4.0)
+    arm(rig)
+    rig.stream(1.0, rig.pose)
+    core = rig.core
+    core.yaw.aligned = True
+    core.state.pos, core.state.vel = np.array([3.0, -2.0, -1.0]), np.array([1.0, 2.0, 0.0])
+    before = core.state.cov.diagonal()[GYRO].copy()
+    rig.told()
+    rig.frame["armed"] = False
+    rig.run_for(0.0025)
+    assert rig.told() == ["stopped aiding"]
+    assert not core.yaw.aligned
+    assert core.state.pos[:2] == pytest.approx([0, 0], abs=1e-3)
+    assert core.state.vel == pytest.approx([0, 0, 0], abs=0.01)
+    assert core.state.cov.diagonal()[GYRO] == pytest.approx(before, rel=0.01)

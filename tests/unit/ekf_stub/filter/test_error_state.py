@@ -370,3 +370,17 @@ def test_correction_that_leaves_no_attitude_leaves_it_as_it_was() -> None:
     state.correct(np.concatenate([-quaternion.as_float_array(before), np.ones(18)]))
     assert state.quat == before
     assert state.vel.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_correlations_are_forgotten_and_how_large_errors_are_is_not() -> None:
+    state = ErrorState(quat_of_euler(0.1, -0.2, 0.3), np.ones(6))
+    state.learn_biases(1.0, 0.01)
+    whole = np.random.default_rng(1).normal(size=state.cov.shape)
+    state.cov[:] = whole @ whole.T
+    before = state.cov.copy()
+    state.forget_correlations()
+    assert state.cov.diagonal().tolist() == before.diagonal().tolist()
+    assert (state.cov[ATT, ATT] == before[ATT, ATT]).all()
+    assert (state.cov[VEL, VEL] == before[VEL, VEL]).all()
+    assert not state.cov[ATT, ATT.stop :].any()
+    assert np.count_nonzero(state.cov[GYRO]) == 3

@@ -640,3 +640,19 @@ def test_change_from_external_navigation_to_gps_is_followed(make_parts: MakePart
     step(parts, now_ms=NOW_MS + 12)
     assert parts.state.pos == pytest.approx([100, -50, 0], abs=0.02)
     assert parts.resets.moved_ne == pytest.approx([100, -50], abs=0.02)
+
+
+@pytest.mark.parametrize(("sources", "has_vertical", "vehicle", "down_rate"), [
+    ("33131", True, FLYING, 0.3),
+    ("33131", True, PARKED, 0.0),
+    ("33131", False, FLYING, 0.5),
+    ("33101", True, FLYING, 0.5),
+])  # fmt: skip
+def test_gps_gives_vertical_velocity_as_height_is_reset_in_flight(
+    make_parts: MakeParts, sources: str, has_vertical: bool, vehicle: Vehicle, down_rate: float
+) -> None:
+    parts = navigating(make_parts, sources)
+    parts.state.vel = np.array([0.0, 0.0, 0.5])
+    fix(parts, Vector3f(), vel_ned=Vector3f(0, 0, 0.3), has_vertical_velocity=has_vertical)
+    parts.fusion.reset_height(NOW_MS, vehicle)
+    assert parts.state.vel[2] == pytest.approx(down_rate)
