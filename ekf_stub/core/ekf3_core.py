@@ -22,11 +22,13 @@ import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
+from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.frame import Frame as Frame
 from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.core.mode_control import ModeControl
 from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
+from ekf_stub.filter.inactive_biases import ImuRates, InactiveBiases, with_biases
 from ekf_stub.filter.inertial import Array, InertialDelta, InertialStep, limited
 from ekf_stub.filter.inertial_pass import StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
@@ -57,6 +59,8 @@ DEAD_RECKONING_MS: Final = 1000
 MAX_PLACE_AGE_MS: Final = 5000
 LONG_AGO_MS: Final = 1 << 30
 MIN_STEP: Final = 0.1  # of the average step
+AFFINITY_GPS, AFFINITY_BARO, AFFINITY_MAG = 1, 2, 4  # of EK3_AFFINITY
+COMPASS_SHARE: Final = float(np.float32(0.3))
 _FIX_2D: Final = 2
 _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE_P_NSE", "MAGB_P_NSE")
 
@@ -78,6 +82,8 @@ class Ekf3Core:
         counts: what became of samples of external navigation.
         has_compass: tells whether a compass is in use.
         kernel: what its arithmetic runs on.
+        common: the origin that it shares with other cores.
+        imu: whose data it uses at first.
 
     Attributes:
         ingest: where external navigation is handed in.
@@ -85,7 +91,7 @@ class Ekf3Core:
         initialised: it has a state.
         refused: in how many frames which of their fields could not be used.
         stepped: whether the last frame has made a step.
-        origin: where positions count from, None until it is set.
+        origin: where its own positions count from, None until it is set.
     """
 
     def __init__(
@@ -97,6 +103,9 @@ class Ekf3Core:
         counts: Counter[tuple[str, str]],
         has_compass: Callable[[], bool],
         kernel: Kernel = PLAIN,
+        *,
+        common: CommonOrigin | None = None,
+        imu: int = 0,
     ) -> None:
         self.sources = sources
         self._get_float = get_float
@@ -104,6 +113,8 @@ class Ekf3Core:
         self._texts = texts
         self._has_compass = has_compass
         self._kernel = kernel
+        self._common = common or CommonOrigin()
+        self._imu = imu
         self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self.gps = GpsReading(get_float, sizes.slow)
@@ -153,6 +164,7 @@ class Ekf3Core:
         self.state = self._make_state(frame)
         self._pass.begin(self.state, self._sizes.imu)
         self.output = self._pass.output
+        self._inactive = InactiveBiases(self._imu)
         self.aiding = Aiding()
         self.aiding.times.pos = self.aiding.times.height = now_ms
         self._make_fusion()
@@ -214,6 +226,8 @@ class Ekf3Core:
         self.control.update(frame, now_ms, self._pass.dt_ekf_avg, get, self._texts)
         scale = get("OGNM_TEST_SF") if self.control.tests_stillness else None
         height_filter_hz = get("HRT_FILT")
+        if frame.imu_rates is not None:
+            self._follow_imus(frame.imu_rates)
         step = self._pass.advance(frame.delta, now_ms, self.state, scale=scale, height_filter_hz=height_filter_hz)
         self.stepped = step is not None
         if step is not None:
@@ -227,6 +241,12 @@ class Ekf3Core:
                 height_filter_hz=height_filter_hz,
             )
         self._check_stuck(frame, now_ms)
+
+    def _follow_imus(self, rates: ImuRates) -> None:
+        dt = self._pass.dt_ekf_avg
+        changes = self._inactive.update(rates, self.state, dt)
+        if changes is not None:  # what waits for the horizon is of the sensors before
+            self._steps = deque((with_biases(step, *changes, dt) for step in self._steps), maxlen=self._steps.maxlen)
 
     def _due(self) -> InertialStep:
         step, least = self._steps[0], MIN_STEP * self._pass.dt_ekf_avg
@@ -270,6 +290,7 @@ class Ekf3Core:
             self.height.baro.push(BaroSample(later_ms(u32(time_ms), self.ingest.horizon_ms), frame.baro[1]))
         table = frame.place_declination if self.origin is not None else None
         self.yaw.field.declination = frame.declination if table is None else table
+        self.yaw.compass = frame.compass
         is_new = frame.mag is not None and u32(frame.mag[0] - self._mag_us) > 1000 * SENSOR_INTERVAL_MS
         if frame.mag is not None and is_new and self.yaw.uses_compass():
             self._mag_us = frame.mag[0]
@@ -318,6 +339,8 @@ class Ekf3Core:
         if self.origin is not None:
             return False
         self.origin = origin
+        if self._common.place is None:
+            self._common.place = origin
         self._put_origin_at(origin.alt_cm)
         latitude = math.radians(1e-7 * origin.lat)
         if self.initialised:
@@ -408,14 +431,35 @@ class Ekf3Core:
         return 0 if self.origin is None else int(np.float32(100) * np.float32(self._reference_height_m))
 
     def position(self) -> Array:
-        """Return the present position, metres NED from the origin as it was set (getPosNE, getPosD).
+        """Return the present position, metres NED from the common origin as it was set (getPosNE, getPosD).
 
         Without aiding it is the GPS's, if that has a fix, else the last one known; nothing without an origin.
         """
         north, east, down = self.output.now.pos.tolist()
-        if self.origin is None:
-            is_unknown = self.aiding.mode is _NO_AIDING
-            return np.array([0.0, 0.0, down]) if is_unknown else np.array([north, east, down])
-        if self.aiding.mode is _NO_AIDING and self._fix is not None and self._fix.fix_type >= _FIX_2D:
-            north, east = (float(value) for value in self.origin.distance_ned(self._fix.location).to_tuple()[:2])
-        return np.array([north, east, down + CENTI * (self.origin.alt_cm - self.origin_alt_cm())])
+        common, is_unknown = self._common.place, self.aiding.mode is _NO_AIDING
+        if common is not None and self.origin is not None:
+            down += CENTI * (common.alt_cm - self.origin_alt_cm())
+        if is_unknown and self.origin is None:
+            return np.array([0.0, 0.0, down])
+        if is_unknown and common is not None and self._fix is not None and self._fix.fix_type >= _FIX_2D:
+            north, east = (float(value) for value in common.distance_ned(self._fix.location).to_tuple()[:2])
+        elif not is_unknown and common is not None and common is not self.origin:
+            # FIRMWARE PARITY: as long as the core has no origin of its own, that is where 0 N, 0 E is.
+            away = common.distance_ned(self.origin or Location(0, 0, 0)).to_tuple()
+            north, east = north + float(away[0]), east + float(away[1])
+        return np.array([north, east, down])
+
+    def error_score(self) -> float:
+        """Return how far the innovations are off, 1 at their gates; 0 until tilt and yaw are aligned (errorScore)."""
+        if not self.is_aligned:
+            return 0.0
+        innovations = self.fusion.innovations
+        score = max(0.5 * (innovations.vel_ratio + innovations.pos_ratio), innovations.height_ratio)
+        if int(self._get_float("AFFINITY")) & AFFINITY_MAG:
+            score = max(score, COMPASS_SHARE * float(self.yaw.field.ratios.sum()))
+        return score
+
+    @property
+    def is_aligned(self) -> bool:
+        """Whether tilt and yaw are aligned."""
+        return self.control.tilt_aligned and self.yaw.aligned

@@ -68,4 +68,5 @@ def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
         stillness=core.stillness.report,
         source_set=core.sources.active_set,
         gsf=yaw.by_gps.report(),
+        error_score=max(0.5 * (innovations.vel_ratio + innovations.pos_ratio), innovations.height_ratio),
     )

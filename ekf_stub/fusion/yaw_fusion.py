@@ -57,6 +57,7 @@ class YawFusion(Fusion):
         aligned: whether yaw has been set from a measurement.
         resets: how often that was.
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
+        compass: the number of the compass in use.
         mag: magnetic fields that wait for the horizon.
         field: the fields of the earth and of the vehicle.
         mag_fusion: 0 while the compass is not in use, 1 while its heading is fused, 2 while its three axes are.
@@ -74,6 +75,7 @@ class YawFusion(Fusion):
         self.aligned = False
         self.resets = 0
         self.innovation = self.ratio = 0.0
+        self.compass = 0
         self.mag: ObsRing[MagSample] = ObsRing(parts.ring_size)
         self.field = MagFusion(parts.state, parts.get_float)
         self.field_was_fused = False
@@ -295,14 +297,14 @@ class YawFusion(Fusion):
         if due is None:
             return
         if not self.aligned:
-            self._texts.add("MAG0 initial yaw alignment complete")
+            self._texts.add(f"MAG{self.compass} initial yaw alignment complete")
         by_321 = self._best_order()
         measured = self._compass_yaw(mag, by_321=by_321)
         self._align(measured, max(self._noise(), MIN_ALIGNED_NOISE) ** 2, vehicle, by_321=by_321)
         if due == "final":
-            self._texts.add("MAG0 in-flight yaw alignment complete")
+            self._texts.add(f"MAG{self.compass} in-flight yaw alignment complete")
         elif due == "interim":
-            self._texts.add("MAG0 ground mag anomaly, yaw re-aligned", MAV_SEVERITY_WARNING)
+            self._texts.add(f"MAG{self.compass} ground mag anomaly, yaw re-aligned", MAV_SEVERITY_WARNING)
             alignment.note_anomaly()
         if not self.field.is_learned:
             self.field.reset(mag)

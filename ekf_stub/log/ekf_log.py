@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Logs what the filter estimates: the XKF records (AP_NavEKF3/AP_NavEKF3_Logging.cpp).
 
-There is one filter; what it says is written for each core. What it does not estimate is 0: wind, terrain, airspeed.
+What a filter says is written for each core that it stands for. What it does not estimate is 0: wind, terrain,
+airspeed.
 """
 
 import math
@@ -62,12 +63,20 @@ class EkfLog:
         logger: where the records go.
         get_int: returns an integer parameter by its full name.
         cores: returns the numbers of the cores, 0 first.
+        primary: returns the number of the primary core; unless given that is the one of EK3_PRIMARY.
     """
 
-    def __init__(self, logger: RecordSink, get_int: Callable[[str], int], cores: Callable[[], tuple[int, ...]]) -> None:
+    def __init__(
+        self,
+        logger: RecordSink,
+        get_int: Callable[[str], int],
+        cores: Callable[[], tuple[int, ...]],
+        primary: Callable[[], int] | None = None,
+    ) -> None:
         self._logger = logger
         self._get_int = get_int
         self._get_cores = cores
+        self._primary = primary or self._chosen_by_user
         self._set_up: tuple[int, ...] = ()
         self._covariance_ms = self._tilt_ms = self._stillness_ms = 0
         self._was_still = False
@@ -138,7 +147,7 @@ class EkfLog:
                 if core == primary or not is_of_primary:
                     self._logger.write(structure, (now_us, core, *values))
 
-    def _primary(self) -> int:
+    def _chosen_by_user(self) -> int:
         primary, cores = self._get_int("EK3_PRIMARY"), self._cores()
         return primary if primary in cores else cores[0]
 
@@ -172,11 +181,10 @@ def _xkf1_to_3(report: CoreReport) -> tuple[Values, Values, Values]:
     milligauss = list(map(int_of_float, scaled[-_FIELDS:].tolist()))
     roll, pitch, yaw, gx, gy, gz, yaw_innovation, ax, ay, az, *innovations = scaled[:-_FIELDS]
     motion = (*report.vel_ned, report.height_rate, *report.pos_ned)
-    error_score = max(0.5 * (report.vel_ratio + report.pos_ratio), report.height_ratio)
     return (
         (roll, pitch, _heading_cdeg(yaw), *motion, gx, gy, gz, report.origin_alt_cm),
         (ax, ay, az, 0, 0, *milligauss[3:], 0.0, 0.0, 0.0),
-        (*innovations, *milligauss[:3], yaw_innovation, 0, 0.0, error_score),
+        (*innovations, *milligauss[:3], yaw_innovation, 0, report.relative_error, report.error_score),
     )
 
 

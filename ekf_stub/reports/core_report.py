@@ -90,6 +90,8 @@ class CoreReport:
         stillness: None while the test does not run.
         source_set: the active one, 0..2.
         gsf: None while it is not running.
+        error_score: how far the innovations are off, 1 at their gates.
+        relative_error: by how much that has been more than that of the primary core, summed up.
     """
 
     rpy_rad: Three = _REST
@@ -126,3 +128,5 @@ class CoreReport:
     stillness: StillnessReport | None = None
     source_set: int = 0
     gsf: GsfReport | None = None
+    error_score: float = 0.0
+    relative_error: float = 0.0

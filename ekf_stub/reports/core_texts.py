@@ -7,14 +7,15 @@ from typing import Final
 
 from ap_core.sinks import TextSink
 
+MAV_SEVERITY_CRITICAL: Final = 2
 MAV_SEVERITY_WARNING: Final = 4
 MAV_SEVERITY_INFO: Final = 6
 NUMBER_OF_IMUS: Final = 2
 
 
-def cores_of_mask(imu_mask: int) -> tuple[int, ...]:
-    """Return the IMUs that get a core by EK3_IMU_MASK; there are two IMUs."""
-    return tuple(imu for imu in range(NUMBER_OF_IMUS) if imu_mask >> imu & 1)
+def cores_of_mask(imu_mask: int, imus: int = NUMBER_OF_IMUS) -> tuple[int, ...]:
+    """Return the IMUs that get a core by EK3_IMU_MASK, of as many as there are."""
+    return tuple(imu for imu in range(imus) if imu_mask >> imu & 1)
 
 
 class CoreTexts:

@@ -27,7 +27,7 @@ HUNDREDTH: Final = 0.0101
 def replayed(name: str, until_s: float, kernel: str, monkeypatch: pytest.MonkeyPatch) -> EkfReplay:
     monkeypatch.setenv(KERNEL_VARIABLE, kernel)
     path = LOGS / f"{name}.BIN.xz"
-    run = EkfRun(path, until_s=min(until_s, ekf_targets.end_s(path)))
+    run = EkfRun(path, until_s=min(until_s, ekf_targets.end_s(path)), core=0)
     run.run()
     replay = run.comparison()
     assert replay is not None

@@ -13,7 +13,9 @@ from rich.text import Text
 
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.comparison import Comparison, compare
+from viso.ekf_runs.events import Differences, compare_texts
 from viso.ekf_runs.run import EkfRun
+from viso.ekf_runs.run import until as until_time
 from viso.errors import InputError, file_errors
 from viso.files.outputs import check_place
 from viso.firmware.releases import Firmware
@@ -35,12 +37,14 @@ def ekf(
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
     with_comparison: Annotated[
-        bool, typer.Option("--compare/--no-compare", help="Compare with the log's own estimates of core 0.")
+        bool, typer.Option("--compare/--no-compare", help="Compare with the log's own estimates.")
     ] = True,
+    core: Annotated[int | None, typer.Option(help="The core to run alone; all by default.", min=0, metavar="N")] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit code 1 when a target is missed.")] = False,
 ) -> None:
     """Run the filter over the replay records of a log (LOG_REPLAY), and tell how near it comes to the log's estimates.
 
+    Each core is run with its own IMU and compared by itself; so is which of them is the primary one, and when.
     OUT.BIN has the parameters of the log, and the filter's texts, events and XKF records, these at the times of the
     log's own. Logs named bench_... are judged by when things happen, others by their estimates once aiding has started.
     All firmware that can be chosen has the same filter; which one it is meant to be is told with the comparison.
@@ -54,24 +58,39 @@ def ekf(
             output.parent.mkdir(parents=True, exist_ok=True)
         check_place(output)
     profile = firmware_of(firmware)
-    run = EkfRun(log, until_s=math.inf if until is None else until)
+    run = EkfRun(log, until_s=math.inf if until is None else until, core=core)
     _run(run, output)
-    replay = run.comparison() if with_comparison or check else None
-    if replay is None:
+    comparisons = _compared(run, log) if with_comparison or check else {}
+    if not comparisons:
         if check:
             raise InputError(f"{log}: no XKF records to compare with")
         if with_comparison:
             err.print(f"note: {log} has no XKF records to compare with")
         return
-    comparison = compare(replay.until(ekf_targets.end_s(log)), bench=ekf_targets.is_bench(log))
+    end_s = ekf_targets.end_s(log)
+    lanes = compare_texts(*(until_time(texts, end_s) for texts in (run.our_lanes, run.recorded_lanes)))
+    passed = all(comparison.passed for comparison in comparisons.values()) and (core is not None or not lanes.lines)
     if as_json:
-        out.print_json(
-            data={"log": str(log), "firmware": profile.name, "passed": comparison.passed, **asdict(comparison)}
-        )
+        of_cores = [{"core": number, "imu": run.imus[number], **asdict(found)} for number, found in comparisons.items()]
+        about = {"log": str(log), "firmware": profile.name, "passed": passed}
+        out.print_json(data={**about, "cores": of_cores, "lanes": None if core is not None else asdict(lanes)})
     else:
-        _show(log, comparison, profile)
-    if check and not comparison.passed:
+        for number, comparison in comparisons.items():
+            _show(f"{log.name}, core {number} (IMU {run.imus[number]})", comparison, profile)
+        if core is None:
+            _show_lanes(lanes)
+    if check and not passed:
         raise typer.Exit(_FINDINGS)
+
+
+def _compared(run: EkfRun, log: Path) -> dict[int, Comparison]:
+    """Return what is to be said of each core of which the log has estimates."""
+    replays = {number: run.comparison(number) for number in run.imus}
+    return {
+        number: compare(replay.until(ekf_targets.end_s(log)), bench=ekf_targets.is_bench(log))
+        for number, replay in replays.items()
+        if replay is not None
+    }
 
 
 def _run(run: EkfRun, output: Path | None) -> None:
@@ -87,8 +106,8 @@ def _run(run: EkfRun, output: Path | None) -> None:
         run.output.save(output)
 
 
-def _show(log: Path, comparison: Comparison, firmware: Firmware) -> None:
-    title = f"{log.name}: {comparison.records} records compared, firmware {firmware.name}"
+def _show(name: str, comparison: Comparison, firmware: Firmware) -> None:
+    title = f"{name}: {comparison.records} records compared, firmware {firmware.name}"
     table = Table("", "against the log", "target", "", title=title)
     for check in comparison.checks:
         mark = Text("") if not check.target else Text("ok", "green") if check.passed else Text("missed", "red")
@@ -97,4 +116,12 @@ def _show(log: Path, comparison: Comparison, firmware: Firmware) -> None:
     ours, recorded = ("never" if time_s is None else f"at {time_s:.3f} s" for time_s in comparison.aiding_s)
     out.print(f"aiding starts {ours}, the log's {recorded}")
     for line in comparison.texts.lines:
+        out.print(f"text at {line}")
+
+
+def _show_lanes(lanes: Differences) -> None:
+    if lanes.lines or lanes.matched:
+        found = f"{len(lanes.lines)} differ" if lanes.lines else f"{lanes.matched} equal, within {lanes.worst_s:.3f} s"
+        out.print(f"changes of the primary core: {found}")
+    for line in lanes.lines:
         out.print(f"text at {line}")

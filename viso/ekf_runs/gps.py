@@ -20,7 +20,7 @@ class GpsRecords:
         self._slow: dict[int, list[int]] = {}
         self._lags_s: dict[int, float] = {}
         self._fast: dict[int, Any] = {}
-        self._last_fix_ms = 0
+        self._last_fix_ms: dict[int, int] = {}
 
     def take(self, record: Any) -> None:
         """Take how many there are and which is the primary one, what changes seldom, or a solution."""
@@ -38,16 +38,17 @@ class GpsRecords:
         flags, *_ = self._slow.get(self._primary, (0,))
         return self._lags_s[self._primary] if flags & _LAG else None
 
-    def newest(self) -> GpsSample | None:
-        """Return the newest solution of the primary GPS, or None without one."""
-        slow, fast = self._slow.get(self._primary), self._fast.get(self._primary)
-        if not self._count or slow is None or fast is None:
+    def newest(self, receiver: int | None = None) -> GpsSample | None:
+        """Return the newest solution of a receiver, the primary one if none is named, or None without one."""
+        which = self._primary if receiver is None else receiver
+        slow, fast = self._slow.get(which), self._fast.get(which)
+        if not self._count or (receiver is not None and receiver >= self._count) or slow is None or fast is None:
             return None
         flags, fix_type, num_sats = slow
         time_ms, lat, lng, alt_cm, hdop = whole(fast, "TS", "Lat", "Lon", "Alt", "HD")
         speed, horizontal, vertical, yaw = numbers(fast, "SA", "HA", "VA", "Y")
         if fix_type >= FIX_3D:
-            self._last_fix_ms = time_ms
+            self._last_fix_ms[which] = time_ms
         return GpsSample(
             time_ms,
             fix_type,
@@ -60,6 +61,6 @@ class GpsRecords:
             horizontal_accuracy=horizontal if flags & _HORIZONTAL else None,
             vertical_accuracy=vertical if flags & _VERTICAL else None,
             yaw_deg=yaw if flags & _YAW else None,
-            last_fix_ms=self._last_fix_ms,
-            lag_s=self._lags_s[self._primary],
+            last_fix_ms=self._last_fix_ms.get(which, 0),
+            lag_s=self._lags_s[which],
         )

@@ -6,33 +6,51 @@ A value stands until another record of its kind comes: most records are written 
 """
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from ap_core.cint import i32
 from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.filter.inertial_pass import LOOP_DT
+from ekf_stub.filter.stillness import Filtered
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.reports.core_report import Three
 from viso.ekf_runs.gps import GpsRecords
 from viso.logs.record_fields import RecordError, finite, instance, whole
 
 ARMED: Final = 1 << 0  # of RFRN.Flags
 TAKEOFF_EXPECTED: Final = 1 << 6
 TOUCHDOWN_EXPECTED: Final = 1 << 7
+_USE_ACCEL: Final = 1 << 0  # of RISI.Flags
+_USE_GYRO: Final = 1 << 1
+_MAX_IMUS: Final = 3
+
+T = TypeVar("T")
+
+
+class Reading(NamedTuple, Generic[T]):
+    """What one of several sensors says, and whether it can be used."""
+
+    value: T
+    is_healthy: bool
 
 
 class ReplayInputs:
     """The sensors as the records taken so far leave them.
 
     Attributes:
-        imu: which IMU counts.
         time_us: of the frame, since boot.
         flying_ms: for how long the vehicle has been flying.
         flags: of the frame: ``ARMED``, ``TAKEOFF_EXPECTED``, ``TOUCHDOWN_EXPECTED`` and others.
         home_lat: latitude of home, 1e-7 deg.
-        delta: inertial data; None before the first.
-        baro: time of the reading in ms, and height in m.
-        mag: time of the reading in us, and the field in mGauss, body.
+        imu_count: how many IMUs there are.
+        deltas: inertial data, by IMU.
+        gyros, accels: what each IMU measures, rad/s and m/s/s, body, filtered; None for a sensor not to be used.
+        first_gyro, first_accel, first_mag: the first ones that can be used.
+        baros: time of the reading in ms, and height in m, by barometer.
+        primary_baro: the one in use.
+        mags: time of the reading in us, and the field in mGauss, body, by compass.
         declination: of the magnetic field, rad.
         camera_frd: where the camera is on the vehicle, m; None while there is none.
         camera_delay_ms: how late it is.
@@ -41,21 +59,29 @@ class ReplayInputs:
     """
 
     def __init__(self) -> None:
-        self.imu = 0
         self.time_us = self.flying_ms = self.flags = self.home_lat = 0
-        self.delta: InertialDelta | None = None
-        self.baro: tuple[int, float] | None = None
-        self.mag: tuple[int, Array] | None = None
+        self.imu_count = _MAX_IMUS
+        self.deltas: dict[int, InertialDelta] = {}
+        self.gyros: list[Three | None] = [None] * _MAX_IMUS
+        self.accels: list[Three | None] = [None] * _MAX_IMUS
+        self.first_gyro = self.first_accel = self.first_mag = self.primary_baro = 0
+        self.baros: dict[int, Reading[tuple[int, float]]] = {}
+        self.mags: dict[int, Reading[tuple[int, Array]]] = {}
         self.declination = 0.0
         self.camera_frd: tuple[float, float, float] | None = None
         self.camera_delay_ms = 0
         self.gps: GpsSample | None = None
         self.gps_lag_s: float | None = None
-        self._primary_baro = self._usable_mag = 0
+        self._uses = [0] * _MAX_IMUS
+        self._filters = [(Filtered(), Filtered()) for _ in range(_MAX_IMUS)]
+        self._loop_dt = LOOP_DT
+        self._filtered_us = 0
         self._gps_records = GpsRecords()
+        self._solutions: dict[int, GpsSample | None] = {}
         self._handlers: dict[str, Callable[[Any], None]] = {
             "RFRH": self._take_rfrh,
             "RFRN": self._take_rfrn,
+            "RISH": self._take_rish,
             "RISI": self._take_risi,
             "RBRH": self._take_rbrh,
             "RBRI": self._take_rbri,
@@ -81,27 +107,53 @@ class ReplayInputs:
         home_lat, self.flags = whole(record, "HLat", "Flags")
         self.home_lat = i32(home_lat)
 
+    def _take_rish(self, record: Any) -> None:
+        self.first_gyro, self.first_accel, count = whole(record, "PG", "PA", "AC")
+        self.imu_count = min(count, _MAX_IMUS)
+        (self._loop_dt,) = finite(record, "LD")
+
     def _take_risi(self, record: Any) -> None:
-        if instance(record) == self.imu:
+        imu, (uses,) = instance(record), whole(record, "Flags")
+        if 0 <= imu < self.imu_count:
             values = finite(record, "DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
-            self.delta = InertialDelta(np.array(values[:3]), np.array(values[3:6]), values[6], values[7])
+            self.deltas[imu] = InertialDelta(np.array(values[:3]), np.array(values[3:6]), values[6], values[7])
+            self._uses[imu] = uses
+
+    def uses_gyro(self, imu: int) -> bool:
+        """Tell whether a gyro can be used."""
+        return bool(self._uses[imu] & _USE_GYRO)
+
+    def uses_accel(self, imu: int) -> bool:
+        """Tell whether an accelerometer can be used."""
+        return bool(self._uses[imu] & _USE_ACCEL)
+
+    def filter_rates(self) -> None:
+        """Filter what the IMUs measure, once a frame (AP_DAL_InertialSensor::update_filtered)."""
+        if self._filtered_us == self.time_us:
+            return
+        self._filtered_us = self.time_us
+        for imu, delta in self.deltas.items():
+            gyro, accel = self._filters[imu]
+            gyro.add(delta.gyro, self._loop_dt)
+            accel.add(delta.accel, self._loop_dt)
+            self.gyros[imu] = gyro.value if self.uses_gyro(imu) else None
+            self.accels[imu] = accel.value if self.uses_accel(imu) else None
 
     def _take_rbrh(self, record: Any) -> None:
-        (self._primary_baro,) = whole(record, "Primary")
+        (self.primary_baro,) = whole(record, "Primary")
 
     def _take_rbri(self, record: Any) -> None:
-        if instance(record) == self._primary_baro:
-            time_ms, height = finite(record, "LastUpdate", "Alt")
-            self.baro = int(time_ms), height
+        time_ms, height, is_healthy = finite(record, "LastUpdate", "Alt", "H")
+        self.baros[instance(record)] = Reading((int(time_ms), height), bool(is_healthy))
 
     def _take_rmgh(self, record: Any) -> None:
         (self.declination,) = finite(record, "Dec")
-        (self._usable_mag,) = whole(record, "FUsable")
+        (self.first_mag,) = whole(record, "FUsable")
 
     def _take_rmgi(self, record: Any) -> None:
-        if instance(record) == self._usable_mag:
-            time_us, *field = finite(record, "LU", "FX", "FY", "FZ")
-            self.mag = int(time_us), np.array(field)
+        time_us, *field = finite(record, "LU", "FX", "FY", "FZ")
+        is_used, is_healthy = whole(record, "UFY", "H")
+        self.mags[instance(record)] = Reading((int(time_us), np.array(field)), bool(is_used and is_healthy))
 
     def _take_rvoh(self, record: Any) -> None:
         x, y, z, enabled = finite(record, "OX", "OY", "OZ", "Ena")
@@ -111,3 +163,10 @@ class ReplayInputs:
     def _take_gps(self, record: Any) -> None:
         self._gps_records.take(record)
         self.gps, self.gps_lag_s = self._gps_records.newest(), self._gps_records.lag_s()
+        self._solutions.clear()
+
+    def gps_of(self, receiver: int) -> GpsSample | None:
+        """Return the newest solution of a receiver, or None without one."""
+        if receiver not in self._solutions:
+            self._solutions[receiver] = self._gps_records.newest(receiver)
+        return self._solutions[receiver]

@@ -24,14 +24,19 @@ class EkfOutput:
     """A DataFlash log in memory: parameters, texts, events and estimates, and nothing before :meth:`begin`.
 
     Args:
-        get_int: returns an integer parameter by its full name.
-        cores: returns the numbers of the cores.
+        primary: returns the number of the primary core.
     """
 
-    def __init__(self, get_int: Callable[[str], int], cores: Callable[[], tuple[int, ...]]) -> None:
+    def __init__(self, primary: Callable[[], int]) -> None:
         self._writer = DataFlashWriter(STRUCTURES)
         self._data = bytearray()
-        self._estimates = EkfLog(self, lambda name: _ALWAYS[name] if name in _ALWAYS else get_int(name), cores)
+        self._primary = primary
+        self._estimates: dict[int, EkfLog] = {}
+
+    def _estimates_of(self, number: int) -> EkfLog:
+        if number not in self._estimates:
+            self._estimates[number] = EkfLog(self, _ALWAYS.__getitem__, lambda: (number,), self._primary)
+        return self._estimates[number]
 
     @property
     def is_empty(self) -> bool:
@@ -50,14 +55,15 @@ class EkfOutput:
         """Append a parameter that has changed."""
         self._data += self._writer.parameter(name, value, time_us=time_us)
 
-    def frame(self, core: Ekf3Core, time_us: int, *, is_step: bool) -> None:
-        """Append what a filter with a state writes by itself, after a frame."""
-        if self._estimates.is_due(time_us, core.is_still(), is_step=is_step):
-            self._estimates.update(run_report_of(core), time_us, is_step=is_step)
+    def frame(self, number: int, core: Ekf3Core, time_us: int) -> None:
+        """Append what a core with a state writes by itself, after a frame."""
+        log = self._estimates_of(number)
+        if log.is_due(time_us, core.is_still(), is_step=core.stepped):
+            log.update(run_report_of(core), time_us, is_step=core.stepped)
 
-    def estimates(self, report: CoreReport, time_us: int) -> None:
-        """Append what the filter says at a moment."""
-        self._estimates.write_streaming(report, time_us)
+    def estimates(self, number: int, report: CoreReport, time_us: int) -> None:
+        """Append what a core says at a moment."""
+        self._estimates_of(number).write_streaming(report, time_us)
 
     def save(self, path: Path) -> None:
         """Put the log in place as a whole.

@@ -18,12 +18,15 @@ from ap_core.quaternion import Quaternion
 from ap_core.sinks import TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.buffers import buffer_sizes
+from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import report_of
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
+from viso.ekf_runs.core_inputs import CoreInputs
 from viso.ekf_runs.inputs import ARMED, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs
 from viso.logs.record_fields import RecordError, finite, numbers, text, whole
 from viso.vehicle.kernels import chosen_kernel, kernel_of
@@ -32,7 +35,10 @@ EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
 _AFTER_THE_FRAME: Final = frozenset({"XKF4", "REPH", "REVH", "RBOH", "RSO3", "REV3"})
 _RESET_HEIGHT_DATUM: Final = 1  # of REV3.Event
 _REQUEST_YAW_RESET: Final = 11
+_CHECK_LANE_SWITCH: Final = 12
 _SOURCE_SETS: Final = range(13, 16)
+_USUAL: Final = {"EK3_AFFINITY": 0.0, "EK3_ERR_THRESH": 0.2, "EK3_OPTIONS": 0.0, "EK3_PRIMARY": 0.0}
+"""Parameters of several cores, which not every log has."""
 
 
 class PlayerEvents(TextSink, Protocol):
@@ -46,27 +52,30 @@ class PlayerEvents(TextSink, Protocol):
 
 
 class EkfPlayer:
-    """A filter on the inputs of a log.
+    """The filter's cores on the inputs of a log.
 
     Args:
         events: who hears of it.
+        only: the number of the core to run, None for all.
 
     Attributes:
         params: the parameters as the log has them so far.
         inputs: the sensors.
         place_declination: of the magnetic field at the origin, rad, as far as it is known; None otherwise.
-        core: the filter; None until the log says that it has been started.
-        imus: the IMU of each core of the log; the filter stands for all of them, with the inputs of the first.
+        imus: the IMU of each core that is run, by the core's number; empty before the first frame.
+        lanes: the cores, in that order; None until the log says that they have been started.
     """
 
-    def __init__(self, events: PlayerEvents) -> None:
+    def __init__(self, events: PlayerEvents, only: int | None = None) -> None:
         self._events = events
+        self._only = only
         self.params: dict[str, float] = {}
-        self.imus: tuple[int, ...] = (0,)
+        self.imus: dict[int, int] = {}
         self.inputs = ReplayInputs()
-        self.core: Ekf3Core | None = None
+        self._core_inputs: list[CoreInputs] = []
+        self.lanes: Lanes | None = None
         self.place_declination: float | None = None
-        self._began = self._frame_has_run = False
+        self._frame_has_run = False
         self._on_param: list[Callable[[], None]] = []
         self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), self._on_param.append)
         self._handlers: dict[str, Callable[[Any], None]] = {
@@ -92,11 +101,26 @@ class EkfPlayer:
         except KeyError:
             raise RecordError(f"no PARM record of {name}") from None
 
-    def report(self) -> CoreReport:
-        """Return what the filter says at present."""
-        if self.core is None or not self.core.initialised:
+    @property
+    def cores(self) -> dict[int, Ekf3Core]:
+        """The cores that have been started, by their numbers."""
+        return {} if self.lanes is None else dict(zip(self.imus, self.lanes.cores, strict=True))
+
+    @property
+    def primary(self) -> int:
+        """The number of the primary core."""
+        return list(self.imus)[0 if self.lanes is None else self.lanes.primary]
+
+    def report(self, number: int) -> CoreReport:
+        """Return what a core says at present."""
+        core = self.cores.get(number)
+        if core is None or self.lanes is None or not core.initialised:
             return UNINITIALISED
-        return report_of(self.core, self.time_us // 1000)
+        place = self.lanes.cores.index(core)
+        report = report_of(core, self.time_us // 1000)
+        report.error_score = self.lanes.error_scores[place]
+        report.relative_error = self.lanes.relative_errors[place]
+        return report
 
     def take(self, record: Any) -> None:
         """Take the next record of the log, whatever it is. Raises RecordError if the filter cannot go on with it."""
@@ -117,60 +141,68 @@ class EkfPlayer:
     # Frames
 
     def _take_rfrh(self, _record: Any) -> None:
-        if not self._began:
-            self._begin()
         self._frame_has_run = False
 
     def _begin(self) -> None:
-        self.imus = cores_of_mask(int(self.param("EK3_IMU_MASK")))
-        if not self.imus:
+        imus = dict(enumerate(cores_of_mask(int(self.param("EK3_IMU_MASK")), self.inputs.imu_count)))
+        if not imus:
             raise RecordError("EK3_IMU_MASK selects no IMU")
-        self.inputs.imu = self.imus[0]
-        self._began = True
+        if self._only is not None and self._only not in imus:
+            raise RecordError(f"no core {self._only}; the log has {', '.join(map(str, imus))}")
+        self.imus = imus if self._only is None else {self._only: imus[self._only]}
+        self._core_inputs = [
+            CoreInputs(self.inputs, number, imu, lambda: int(self._ekf_param("AFFINITY")))
+            for number, imu in self.imus.items()
+        ]
 
     def _take_rfrf(self, record: Any) -> None:
         (frame_types,) = whole(record, "FTypes")
-        if self.core is None and frame_types & EKF3_RUNS and self.inputs.delta is not None:
-            self._make_core()
+        if not self.imus:
+            self._begin()
+        if self.lanes is None and frame_types & EKF3_RUNS and all(core.has_data for core in self._core_inputs):
+            self._make_cores()
         if frame_types & EKF3_RUNS:
             self._run_frame()
 
     def _run_frame(self) -> None:
-        if self.core is None or self._frame_has_run:
+        self.inputs.filter_rates()
+        if self.lanes is None or self._frame_has_run:
             return
         self._frame_has_run = True
+        self.lanes.run(list(map(self._frame, self._core_inputs)))
+
+    def _frame(self, sensors: CoreInputs) -> Frame:
         inputs = self.inputs
-        assert inputs.delta is not None
-        self.core.run(
-            Frame(
-                inputs.time_us,
-                inputs.delta,
-                armed=bool(inputs.flags & ARMED),
-                flying_ms=inputs.flying_ms,
-                takeoff_expected=bool(inputs.flags & TAKEOFF_EXPECTED),
-                touchdown_expected=bool(inputs.flags & TOUCHDOWN_EXPECTED),
-                baro=inputs.baro,
-                mag=inputs.mag,
-                gps=inputs.gps,
-                declination=inputs.declination,
-                place_declination=self.place_declination,
-                lever_arm=self._lever_arm(),
-                home_lat=inputs.home_lat,
-            )
+        return Frame(
+            inputs.time_us,
+            sensors.delta(),
+            armed=bool(inputs.flags & ARMED),
+            flying_ms=inputs.flying_ms,
+            takeoff_expected=bool(inputs.flags & TAKEOFF_EXPECTED),
+            touchdown_expected=bool(inputs.flags & TOUCHDOWN_EXPECTED),
+            baro=sensors.baro(),
+            mag=sensors.mag(),
+            gps=sensors.gps(),
+            declination=inputs.declination,
+            place_declination=self.place_declination,
+            lever_arm=self._lever_arm(sensors.accel),
+            home_lat=inputs.home_lat,
+            compass=sensors.compass(),
+            imu_rates=sensors.imu_rates(),
         )
 
-    def _lever_arm(self) -> tuple[float, float, float]:
-        """Return the camera's place from the IMU."""
+    def _lever_arm(self, accel: int) -> tuple[float, float, float]:
+        """Return the camera's place from an accelerometer."""
         if self.inputs.camera_frd is None:
             return (0.0, 0.0, 0.0)
-        imu = self.imus[0] + 1
+        imu = accel + 1
         x, y, z = (
             camera - self.param(f"INS_POS{imu}_{axis}")
             for axis, camera in zip("XYZ", self.inputs.camera_frd, strict=True)
         )
         return x, y, z
 
-    def _make_core(self) -> None:
+    def _make_cores(self) -> None:
         lag_s = self.inputs.gps_lag_s
         if lag_s is None and self._sources.uses_gps():
             return  # the firmware waits for it, to know how long its buffers must be
@@ -178,46 +210,61 @@ class EkfPlayer:
         sizes = buffer_sizes(
             lambda name: int(self.param(name)), self._sources, has_camera=has_camera, gps_lag_s=lag_s or 0.0
         )
-        self.core = Ekf3Core(
-            self._sources,
-            lambda name: self.param(f"EK3_{name}"),
-            sizes,
-            CoreTexts(self._events, self.imus),
-            Counter(),
-            lambda: self.inputs.mag is not None,
-            kernel_of(chosen_kernel()),
-        )
+        common, kernel = CommonOrigin(), kernel_of(chosen_kernel())
+        cores = [
+            Ekf3Core(
+                self._sources,
+                self._ekf_param,
+                sizes,
+                CoreTexts(self._events, (imu,)),
+                Counter(),
+                lambda: self.inputs.first_mag in self.inputs.mags,
+                kernel,
+                common=common,
+                imu=imu,
+            )
+            for imu in self.imus.values()
+        ]
+        self.lanes = Lanes(cores, common, self._ekf_param, self._events)
+
+    def _ekf_param(self, name: str) -> float:
+        name = f"EK3_{name}"
+        return _USUAL[name] if name in _USUAL and name not in self.params else self.param(name)
 
     # Between the frames
 
     def _take_reph(self, record: Any) -> None:
-        if self.core is not None:
+        if self.lanes is not None:
             pos = Vector3f(*numbers(record, "PX", "PY", "PZ"))
             quat = Quaternion(*numbers(record, "Q1", "Q2", "Q3", "Q4"))
             pos_err, yaw_err = map(np.float32, numbers(record, "PEr", "AEr"))
             stamp_ms, reset_ms, delay_ms = whole(record, "TS", "RT", "D")
-            self.core.ingest.write_pose(pos, quat, (pos_err, yaw_err), stamp_ms, delay_ms, reset_ms)
+            for core in self.lanes.cores:
+                core.ingest.write_pose(pos, quat, (pos_err, yaw_err), stamp_ms, delay_ms, reset_ms)
 
     def _take_revh(self, record: Any) -> None:
-        if self.core is not None:
+        if self.lanes is not None:
             vel = Vector3f(*numbers(record, "VX", "VY", "VZ"))
             (err,) = map(np.float32, numbers(record, "Er"))
-            self.core.ingest.write_velocity(vel, err, *whole(record, "TS", "D"))
+            for core in self.lanes.cores:
+                core.ingest.write_velocity(vel, err, *whole(record, "TS", "D"))
 
     def _take_rboh(self, record: Any) -> None:
-        if self.core is not None:
+        if self.lanes is not None:
             del_pos = Vector3f(*numbers(record, "DPX", "DPY", "DPZ"))
             del_ang = Vector3f(*numbers(record, "DAX", "DAY", "DAZ"))
             quality, del_time = map(np.float32, numbers(record, "Q", "DT"))
             (stamp_ms,) = whole(record, "TS")
             # The firmware leaves this record's offset and delay unfilled; RVOH has what it was given.
-            deltas, offset = (del_pos, del_ang, del_time), Vector3f(*self._lever_arm())
-            self.core.ingest.write_odometry(quality, deltas, stamp_ms, self.inputs.camera_delay_ms, offset)
+            deltas, delay_ms = (del_pos, del_ang, del_time), self.inputs.camera_delay_ms
+            for core, sensors in zip(self.lanes.cores, self._core_inputs, strict=True):
+                offset = Vector3f(*self._lever_arm(sensors.accel))
+                core.ingest.write_odometry(quality, deltas, stamp_ms, delay_ms, offset)
 
     def _take_rso3(self, record: Any) -> None:
         lat, lng, alt_cm = map(i32, whole(record, "Lat", "Lon", "Alt"))
         place = Location(lat, lng, alt_cm)
-        if self.core is not None and self.core.set_origin(place):
+        if self.lanes is not None and self.lanes.set_origin(place):
             self._events.origin(place)
 
     def _take_rev3(self, record: Any) -> None:
@@ -225,7 +272,10 @@ class EkfPlayer:
         if event in _SOURCE_SETS:
             self._sources.active_set = _SOURCE_SETS.index(event)
             self._events.source_set(self._sources.active_set)
-        elif event == _RESET_HEIGHT_DATUM and self.core is not None:
-            self.core.reset_height_datum()
-        elif event == _REQUEST_YAW_RESET and self.core is not None:
-            self.core.request_yaw_reset()
+        elif event == _RESET_HEIGHT_DATUM and self.lanes is not None:
+            self.lanes.reset_height_datum()
+        elif event == _REQUEST_YAW_RESET and self.lanes is not None:
+            for core in self.lanes.cores:
+                core.request_yaw_reset()
+        elif event == _CHECK_LANE_SWITCH and self.lanes is not None:
+            self.lanes.check_lane_switch()

@@ -3,6 +3,7 @@
 """Runs the filter over the replay records of a log, beside the estimates that the log holds."""
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +12,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from ap_core.location import Location
-from ap_core.log_structure import EV, MSG, ORGN, QUIET_NAN
+from ap_core.log_structure import ERR, EV, MSG, ORGN, QUIET_NAN
 from ekf_stub.filter.inertial import Array
 from ekf_stub.log.ekf_log import PERIOD_US
 from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 from viso.ekf_runs.output import EkfOutput
 from viso.ekf_runs.player import EkfPlayer
 from viso.errors import InputError
@@ -27,7 +29,11 @@ LABELS: Final = (
 )
 """What is compared, by the labels of XKF1, XKF3 and XKF4; angles in deg."""
 
-_CORE: Final = 0
+Texts = list[tuple[float, str]]
+"""Times in s, and texts."""
+
+LANE_TEXTS: Final = ("EKF3 lane switch", "EKF primary changed")
+_ERR_EKF_PRIMARY: Final = 24
 _EV_YAW_RESET: Final = 62
 _EV_SOURCE_SET_1: Final = 85
 _ORGN_EKF: Final = 0
@@ -37,19 +43,19 @@ _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
 @dataclass(frozen=True)
 class EkfReplay:
-    """What the filter and the log say at the log's times.
+    """What a core of the filter and of the log says at the log's times.
 
     Attributes:
         time_s: shape (n,), since boot.
         ours, recorded: shape (n,) each, by label.
-        our_texts, recorded_texts: times in s, and texts of the first core without their beginning.
+        our_texts, recorded_texts: what the core says, without the beginning that names it.
     """
 
     time_s: Array
     ours: dict[str, Array]
     recorded: dict[str, Array]
-    our_texts: list[tuple[float, str]]
-    recorded_texts: list[tuple[float, str]]
+    our_texts: Texts
+    recorded_texts: Texts
 
     def until(self, end_s: float) -> "EkfReplay":
         """Return what was said up to a time."""
@@ -58,9 +64,14 @@ class EkfReplay:
             self.time_s[kept],
             {label: values[kept] for label, values in self.ours.items()},
             {label: values[kept] for label, values in self.recorded.items()},
-            [entry for entry in self.our_texts if entry[0] <= end_s],
-            [entry for entry in self.recorded_texts if entry[0] <= end_s],
+            until(self.our_texts, end_s),
+            until(self.recorded_texts, end_s),
         )
+
+
+def until(texts: Texts, end_s: float) -> Texts:
+    """Return the texts up to a time."""
+    return [entry for entry in texts if entry[0] <= end_s]
 
 
 class _Row(NamedTuple):
@@ -77,27 +88,33 @@ class EkfRun:
     Args:
         path: the log (.BIN or .BIN.xz).
         until_s: where to end, since boot.
+        core: the number of the core to run, None for all.
 
     Attributes:
         output: the log that comes of it.
+        our_lanes, recorded_lanes: the texts of changes of the primary core.
     """
 
-    def __init__(self, path: Path, *, until_s: float = math.inf) -> None:
+    def __init__(self, path: Path, *, until_s: float = math.inf, core: int | None = None) -> None:
         self._path = path
         self._until_s = until_s
         self._defaults: dict[str, float] = {}
-        self._player = EkfPlayer(self)
-        self.output = EkfOutput(lambda name: int(self._player.param(name)), lambda: self._cores)
-        self._rows: list[_Row] = []
-        self._our_texts: list[tuple[float, str]] = []
-        self._recorded_texts: list[tuple[float, str]] = []
-        self._yaw_resets = 0
+        self._player = EkfPlayer(self, core)
+        self.output = EkfOutput(lambda: self._player.primary)
+        self._rows: defaultdict[int, list[_Row]] = defaultdict(list)
+        self._our_texts: defaultdict[int, Texts] = defaultdict(list)
+        self._recorded_texts: defaultdict[int, Texts] = defaultdict(list)
+        self.our_lanes: Texts = []
+        self.recorded_lanes: Texts = []
+        self._yaw_reset_ms = 0
+        self._primary: int | None = None
         self._next_us = 0
         self._frames = 0
 
     @property
-    def _cores(self) -> tuple[int, ...]:
-        return tuple(range(len(self._player.imus)))
+    def imus(self) -> dict[int, int]:
+        """The IMU of each core that is run, by the core's number."""
+        return self._player.imus
 
     @property
     def time_s(self) -> float:
@@ -133,20 +150,20 @@ class EkfRun:
         failure = read_log(self._path, play)
         if failure is not None:
             raise failure
-        if self._player.core is None:
+        if self._player.lanes is None:
             raise InputError(f"{self._path}: {_NO_REPLAY}")
 
-    def comparison(self) -> EkfReplay | None:
-        """Return what can be compared; None when the log has no estimates of its own."""
-        rows = [row for row in self._rows if len(row.recorded) == len(LABELS)]
+    def comparison(self, core: int = 0) -> EkfReplay | None:
+        """Return what can be compared of a core; None when the log has no estimates of its own."""
+        rows = [row for row in self._rows[core] if len(row.recorded) == len(LABELS)]
         if not rows:
             return None
         return EkfReplay(
             np.array([row.time_s for row in rows]),
             {label: np.array([row.ours[label] for row in rows]) for label in LABELS},
             {label: np.array([row.recorded[label] for row in rows]) for label in LABELS},
-            self._our_texts,
-            self._recorded_texts,
+            self._our_texts[core],
+            self._recorded_texts[core],
         )
 
     # Records
@@ -154,7 +171,7 @@ class EkfRun:
     def _take(self, record: Any, *, has_estimates: bool) -> None:
         kind = record.get_type()
         self._player.take(record)
-        self._note_yaw_reset()
+        self._note_jumps()
         if kind == "RFRH":
             self._begin_frame()
         elif kind == "RFRF":
@@ -163,7 +180,7 @@ class EkfRun:
             self._take_parm(record)
         elif kind == "MSG":
             self._take_text(record)
-        elif kind in _COMPARED and whole(record, "C") == [_CORE]:
+        elif kind in _COMPARED and whole(record, "C")[0] in self.imus:
             self._take_estimates(record)
 
     def _begin_frame(self) -> None:
@@ -174,18 +191,30 @@ class EkfRun:
             self.output.begin(rows, self._player.time_us)
 
     def _end_frame(self, *, has_estimates: bool) -> None:
-        core, now_us = self._player.core, self._player.time_us
-        if core is not None and core.initialised:
-            self.output.frame(core, now_us, is_step=core.stepped)
-        if core is not None and not has_estimates and now_us >= self._next_us:
+        cores, now_us = self._player.cores, self._player.time_us
+        for number, core in cores.items():
+            if core.initialised:
+                self.output.frame(number, core, now_us)
+        if cores and not has_estimates and now_us >= self._next_us:
             self._next_us = now_us + PERIOD_US
-            self.output.estimates(self._player.report(), now_us)
+            self._write_estimates()
 
-    def _note_yaw_reset(self) -> None:
-        resets = 0 if self._player.core is None else self._player.core.yaw_resets
-        if resets > self._yaw_resets:
-            self.output.write(EV, (self._player.time_us, _EV_YAW_RESET))
-        self._yaw_resets = resets  # fewer after the filter has begun anew
+    def _write_estimates(self) -> None:
+        for number in self.imus:
+            self.output.estimates(number, self._player.report(number), self._player.time_us)
+
+    def _note_jumps(self) -> None:
+        """Log what the vehicle notes of its estimator (Copter::check_ekf_reset)."""
+        lanes, now_us = self._player.lanes, self._player.time_us
+        if lanes is None:
+            return
+        if lanes.yaw_reset_ms > self._yaw_reset_ms:
+            self.output.write(EV, (now_us, _EV_YAW_RESET))
+        self._yaw_reset_ms = lanes.yaw_reset_ms
+        before, self._primary = self._primary, self._player.primary
+        if before is not None and before != self._primary:
+            self.output.write(ERR, (now_us, _ERR_EKF_PRIMARY, self._primary))
+            self.send_text(MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
 
     def _take_parm(self, record: Any) -> None:
         name, default = text(record, "Name"), getattr(record, "Default", None)  # logs of older releases have none
@@ -195,32 +224,35 @@ class EkfRun:
 
     def _take_text(self, record: Any) -> None:
         message = text(record, "Message")
-        if message.startswith(self._prefix):
-            (time_us,) = whole(record, "TimeUS")
-            self._recorded_texts.append((time_us / 1e6, message.removeprefix(self._prefix)))
+        (time_us,) = whole(record, "TimeUS")
+        self._sort_text(time_us / 1e6, message.rstrip(), self._recorded_texts, self.recorded_lanes)
 
-    @property
-    def _prefix(self) -> str:
-        return f"EKF3 IMU{self._player.imus[0]} "
+    def _sort_text(self, time_s: float, message: str, by_core: defaultdict[int, Texts], lanes: Texts) -> None:
+        if message.startswith(LANE_TEXTS):
+            lanes.append((time_s, message))
+        for number, imu in self.imus.items():
+            prefix = f"EKF3 IMU{imu} "
+            if message.startswith(prefix):
+                by_core[number].append((time_s, message.removeprefix(prefix)))
 
     def _take_estimates(self, record: Any) -> None:
-        (time_us,) = whole(record, "TimeUS")
+        time_us, number = whole(record, "TimeUS", "C")
+        rows, core = self._rows[number], self._player.cores.get(number)
         if record.get_type() == "XKF4":
-            report = self._player.report()
-            self.output.estimates(report, self._player.time_us)
-            if self._player.core is not None and self._player.core.initialised:
-                self._rows.append(_Row(time_us / 1e6, _ours(report), {}))
-        if self._rows and self._rows[-1].time_s == time_us / 1e6:
+            if number == next(iter(self.imus)):
+                self._write_estimates()
+            if core is not None and core.initialised:
+                rows.append(_Row(time_us / 1e6, _ours(self._player.report(number)), {}))
+        if rows and rows[-1].time_s == time_us / 1e6:
             labels = [label for label in LABELS if label in record.get_fieldnames()]
-            self._rows[-1].recorded.update(zip(labels, finite(record, *labels), strict=True))
+            rows[-1].recorded.update(zip(labels, finite(record, *labels), strict=True))
 
     # What the filter says
 
     def send_text(self, _severity: int, message: str) -> None:
-        """Note and log a text of a core."""
+        """Note and log a text."""
         self.output.write(MSG, (self._player.time_us, message))
-        if message.startswith(self._prefix):
-            self._our_texts.append((self.time_s, message.removeprefix(self._prefix)))
+        self._sort_text(self.time_s, message, self._our_texts, self.our_lanes)
 
     def source_set(self, index: int) -> None:
         """Log that a source set was chosen."""
@@ -258,11 +290,11 @@ def _ours(report: CoreReport) -> dict[str, float]:
 
 
 def replay_ekf(path: Path, *, until_s: float = math.inf) -> EkfReplay:
-    """Run the filter over a log, up to a time since boot.
+    """Run the first core of the filter over a log, up to a time since boot.
 
     Raises InputError if the log cannot be read, or has no replay records, or no estimates.
     """
-    run = EkfRun(path, until_s=until_s)
+    run = EkfRun(path, until_s=until_s, core=0)
     run.run()
     replay = run.comparison()
     if replay is None:

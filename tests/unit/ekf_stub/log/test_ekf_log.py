@@ -197,8 +197,7 @@ def test_values_beyond_every_integer_are_zero(number: float) -> None:
 
 @pytest.mark.parametrize(("ratio", "score"), [(1e38, pytest.approx(1e38)), (1e40, math.inf), (math.inf, math.inf)])
 def test_score_beyond_single_precision_is_infinite(ratio: float, score: float) -> None:
-    found = Rig().fields("XKF3", replace(REPORT, pos_ratio=2 * ratio, height_ratio=ratio))
-    assert found["ErSc"] == score
+    assert Rig().fields("XKF3", replace(REPORT, error_score=ratio))["ErSc"] == score
     assert Rig().fields("XKF4", replace(REPORT, pos_ratio=ratio))["SP"] == 0
 
 
@@ -231,7 +230,11 @@ def test_ratios_are_written_as_their_roots_and_yaw_with_the_compass() -> None:
     report = replace(REPORT, vel_ratio=0.04, pos_ratio=4.0, height_ratio=0.25, mag_ratio=0.01, yaw_ratio=0.09)
     fields = Rig().fields("XKF4", report)
     assert [fields[label] for label in ("SV", "SP", "SH", "SM", "SVT")] == [20, 200, 50, 30, 0]
-    assert Rig().fields("XKF3", report)["ErSc"] == pytest.approx(2.02)
+
+
+def test_scores_against_other_cores_are_written() -> None:
+    fields = Rig().fields("XKF3", replace(REPORT, error_score=2.25, relative_error=-0.5))
+    assert (fields["ErSc"], fields["RErr"]) == (2.25, -0.5)
 
 
 def test_health_of_a_moment() -> None:

@@ -51,9 +51,15 @@ def ran(short: Path) -> EkfRun:
 @pytest.fixture
 def known(ran: EkfRun, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Let the command know what comes of the run; return what it knows."""
-    replay = ran.comparison()
-    known = SimpleNamespace(run=lambda _on_progress: None, output=ran.output, comparison=lambda: replay)
-    monkeypatch.setattr(ekf_command, "EkfRun", lambda _log, until_s: known)
+    replay, lanes = ran.comparison(), [(5.2, "EKF3 lane switch 1")]
+    known = SimpleNamespace(run=lambda _on_progress: None, output=ran.output, comparison=lambda _core: replay)
+    known.imus, known.our_lanes, known.recorded_lanes = {0: 0, 1: 2}, lanes, lanes
+
+    def make(_log: Path, until_s: float, core: int | None) -> SimpleNamespace:
+        known.core = core
+        return known
+
+    monkeypatch.setattr(ekf_command, "EkfRun", make)
     return known
 
 
@@ -80,6 +86,7 @@ def test_table_tells_figures_targets_and_marks(viso: Viso, short: Path, written:
     outcome = viso(short, "-o", "new/out.BIN")
     assert (outcome.code, outcome.err) == (0, "")
     assert Path("new/out.BIN").read_bytes() == written.read_bytes()
+    assert "voxl.BIN, core 0 (IMU 0): 15 records compared" in outcome.out
     rows = {cells[1].strip(): cells for line in outcome.out.splitlines() if len(cells := line.split("│")) > 4}
     assert [cell.strip() for cell in rows["PN"][3:5]] == ["0.02 m rms, 0.12 m at worst", "ok"]
     assert rows["PN"][2].split()[1:3] == ["m", "rms,"]
@@ -98,11 +105,30 @@ def test_bench_is_judged_by_its_events(viso: Viso, tmp_path: Path) -> None:
 def test_comparison_for_machines(viso: Viso) -> None:
     outcome = json.loads(viso(LOG, "--json").out)
     assert (outcome["log"], outcome["passed"]) == (str(LOG), True)
-    assert outcome["aiding_s"] == [5.08963, 5.08963]
-    assert outcome["equal"] == {"TS": 1.0, "SS": 1.0, "both": 1.0}
-    assert outcome["errors"]["PN"]["rms"] <= outcome["errors"]["PN"]["worst"]
-    assert outcome["texts"] == {"lines": [], "matched": 7, "worst_s": 0.0}
-    assert {"what", "figure", "target", "passed"} == set(outcome["checks"][0])
+    first, second = outcome["cores"]
+    assert (first["core"], first["imu"], second["core"], second["imu"]) == (0, 0, 1, 2)
+    assert first["aiding_s"] == [5.08963, 5.08963]
+    assert first["equal"] == {"TS": 1.0, "SS": 1.0, "both": 1.0}
+    assert first["errors"]["PN"]["rms"] <= first["errors"]["PN"]["worst"]
+    assert first["texts"] == {"lines": [], "matched": 7, "worst_s": 0.0}
+    assert {"what", "figure", "target", "passed"} == set(first["checks"][0])
+    assert outcome["lanes"] == {"lines": [], "matched": 1, "worst_s": 0.0}
+
+
+def test_changes_of_the_primary_core_are_compared(viso: Viso, known: SimpleNamespace) -> None:
+    assert "changes of the primary core: 1 equal, within 0.000 s" in viso(LOG).out
+    known.our_lanes = []
+    assert "text at 5.200 s: only the log's: 'EKF3 lane switch 1'" in viso(LOG).out
+    assert viso(LOG, "--check").code == 1
+
+
+def test_core_alone_has_none_to_change_with(viso: Viso, known: SimpleNamespace) -> None:
+    known.our_lanes, known.imus = [], {1: 2}
+    outcome = viso(LOG, "--core", "1", "--check")
+    assert (outcome.code, known.core) == (0, 1)
+    assert "core 1 (IMU 2)" in outcome.out
+    assert "primary" not in outcome.out
+    assert json.loads(viso(LOG, "--core", "1", "--json").out)["lanes"] is None
 
 
 @pytest.mark.usefixtures("known")
@@ -135,20 +161,20 @@ def test_check_counts_without_a_comparison_too(viso: Viso, monkeypatch: pytest.M
 def test_what_comes_after_the_end_of_a_log_is_not_compared(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ekf_targets.END_S, "voxl", 5.1)
     outcome = json.loads(viso(LOG, "--json").out)
-    assert (outcome["records"], outcome["texts"]["matched"]) == (0, 5)
+    assert [(core["records"], core["texts"]["matched"]) for core in outcome["cores"]] == [(0, 5), (0, 5)]
 
 
 def test_texts_that_differ_are_printed(viso: Viso, known: SimpleNamespace) -> None:
-    replay = known.comparison()
+    replay = known.comparison(0)
     texts = [(time_s, text.replace("tilt", "roll")) for time_s, text in replay.our_texts]
-    known.comparison = lambda: replace(replay, our_texts=texts)
+    known.comparison = lambda _core: replace(replay, our_texts=texts)
     out = viso(LOG).out
     assert "text at 5.065 s: only ours: 'roll alignment complete'" in out
     assert "text at 5.065 s: only the log's: 'tilt alignment complete'" in out
 
 
 def test_log_without_estimates_is_noted(viso: Viso, known: SimpleNamespace) -> None:
-    known.comparison = lambda: None
+    known.comparison = lambda _core: None
     assert viso(LOG) == Outcome(0, "", f"note: {LOG} has no XKF records to compare with\n")
     assert failed_with(viso(LOG, "--check"), f"{LOG}: no XKF records to compare with")
 

@@ -269,7 +269,7 @@ def test_filter_navigates_from_the_first_pose(begun: Ran) -> None:
 def test_filter_run_on_the_log_agrees_with_the_vehicle(ran: Callable[[int], Ran], tmp_path: Path) -> None:
     path = tmp_path / "demo.BIN"
     path.write_bytes(ran(1).log)
-    run = EkfRun(path, until_s=32.0)
+    run = EkfRun(path, until_s=32.0, core=0)
     run.run(lambda _frames, _total: None)
     comparison = run.comparison()
     assert comparison is not None

@@ -17,7 +17,7 @@ def record(kind: str, **fields: object) -> Any:
 
 def inertial(imu: int, first: float) -> Any:
     values = dict(zip(("DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ"), (first, 2, 3, 4, 5, 6), strict=True))
-    return record("RISI", **values, DVDT=0.0025, DADT=0.0024, I=imu)
+    return record("RISI", **values, DVDT=0.0025, DADT=0.0024, Flags=15, I=imu)
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ def inputs() -> ReplayInputs:
 
 
 def test_nothing_is_known_at_first(inputs: ReplayInputs) -> None:
-    known = (inputs.delta, inputs.baro, inputs.mag, inputs.camera_frd, inputs.gps)
-    assert known == (None,) * 5
+    assert (inputs.deltas, inputs.baros, inputs.mags) == ({}, {}, {})
+    assert (inputs.camera_frd, inputs.gps) == (None, None)
 
 
 def test_frame_has_time_and_flags(inputs: ReplayInputs) -> None:
@@ -37,35 +37,37 @@ def test_frame_has_time_and_flags(inputs: ReplayInputs) -> None:
     assert inputs.flags == ARMED | TAKEOFF_EXPECTED
 
 
-def test_inertial_data_are_those_of_the_imu_in_use(inputs: ReplayInputs) -> None:
+def test_inertial_data_are_kept_by_imu(inputs: ReplayInputs) -> None:
     inputs.take(inertial(0, 1.0))
     inputs.take(inertial(1, 9.0))
-    assert inputs.delta is not None
-    assert (inputs.delta.del_vel.tolist(), inputs.delta.del_ang.tolist()) == ([1, 2, 3], [4, 5, 6])
-    assert (inputs.delta.del_vel_dt, inputs.delta.del_ang_dt) == (0.0025, 0.0024)
+    delta = inputs.deltas[0]
+    assert (delta.del_vel.tolist(), delta.del_ang.tolist()) == ([1, 2, 3], [4, 5, 6])
+    assert (delta.del_vel_dt, delta.del_ang_dt) == (0.0025, 0.0024)
+    assert inputs.deltas[1].del_vel.tolist() == [9, 2, 3]
 
 
 def test_values_stand_until_they_change(inputs: ReplayInputs) -> None:
     inputs.take(inertial(0, 1.0))
-    before = inputs.delta
+    before = inputs.deltas[0]
     inputs.take(record("RFRH", TimeUS=1, TF=0))
-    assert inputs.delta is before
+    assert inputs.deltas[0] is before
 
 
-def test_height_is_that_of_the_primary_barometer(inputs: ReplayInputs) -> None:
+def test_heights_are_kept_by_barometer(inputs: ReplayInputs) -> None:
     inputs.take(record("RBRH", Primary=1, NumInst=2))
-    inputs.take(record("RBRI", LastUpdate=100, Alt=1.5, I=1))
-    inputs.take(record("RBRI", LastUpdate=110, Alt=9.5, I=0))
-    assert inputs.baro == (100, 1.5)
+    inputs.take(record("RBRI", LastUpdate=100, Alt=1.5, H=1, I=1))
+    inputs.take(record("RBRI", LastUpdate=110, Alt=9.5, H=0, I=0))
+    assert inputs.primary_baro == 1
+    assert inputs.baros == {0: ((110, 9.5), False), 1: ((100, 1.5), True)}
 
 
-def test_field_is_that_of_the_first_usable_compass(inputs: ReplayInputs) -> None:
+def test_fields_are_kept_by_compass(inputs: ReplayInputs) -> None:
     inputs.take(record("RMGH", Dec=0.25, FUsable=1))
-    inputs.take(record("RMGI", LU=100_000, FX=1.0, FY=2.0, FZ=3.0, I=1))
-    inputs.take(record("RMGI", LU=110_000, FX=9.0, FY=9.0, FZ=9.0, I=0))
-    assert inputs.declination == 0.25
-    assert inputs.mag is not None
-    assert (inputs.mag[0], inputs.mag[1].tolist()) == (100_000, [1, 2, 3])
+    inputs.take(record("RMGI", LU=100_000, FX=1.0, FY=2.0, FZ=3.0, UFY=1, H=1, I=1))
+    inputs.take(record("RMGI", LU=110_000, FX=9.0, FY=9.0, FZ=9.0, UFY=0, H=1, I=0))
+    assert (inputs.declination, inputs.first_mag) == (0.25, 1)
+    (time_us, field), is_healthy = inputs.mags[1]
+    assert (time_us, field.tolist(), is_healthy, inputs.mags[0].is_healthy) == (100_000, [1, 2, 3], True, False)
 
 
 def test_camera_that_is_switched_off_is_none(inputs: ReplayInputs) -> None:

@@ -15,13 +15,13 @@ from viso.errors import InputError
 @pytest.fixture
 def output() -> EkfOutput:
     """Return a log that has begun."""
-    output = EkfOutput({"EK3_PRIMARY": 0}.__getitem__, lambda: (0,))
+    output = EkfOutput(lambda: 0)
     output.begin([("EK3_ENABLE", 1.0, 1.0)], 3_000_000)
     return output
 
 
 def test_log_is_empty_until_it_begins(output: EkfOutput) -> None:
-    assert EkfOutput(lambda _name: 0, lambda: (0,)).is_empty
+    assert EkfOutput(lambda: 0).is_empty
     assert not output.is_empty
 
 

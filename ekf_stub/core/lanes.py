@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All cores together, and which of them the vehicle flies by: the primary one (AP_NavEKF3/AP_NavEKF3.cpp).
+
+By how much yaw, position and height jump as another core takes over is for controllers, and is not worked out.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from ap_core.location import Location
+from ap_core.sinks import TextSink
+from ekf_stub.core.common_origin import CommonOrigin
+from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.filter.inertial import limited
+from ekf_stub.reports.core_texts import MAV_SEVERITY_CRITICAL, MAV_SEVERITY_WARNING
+
+SETTLED_US: Final = 10_000_000
+NOT_PRIMARY_US: Final = 10_000_000
+BETTER_BY: Final = 0.5
+MAX_RELATIVE_ERROR: Final = 1.0
+MIN_THRESHOLD: Final = 0.05
+BAD_SCORE: Final = 1.0
+GOOD_SCORE: Final = 0.9
+BETWEEN_CHECKS_MS: Final = 5000
+_MANUAL_LANE_SWITCH: Final = 1 << 1  # of EK3_OPTIONS
+
+
+class Lanes:
+    """The cores, in the order of their numbers (NavEKF3).
+
+    Args:
+        cores: the cores; they share ``common``.
+        common: their origin.
+        get_float: returns a parameter by its name after ``EK3_``.
+        texts: what the ground station is told.
+
+    Attributes:
+        cores: the cores.
+        primary: the place of the primary one among them.
+        error_scores: of each core, as of the last frame in which one was to be chosen.
+        relative_errors: how much worse than the primary one each has been, summed up.
+        yaw_reset_ms: when yaw jumped last, by a reset of the primary core or as that changed; 0 before.
+    """
+
+    def __init__(
+        self, cores: Sequence[Ekf3Core], common: CommonOrigin, get_float: Callable[[str], float], texts: TextSink
+    ) -> None:
+        self.cores = tuple(cores)
+        self._common = common
+        self._get_float = get_float
+        self._texts = texts
+        self.primary = self._chosen_by_user()
+        self.error_scores = [0.0] * len(self.cores)
+        self.relative_errors = [0.0] * len(self.cores)
+        self._yaw_resets = [0] * len(self.cores)
+        self._yaw_reset_ms = [0] * len(self.cores)
+        self._last_primary_us = [0] * len(self.cores)
+        self._switched_ms = self._now_us = self._unhealthy_us = 0
+        self._selects = False
+
+    def _chosen_by_user(self) -> int:
+        wanted = int(self._get_float("PRIMARY"))
+        return wanted if 0 <= wanted < len(self.cores) else 0
+
+    @property
+    def yaw_reset_ms(self) -> int:
+        """When yaw jumped last, as the vehicle sees it (getLastYawResetAngle)."""
+        return max(self._switched_ms, self._yaw_reset_ms[self.primary])
+
+    def run(self, frames: Sequence[Frame]) -> None:
+        """Run one frame of each core, and choose the primary one (UpdateFilter)."""
+        self._now_us = frames[0].time_us
+        for i, (core, frame) in enumerate(zip(self.cores, frames, strict=True)):
+            core.run(frame)
+            if core.yaw_resets != self._yaw_resets[i]:
+                self._yaw_resets[i], self._yaw_reset_ms[i] = core.yaw_resets, frame.time_us // 1000
+        if len(self.cores) > 1:
+            self._select(armed=frames[0].armed)
+
+    def _is_healthy(self, i: int) -> bool:
+        core = self.cores[i]
+        return core.initialised and core.control.healthy(self._now_us // 1000)
+
+    def _select(self, *, armed: bool) -> None:
+        is_healthy = self._is_healthy(self.primary)
+        if not self._selects:
+            if not is_healthy or not self._unhealthy_us:
+                self._unhealthy_us = self._now_us
+            self._selects = self._now_us - self._unhealthy_us > SETTLED_US
+        by_user = self._chosen_by_user()
+        is_manual = bool(int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH)
+        if is_manual:
+            self._switch(by_user)
+        elif armed and self._selects:
+            self._select_in_flight(is_healthy=is_healthy)
+        if not armed and self.primary != by_user and self._is_healthy(by_user):
+            self.primary = by_user
+
+    def _select_in_flight(self, *, is_healthy: bool) -> None:
+        self.error_scores = [core.error_score() for core in self.cores]
+        self._update_relative_errors()
+        primary, best, is_better = self.primary, self.primary, False
+        for i, core in enumerate(self.cores):
+            may_be = i != primary and self._now_us - self._last_primary_us[i] > NOT_PRIMARY_US
+            if may_be and self._has_better_score(i, best):
+                is_better = self.relative_errors[i] <= -BETTER_BY
+                is_better |= core.yaw.aligned and not self.cores[primary].yaw.aligned
+                best = i
+        if best != primary and (is_better or not is_healthy or self.error_scores[primary] > BAD_SCORE):
+            self._switch(best)
+            self.relative_errors = [0.0] * len(self.cores)
+            self._last_primary_us[self.primary] = self._now_us
+
+    def _update_relative_errors(self) -> None:
+        """Count against each core what it was worse than the primary one, and for it what it was much better."""
+        threshold = max(self._get_float("ERR_THRESH"), MIN_THRESHOLD)
+        for i, score in enumerate(self.error_scores):
+            error = score - self.error_scores[self.primary]
+            if i != self.primary and (error > 0 or error < -threshold):
+                self.relative_errors[i] = limited(
+                    self.relative_errors[i] + error, -MAX_RELATIVE_ERROR, MAX_RELATIVE_ERROR
+                )
+
+    def _has_better_score(self, i: int, than: int) -> bool:
+        """Tell whether a core is better than another (coreBetterScore)."""
+        if not self._is_healthy(i):
+            return False
+        new, old = self.cores[i], self.cores[than]
+        if new.control.tilt_aligned != old.control.tilt_aligned:
+            return new.control.tilt_aligned
+        if new.yaw.aligned != old.yaw.aligned:
+            return new.yaw.aligned
+        return self.relative_errors[i] < self.relative_errors[than]
+
+    def _switch(self, i: int) -> None:
+        if i != self.primary:
+            self.primary = i
+            self._switched_ms = self._now_us // 1000
+            self._texts.send_text(MAV_SEVERITY_CRITICAL, f"EKF3 lane switch {i}")
+
+    def check_lane_switch(self) -> None:
+        """Go over to a core that is much better, as the vehicle is about to give up (checkLaneSwitch)."""
+        is_manual = int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH
+        is_soon = self._switched_ms and self._now_us // 1000 - self._switched_ms < BETWEEN_CHECKS_MS
+        if is_manual or is_soon or not self.cores[self.primary].initialised:
+            return
+        best, lowest = self.primary, self.cores[self.primary].error_score()
+        for i, core in enumerate(self.cores):
+            if i != self.primary and self._is_healthy(i) and core.is_aligned:
+                score = core.error_score()
+                if score < min(lowest, GOOD_SCORE):
+                    best, lowest = i, score
+        self._switch(best)
+
+    # What goes to all cores
+
+    def set_origin(self, origin: Location) -> bool:
+        """Set the origin, once; tell whether it was set (setOriginLLH)."""
+        if self._common.place is not None:
+            self._texts.send_text(MAV_SEVERITY_WARNING, "EKF3: origin already set")
+            return False
+        for core in self.cores:
+            core.set_origin(origin)
+        return True
+
+    def reset_height_datum(self) -> None:
+        """Count heights from the present one, on the ground (resetHeightDatum)."""
+        for core in self.cores:
+            core.reset_height_datum()

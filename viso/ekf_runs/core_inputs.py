@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which of several sensors a core uses (AP_NavEKF3/AP_NavEKF3_Measurements.cpp, update_sensor_selection)."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from ekf_stub.core.ekf3_core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
+from ekf_stub.filter.inactive_biases import ImuRates
+from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
+from viso.ekf_runs.inputs import ReplayInputs
+
+
+class CoreInputs:
+    """The sensors of a core: its own IMU while that can be used; of others that of its number, if it has affinity.
+
+    An IMU of which there are no data cannot be used.
+
+    Args:
+        inputs: all sensors.
+        number: of the core.
+        imu: of the core.
+        affinity: returns EK3_AFFINITY.
+    """
+
+    def __init__(self, inputs: ReplayInputs, number: int, imu: int, affinity: Callable[[], int]) -> None:
+        self._inputs = inputs
+        self._number = number
+        self._imu = imu
+        self._affinity = affinity
+        self._own_compass: int | None = None
+
+    @property
+    def gyro(self) -> int:
+        """The number of the gyro."""
+        return self._imu if self._inputs.uses_gyro(self._imu) else self._inputs.first_gyro
+
+    @property
+    def accel(self) -> int:
+        """The number of the accelerometer."""
+        return self._imu if self._inputs.uses_accel(self._imu) else self._inputs.first_accel
+
+    @property
+    def has_data(self) -> bool:
+        """Whether there are inertial data."""
+        return {self.gyro, self.accel} <= self._inputs.deltas.keys()
+
+    def delta(self) -> InertialDelta:
+        """Return the inertial data."""
+        gyro, accel = self._inputs.deltas[self.gyro], self._inputs.deltas[self.accel]
+        if gyro is accel:
+            return gyro
+        return replace(gyro, del_vel=accel.del_vel, del_vel_dt=accel.del_vel_dt)
+
+    def imu_rates(self) -> ImuRates | None:
+        """Return what all IMUs say, None where there is but one."""
+        inputs = self._inputs
+        return ImuRates(self.gyro, self.accel, inputs.gyros, inputs.accels) if len(inputs.deltas) > 1 else None
+
+    def baro(self) -> tuple[int, float] | None:
+        """Return the barometer's reading (update_baro_selection)."""
+        baros = self._inputs.baros
+        own = self._affinity() & AFFINITY_BARO and baros.get(self._number)
+        if own and own.is_healthy:
+            return own.value
+        primary = baros.get(self._inputs.primary_baro)
+        return None if primary is None else primary.value
+
+    def compass(self) -> int:
+        """Return the number of the compass (update_mag_selection)."""
+        own = self._affinity() & AFFINITY_MAG and self._inputs.mags.get(self._number)
+        if own and own.is_healthy:
+            self._own_compass = self._number
+        return self._inputs.first_mag if self._own_compass is None else self._own_compass
+
+    def mag(self) -> tuple[int, Array] | None:
+        """Return the compass's reading."""
+        mag = self._inputs.mags.get(self.compass())
+        return None if mag is None else mag.value
+
+    def gps(self) -> GpsSample | None:
+        """Return the newest solution of a receiver (update_gps_selection)."""
+        if self._affinity() & AFFINITY_GPS:
+            own = self._inputs.gps_of(self._number)
+            if own is not None and own.fix_type >= FIX_3D:
+                return own
+        return self._inputs.gps
