@@ -274,6 +274,7 @@ class ModeControl:
 
     def timeouts(self, now_ms: int) -> int:
         """Return the bits of XKF4.TS; airspeed and drag are always lost, the latter 5 s after boot."""
-        aiding = self._core.aiding
+        aiding, mag = self._core.aiding, self._core.yaw.mag_is_lost
         drag = now_ms > NO_DRAG_MS
-        return aiding.pos_timeout | aiding.vel_timeout << 1 | self._core.height.is_lost << 2 | 1 << 4 | drag << 5
+        lost = aiding.pos_timeout | aiding.vel_timeout << 1 | self._core.height.is_lost << 2 | mag << 3
+        return lost | 1 << 4 | drag << 5

@@ -27,6 +27,7 @@ from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 
 SYNTHETIC_PERIOD_MS: Final = 140
 IN_USE_MS: Final = 5000
+MAG_TIMEOUT_MS: Final = 10_000
 MIN_YAW_NOISE: Final = 0.05
 MIN_ALIGNED_NOISE: Final = 0.01
 MAX_INNOVATION: Final = 0.5
@@ -59,6 +60,7 @@ class YawFusion(Fusion):
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
         compass: the number of the compass in use.
         mag: magnetic fields that wait for the horizon.
+        mag_is_lost: whether the compass has been in use and failed its gate for 10 s.
         field: the fields of the earth and of the vehicle.
         mag_fusion: 0 while the compass is not in use, 1 while its heading is fused, 2 while its three axes are.
         field_was_fused: whether they took up this step, so that other measurements wait for the next.
@@ -79,6 +81,8 @@ class YawFusion(Fusion):
         self.mag: ObsRing[MagSample] = ObsRing(parts.ring_size)
         self.field = MagFusion(parts.state, parts.get_float)
         self.field_was_fused = False
+        self.mag_is_lost = self._mag_is_healthy = False
+        self._mag_healthy_ms: int | None = None
         self.mag_fusion = 0
         self._alignment = CompassAlignment(parts.state)
         self._ext_nav_ms = self._synthetic_ms = self._gps_ms = 0
@@ -152,11 +156,18 @@ class YawFusion(Fusion):
             self._use_ext_nav(ext_nav, now_ms, vehicle)
         elif source == _YAW_EXTNAV:
             self._wait_for_sensor(now_ms, vehicle, is_still=is_still)
+        self._check_mag_timeout(now_ms)
         mag = self.mag.recall(self._ingest.horizon_ms).sample
         if mag is not None and self.uses_compass():
             self._align_by_compass(mag, vehicle, climbed_m=climbed_m)
             if self.aligned:
                 self._fuse_compass(mag, vehicle, step)
+
+    def _check_mag_timeout(self, now_ms: int) -> None:
+        if self._mag_is_healthy or self._mag_healthy_ms is None:
+            self._mag_healthy_ms, self.mag_is_lost = now_ms, False
+        elif now_ms - self._mag_healthy_ms > MAG_TIMEOUT_MS and self.uses_compass():
+            self.mag_is_lost = True
 
     def _noise(self) -> float:
         return self._get_float("YAW_M_NSE")
@@ -313,7 +324,7 @@ class YawFusion(Fusion):
     def _fuse_compass(self, mag: MagSample, vehicle: Vehicle, step: InertialStep) -> None:
         if self._state.learns_field and self._alignment.field_set:
             self.mag_fusion = 2
-            self.field_was_fused = self.field.fuse(mag, step)
+            self.field_was_fused = self._mag_is_healthy = self.field.fuse(mag, step)
             self.ratio = 0.0
             return
         self.mag_fusion = 1
@@ -329,6 +340,7 @@ class YawFusion(Fusion):
         gate = max(0.01 * self._get_float("YAW_I_GATE"), 1.0) ** 2
         self.innovation = innovation
         self.ratio = innovation**2 / (gate * innovation_variance)
+        self._mag_is_healthy = self.ratio <= 1
         if self.ratio > 1 and vehicle.in_flight:
             return False
         self._state.fuse_spread(spread, expected, limited(innovation, -MAX_INNOVATION, MAX_INNOVATION), variance)

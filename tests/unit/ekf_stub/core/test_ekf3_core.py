@@ -12,7 +12,8 @@ import pytest
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter.attitude import euler_of
-from ekf_stub.filter.inertial import GRAVITY_MSS
+from ekf_stub.filter.inactive_biases import GAIN, ImuRates
+from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS
 from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample
@@ -283,6 +284,47 @@ def test_gps_does_not_count_for_the_position_while_aiding(make_core: MakeCore) -
     gps(rig, HOME.offset(Vector3f(30, 40, 0)))
     rig.run_for(0.0025)
     assert rig.core.position() == pytest.approx([0, 0, 0], abs=0.05)
+
+
+# Several cores
+
+
+def test_position_counts_from_the_origin_that_all_cores_share(make_core: MakeCore) -> None:
+    rig = navigating(make_core)
+    rig.core._common.place = HOME.offset(Vector3f(-100, 50, 2))
+    assert rig.core.position()[:2] != pytest.approx([0, 0], abs=1e6)  # from 0 N, 0 E, while it has none of its own
+    rig.core.set_origin(HOME)
+    assert rig.core.position() == pytest.approx([100, -50, -2], abs=0.05)
+
+
+def test_imu_that_stands_in_brings_its_own_bias(make_core: MakeCore) -> None:
+    rig = navigating(make_core)
+    own, other = (0.0, 0.0, 0.0), (0.05, 0.0, 0.0)
+    for _ in range(400):
+        rig.frame["imu_rates"] = ImuRates(0, 0, [own, other], [own, own])
+        rig.run_for(0.0025)
+    before = rig.core.state.gyro_bias.copy()
+    rig.frame["imu_rates"] = ImuRates(1, 0, [None, other], [own, own])
+    rig.run_for(0.0025)
+    learned = rig.core.state.gyro_bias - before
+    assert learned == pytest.approx([400 * GAIN * EKF_TARGET_DT * 0.05, 0, 0], rel=0.1, abs=1e-7)
+
+
+def test_score_is_that_of_the_worst_innovation(make_core: MakeCore, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, affinity = navigating(make_core), 0.0
+    core, innovations = rig.core, rig.core.fusion.innovations
+    monkeypatch.setattr(core, "_get_float", lambda _name: affinity)
+    assert not core.yaw.aligned or core.is_aligned
+    core.yaw.aligned = True
+    innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio = 0.2, 0.6, 0.3
+    core.yaw.field.ratios[:] = 0.5, 1.0, 1.5
+    assert core.error_score() == pytest.approx(0.4)
+    innovations.height_ratio = 0.5
+    assert core.error_score() == 0.5
+    affinity = 4.0  # of the compass
+    assert core.error_score() == pytest.approx(0.9)
+    core.yaw.aligned = False
+    assert core.error_score() == 0.0
 
 
 # A place from elsewhere

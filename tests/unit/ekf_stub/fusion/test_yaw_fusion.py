@@ -351,6 +351,26 @@ def test_heading_of_the_compass_is_fused_with_the_noise_of_the_parameter(make_pa
     assert parts.state.yaw(by_321=True) == pytest.approx(0.1 * before / (before + 0.0625), rel=1e-3)
 
 
+def test_text_names_the_compass_in_use(make_parts: MakeParts) -> None:
+    parts = make_parts("66661")
+    parts.yaw.compass = 2
+    feel(parts, (0, 0, 0))
+    assert parts.told() == ["MAG2 initial yaw alignment complete"]
+
+
+@pytest.mark.parametrize("magcal", [2, 3])  # heading, three axes
+def test_compass_that_fails_its_gate_for_10_s_is_lost_until_it_passes_again(
+    make_parts: MakeParts, magcal: float
+) -> None:
+    parts = make_parts("66661", MAG_CAL=magcal)
+    lost = []
+    for yaw, now_ms in ((0.0, 0), (0.0, 100), (3.0, 200), (3.0, 5000), (3.0, 10_200), (3.0, 10_300), (0.0, 10_400)):
+        feel(parts, (0, 0, yaw), now_ms=NOW_MS + now_ms, vehicle=FLYING)
+        lost.append(parts.yaw.mag_is_lost)
+    run(parts, NOW_MS + 10_500, vehicle=FLYING)
+    assert (lost, parts.yaw.mag_is_lost) == ([False] * 5 + [True] * 2, False)
+
+
 @pytest.mark.parametrize(("magcal", "kind"), [(2, 1), (4, 2)])
 def test_three_axes_are_fused_instead_of_the_heading_while_the_field_is_estimated(
     make_parts: MakeParts, magcal: float, kind: int

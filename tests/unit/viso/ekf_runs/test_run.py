@@ -285,6 +285,44 @@ def test_source_set_is_chosen_by_an_event(rig: Rig) -> None:
 
 
 @pytest.mark.slow
+def test_change_of_the_primary_core_is_logged(rig: Rig) -> None:
+    wishes = [("PARM", changed(f"EK3_{name}", value)) for name, value in (("OPTIONS", 2.0), ("PRIMARY", 1.0))]
+    ours = rig.run(after_frame(4_600_000, *wishes), until_s=5.0)
+    now_us = 4_604_000
+    assert [text for time_us, text in texts(ours) if abs(time_us - now_us) < 2500] == [
+        "EKF3 lane switch 1",
+        "EKF primary changed:1",
+    ]
+    assert [(fields["Subsys"], fields["ECode"]) for fields in of(ours, "ERR")] == [(24, 1)]
+    assert 62 in {fields["Id"] for fields in of(ours, "EV")}
+    changes = [(fields["TimeUS"] > now_us, fields["PI"]) for fields in of(ours, "XKF4")]
+    assert set(changes) == {(False, 0), (True, 1)}
+    assert {(fields["TimeUS"] > now_us, fields["C"]) for fields in of(ours, "XKF5")} == {(False, 0), (True, 1)}
+
+
+@pytest.mark.slow
+def test_core_is_run_with_its_own_imu(rig: Rig) -> None:
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        yield name, fields
+        if name == "RISI":
+            yield name, {**fields, "DVX": fields["DVX"] + 0.0025, "I": 1}
+
+    ours = rig.run(change, until_s=4.8)
+    pitches = [[fields["Pitch"] for fields in of(ours, "XKF1") if fields["C"] == core][-1] for core in (0, 1)]
+    assert pitches[1] - pitches[0] == pytest.approx(585, abs=30)  # asin(1 / 9.8), in hundredths of a degree
+
+
+@pytest.mark.slow
+def test_core_may_be_run_alone(rig: Rig) -> None:
+    rig.write(unchanged)
+    run = EkfRun(rig.path, until_s=4.6, core=1)
+    run.run()
+    assert run.imus == {1: 1}
+    with pytest.raises(InputError, match=r"short\.BIN: no core 2; the log has 0, 1 \(at 3\.454 s\)\Z"):
+        EkfRun(rig.path, core=2).run()
+
+
+@pytest.mark.slow
 def test_origin_is_logged_once(rig: Rig) -> None:
     place = {"Lat": -353632610 & 0xFFFFFFFF, "Lon": 1491652300, "Alt": 58400}
     ours = rig.run(after_frame(4_600_000, ("RSO3", place), ("RSO3", {**place, "Alt": 1})))
