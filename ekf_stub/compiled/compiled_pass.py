@@ -165,10 +165,17 @@ class CompiledPass(InertialPass):
 
     def sample(self, delta: InertialDelta, now_ms: int) -> None:
         """Add up the data of the pass in which the state began."""
-        kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT)
+        kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT, True)
 
     def advance(
-        self, delta: InertialDelta, now_ms: int, state: ErrorState, *, scale: float | None, height_filter_hz: float
+        self,
+        delta: InertialDelta,
+        now_ms: int,
+        state: ErrorState,
+        *,
+        scale: float | None,
+        height_filter_hz: float,
+        may_step: bool = True,
     ) -> InertialStep | None:
         """Take the sound data of a pass; return the step that it completes, if it does."""
         answer = self._answer
@@ -184,6 +191,7 @@ class CompiledPass(InertialPass):
             scale is not None,
             0.0 if scale is None else scale,
             height_filter_hz,
+            may_step,
         )
         is_step = known & kernel.IS_STEP
         if known - is_step != answer.known:

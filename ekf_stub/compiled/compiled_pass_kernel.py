@@ -117,7 +117,9 @@ def test(mem: Array, known: int, scale: float) -> int:
 
 
 @compiled
-def add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> bool:
+def add(
+    mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float, may_step: bool
+) -> bool:
     """Add up the data of a pass (DownSampler.add); tell whether a step is complete, which is then at ``STEP``."""
     dt_imu = mem[DT_IMU_AVG]
     mem[DT_IMU_AVG] = dt_imu + _SLOW_SAMPLING * (clamped(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
@@ -130,7 +132,7 @@ def add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float
     mem[DEL_VEL] += x
     mem[DEL_VEL + 1] += y
     mem[DEL_VEL + 2] += z
-    if mem[ANG_DT] < EKF_TARGET_DT - 0.5 * mem[DT_IMU_AVG]:
+    if mem[ANG_DT] < (EKF_TARGET_DT - 0.5 * mem[DT_IMU_AVG] if may_step else 2.0 * EKF_TARGET_DT):
         return False
     complete(mem)
     return True
@@ -216,11 +218,12 @@ def advance(
     is_tested: bool,
     scale: float,
     height_filter_hz: float,
+    may_step: bool,
 ) -> int:
     """Take the data of a pass (InertialPass.advance); return what is known, and whether a step is due."""
     sense(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt)
     known = test(mem, known, scale) if is_tested else 0
-    if add(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt):
+    if add(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt, may_step):
         return known | IS_STEP
     integrate(mem, del_vel, del_ang, vel_dt, ang_dt, states, height_filter_hz)
     return known

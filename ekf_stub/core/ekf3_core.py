@@ -29,8 +29,8 @@ from ekf_stub.core.mode_control import ModeControl
 from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inactive_biases import ImuRates, InactiveBiases, with_biases
-from ekf_stub.filter.inertial import Array, InertialDelta, InertialStep, limited
-from ekf_stub.filter.inertial_pass import StillnessAnswer
+from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, limited
+from ekf_stub.filter.inertial_pass import LOOP_DT, StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
 from ekf_stub.filter.process_model import ProcessNoise
@@ -59,6 +59,7 @@ DEAD_RECKONING_MS: Final = 1000
 MAX_PLACE_AGE_MS: Final = 5000
 LONG_AGO_MS: Final = 1 << 30
 MIN_STEP: Final = 0.1  # of the average step
+MOST_FRAMES_OF_STEP: Final = int(EKF_TARGET_DT / LOOP_DT + 0.5) + 3
 AFFINITY_GPS, AFFINITY_BARO, AFFINITY_MAG = 1, 2, 4  # of EK3_AFFINITY
 COMPASS_SHARE: Final = float(np.float32(0.3))
 _FIX_2D: Final = 2
@@ -126,7 +127,7 @@ class Ekf3Core:
         self._baro_ms = self._mag_us = 0
         self.origin: Location | None = None
         self._origin_alt_cm, self._reference_height_m = 0, 0.0
-        self._had_flags_ms = self._now_ms = 0
+        self._had_flags_ms = self._now_ms = self._frames_of_step = 0
         self._fix: GpsSample | None = None
         self.initialised = self.stepped = False
 
@@ -228,8 +229,12 @@ class Ekf3Core:
         height_filter_hz = get("HRT_FILT")
         if frame.imu_rates is not None:
             self._follow_imus(frame.imu_rates)
-        step = self._pass.advance(frame.delta, now_ms, self.state, scale=scale, height_filter_hz=height_filter_hz)
+        may_step = not frame.is_late or self._frames_of_step >= MOST_FRAMES_OF_STEP
+        step = self._pass.advance(
+            frame.delta, now_ms, self.state, scale=scale, height_filter_hz=height_filter_hz, may_step=may_step
+        )
         self.stepped = step is not None
+        self._frames_of_step = 0 if self.stepped else self._frames_of_step + 1
         if step is not None:
             self._steps.append(step)
             self._run_step(frame, now_ms, self._due())

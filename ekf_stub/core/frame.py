@@ -16,7 +16,7 @@ class Frame(NamedTuple):
     newest solution; None when there is none. ``lever_arm`` is the camera's place from the IMU in m, body, ``home_lat``
     the latitude of home in 1e-7 deg. ``declination`` (rad) is the compass's own; ``place_declination`` that of the
     origin by a table of the world, where there is one. ``compass`` is the number of the compass that ``mag`` is of, and
-    ``imu_rates`` what all IMUs say, None where there is but one.
+    ``imu_rates`` what all IMUs say, None where there is but one. With ``is_late`` there is no time left for a step.
     """
 
     time_us: int
@@ -34,3 +34,4 @@ class Frame(NamedTuple):
     home_lat: int = 0
     compass: int = 0
     imu_rates: ImuRates | None = None
+    is_late: bool = False

@@ -144,7 +144,7 @@ class InertialGuard:
 
 
 class DownSampler:
-    """Adds up sound inertial data until a step of the filter is due: 12 ms, give or take half a pass.
+    """Adds up sound inertial data until a step of the filter is due: 12 ms, give or take half a pass; at most 24 ms.
 
     Attributes:
         dt_imu_avg: average interval of the main loop, s.
@@ -161,10 +161,11 @@ class DownSampler:
         self._del_vel = quaternion.zero
         self._vel_dt = self._ang_dt = 0.0
 
-    def add(self, delta: InertialDelta, loop_dt: float, time_ms: int) -> InertialStep | None:
+    def add(self, delta: InertialDelta, loop_dt: float, time_ms: int, *, may_step: bool = True) -> InertialStep | None:
         """Take the data of a pass; return the step that it completes, if it does.
 
         Velocities are summed in the body frame at the end of each pass, rotations as quaternions, against coning.
+        A step that may not be made yet waits.
         """
         dt_imu = self.dt_imu_avg
         self.dt_imu_avg = dt_imu + _SLOW * (limited(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
@@ -172,7 +173,8 @@ class DownSampler:
         self._vel_dt += max(delta.del_vel_dt, MIN_DT)
         turned = self._turned = (self._turned * delta.turn).normalized()
         self._del_vel += turned * delta.pure_vel * turned.conjugate()
-        return self._complete(time_ms) if self._ang_dt >= EKF_TARGET_DT - 0.5 * self.dt_imu_avg else None
+        due = EKF_TARGET_DT - 0.5 * self.dt_imu_avg if may_step else 2.0 * EKF_TARGET_DT
+        return self._complete(time_ms) if self._ang_dt >= due else None
 
     def _complete(self, time_ms: int) -> InertialStep:
         step = InertialStep(time_ms, self._del_vel.vec, rotation_of_quat(self._turned), self._vel_dt, self._ang_dt)

@@ -75,7 +75,14 @@ class InertialPass:
         self._sampler.add(delta, LOOP_DT, now_ms)
 
     def advance(
-        self, delta: InertialDelta, now_ms: int, state: ErrorState, *, scale: float | None, height_filter_hz: float
+        self,
+        delta: InertialDelta,
+        now_ms: int,
+        state: ErrorState,
+        *,
+        scale: float | None,
+        height_filter_hz: float,
+        may_step: bool = True,
     ) -> InertialStep | None:
         """Take the sound data of a pass; return the step that it completes, if it does.
 
@@ -87,13 +94,14 @@ class InertialPass:
             state: the filter.
             scale: of the limits of the test for standing still (EK3_OGNM_TEST_SF); None lets the test rest.
             height_filter_hz: EK3_HRT_FILT.
+            may_step: whether a step may be made already.
         """
         self._stillness.sense(delta, LOOP_DT)
         if scale is None:
             self._stillness.skip()
         else:
             self._stillness.test(*self._bias_rates, self._sampler.dt_ekf_avg, scale)
-        step = self._sampler.add(delta, LOOP_DT, now_ms)
+        step = self._sampler.add(delta, LOOP_DT, now_ms, may_step=may_step)
         if step is None:
             self._output.integrate(delta, state, self._sampler.dt_ekf_avg, height_filter_hz=height_filter_hz)
         return step

@@ -37,6 +37,7 @@ _RESET_HEIGHT_DATUM: Final = 1  # of REV3.Event
 _REQUEST_YAW_RESET: Final = 11
 _CHECK_LANE_SWITCH: Final = 12
 _SOURCE_SETS: Final = range(13, 16)
+_SLOW_EKF3: Final = 4  # first bit of RFRF.Slow that is about EKF3
 _USUAL: Final = {"EK3_AFFINITY": 0.0, "EK3_ERR_THRESH": 0.2, "EK3_OPTIONS": 0.0, "EK3_PRIMARY": 0.0}
 """Parameters of several cores, which not every log has."""
 
@@ -64,6 +65,7 @@ class EkfPlayer:
         place_declination: of the magnetic field at the origin, rad, as far as it is known; None otherwise.
         imus: the IMU of each core that is run, by the core's number; empty before the first frame.
         lanes: the cores, in that order; None until the log says that they have been started.
+        slow: RFRF.Slow of the present frame, which has to be told ahead of its records.
     """
 
     def __init__(self, events: PlayerEvents, only: int | None = None) -> None:
@@ -74,6 +76,7 @@ class EkfPlayer:
         self.inputs = ReplayInputs()
         self._core_inputs: list[CoreInputs] = []
         self.lanes: Lanes | None = None
+        self.slow = 0
         self.place_declination: float | None = None
         self._frame_has_run = False
         self._on_param: list[Callable[[], None]] = []
@@ -169,9 +172,10 @@ class EkfPlayer:
         if self.lanes is None or self._frame_has_run:
             return
         self._frame_has_run = True
-        self.lanes.run(list(map(self._frame, self._core_inputs)))
+        frames = [self._frame(number, core) for number, core in zip(self.imus, self._core_inputs, strict=True)]
+        self.lanes.run(frames)
 
-    def _frame(self, sensors: CoreInputs) -> Frame:
+    def _frame(self, number: int, sensors: CoreInputs) -> Frame:
         inputs = self.inputs
         return Frame(
             inputs.time_us,
@@ -189,6 +193,7 @@ class EkfPlayer:
             home_lat=inputs.home_lat,
             compass=sensors.compass(),
             imu_rates=sensors.imu_rates(),
+            is_late=bool(self.slow >> _SLOW_EKF3 >> number & 1),
         )
 
     def _lever_arm(self, accel: int) -> tuple[float, float, float]:

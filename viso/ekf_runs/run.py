@@ -137,7 +137,8 @@ class EkfRun:
                 raise InputError(f"{self._path}: {_NO_REPLAY}")
             try:
                 self._player.place_declination = _declination(log)
-                for record in _records(log, self._until_s):
+                for record, slow in _records(log, self._until_s):
+                    self._player.slow = slow
                     self._take(record, has_estimates=has_estimates > 0)
                     if record.get_type() == "RFRH" and self._frames % 100 == 0:
                         on_progress(self._frames, frames)
@@ -272,11 +273,25 @@ def _declination(log: Any) -> float | None:
     return found
 
 
-def _records(log: Any, until_s: float) -> Iterator[Any]:
+def _records(log: Any, until_s: float) -> Iterator[tuple[Any, int]]:
+    """Yield the records, each with RFRF.Slow of its frame, which comes late in the frame."""
+    frame: list[Any] = []
     while (record := log.recv_msg()) is not None:
-        if record.get_type() == "RFRH" and whole(record, "TimeUS")[0] > until_s * 1e6:
-            return
-        yield record
+        kind = record.get_type()
+        if kind == "RFRH":
+            yield from ((waiting, 0) for waiting in frame)  # a frame in which the filter did not run
+            if whole(record, "TimeUS")[0] > until_s * 1e6:
+                return
+            frame = [record]
+        elif kind == "RFRF" and frame:
+            (slow,) = whole(record, "Slow")
+            yield from ((waiting, slow) for waiting in (*frame, record))
+            frame = []
+        elif frame:
+            frame.append(record)
+        else:
+            yield record, 0
+    yield from ((waiting, 0) for waiting in frame)
 
 
 def _ours(report: CoreReport) -> dict[str, float]:

@@ -163,3 +163,14 @@ def test_turn_of_more_than_half_a_circle_goes_the_shorter_way_round() -> None:
 def steps_of(path: InertialPass, delta: InertialDelta, state: ErrorState) -> list[InertialStep]:
     said = [path.advance(delta, 0, state, scale=None, height_filter_hz=2.0) for _ in range(20)]
     return [step for step in said if step is not None]
+
+
+def test_step_that_may_not_be_made_waits_in_both() -> None:
+    pair = Pair(seed=6)
+    delta = InertialDelta(np.array([0.0, 0.0, -GRAVITY_MSS * DT]), np.zeros(3), DT, DT)
+    for path in pair.both:
+        said = [
+            path.advance(delta, number, pair.state, scale=None, height_filter_hz=2.0, may_step=False)
+            for number in range(30)
+        ]
+        assert [number for number, step in enumerate(said) if step is not None] == [8, 18, 28]

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,6 +57,16 @@ def test_core_steps_80_times_a_second(make_core: MakeCore) -> None:
         steps += rig.core.stepped
     assert steps == 80
     assert rig.core.dt_ekf_avg == pytest.approx(0.0125, rel=1e-3)
+
+
+def test_core_that_is_late_steps_every_ninth_frame(make_core: MakeCore) -> None:
+    rig = make_core()
+    rig.frame["is_late"] = True
+    made = []
+    for frame in range(60):
+        rig.run_for(0.0025)
+        made += [frame] * rig.core.stepped
+    assert {after - before for before, after in pairwise(made)} == {9}
 
 
 def test_horizon_lies_as_many_steps_back_as_the_buffer_is_long(make_core: MakeCore) -> None:

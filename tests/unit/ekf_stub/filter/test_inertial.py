@@ -3,6 +3,7 @@
 """Inertial data: what is sound, and how it adds up to steps."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -125,3 +126,11 @@ def test_average_of_the_steps_follows_them() -> None:
         sampler.add(GOOD, DT, 0)
     assert sampler.dt_ekf_avg == pytest.approx(0.0125, abs=1e-5)
     assert sampler.dt_imu_avg == pytest.approx(DT)
+
+
+def test_step_that_may_not_be_made_waits_until_it_is_twice_as_long() -> None:
+    sampler = DownSampler()
+    steps = [sampler.add(GOOD, DT, i, may_step=i > 100) for i in range(1, 111)]
+    made = [i for i, step in enumerate(steps, 1) if step is not None]
+    assert [after - before for before, after in pairwise(made)][:9] == [10] * 9
+    assert made[-2:] == [105, 110]

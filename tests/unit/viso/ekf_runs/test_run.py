@@ -313,6 +313,17 @@ def test_core_is_run_with_its_own_imu(rig: Rig) -> None:
 
 
 @pytest.mark.slow
+def test_core_that_was_late_is_late_again(rig: Rig) -> None:
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        yield name, {**fields, "Slow": 1 << 4 + 1} if name == "RFRF" else fields
+
+    ours = of(rig.run(change), "XKTV")
+    times_us = [[fields["TimeUS"] for fields in ours if fields["C"] == core] for core in (0, 1)]
+    assert times_us[0] != times_us[1]
+    assert {round(time_us - times_us[1][0]) // 2499 % 9 for time_us in times_us[1]} == {0}
+
+
+@pytest.mark.slow
 def test_core_may_be_run_alone(rig: Rig) -> None:
     rig.write(unchanged)
     run = EkfRun(rig.path, until_s=4.6, core=1)
