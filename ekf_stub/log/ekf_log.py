@@ -135,14 +135,14 @@ class EkfLog:
         level = self._get_int("EK3_LOG_LEVEL")
         if level >= _NOTHING:
             return
-        primary = self._primary()
+        primary, cores = self._primary(), self._cores()
         with np.errstate(over="ignore", invalid="ignore"):
             records = [(XKF4, _xkf4(report, primary), False)]
             if level != _ONLY_XKF4 and report.gsf is not None:
                 records += [(XKY0, _xky0(report.gsf), False), (XKY1, _xky1(report.gsf), False)]
             if level < _ONLY_XKF4:
-                records += self._further_records(report, now_us // 1000)
-        for core in self._cores():
+                records += self._further_records(report, now_us // 1000, of_primary=primary in cores)
+        for core in cores:
             for structure, values, is_of_primary in records:
                 if core == primary or not is_of_primary:
                     self._logger.write(structure, (now_us, core, *values))
@@ -151,7 +151,9 @@ class EkfLog:
         primary, cores = self._get_int("EK3_PRIMARY"), self._cores()
         return primary if primary in cores else cores[0]
 
-    def _further_records(self, report: CoreReport, now_ms: int) -> list[tuple[LogStructure, Values, bool]]:
+    def _further_records(
+        self, report: CoreReport, now_ms: int, *, of_primary: bool
+    ) -> list[tuple[LogStructure, Values, bool]]:
         """Return what is to be written for a core after XKF4, and what of it for the primary one alone."""
         xkf1, xkf2, xkf3 = _xkf1_to_3(report)
         records = [
@@ -162,6 +164,8 @@ class EkfLog:
             (XKFS, (0, 0, 0, 0, report.source_set, 0, 0, report.mag_fusion), False),
             (XKQ, report.quat_wxyz, False),
         ]
+        if not of_primary:
+            return records
         if report.odometry is not None and report.odometry.recalled != self._odometry_recalled:
             self._odometry_recalled = report.odometry.recalled
             records.append((XKFD, _xkfd(report.odometry), True))

@@ -232,6 +232,17 @@ def test_ratios_are_written_as_their_roots_and_yaw_with_the_compass() -> None:
     assert [fields[label] for label in ("SV", "SP", "SH", "SM", "SVT")] == [20, 200, 50, 30, 0]
 
 
+def test_covariance_comes_with_the_first_records_of_a_core_that_becomes_the_primary_one() -> None:
+    rig, primary = Rig(), 0
+    log = EkfLog(rig, rig.params.__getitem__, lambda: (1,), lambda: primary)
+    for now_us in range(1_000_000, 2_100_000, PERIOD_US):
+        primary = int(now_us > 1_700_000)
+        log.write_streaming(REPORT, now_us)
+    found = [fields["TimeUS"] for name, fields in rig.records if name == "XKV1"]
+    assert found == [1_000_000 + 8 * PERIOD_US]
+    assert [fields["PI"] for name, fields in rig.records if name == "XKF4"] == [0] * 8 + [1] * 4
+
+
 def test_scores_against_other_cores_are_written() -> None:
     fields = Rig().fields("XKF3", replace(REPORT, error_score=2.25, relative_error=-0.5))
     assert (fields["ErSc"], fields["RErr"]) == (2.25, -0.5)
