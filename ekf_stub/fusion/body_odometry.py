@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.filter.inertial import Array, InertialStep
-from ekf_stub.filter.states import ATT, STATES, VEL
+from ekf_stub.fusion.body_velocity import velocity_row
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import OdometrySample
@@ -69,7 +69,7 @@ class BodyOdometry(Fusion):
         if step.del_ang_dt > _MIN_DT:
             offset = np.array([float(part) for part in sample.pos_offset.to_tuple()])
             predicted += float(np.cross(step.del_ang / step.del_ang_dt, offset)[axis])
-        row = self._row(axis)
+        row = velocity_row(state, axis)
         variance = float(row @ state.cov @ row) + noise
         if variance <= noise:
             return None
@@ -82,26 +82,3 @@ class BodyOdometry(Fusion):
                 self._texts.add("fusing odometry")
             state.update(row, predicted - measured, noise)
         return ratio
-
-    def _row(self, axis: int) -> Array:
-        """Return how the velocity along an axis of the body depends on the errors, shape (16,)."""
-        quat, (north, east, down) = self._state.quat, 2.0 * self._state.vel
-        w, x, y, z = quat.w, quat.x, quat.y, quat.z
-        along = w * north + z * east - y * down
-        across = x * north + y * east + z * down
-        over = w * down - x * east + y * north
-        aside = w * east + x * down - z * north
-        rows = ((along, across, -over, aside), (aside, over, across, -along), (over, -aside, along, across))
-        row = np.zeros(STATES)
-        row[ATT] = rows[axis]
-        row[VEL] = self._rotation_column(axis)
-        return row
-
-    def _rotation_column(self, axis: int) -> Array:
-        w, x, y, z = self._state.quat.w, self._state.quat.x, self._state.quat.y, self._state.quat.z
-        columns = (
-            (w * w + x * x - y * y - z * z, 2 * (w * z + x * y), 2 * (x * z - w * y)),
-            (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (w * x + y * z)),
-            (2 * (w * y + x * z), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
-        )
-        return np.array(columns[axis])
