@@ -154,6 +154,11 @@ class CompiledPass(InertialPass):
         x, y, z = self._mem[kernel.ACCEL_FILTERED : kernel.ALPHA].tolist()
         return x, y, z
 
+    def gyro(self) -> Three:
+        """Return the body rates, filtered at 10 Hz, rad/s, body (FRD)."""
+        x, y, z = self._mem[kernel.GYRO_FILTERED : kernel.ACCEL_FILTERED].tolist()
+        return x, y, z
+
     def sense(self, delta: InertialDelta) -> None:
         """Take the data of a pass while there is no state."""
         kernel.sense(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT)

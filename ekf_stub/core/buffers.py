@@ -18,6 +18,7 @@ def buffer_sizes(
     sources: EkfSources,
     *,
     has_camera: bool,
+    has_flow: bool = False,
     gps_lag_s: float = USUAL_LAG_S,
     least_ms: int = 0,
 ) -> RingSizes:
@@ -27,6 +28,7 @@ def buffer_sizes(
         get_int: returns an integer parameter by its full name.
         sources: the source sets.
         has_camera: whether there is visual odometry.
+        has_flow: whether there is a flow sensor.
         gps_lag_s: what the GPS receiver is said to be late, s.
         least_ms: a delay for which they are long enough in any case.
     """
@@ -35,4 +37,5 @@ def buffer_sizes(
         delays.append(min(whole_ms(gps_lag_s), MAX_DELAY_MS))
     if has_camera:
         delays.append(min(get_int("VISO_DELAY_MS"), MAX_DELAY_MS))
-    return ring_sizes(max(*delays, _MAG_DELAY_MS, min(least_ms, MAX_DELAY_MS)))
+    sizes = ring_sizes(max(*delays, _MAG_DELAY_MS, min(least_ms, MAX_DELAY_MS)))
+    return sizes._replace(flow=sizes.ext_nav) if has_flow else sizes  # they come as often

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One core of EKF3: frames in, estimates out (AP_NavEKF3/AP_NavEKF3_core.cpp, UpdateFilter).
 
-Optical flow, range beacons, airspeed and wind are not fused; external navigation, barometer, compass and GPS are.
+Range beacons, airspeed and wind are not fused; external navigation, optical flow, range finders, barometer, compass and
+GPS are.
 
 The filter lives at the fusion horizon, as far in the past as the most delayed sensor needs. Inertial data go two ways:
 summed up to steps of about 10 ms they wait until the horizon reaches them, and at the full rate they carry an output
 from the horizon to the present, which each step draws towards the filter. A step predicts, takes out of the buffers
-what has come due, and fuses it in the firmware's order: yaw, then velocity, position and height, then body odometry.
+what has come due, and fuses it in the firmware's order: yaw, then velocity, position and height, then optical flow,
+then body odometry.
 
 This class has that order, and what starts the filter and begins it anew. The state, each kind of measurement, the
 modes and the report are classes of their own, so that each can be tested alone and held against a recorded log.
@@ -36,18 +38,22 @@ from ekf_stub.filter.nominal_state import EARTH_RATE
 from ekf_stub.filter.process_model import ProcessNoise
 from ekf_stub.fusion.aiding import Aiding, AidingMode
 from ekf_stub.fusion.body_odometry import BodyOdometry
-from ekf_stub.fusion.height_source import HeightSource
+from ekf_stub.fusion.flow_fusion import FlowFusion
+from ekf_stub.fusion.height_source import RANGE, HeightSource
 from ekf_stub.fusion.measurements import BaroSample, Delayed, MagSample
 from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.fusion.resets import POS_NE, Resets
+from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
 from ekf_stub.fusion.yaw_fusion import YawFusion
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
+from ekf_stub.inputs.flow_ingest import FlowIngest, FlowMeasurement
 from ekf_stub.inputs.gps_checks import GpsSurroundings
 from ekf_stub.inputs.gps_reading import CENTI, GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.range_reading import RangeReading
 from ekf_stub.inputs.sources import EkfSources, SourceYaw
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
@@ -89,6 +95,8 @@ class Ekf3Core:
     Attributes:
         ingest: where external navigation is handed in.
         gps: what it makes of the GPS.
+        ranges: what it makes of the range finders.
+        flow_ingest: where optical flow waits.
         initialised: it has a state.
         refused: in how many frames which of their fields could not be used.
         stepped: whether the last frame has made a step.
@@ -118,6 +126,8 @@ class Ekf3Core:
         self._imu = imu
         self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
+        self.ranges = RangeReading(sizes.ranges)
+        self.flow_ingest = FlowIngest(sizes.flow)
         self.gps = GpsReading(get_float, sizes.slow)
         self._pass = kernel.make_pass()
         self._door = FrameDoor()
@@ -168,7 +178,9 @@ class Ekf3Core:
         self._inactive = InactiveBiases(self._imu)
         self.aiding = Aiding()
         self.aiding.times.pos = self.aiding.times.height = now_ms
-        self._make_fusion()
+        self.ranges.reset(now_ms)
+        self.flow_ingest.reset(now_ms)
+        self._make_fusion(now_ms)
         # In the firmware always 0, which after half of 2^32 ms is in the future.
         long_ago_ms = max(0, now_ms - LONG_AGO_MS)
         empty = InertialStep(long_ago_ms, np.zeros(3), np.zeros(3), 0.0, 0.0)
@@ -196,7 +208,7 @@ class Ekf3Core:
         state.earth_rate_ned = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
         return state
 
-    def _make_fusion(self) -> None:
+    def _make_fusion(self, now_ms: int) -> None:
         self.delayed = Delayed(self.ingest)
         parts = FilterParts(
             state=self.state,
@@ -212,8 +224,10 @@ class Ekf3Core:
             ring_size=self._sizes.slow,
         )
         self.resets = Resets(parts)
-        self.height = HeightSource(parts)
+        terrain = Terrain(parts, self.ranges, now_ms)
+        self.height = HeightSource(parts, terrain)
         self.fusion = VelPosFusion(parts, self.resets, self.height)
+        self.flow = FlowFusion(parts, self.flow_ingest, terrain)
         self.yaw = YawFusion(parts, self.resets, self.fusion.innovations)
         self.odometry = BodyOdometry(parts)
         self.control = ModeControl(self)
@@ -267,7 +281,10 @@ class Ekf3Core:
         noise = self._process_noise(get)
         self.yaw.field.begin_step()
         aided = self.aiding.mode is not _NO_AIDING
+        if self.flow_ingest.is_in_use:
+            self.flow_ingest.note_turn(self.state.turn_of(step, dt), step.del_ang_dt)
         self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground)
+        self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)
         self._read_sensors(frame, now_ms)
         climbed_m = self.control.climbed_m()
@@ -277,7 +294,11 @@ class Ekf3Core:
         if not self._fusion_waits:
             self.delayed.recall(self.state, step, frame.lever_arm)
             self._read_gps(frame.gps, now_ms)
+            if frame.ranges is not None:
+                self.ranges.read(frame.ranges, now_ms, on_ground=vehicle.on_ground)
+            self.ranges.recall(self.ingest.horizon_ms, self.state.rotation)
             self.fusion.step(now_ms, vehicle)
+            self.flow.step(now_ms, ground_is_datum=self.height.active == RANGE)
             self.odometry.step(now_ms, step)
         self.yaw.correct_by_gps(now_ms, vehicle)
         self.control.update_flags(frame, now_ms)
@@ -337,6 +358,22 @@ class Ekf3Core:
             self._texts.add("forced reset", MAV_SEVERITY_WARNING)
             self._initialise(frame, now_ms)
 
+    # Optical flow and the ground
+
+    def write_flow(self, measured: FlowMeasurement) -> None:
+        """Take what a flow sensor has measured, between two frames (writeOptFlowMeas)."""
+        delta = self._door.delta
+        if not self.initialised or delta is None:
+            return
+        delay_ms = int(self._get_float("FLOW_DELAY"))
+        if self.flow_ingest.write(measured, delta, self._now_ms, self.ingest.horizon_ms, delay_ms):
+            self.control.detect_takeoff(self._pass.gyro(), self._pass.dt_ekf_avg)
+
+    def set_terrain_stable(self, *, is_stable: bool) -> None:
+        """Hear whether heights may count from the ground (setTerrainHgtStable)."""
+        if self.initialised:
+            self.height.terrain_is_stable = is_stable
+
     # Origin and height
 
     def set_origin(self, origin: Location) -> bool:
@@ -380,13 +417,14 @@ class Ekf3Core:
         The origin takes up the difference, so that the height above the sea stays what it was; it is the GPS's where
         that is good.
         """
-        if not self.initialised or not self.control.vehicle.on_ground:
+        if not self.initialised or not self.control.vehicle.on_ground or self.height.active == RANGE:
             return False
         if self.origin is not None:
             above_cm = self._origin_alt_cm + math.trunc(-100.0 * float(self.state.pos[2]))
             fix = self._fix if self.gps.checks.good else None
             self._put_origin_at(above_cm if fix is None else fix.location.alt_cm)
         self.state.pos = np.array([*self.state.pos[:2], 0.0])
+        self.height.terrain.down = 0.0
         return True
 
     def request_yaw_reset(self) -> None:

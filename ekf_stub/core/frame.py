@@ -7,6 +7,7 @@ from typing import NamedTuple
 from ekf_stub.filter.inactive_biases import ImuRates
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.range_reading import RangeFinders
 
 
 class Frame(NamedTuple):
@@ -15,8 +16,9 @@ class Frame(NamedTuple):
     ``baro`` is (time of its last update in ms, height in m), ``mag`` (time in us, field in mGauss, body), ``gps`` the
     newest solution; None when there is none. ``lever_arm`` is the camera's place from the IMU in m, body, ``home_lat``
     the latitude of home in 1e-7 deg. ``declination`` (rad) is the compass's own; ``place_declination`` that of the
-    origin by a table of the world, where there is one. ``compass`` is the number of the compass that ``mag`` is of, and
-    ``imu_rates`` what all IMUs say, None where there is but one. With ``is_late`` there is no time left for a step.
+    origin by a table of the world, where there is one. ``ranges`` is what the range finders say, None when there are
+    none, ``compass`` the number of the compass that ``mag`` is of, and ``imu_rates`` what all IMUs say, None where
+    there is but one. With ``is_late`` there is no time left for a step.
     """
 
     time_us: int
@@ -32,6 +34,7 @@ class Frame(NamedTuple):
     place_declination: float | None = None
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     home_lat: int = 0
+    ranges: RangeFinders | None = None
     compass: int = 0
     imu_rates: ImuRates | None = None
     is_late: bool = False

@@ -18,6 +18,7 @@ MAX_BARO_M: Final = 1e5
 MAX_FIELD_MGAUSS: Final = 1e5
 MAX_DECLINATION_RAD: Final = 2 * math.pi
 MAX_LEVER_ARM_M: Final = 1e4
+MAX_RANGE_M: Final = 1e5
 MAX_GPS_SPEED_M_S: Final = 1e4
 MAX_GPS_ERROR: Final = 1e9
 MAX_GPS_YAW_DEG: Final = 1e4
@@ -48,6 +49,14 @@ def _is_place_declination_sound(frame: Frame) -> bool:
     return frame.place_declination is None or _within(MAX_DECLINATION_RAD, frame.place_declination)
 
 
+def _are_ranges_sound(frame: Frame) -> bool:
+    if frame.ranges is None:
+        return True
+    finders, clearance, max_distance = frame.ranges
+    numbers = [number for finder in finders for number in (finder.distance, *finder.offset)]
+    return _within(MAX_RANGE_M, clearance, max_distance, *numbers)
+
+
 _SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
     "baro": (lambda frame: frame.baro is None or _within(MAX_BARO_M, frame.baro[1]), None),
     "mag": (_is_mag_sound, None),
@@ -55,11 +64,12 @@ _SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
     "declination": (lambda frame: _within(MAX_DECLINATION_RAD, frame.declination), 0.0),
     "place_declination": (_is_place_declination_sound, None),
     "lever_arm": (lambda frame: _within(MAX_LEVER_ARM_M, *frame.lever_arm), (0.0, 0.0, 0.0)),
+    "ranges": (_are_ranges_sound, None),
 }
 """How to tell what may come in, by field of a frame, and what stands in for the rest."""
 
 
-_SLOW_FIELDS: Final = slice(Frame._fields.index("baro"), Frame._fields.index("lever_arm") + 1)
+_SLOW_FIELDS: Final = slice(Frame._fields.index("baro"), Frame._fields.index("ranges") + 1)
 _NOTHING_SEEN: Final[Any] = object()
 
 
@@ -77,7 +87,7 @@ class FrameDoor:
         self._inertial = InertialGuard()
         self.delta: InertialDelta | None = None
         self.refused: Counter[str] = Counter()
-        self._seen: Any = (_NOTHING_SEEN,) * len(_SLOW)
+        self._seen: Any = (_NOTHING_SEEN,) * len(Frame._fields[_SLOW_FIELDS])
         self._stand_ins: dict[str, Any] = {}
 
     def admit(self, frame: Frame) -> Frame:
@@ -94,7 +104,7 @@ class FrameDoor:
 
     def _has_been_seen(self, frame: Frame) -> bool:
         # Most frames bring what the one before has brought, but for inertial data.
-        baro, mag, gps, declination, place_declination, lever_arm = self._seen
+        baro, mag, gps, declination, place_declination, lever_arm, _, ranges = self._seen
         return (
             frame.baro is baro
             and frame.mag is mag
@@ -102,6 +112,7 @@ class FrameDoor:
             and frame.declination is declination
             and frame.place_declination is place_declination
             and frame.lever_arm is lever_arm
+            and frame.ranges is ranges
         )
 
     def _sound(self, delta: InertialDelta) -> InertialDelta:

@@ -22,20 +22,29 @@ from ekf_stub.filter.states import GYRO
 from ekf_stub.fusion.aiding import Aiding, AidingMode, Ready
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.filter_flags import FilterState, filter_flags
+from ekf_stub.fusion.flow_fusion import FlowFusion
 from ekf_stub.fusion.height_source import HeightSource, Vehicle
 from ekf_stub.fusion.measurements import Delayed
 from ekf_stub.fusion.resets import Resets
 from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import YawFusion
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.flow_ingest import FlowIngest
 from ekf_stub.inputs.gps_reading import GpsReading
+from ekf_stub.inputs.range_reading import RangeReading
 from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceYaw, SourceZ
+from ekf_stub.reports.core_report import Three
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 from ekf_stub.reports.filter_status import FilterFlag
 
 HEALTHY_AFTER_MS: Final = 1000
 TILT_ALIGNED_VAR: Final = math.radians(5.0) ** 2
 IN_FLIGHT_CLIMB_M: Final = 1.5
+IN_FLIGHT_RANGE_M: Final = 0.5
+TAKEOFF_AFTER_MS: Final = 1000
+TAKEOFF_RATE: Final = 0.1
+TAKEOFF_RANGE_M: Final = 0.1
+FLOW_FRESH_MS: Final = 200
 FLYING_MS: Final = 5000
 USING_POSITION_MS: Final = 4000
 MAX_STILL_INNOVATION_M: Final = 1.0
@@ -44,6 +53,8 @@ ODOMETRY_FRESH_MS: Final = 200
 ODOMETRY_IN_USE_MS: Final = 5000
 MAX_ODOMETRY_ERR: Final = f32(1)
 NO_DRAG_MS: Final = 5000
+ORIGIN_MOVES_MS: Final = 1000
+_HORIZ_VEL, _TAKEOFF_DETECTED = 1, 10
 _TAKEOFF, _TOUCHDOWN, _USING_POSITION, _GLITCHING, _QUALITY_GOOD, _INITIALISED = 11, 12, 13, 14, 15, 16
 
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
@@ -65,6 +76,8 @@ class ControlledCore(Protocol):
     sources: EkfSources
     ingest: ExtNavIngest
     gps: GpsReading
+    ranges: RangeReading
+    flow_ingest: FlowIngest
     state: ErrorState
     aiding: Aiding
     delayed: Delayed
@@ -72,6 +85,7 @@ class ControlledCore(Protocol):
     height: HeightSource
     fusion: VelPosFusion
     yaw: YawFusion
+    flow: FlowFusion
     odometry: BodyOdometry
 
 
@@ -93,6 +107,8 @@ class ModeControl:
         self.vehicle = Vehicle(armed=False, on_ground=True, in_flight=False, tilt_aligned=False)
         self._known = (False, False, False, False)
         self._states_on_ground = core.state.states
+        self._range_on_ground = 0.0
+        self._armed_ms = self._origin_moved_ms = 0
         self._states: Array | None = None
         self._sources: dict[str, int] | None = None
         self._situation: tuple[object, ...] = ()
@@ -110,7 +126,7 @@ class ModeControl:
         """Find out what the vehicle is about, and choose how to navigate."""
         core = self._core
         if self._initialised_ms is None:
-            self._initialised_ms = now_ms
+            self._initialised_ms = self._now_ms = now_ms
         if self.tilt_aligned and not self._learns_biases:
             # FIRMWARE PARITY: a frame late. Until then their variances are 0, so that they count as known.
             self._learns_biases = True
@@ -126,10 +142,12 @@ class ModeControl:
             by_compass = source == _YAW_COMPASS and core.yaw.uses_compass()
             self.tests_stillness = self.vehicle.on_ground and not by_compass
         if self._no_yaw_on_ground and core.aiding.mode is not _NO_AIDING:
-            self._forget_flight(now_ms)
-        self._now_ms, self._dt_ekf_avg = now_ms, dt_ekf_avg
-        if core.aiding.update(now_ms, self._ready, no_yaw_on_ground=self._no_yaw_on_ground):
-            self._enter_mode(now_ms, self._ready(), texts)
+            self._forget_flight(self._now_ms)
+        self._dt_ekf_avg = dt_ekf_avg
+        # The frame's inertial data are read after this, so that the time is still that of the last.
+        if core.aiding.update(self._now_ms, self._ready, no_yaw_on_ground=self._no_yaw_on_ground):
+            self._enter_mode(self._now_ms, self._ready(), texts)
+        self._now_ms = now_ms
 
     def _forget_flight(self, now_ms: int) -> None:
         """Begin anew with what was known by a yaw that the vehicle has lost as it was disarmed."""
@@ -155,9 +173,14 @@ class ModeControl:
 
     def _detect_flight(self, frame: Frame, dt_ekf_avg: float) -> None:
         if not frame.armed:
-            self._states_on_ground = self._core.state.states
+            self._states_on_ground, self._range_on_ground = self._core.state.states, self._core.ranges.newest
+        elif not self.vehicle.armed:
+            self._armed_ms = self._now_ms
         in_flight = frame.armed and (
-            self.vehicle.in_flight or self.climbed_m() > IN_FLIGHT_CLIMB_M or frame.flying_ms > FLYING_MS
+            self.vehicle.in_flight
+            or self.climbed_m() > IN_FLIGHT_CLIMB_M
+            or self._core.ranges.newest - self._range_on_ground > IN_FLIGHT_RANGE_M
+            or frame.flying_ms > FLYING_MS
         )
         near_ground = frame.takeoff_expected or frame.touchdown_expected
         known = frame.armed, in_flight, near_ground, self.tilt_aligned
@@ -166,6 +189,21 @@ class ModeControl:
             self.vehicle = Vehicle(frame.armed, not frame.armed, in_flight, near_ground, self.tilt_aligned)
         gsf = self._core.yaw.by_gps
         gsf.follow_flight(self.vehicle, takeoff_expected=frame.takeoff_expected, dt_ekf_avg=dt_ekf_avg)
+
+    def detect_takeoff(self, gyro: Three, dt_ekf_avg: float) -> None:
+        """Find out, as flow comes in, whether the vehicle has left the ground (detectOptFlowTakeoff).
+
+        Args:
+            gyro: filtered body rates, rad/s.
+            dt_ekf_avg: average interval of the filter's steps, s.
+        """
+        core = self._core
+        if self.vehicle.on_ground:
+            core.flow.takeoff_detected = False
+        elif not core.flow.takeoff_detected and self._now_ms - self._armed_ms > TAKEOFF_AFTER_MS:
+            bias, _ = core.state.bias_rates(dt_ekf_avg)
+            has_climbed = core.ranges.newest > self._range_on_ground + TAKEOFF_RANGE_M
+            core.flow.takeoff_detected = math.dist(gyro, bias) > TAKEOFF_RATE or has_climbed
 
     def climbed_m(self) -> float:
         """Return the height above where the vehicle was disarmed."""
@@ -181,11 +219,16 @@ class ModeControl:
             gps=source == _XY_GPS and gps and self._knows_gyro_bias(dt_ekf_avg),
             ext_nav=source == _XY_EXTNAV and core.delayed.has_pose,
             odometry=self._odometry_is_good(now_ms) and self._knows_gyro_bias(dt_ekf_avg),
+            flow=self._flow_is_fresh(now_ms) and self._knows_gyro_bias(dt_ekf_avg),
         )
 
     def _knows_gyro_bias(self, dt_ekf_avg: float) -> bool:
         variances = self._core.state.cov.diagonal()[GYRO]
         return bool(variances.max() <= math.radians(GYRO_BIAS_LEARNED_DEG * dt_ekf_avg) ** 2)
+
+    def _flow_is_fresh(self, now_ms: int) -> bool:
+        received_ms = self._core.flow_ingest.received_ms
+        return received_ms is not None and now_ms - received_ms < FLOW_FRESH_MS and self._core.flow.is_used()
 
     def _odometry_is_good(self, now_ms: int) -> bool:
         ingest = self._core.ingest
@@ -202,9 +245,11 @@ class ModeControl:
             core.fusion.innovations.vel_ratio = core.fusion.innovations.pos_ratio = 0.0
             core.resets.last_known_ne = core.state.pos[:2].copy()
             core.state.pos = np.array([*core.state.pos[:2], -core.height.baro_height])
-            core.odometry.is_fused = False
+            core.odometry.is_fused = core.flow.is_fused = False
         elif mode is _RELATIVE:
             texts.add("started relative aiding")
+            if ready.flow:
+                core.flow_ingest.valid_ms = now_ms
         elif ready.gps:
             by_gps = True
             texts.add("is using GPS")
@@ -258,7 +303,8 @@ class ModeControl:
             core.height.is_lost,
             core.ingest.have_velocity,  # and with it a vertical one
             core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
-            core.ingest.have_velocity,
+            core.flow.is_valid,
+            core.flow.ground_is_valid,
             core.origin is None and core.sources.pos_z() == _Z_GPS,
         )
         if state != self._state:  # from one step to the next it seldom changes
@@ -267,10 +313,16 @@ class ModeControl:
         value = self._state_flags
         absolute = aiding.mode is _ABSOLUTE
         by_gps = absolute and core.sources.pos_xy() == _XY_GPS
+        core.height.velocity_is_valid = value >> _HORIZ_VEL & 1 == 1
+        value |= core.flow.takeoff_detected << _TAKEOFF_DETECTED
         value |= frame.takeoff_expected << _TAKEOFF | frame.touchdown_expected << _TOUCHDOWN
         value |= (absolute and now_ms - aiding.times.pos < USING_POSITION_MS) << _USING_POSITION
         value |= (by_gps and not core.gps.accuracy_good) << _GLITCHING
         self.flags = value | core.gps.checks.good << _QUALITY_GOOD | healthy << _INITIALISED
+        if now_ms - self._origin_moved_ms >= ORIGIN_MOVES_MS:
+            self._origin_moved_ms = now_ms
+            if core.origin is not None and value >> _USING_POSITION & 1:
+                core.height.terrain.move_origin()
 
     def timeouts(self, now_ms: int) -> int:
         """Return the bits of XKF4.TS; airspeed and drag are always lost, the latter 5 s after boot."""

@@ -9,7 +9,7 @@ from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.states import STATES
-from ekf_stub.reports.core_report import CoreReport, RunReport, Three
+from ekf_stub.reports.core_report import CoreReport, RunReport, TerrainReport, Three
 
 _NOT_ESTIMATED: Final = (0.0,) * (24 - STATES)  # of the firmware's states: wind
 _BAD_QUAT, _BAD_VEL = 1 << 0, 1 << 1
@@ -65,8 +65,25 @@ def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
         pos_error=output.pos_error,
         variances=(*state.cov.diagonal().tolist(), *_NOT_ESTIMATED),
         odometry=core.odometry.report(),
+        terrain=_terrain_of(core),
         stillness=core.stillness.report,
         source_set=core.sources.active_set,
         gsf=yaw.by_gps.report(),
         error_score=max(0.5 * (innovations.vel_ratio + innovations.pos_ratio), innovations.height_ratio),
+    )
+
+
+def _terrain_of(core: Ekf3Core) -> TerrainReport:
+    terrain, flow = core.height.terrain, core.flow
+    x, y = flow.innovations
+    return TerrainReport(
+        above=terrain.above,
+        down=terrain.down,
+        sigma=math.sqrt(terrain.variance),
+        range_m=terrain.ranges.distance,
+        range_innovation=terrain.range_innovation,
+        range_ratio=terrain.range_ratio,
+        flow_innovation=(x, y),
+        flow_ratio=max(flow.ratios),
+        ground_innovation=math.hypot(*terrain.flow_innovation),
     )

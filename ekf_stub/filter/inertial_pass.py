@@ -59,6 +59,10 @@ class InertialPass:
         """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
         return self._stillness.accel.value
 
+    def gyro(self) -> Three:
+        """Return the body rates, filtered at 10 Hz, rad/s, body (FRD)."""
+        return self._stillness.gyro.value
+
     def sense(self, delta: InertialDelta) -> None:
         """Take the data of a pass while there is no state."""
         self._stillness.sense(delta, LOOP_DT)

@@ -81,9 +81,13 @@ class NominalState:
         self.earth_rate_ned: Array = np.array([EARTH_RATE, 0.0, 0.0])
         self.refused = 0
 
+    def turn_of(self, step: InertialStep, dt_ekf_avg: float) -> Array:
+        """Return by how much a step has turned the vehicle, rad, body, without the gyro's bias."""
+        return step.del_ang - self.gyro_bias * (step.del_ang_dt / dt_ekf_avg)
+
     def move(self, step: InertialStep, dt_ekf_avg: float, *, aided: bool) -> None:
         """Move on by a step, with less than the measured acceleration if that is large and nothing aids."""
-        angle = step.del_ang - self.gyro_bias * (step.del_ang_dt / dt_ekf_avg)
+        angle = self.turn_of(step, dt_ekf_avg)
         angle -= self.earth_rate_ned.dot(self.rotation) * step.del_ang_dt
         velocity = step.del_vel - self.accel_bias * (step.del_vel_dt / dt_ekf_avg)
         dt, del_vel_ned = step.del_vel_dt, self.rotation.dot(velocity)

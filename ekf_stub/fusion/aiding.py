@@ -11,7 +11,7 @@ IN_USE_MS: Final = 7000
 POSITION_LOST_MS: Final = 7000
 POSITION_LOST_WITH_VELOCITY_MS: Final = 10_000
 ALL_LOST_MS: Final = 15_000
-ODOMETRY_LOST_MS: Final = 5000
+RELATIVE_LOST_MS: Final = 5000
 
 
 class AidingMode(Enum):
@@ -34,6 +34,7 @@ class Ready(NamedTuple):
     gps: bool
     ext_nav: bool
     odometry: bool
+    flow: bool = False
 
 
 @dataclass(slots=True)
@@ -50,6 +51,7 @@ class FusionTimes:
     vel: int = 0
     height: int = 0
     odometry: int = 0
+    flow: int = 0
 
 
 class Aiding:
@@ -89,38 +91,41 @@ class Aiding:
             self._check_absolute(now_ms)
         if self.mode is before:
             return False
-        self._enter(now_ms)
+        self._enter(now_ms, by_flow=self.mode is _RELATIVE and ready().flow)
         return True
 
     def _start(self, ready: Ready) -> None:
         if ready.gps or ready.ext_nav:
             self.mode = _ABSOLUTE
-        elif ready.odometry:
+        elif ready.flow or ready.odometry:
             self.mode = _RELATIVE
 
     def _check_relative(self, now_ms: int, ready: Ready) -> None:
         if ready.gps or ready.ext_nav:
             self.mode = _ABSOLUTE
-        elif now_ms - self.times.odometry > ODOMETRY_LOST_MS:
+        elif now_ms - max(self.times.odometry, self.times.flow) > RELATIVE_LOST_MS:
             self.mode = _NO_AIDING
 
     def _check_absolute(self, now_ms: int) -> None:
         pos_ms, vel_ms = now_ms - self.times.pos, now_ms - self.times.vel
-        odometry_used = now_ms - self.times.odometry <= IN_USE_MS
+        flow_ms = now_ms - self.times.flow
+        motion_used = min(now_ms - self.times.odometry, flow_ms) <= IN_USE_MS
         vel_used, pos_used = vel_ms <= IN_USE_MS, pos_ms <= IN_USE_MS
-        aided = self.vel_aiding = pos_used or vel_used or odometry_used
-        if not aided and pos_ms > ALL_LOST_MS and vel_ms > ALL_LOST_MS:
+        aided = self.vel_aiding = pos_used or vel_used or motion_used
+        if not aided and min(pos_ms, vel_ms, flow_ms) > ALL_LOST_MS:
             self.mode = _NO_AIDING
         elif not pos_used and pos_ms > (POSITION_LOST_WITH_VELOCITY_MS if aided else POSITION_LOST_MS):
             self.pos_timeout = True
-            self.vel_timeout = not (vel_used or odometry_used)
+            self.vel_timeout = not (vel_used or motion_used)
 
-    def _enter(self, now_ms: int) -> None:
+    def _enter(self, now_ms: int, *, by_flow: bool) -> None:
         # Every change of mode resets the position, which ends its timeout; only a real velocity ends the other.
         self.pos_timeout = False
         self.vel_timeout = self.mode is not _ABSOLUTE
         if self.mode is _ABSOLUTE:
             self.times.vel = now_ms
+        elif by_flow:
+            self.times.flow = now_ms
         elif self.mode is _RELATIVE:
             self.times.odometry = now_ms
         self.times.pos = now_ms

@@ -11,8 +11,8 @@ from ekf_stub.reports.filter_status import FilterFlag
 class FilterState(NamedTuple):
     """What the flags follow from.
 
-    ``keeps_velocity`` is true while a velocity of external navigation is among what the filter navigates by;
-    ``height_needs_origin`` while height comes from GPS and there is no origin.
+    ``flow_is_valid`` is true while optical flow comes in or is known to be zero, ``ground_is_valid`` while the height
+    above the ground is known, ``height_needs_origin`` while height comes from GPS and there is no origin.
     """
 
     healthy: bool
@@ -25,7 +25,8 @@ class FilterState(NamedTuple):
     height_timeout: bool
     has_vertical_velocity: bool
     odometry_in_use: bool
-    keeps_velocity: bool = False
+    flow_is_valid: bool = False
+    ground_is_valid: bool = False
     height_needs_origin: bool = False
 
 
@@ -37,12 +38,11 @@ def filter_flags(state: FilterState) -> FilterFlag:
     aligned = state.yaw_aligned or (not state.uses_compass and not absolute)
     if not (state.tilt_aligned and aligned):
         return FilterFlag(0)
-    relative = state.odometry_in_use and state.mode is not AidingMode.NONE
+    aided = state.mode is not AidingMode.NONE
+    by_odometry, by_flow = aided and state.odometry_in_use, aided and state.flow_is_valid
     pos_abs = absolute and not state.pos_timeout
-    pos_rel = pos_abs or relative
-    # In the recordings the velocity flag outlives the loss of position and velocity where velocity was in use
-    # (dropout, bench_pose_velocity), and does not where it was not (bench_pose_baro).
-    horiz_vel = not (state.vel_timeout and state.pos_timeout) or relative or (absolute and state.keeps_velocity)
+    pos_rel = pos_abs or by_odometry or (by_flow and state.ground_is_valid)
+    horiz_vel = not (state.vel_timeout and state.pos_timeout) or by_odometry or by_flow
     vert_vel = (state.has_vertical_velocity and not state.vel_timeout) or not state.height_timeout
     bits = (
         True,
@@ -51,7 +51,7 @@ def filter_flags(state: FilterState) -> FilterFlag:
         pos_rel,
         pos_abs,
         not state.height_timeout and not state.height_needs_origin,
-        False,  # of the terrain
+        state.ground_is_valid,
         state.mode is AidingMode.NONE,
         pos_rel,  # as predicted for flight
         pos_abs,

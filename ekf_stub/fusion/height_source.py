@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which sensor gives the height, and what it says (AP_NavEKF3_PosVelFusion.cpp, selectHeightForFusion)."""
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,6 +10,7 @@ from ap_core.cint import u32
 from ekf_stub.filter.inertial import limited
 from ekf_stub.fusion.measurements import BaroSample
 from ekf_stub.fusion.parts import FilterParts, Fusion
+from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL
 from ekf_stub.inputs.obs_ring import ObsRing
 from ekf_stub.inputs.sources import SourceZ
@@ -20,12 +22,16 @@ HEIGHT_RETRY_WITH_VELOCITY_MS: Final = 10_000
 NO_HEIGHT_PERIOD_MS: Final = 70
 NO_HEIGHT_NOISE: Final = 2.0
 GROUND_EFFECT_SCALER: Final = 4.0
+LEAST_UPRIGHT: Final = 0.7
+GROUND_LOST_MS: Final = 1000
+LOWER_SWITCH: Final = 0.7
 _OFFSET_GAIN: Final = 0.1
 _OFFSET_STEP_LIMIT: Final = 5.0
 
 BARO: Final = "baro"
 EXT_NAV: Final = "ext_nav"
 GPS: Final = "gps"
+RANGE: Final = "range"
 NO_SOURCE: Final = "none"
 
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
@@ -33,6 +39,8 @@ _Z_BARO: Final = SourceZ.BARO
 _Z_EXTNAV: Final = SourceZ.EXTNAV
 _Z_GPS: Final = SourceZ.GPS
 _Z_NONE: Final = SourceZ.NONE
+_Z_RANGE: Final = SourceZ.RANGEFINDER
+_BY_Z: Final = {_Z_BARO: BARO, _Z_GPS: GPS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +64,10 @@ class Vehicle:
 class HeightSource(Fusion):
     """Chooses the source of height, and measures by it.
 
+    Args:
+        parts: the filter.
+        terrain: the ground, from which a range finder tells the height.
+
     Attributes:
         active: the source.
         is_new: whether it gave another height in this step.
@@ -63,10 +75,16 @@ class HeightSource(Fusion):
         is_lost: nothing has passed the gate for too long.
         baro: heights that wait for the horizon.
         baro_height: the last that came due.
+        terrain: the ground.
+        terrain_is_stable: as the vehicle says, heights may count from it.
+        velocity_is_valid: the horizontal velocity was known in the step before.
     """
 
-    def __init__(self, parts: FilterParts) -> None:
+    def __init__(self, parts: FilterParts, terrain: Terrain) -> None:
         super().__init__(parts)
+        self.terrain = terrain
+        self.terrain_is_stable = True
+        self.velocity_is_valid = False
         self.baro: ObsRing[BaroSample] = ObsRing(parts.ring_size)
         self.baro_height = 0.0
         self.active = BARO
@@ -107,8 +125,13 @@ class HeightSource(Fusion):
     def _choose(self, now_ms: int) -> None:
         source = self._sources.pos_z()
         ext_nav_is_fresh = self._ingest.have_pose and u32(now_ms - self._ingest.pose_stamp_ms) < FRESH_MS
+        range_is_fresh = self.terrain.ranges.is_fresh(now_ms)
         if source == _Z_NONE:
             self.active = NO_SOURCE
+        elif source == _Z_RANGE and range_is_fresh:
+            self.active = RANGE
+        elif range_is_fresh and source in _BY_Z and self._get_float("RNG_USE_HGT") > 0:
+            self._switch_range(now_ms, _BY_Z[SourceZ(source)])
         elif source == _Z_BARO:
             self.active = BARO
         elif source == _Z_GPS and self._gps_age_ms(now_ms) < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
@@ -116,8 +139,27 @@ class HeightSource(Fusion):
         elif source == _Z_EXTNAV and ext_nav_is_fresh:
             self.active = EXT_NAV
         gps_is_lost = self.active == GPS and self._gps_age_ms(now_ms) > GPS_LOST_MS
-        if gps_is_lost or (self.active == EXT_NAV and not ext_nav_is_fresh):
+        ext_nav_is_lost = self.active == EXT_NAV and not ext_nav_is_fresh
+        if gps_is_lost or ext_nav_is_lost or (self.active == RANGE and not range_is_fresh):
             self.active = BARO
+
+    def _switch_range(self, now_ms: int, source: str) -> None:
+        """Take the range finder near the ground while the vehicle is slow, and its source of height otherwise."""
+        terrain, above = self.terrain, self.terrain.above
+        highest = 0.01 * terrain.ranges.max_distance * self._get_float("RNG_USE_HGT")
+        north, east, _ = self._state.vel.tolist()
+        speed = math.hypot(north, east) if self.velocity_is_valid else 0.0
+        limit = self._get_float("RNG_USE_SPD")
+        is_too_fast = self.velocity_is_valid and speed > limit
+        is_slow = not self.velocity_is_valid or speed < max(limit - 1, 0.5 * limit)
+        is_low = above < LOWER_SWITCH * highest and now_ms - terrain.valid_ms < GROUND_LOST_MS
+        if self.active == RANGE and (above > highest or is_too_fast or not self.terrain_is_stable):
+            self.active = source
+        elif is_low and is_slow and self.terrain_is_stable and self._upright() >= LEAST_UPRIGHT:
+            self.active = RANGE
+
+    def _upright(self) -> float:
+        return self._state.rotation.item(2, 2)
 
     def _gps_age_ms(self, now_ms: int) -> int:
         return u32(now_ms - self._gps.received_ms)
@@ -125,6 +167,8 @@ class HeightSource(Fusion):
     def _measure(self, now_ms: int, baro: BaroSample | None, vehicle: Vehicle) -> bool:
         if self.active == EXT_NAV and self._delayed.has_pose:
             self.use_pose()
+        elif self.active == RANGE and self.terrain.ranges.is_due:
+            return self._measure_by_range()
         elif self.active == GPS and self._gps.is_due and self._gps.delayed is not None:
             noise = HEIGHT_TO_HORIZONTAL * self._get_float("POSNE_M_NSE")
             accuracy = self._gps.height_accuracy
@@ -141,4 +185,14 @@ class HeightSource(Fusion):
             self.variance = (NO_HEIGHT_NOISE if vehicle.on_ground else in_air) ** 2
         else:
             return False
+        return True
+
+    def _measure_by_range(self) -> bool:
+        """Measure by the range to flat ground; tell whether the vehicle is upright enough for that."""
+        upright, ranges = self._upright(), self.terrain.ranges
+        if upright < LEAST_UPRIGHT:
+            return False
+        self.down = self.terrain.down - max(ranges.distance * upright, ranges.on_ground)
+        by_slope = (ranges.distance * self._get_float("TERR_GRAD")) ** 2 * max(0.0, 1.0 - upright * upright)
+        self.variance = limited(self._get_float("RNG_M_NSE"), 0.1, 10.0) ** 2 + by_slope
         return True

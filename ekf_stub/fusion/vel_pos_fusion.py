@@ -312,6 +312,7 @@ class VelPosFusion(Fusion):
         elif vehicle.in_flight and velocity is not None and self._height.active == EXT_NAV:
             vertical_velocity = float(velocity.vel[2])
         self._resets.height(now_ms, self._height.down, self._height.variance, vertical_velocity=vertical_velocity)
+        self._height.terrain.follow_height(on_ground=vehicle.on_ground)
 
     def _gps_tells_climb(self, now_ms: int, newest: GpsFix) -> bool:
         delayed = self._gps.delayed

@@ -83,11 +83,17 @@ class ObsRing(Generic[T]):
 
 
 class RingSizes(NamedTuple):
-    """Lengths of the buffers: of inertial data, of external navigation, of slower sensors (body odometry)."""
+    """Lengths of the buffers: of inertial data, external navigation, slower sensors (body odometry), optical flow."""
 
     imu: int
     ext_nav: int
     slow: int
+    flow: int = 0
+
+    @property
+    def ranges(self) -> int:
+        """That of range finders, of which there may be two."""
+        return min(2 * self.slow, self.imu)
 
 
 _EKF_STEP_MS: Final = 12

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Logs what the filter estimates: the XKF records (AP_NavEKF3/AP_NavEKF3_Logging.cpp).
 
-What a filter says is written for each core that it stands for. What it does not estimate is 0: wind, terrain,
-airspeed.
+What a filter says is written for each core that it stands for. What it does not estimate is 0: wind, airspeed.
 """
 
 import math
@@ -17,6 +16,7 @@ from ap_core.fmath import RAD_TO_DEG, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
+from ekf_stub.filter.inertial import limited
 from ekf_stub.log.ekf_log_structure import (
     XKF1,
     XKF2,
@@ -46,6 +46,7 @@ _STATES_OF_XKV1: Final = 12
 _U32: Final = 0xFFFFFFFF  # of times in ms, which wrap
 _ONE: Final = f32(1)
 _100: Final = f32(100)
+_HIGHEST_M: Final = 327.67  # of a height in cm, of 16 bits
 _FULL_TURN_CDEG: Final = f32(36000)
 _ANGLES, _OTHERS, _FIELDS = 7, 9, 9  # of what XKF1 to XKF3 have scaled in single precision, and by what
 _SCALES: Final = np.repeat(np.array((RAD_TO_DEG, 1, 1000), np.float32), (_ANGLES, _OTHERS, _FIELDS))
@@ -205,7 +206,18 @@ def _xkf4(report: CoreReport, primary: int) -> Values:
 
 
 def _xkf5(report: CoreReport) -> Values:
-    return (*(0,) * 9, report.angle_error, report.vel_error, report.pos_error)
+    terrain = report.terrain
+    rates = (1000 * rate for rate in (*terrain.flow_innovation, terrain.ground_innovation))
+    above = limited(terrain.above, -_HIGHEST_M, _HIGHEST_M)
+    heights = above, terrain.down, terrain.range_innovation, terrain.range_m, terrain.sigma
+    return (
+        min(100 * terrain.flow_ratio, 255.0),
+        *rates,
+        *heights,
+        report.angle_error,
+        report.vel_error,
+        report.pos_error,
+    )
 
 
 def _xkfd(odometry: OdometryReport) -> Values:

@@ -24,6 +24,31 @@ class OdometryReport:
 
 
 @dataclass(frozen=True, slots=True)
+class TerrainReport:
+    """The ground, and what measured it (XKF5).
+
+    Attributes:
+        above, down: of the vehicle above the ground, and of the ground below the origin, m.
+        sigma: standard deviation of both, m.
+        range_m, range_innovation: the range that was tested last, m.
+        range_ratio: of the square of its innovation to the gate.
+        flow_innovation: of the flow that the filter tested last, rad/s, about x and y.
+        flow_ratio: of the square of the larger one to the gate.
+        ground_innovation: of the flow by which the ground was measured, rad/s.
+    """
+
+    above: float = 0.0
+    down: float = 0.0
+    sigma: float = 0.0
+    range_m: float = 0.0
+    range_innovation: float = 0.0
+    range_ratio: float = 0.0
+    flow_innovation: tuple[float, float] = (0.0, 0.0)
+    flow_ratio: float = 0.0
+    ground_innovation: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class GsfReport:
     """What the GSF knows of yaw (XKY0, XKY1): each of its five models by itself, and all together.
 
@@ -87,6 +112,7 @@ class CoreReport:
         angle_error, vel_error, pos_error: of the outputs as they follow the filter: rad, m/s, m.
         variances: the diagonal of the covariance as the firmware's 24 states have it (XKV1, XKV2).
         odometry: None while there was none.
+        terrain: the ground.
         stillness: None while the test does not run.
         source_set: the active one, 0..2.
         gsf: None while it is not running.
@@ -125,6 +151,7 @@ class CoreReport:
     pos_error: float = 0.0
     variances: tuple[float, ...] = (0.0,) * 24
     odometry: OdometryReport | None = None
+    terrain: TerrainReport = TerrainReport()
     stillness: StillnessReport | None = None
     source_set: int = 0
     gsf: GsfReport | None = None

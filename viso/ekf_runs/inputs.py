@@ -14,12 +14,15 @@ from ap_core.cint import i32
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.filter.inertial_pass import LOOP_DT
 from ekf_stub.filter.stillness import Filtered
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
 from ekf_stub.reports.core_report import Three
 from viso.ekf_runs.gps import GpsRecords
-from viso.logs.record_fields import RecordError, finite, instance, whole
+from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
 
 ARMED: Final = 1 << 0  # of RFRN.Flags
+HAS_FLOW: Final = 1 << 4
 TAKEOFF_EXPECTED: Final = 1 << 6
 TOUCHDOWN_EXPECTED: Final = 1 << 7
 _USE_ACCEL: Final = 1 << 0  # of RISI.Flags
@@ -36,13 +39,24 @@ class Reading(NamedTuple, Generic[T]):
     is_healthy: bool
 
 
+_DOWNWARD, _GOOD = 25, 4  # RRNI.Orient, RRNI.Status
+_NO_RANGE: Final = RangeFinder(0.0, is_good=False)
+
+
+def flow_of(record: Any) -> FlowMeasurement:
+    """Return what ROFH says of a flow sensor; its offset is its place on the vehicle."""
+    flow_x, flow_y, gyro_x, gyro_y, x, y, z = numbers(record, "FX", "FY", "GX", "GY", "PX", "PY", "PZ")
+    (quality,) = whole(record, "Qual")
+    return FlowMeasurement(quality, (flow_x, flow_y), (gyro_x, gyro_y), (x, y, z))
+
+
 class ReplayInputs:
     """The sensors as the records taken so far leave them.
 
     Attributes:
         time_us: of the frame, since boot.
         flying_ms: for how long the vehicle has been flying.
-        flags: of the frame: ``ARMED``, ``TAKEOFF_EXPECTED``, ``TOUCHDOWN_EXPECTED`` and others.
+        flags: of the frame: ``ARMED``, ``HAS_FLOW``, ``TAKEOFF_EXPECTED``, ``TOUCHDOWN_EXPECTED`` and others.
         home_lat: latitude of home, 1e-7 deg.
         imu_count: how many IMUs there are.
         deltas: inertial data, by IMU.
@@ -54,6 +68,7 @@ class ReplayInputs:
         declination: of the magnetic field, rad.
         camera_frd: where the camera is on the vehicle, m; None while there is none.
         camera_delay_ms: how late it is.
+        ranges: what the range finders say, with their places on the vehicle; None before the first record.
         gps: the newest solution of the primary GPS; None while there is none.
         gps_lag_s: how late that GPS is; None while it cannot be said.
     """
@@ -70,6 +85,7 @@ class ReplayInputs:
         self.declination = 0.0
         self.camera_frd: tuple[float, float, float] | None = None
         self.camera_delay_ms = 0
+        self.ranges: RangeFinders | None = None
         self.gps: GpsSample | None = None
         self.gps_lag_s: float | None = None
         self._uses = [0] * _MAX_IMUS
@@ -88,6 +104,8 @@ class ReplayInputs:
             "RMGH": self._take_rmgh,
             "RMGI": self._take_rmgi,
             "RVOH": self._take_rvoh,
+            "RRNH": self._take_rrnh,
+            "RRNI": self._take_rrni,
             **dict.fromkeys(("RGPH", "RGPI", "RGPJ"), self._take_gps),
         }
 
@@ -159,6 +177,21 @@ class ReplayInputs:
         x, y, z, enabled = finite(record, "OX", "OY", "OZ", "Ena")
         self.camera_frd = (x, y, z) if enabled else None
         (self.camera_delay_ms,) = whole(record, "Del")
+
+    def _take_rrnh(self, record: Any) -> None:
+        clearance, max_distance = finite(record, "GCl", "MaxD")
+        (count,) = whole(record, "NumSensors")
+        before = () if self.ranges is None else self.ranges.finders
+        self.ranges = RangeFinders((before + (_NO_RANGE,) * count)[:count], clearance, max_distance)
+
+    def _take_rrni(self, record: Any) -> None:
+        x, y, z, distance = finite(record, "PX", "PY", "PZ", "Dist")
+        is_good = whole(record, "Orient", "Status") == [_DOWNWARD, _GOOD]
+        index = instance(record)
+        if self.ranges is not None and index < len(self.ranges.finders):
+            finders = list(self.ranges.finders)
+            finders[index] = RangeFinder(distance, is_good, (x, y, z))
+            self.ranges = self.ranges._replace(finders=tuple(finders))
 
     def _take_gps(self, record: Any) -> None:
         self._gps_records.take(record)

@@ -22,18 +22,22 @@ from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import report_of
+from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
-from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
 from viso.ekf_runs.core_inputs import CoreInputs
-from viso.ekf_runs.inputs import ARMED, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs
+from viso.ekf_runs.inputs import ARMED, HAS_FLOW, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs, flow_of
 from viso.logs.record_fields import RecordError, finite, numbers, text, whole
+from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
-_AFTER_THE_FRAME: Final = frozenset({"XKF4", "REPH", "REVH", "RBOH", "RSO3", "REV3"})
+_AFTER_THE_FRAME: Final = frozenset({"XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "REV3"})
+_LATER_NAMES: Final = {f"EK3_{FLOW_LIMIT}": f"EK3_{FLOW_LIMIT_LATER}"}
 _RESET_HEIGHT_DATUM: Final = 1  # of REV3.Event
+_TERRAIN_STABLE, _TERRAIN_UNSTABLE = 9, 10
 _REQUEST_YAW_RESET: Final = 11
 _CHECK_LANE_SWITCH: Final = 12
 _SOURCE_SETS: Final = range(13, 16)
@@ -79,12 +83,15 @@ class EkfPlayer:
         self.slow = 0
         self.place_declination: float | None = None
         self._frame_has_run = False
+        self._ranges_said: RangeFinders | None = None
+        self._ranges_from_accel: dict[int, RangeFinders] = {}
         self._on_param: list[Callable[[], None]] = []
         self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), self._on_param.append)
         self._handlers: dict[str, Callable[[Any], None]] = {
             "PARM": self._take_parm,
             "RFRH": self._take_rfrh,
             "RFRF": self._take_rfrf,
+            "ROFH": self._take_rofh,
             "REPH": self._take_reph,
             "REVH": self._take_revh,
             "RBOH": self._take_rboh,
@@ -98,11 +105,11 @@ class EkfPlayer:
         return self.inputs.time_us
 
     def param(self, name: str) -> float:
-        """Return a parameter. Raises RecordError if the log has no such parameter."""
-        try:
-            return self.params[name]
-        except KeyError:
-            raise RecordError(f"no PARM record of {name}") from None
+        """Return a parameter, also by its later name. Raises RecordError if the log has no such parameter."""
+        for known in (name, _LATER_NAMES.get(name, name)):
+            if known in self.params:
+                return self.params[known]
+        raise RecordError(f"no PARM record of {name}")
 
     @property
     def cores(self) -> dict[int, Ekf3Core]:
@@ -191,21 +198,32 @@ class EkfPlayer:
             place_declination=self.place_declination,
             lever_arm=self._lever_arm(sensors.accel),
             home_lat=inputs.home_lat,
+            ranges=self._ranges(sensors.accel),
             compass=sensors.compass(),
             imu_rates=sensors.imu_rates(),
             is_late=bool(self.slow >> _SLOW_EKF3 >> number & 1),
         )
 
-    def _lever_arm(self, accel: int) -> tuple[float, float, float]:
+    def _lever_arm(self, accel: int) -> Three:
         """Return the camera's place from an accelerometer."""
-        if self.inputs.camera_frd is None:
-            return (0.0, 0.0, 0.0)
+        camera_frd = self.inputs.camera_frd
+        return (0.0, 0.0, 0.0) if camera_frd is None else self._from_accel(accel, camera_frd)
+
+    def _from_accel(self, accel: int, place_frd: Three) -> Three:
         imu = accel + 1
-        x, y, z = (
-            camera - self.param(f"INS_POS{imu}_{axis}")
-            for axis, camera in zip("XYZ", self.inputs.camera_frd, strict=True)
-        )
+        x, y, z = (place - self.param(f"INS_POS{imu}_{axis}") for axis, place in zip("XYZ", place_frd, strict=True))
         return x, y, z
+
+    def _ranges(self, accel: int) -> RangeFinders | None:
+        """Return what the range finders say, with their places from an accelerometer: the same until that changes."""
+        said = self.inputs.ranges
+        if said is not self._ranges_said:
+            self._ranges_said = said
+            self._ranges_from_accel.clear()
+        if said is not None and accel not in self._ranges_from_accel:
+            finders = (finder._replace(offset=self._from_accel(accel, finder.offset)) for finder in said.finders)
+            self._ranges_from_accel[accel] = said._replace(finders=tuple(finders))
+        return self._ranges_from_accel.get(accel)
 
     def _make_cores(self) -> None:
         lag_s = self.inputs.gps_lag_s
@@ -213,7 +231,11 @@ class EkfPlayer:
             return  # the firmware waits for it, to know how long its buffers must be
         has_camera = self.inputs.camera_frd is not None
         sizes = buffer_sizes(
-            lambda name: int(self.param(name)), self._sources, has_camera=has_camera, gps_lag_s=lag_s or 0.0
+            lambda name: int(self.param(name)),
+            self._sources,
+            has_camera=has_camera,
+            has_flow=bool(self.inputs.flags & HAS_FLOW),
+            gps_lag_s=lag_s or 0.0,
         )
         common, kernel = CommonOrigin(), kernel_of(chosen_kernel())
         cores = [
@@ -237,6 +259,12 @@ class EkfPlayer:
         return _USUAL[name] if name in _USUAL and name not in self.params else self.param(name)
 
     # Between the frames
+
+    def _take_rofh(self, record: Any) -> None:
+        if self.lanes is not None:
+            measured = flow_of(record)
+            for core, sensors in zip(self.lanes.cores, self._core_inputs, strict=True):
+                core.write_flow(measured._replace(offset=self._from_accel(sensors.accel, measured.offset)))
 
     def _take_reph(self, record: Any) -> None:
         if self.lanes is not None:
@@ -279,6 +307,9 @@ class EkfPlayer:
             self._events.source_set(self._sources.active_set)
         elif event == _RESET_HEIGHT_DATUM and self.lanes is not None:
             self.lanes.reset_height_datum()
+        elif event in (_TERRAIN_STABLE, _TERRAIN_UNSTABLE) and self.lanes is not None:
+            for core in self.lanes.cores:
+                core.set_terrain_stable(is_stable=event == _TERRAIN_STABLE)
         elif event == _REQUEST_YAW_RESET and self.lanes is not None:
             for core in self.lanes.cores:
                 core.request_yaw_reset()

@@ -26,6 +26,7 @@ _MAG_CAL: Final = {
     6: "External yaw with compass fallback (old)",
 }
 
+_FLOW_USE: Final = {0: "Nothing", 1: "Navigation", 2: "Height of the ground"}
 _POSXY: Final = {0: "None", 3: "GPS", 4: "Beacon", 6: "ExternalNav"}
 _VELXY: Final = {0: "None", 3: "GPS", 4: "Beacon", 5: "OpticalFlow", 6: "ExternalNav", 7: "WheelEncoder"}
 _POSZ: Final = {0: "None", 1: "Baro", 2: "RangeFinder", 3: "GPS", 4: "Beacon", 6: "ExternalNav"}
@@ -54,9 +55,13 @@ _BEFORE_FLOW: Final = (
     ParamInfo("MAG_M_NSE", FLOAT, 0.05, "Noise of the compass", "Gauss", (0.01, 0.5)),
     ParamInfo("MAG_CAL", INT8, 3, "When all three compass axes are fused", "", None, _MAG_CAL, reboot_required=True),
     ParamInfo("MAG_I_GATE", INT16, 300, "Compass gate, in percent of a sigma", "%", _GATE),
+    ParamInfo("RNG_M_NSE", FLOAT, 0.5, "Noise of a range finder", "m", (0.1, 10.0)),
+    ParamInfo("RNG_I_GATE", INT16, 500, "Range finder gate, in percent of a sigma", "%", _GATE),
 )
 
 _AFTER_FLOW: Final = (
+    ParamInfo("FLOW_M_NSE", FLOAT, 0.25, "Noise of optical flow", "rad/s", (0.05, 1.0)),
+    ParamInfo("FLOW_I_GATE", INT16, 300, "Optical flow gate, in percent of a sigma", "%", _GATE),
     _boot("FLOW_DELAY", INT8, 10, "How late optical flow is", "ms", _DELAY),
     ParamInfo("GYRO_P_NSE", FLOAT, 0.015, "Gyro process noise", "rad/s", (0.0001, 0.1)),
     ParamInfo("ACC_P_NSE", FLOAT, 0.35, "Accelerometer process noise", "m/s/s", (0.01, 1.0)),
@@ -71,11 +76,15 @@ _AFTER_FLOW: Final = (
     ParamInfo("TAU_OUTPUT", INT8, 25, "Time constant of the output predictor", "cs", (10.0, 50.0)),
     ParamInfo("MAGE_P_NSE", FLOAT, 0.001, "Process noise of the earth's magnetic field", "Gauss/s", (0.00001, 0.01)),
     ParamInfo("MAGB_P_NSE", FLOAT, 0.0001, "Process noise of the vehicle's magnetic field", "Gauss/s", (0.00001, 0.01)),
+    ParamInfo("RNG_USE_HGT", INT8, -1, "Height below which a range finder tells it, of its reach", "%", (-1.0, 70.0)),
+    ParamInfo("TERR_GRAD", FLOAT, 0.1, "Slope of the ground", "", (0.0, 1.0)),
     _boot("BCN_DELAY", INT8, 50, "How late range beacons are", "ms", _DELAY),
+    ParamInfo("RNG_USE_SPD", FLOAT, 2.0, "Speed up to which a range finder tells the height", "m/s", (2.0, 6.0)),
     ParamInfo("ACC_BIAS_LIM", FLOAT, 1.0, "Limit of the accelerometer bias", "m/s/s", (0.5, 2.5)),
     _boot("OGN_HGT_MASK", INT8, 0, "How GPS corrects the origin's height, a bit each"),
     ParamInfo("VIS_VERR_MIN", FLOAT, 0.1, "Odometry velocity error at best quality", "m/s", (0.05, 0.5)),
     ParamInfo("VIS_VERR_MAX", FLOAT, 0.9, "Odometry velocity error at worst quality", "m/s", (0.5, 5.0)),
+    ParamInfo("FLOW_USE", INT8, 1, "What optical flow is for", "", None, _FLOW_USE),
     ParamInfo("HRT_FILT", FLOAT, 2.0, "Crossover frequency of the height rate", "Hz", (0.1, 30.0)),
     ParamInfo("MAG_EF_LIM", INT16, 50, "Greatest error of the earth's field", "mGauss", (0.0, 500.0)),
     _boot("GSF_RUN_MASK", INT8, 3, "Which cores estimate yaw by GPS (GSF), a bit each"),

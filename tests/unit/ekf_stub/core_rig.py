@@ -16,7 +16,9 @@ from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.reports.core_texts import CoreTexts
 from viso.parameters.table import make_groups
@@ -48,7 +50,7 @@ class CoreRig:
         self.core = Ekf3Core(
             EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append),
             lambda name: numbers[f"EK3_{name}"],
-            RingSizes(6, 5, 2),
+            RingSizes(6, 5, 2, flow=5),
             CoreTexts(self, (0,)),
             self.counts,
             lambda: has_compass,
@@ -101,6 +103,14 @@ class CoreRig:
     def speed(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
         """Hand in a velocity with a stamp of now."""
         self.core.ingest.write_velocity(Vector3f(x, y, z), f32(0.1), self.now_ms, 10)
+
+    def flow(self, x: float = 0.0, y: float = 0.0) -> None:
+        """Hand in a measurement of optical flow without turning."""
+        self.core.write_flow(FlowMeasurement(80, (x, y), (0.0, 0.0)))
+
+    def see_ranges(self, distance: float) -> None:
+        """Let a range finder see a distance from now on; it stands 0.1 m above the ground and sees 40 m."""
+        self.frame["ranges"] = RangeFinders((RangeFinder(distance, is_good=True),), 0.1, 40.0)
 
     @property
     def flags(self) -> int:

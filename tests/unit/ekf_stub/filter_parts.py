@@ -17,15 +17,19 @@ from ekf_stub.filter.output_predictor import OutputPredictor
 from ekf_stub.fusion import parts
 from ekf_stub.fusion.aiding import Aiding
 from ekf_stub.fusion.body_odometry import BodyOdometry
+from ekf_stub.fusion.flow_fusion import FlowFusion
 from ekf_stub.fusion.height_source import HeightSource
 from ekf_stub.fusion.measurements import Delayed, Pose, Velocity
 from ekf_stub.fusion.resets import Resets
+from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import YawFusion
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.inputs.flow_ingest import FlowIngest
 from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.range_reading import RangeReading
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.reports.core_texts import CoreTexts
 from viso.parameters.table import make_groups
@@ -78,8 +82,12 @@ class FilterParts:
             ring_size=3,
         )
         self.resets = Resets(shared)
-        self.height = HeightSource(shared)
+        self.ranges = RangeReading(4)
+        self.flow_ingest = FlowIngest(5)
+        self.terrain = Terrain(shared, self.ranges, 0)
+        self.height = HeightSource(shared, self.terrain)
         self.fusion = VelPosFusion(shared, self.resets, self.height)
+        self.flow = FlowFusion(shared, self.flow_ingest, self.terrain)
         self.yaw = YawFusion(shared, self.resets, self.fusion.innovations)
         self.odometry = BodyOdometry(shared)
 

@@ -204,12 +204,14 @@ def test_position_is_told_from_the_start_of_aiding_to_its_end(make_bench: MakeBe
 # What it navigates by
 
 
-def test_poses_alone_lose_their_velocity_too(make_bench: MakeBench) -> None:
+@pytest.mark.parametrize(("down", "lost"), [(-0.5, 39), (1.0, 37)])
+def test_poses_alone_lose_their_velocity_too_but_on_the_ground(make_bench: MakeBench, down: float, lost: int) -> None:
+    # The ground is where the first pose puts the vehicle, which the barometer puts elsewhere after that.
     bench = make_bench("60106")
     bench.run_to(6)
-    bench.stream(8, bench.pose)
+    bench.stream(8, lambda: bench.pose(0, 0, down))
     bench.run_for(16)
-    assert [flags for _, flags in bench.statuses[-3:]] == [831, 37, 167]
+    assert [flags for _, flags in bench.statuses[-3:]] == [831, lost, 167]
 
 
 def test_data_before_the_filter_starts_aiding_after_tilt_alignment(make_bench: MakeBench) -> None:

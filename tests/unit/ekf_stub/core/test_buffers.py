@@ -35,3 +35,9 @@ def test_buffers_are_as_long_as_the_longest_delay_takes(
 def test_receivers_lag_counts_only_where_gps_is_a_source(lag_s: float, imu_steps: int) -> None:
     assert buffer_sizes(DELAYS.__getitem__, sources(3), has_camera=False, gps_lag_s=lag_s).imu == imu_steps
     assert buffer_sizes(DELAYS.__getitem__, sources(6), has_camera=False, gps_lag_s=lag_s).imu == 6
+
+
+def test_flow_waits_where_there_is_a_sensor_and_ranges_wait_for_two_of_them() -> None:
+    sizes = buffer_sizes(DELAYS.__getitem__, sources(6), has_camera=True, has_flow=True)
+    assert sizes == RingSizes(6, 5, 2, flow=5)
+    assert (sizes.ranges, RingSizes(3, 3, 2).ranges) == (4, 3)

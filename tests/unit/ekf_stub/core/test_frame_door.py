@@ -15,6 +15,7 @@ from ekf_stub.core.ekf3_core import Frame
 from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, InertialDelta
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
 
 DT = 0.0025
 FIX = GpsSample(1000, 3, Location(0, 0, 0), Vector3f(1, 2, 3), 10, speed_accuracy=0.3, yaw_deg=359.0)
@@ -33,6 +34,7 @@ def frame(**fields: Any) -> Frame:
         "declination": 0.2,
         "place_declination": -0.2,
         "lever_arm": (0.1, 0.0, -0.2),
+        "ranges": RangeFinders((RangeFinder(3.0, is_good=True),), 0.1, 40.0),
     }
     return Frame(1_000_000, **{**sound, **fields})
 
@@ -63,6 +65,9 @@ def test_sensors_that_are_not_there_are_not_refused() -> None:
         ("declination", lambda bad: bad, 0.0),
         ("place_declination", lambda bad: bad, None),
         ("lever_arm", lambda bad: (0.0, bad, 0.0), (0.0, 0.0, 0.0)),
+        ("ranges", lambda bad: RangeFinders((RangeFinder(bad, is_good=True),)), None),
+        ("ranges", lambda bad: RangeFinders((RangeFinder(1.0, True, (0.0, bad, 0.0)),)), None),
+        ("ranges", lambda bad: RangeFinders((), bad), None),
     ],
 )
 def test_what_is_absurd_counts_as_not_there(field: str, make: Any, stand_in: object, bad: float) -> None:

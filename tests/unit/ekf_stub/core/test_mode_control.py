@@ -244,7 +244,7 @@ def test_end_of_aiding_holds_the_position_and_puts_height_where_the_barometer_is
     rig.core.odometry.is_fused = True
     rig.core.fusion.innovations.pos_ratio = rig.core.fusion.innovations.vel_ratio = 7.0
     before = rig.core.output.now.pos.copy()
-    rig.core.aiding.times.pos = rig.core.aiding.times.vel = rig.now_ms - ALL_LOST_MS
+    rig.core.aiding.times.pos = rig.core.aiding.times.vel = rig.now_ms - ALL_LOST_MS - 1
     rig.run_for(0.0025)
     assert rig.core.aiding.mode is AidingMode.NONE
     assert rig.core.state.pos == pytest.approx([3, 4, -0.5], abs=0.2)

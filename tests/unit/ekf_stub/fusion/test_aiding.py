@@ -10,6 +10,7 @@ NOTHING = Ready(gps=False, ext_nav=False, odometry=False)
 EXT_NAV = Ready(gps=False, ext_nav=True, odometry=False)
 GPS = Ready(gps=True, ext_nav=False, odometry=False)
 ODOMETRY = Ready(gps=False, ext_nav=False, odometry=True)
+FLOW = Ready(gps=False, ext_nav=False, odometry=False, flow=True)
 START_MS = 30_000
 
 
@@ -33,6 +34,7 @@ def test_nothing_changes_without_measurements() -> None:
     (EXT_NAV, AidingMode.ABSOLUTE),
     (GPS, AidingMode.ABSOLUTE),
     (ODOMETRY, AidingMode.RELATIVE),
+    (FLOW, AidingMode.RELATIVE),
     (Ready(gps=False, ext_nav=True, odometry=True), AidingMode.ABSOLUTE),
 ])  # fmt: skip
 def test_aiding_starts_with_what_is_ready(ready: Ready, mode: AidingMode) -> None:
@@ -52,8 +54,9 @@ def test_absolute_position_ends_relative_aiding() -> None:
 
 
 @pytest.mark.parametrize(("after_ms", "ended"), [(5000, False), (5001, True)])
-def test_relative_aiding_ends_5_s_after_the_last_odometry(after_ms: int, ended: bool) -> None:
-    aiding = aiding_by(ODOMETRY)
+@pytest.mark.parametrize("ready", [ODOMETRY, FLOW])
+def test_relative_aiding_ends_5_s_after_the_last_odometry_or_flow(ready: Ready, after_ms: int, ended: bool) -> None:
+    aiding = aiding_by(ready)
     assert update(aiding, START_MS + after_ms) is ended
 
 
@@ -65,7 +68,7 @@ def test_everything_is_lost_after_7_s_of_silence(after_ms: int, lost: bool) -> N
 
 
 @pytest.mark.parametrize(("after_ms", "lost"), [(10_000, False), (10_001, True)])
-@pytest.mark.parametrize("what", ["vel", "odometry"])
+@pytest.mark.parametrize("what", ["vel", "odometry", "flow"])
 def test_position_is_lost_after_10_s_while_velocity_goes_on(what: str, after_ms: int, lost: bool) -> None:
     aiding = aiding_by(EXT_NAV)
     setattr(aiding.times, what, START_MS + after_ms)

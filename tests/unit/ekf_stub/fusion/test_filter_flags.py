@@ -32,7 +32,8 @@ RELATIVE = {"mode": AidingMode.RELATIVE, "odometry_in_use": True}
     (ABSOLUTE, 831),
     ({**ABSOLUTE, "pos_timeout": True}, 39),
     (LOST, 37),
-    ({**LOST, "keeps_velocity": True}, 39),
+    ({**LOST, "flow_is_valid": True}, 39),
+    ({**LOST, "flow_is_valid": True, "ground_is_valid": True}, 367),
     (RELATIVE, 303),
     ({"odometry_in_use": True}, 167),
     ({"height_timeout": True}, 131),
@@ -40,7 +41,9 @@ RELATIVE = {"mode": AidingMode.RELATIVE, "odometry_in_use": True}
     ({**ABSOLUTE, "height_timeout": True, "has_vertical_velocity": True}, 799),
     ({"height_timeout": True, "has_vertical_velocity": True}, 131),
     ({"height_needs_origin": True}, 135),
-    ({"keeps_velocity": True, "pos_timeout": True}, 165),
+    ({"flow_is_valid": True, "pos_timeout": True}, 165),
+    ({"ground_is_valid": True}, 231),
+    ({"mode": AidingMode.RELATIVE, "pos_timeout": True, "flow_is_valid": True, "ground_is_valid": True}, 367),
 ])  # fmt: skip
 def test_flags_follow_from_the_state(state: dict[str, Any], flags: int) -> None:
     assert filter_flags(FilterState(**{**PARKED, **state})) == flags

@@ -12,7 +12,7 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.fusion.height_source import BARO, EXT_NAV, GPS, NO_SOURCE, Vehicle
+from ekf_stub.fusion.height_source import BARO, EXT_NAV, GPS, NO_SOURCE, RANGE, Vehicle
 from ekf_stub.fusion.measurements import BaroSample
 from ekf_stub.inputs.gps_reading import CENTI
 from ekf_stub.inputs.gps_sample import GpsSample
@@ -251,3 +251,105 @@ def test_height_is_lost_when_nothing_passes_for_5_s_or_10_s_with_velocity(
     assert not parts.height.is_lost
     parts.height.check_timeout(NOW_MS + 1)
     assert parts.height.is_lost
+
+
+# Range finders
+
+
+def see_range(parts: "FilterParts", distance: float, now_ms: int = NOW_MS) -> None:
+    """Let a range come due that was read just now."""
+    parts.ranges.is_due, parts.ranges.distance = True, distance
+    parts.ranges.valid_ms, parts.ranges.max_distance = now_ms, 40.0
+    parts.terrain.valid_ms = now_ms
+
+
+def test_range_tells_the_height_above_the_ground(make_parts: MakeParts) -> None:
+    parts = make_parts("66201")
+    parts.terrain.down = 1.0
+    parts.turn_to(pitch=0.3)
+    see_range(parts, 5.0)
+    assert select(parts)
+    slope = 5.0 * 0.1 * np.sin(0.3)
+    assert measured(parts) == pytest.approx((1.0 - 5.0 * np.cos(0.3), np.hypot(0.5, slope)))
+
+
+def test_range_is_never_less_than_on_the_ground(make_parts: MakeParts) -> None:
+    parts = make_parts("66201")
+    see_range(parts, 0.01)
+    select(parts)
+    assert parts.height.down == -0.05
+
+
+def test_tilted_vehicle_measures_no_height_by_range(make_parts: MakeParts) -> None:
+    parts = make_parts("66201")
+    parts.turn_to(roll=0.8)
+    see_range(parts, 5.0)
+    assert not select(parts)
+    assert (parts.height.active, measured(parts)) == (RANGE, None)
+
+
+def test_barometer_stands_in_for_ranges_that_are_missing(make_parts: MakeParts) -> None:
+    parts = make_parts("66201")
+    see_range(parts, 5.0)
+    select(parts)
+    parts.ranges.is_due = False
+    select(parts, NOW_MS + 499)
+    assert parts.height.active == RANGE
+    select(parts, NOW_MS + 500)
+    assert parts.height.active == BARO
+
+
+def near_ground(make_parts: MakeParts, *, up: float = 10.0, speed: float = 0.0) -> "FilterParts":
+    parts = make_parts("66101", RNG_USE_HGT=50, RNG_USE_SPD=3)
+    parts.state.pos, parts.state.vel = np.array([0.0, 0.0, -up]), np.array([speed, 0.0, 0.0])
+    parts.height.velocity_is_valid = True
+    see_range(parts, up)
+    return parts
+
+
+@pytest.mark.parametrize(("up", "speed", "source"), [
+    (10.0, 0.0, RANGE),
+    (13.9, 0.0, RANGE),
+    (14.1, 0.0, BARO),
+    (10.0, 1.9, RANGE),
+    (10.0, 2.1, BARO),
+])  # fmt: skip
+def test_range_is_taken_near_the_ground_and_slowly(make_parts: MakeParts, up: float, speed: float, source: str) -> None:
+    parts = near_ground(make_parts, up=up, speed=speed)
+    select(parts)
+    assert parts.height.active == source
+
+
+@pytest.mark.parametrize(("up", "speed", "stable", "source"), [
+    (19.9, 0.0, True, RANGE),
+    (20.1, 0.0, True, BARO),
+    (10.0, 2.9, True, RANGE),
+    (10.0, 3.1, True, BARO),
+    (10.0, 0.0, False, BARO),
+])  # fmt: skip
+def test_range_is_kept_until_high_or_fast_or_over_uneven_ground(
+    make_parts: MakeParts, up: float, speed: float, stable: bool, source: str
+) -> None:
+    parts = near_ground(make_parts)
+    select(parts)
+    parts.state.pos, parts.state.vel = np.array([0.0, 0.0, -up]), np.array([speed, 0.0, 0.0])
+    parts.height.terrain_is_stable = stable
+    select(parts)
+    assert parts.height.active == source
+
+
+def test_speed_that_is_not_known_does_not_count(make_parts: MakeParts) -> None:
+    parts = near_ground(make_parts, speed=9.0)
+    parts.height.velocity_is_valid = False
+    select(parts)
+    assert parts.height.active == RANGE
+
+
+def test_range_is_not_taken_without_the_height_above_ground_or_tilted(make_parts: MakeParts) -> None:
+    lost, tilted, unstable = near_ground(make_parts), near_ground(make_parts), near_ground(make_parts)
+    lost.terrain.valid_ms = NOW_MS - 1000
+    tilted.turn_to(roll=0.8)
+    unstable.height.terrain_is_stable = False
+    for parts in (lost, tilted, unstable):
+        select(parts)
+        assert parts.height.active == BARO

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
-from viso.ekf_runs.inputs import ARMED, TAKEOFF_EXPECTED, ReplayInputs
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from viso.ekf_runs.inputs import ARMED, TAKEOFF_EXPECTED, ReplayInputs, flow_of
 from viso.logs.record_fields import RecordError
 
 
@@ -112,3 +114,35 @@ def test_lag_of_a_gps_that_is_still_sought_is_not_known(inputs: ReplayInputs) ->
     assert inputs.gps_lag_s is None
     inputs.take(record("RGPI", Lg=0.1, Flags=8, Stat=0, NSats=0, I=0))
     assert inputs.gps_lag_s == 0.1
+
+
+def range_finder(index: int, distance: float, status: int = 4, orient: int = 25) -> Any:
+    return record("RRNI", PX=0.1, PY=0.2, PZ=0.3, Dist=distance, Orient=orient, Status=status, I=index)
+
+
+def test_ranges_are_those_of_the_range_finders_that_there_are(inputs: ReplayInputs) -> None:
+    inputs.take(range_finder(0, 2.0))
+    assert inputs.ranges is None
+    inputs.take(record("RRNH", GCl=0.1, MaxD=40.0, NumSensors=2))
+    inputs.take(range_finder(0, 2.0))
+    inputs.take(range_finder(1, 3.0, status=3))
+    inputs.take(range_finder(2, 4.0))
+    place = (0.1, 0.2, 0.3)
+    finders = RangeFinder(2.0, True, place), RangeFinder(3.0, False, place)
+    assert inputs.ranges == RangeFinders(finders, 0.1, 40.0)
+
+
+@pytest.mark.parametrize(("status", "orient", "is_good"), [(4, 25, True), (4, 0, False), (1, 25, False)])
+def test_range_counts_that_is_good_and_looks_down(
+    inputs: ReplayInputs, status: int, orient: int, is_good: bool
+) -> None:
+    inputs.take(record("RRNH", GCl=0.1, MaxD=40.0, NumSensors=1))
+    inputs.take(range_finder(0, 2.0, status, orient))
+    assert inputs.ranges is not None
+    assert inputs.ranges.finders[0].is_good is is_good
+
+
+def test_flow_is_that_of_its_record() -> None:
+    place = {"PX": 0.1, "PY": 0.2, "PZ": 0.3}
+    measured = flow_of(record("ROFH", FX=0.5, FY=-0.5, GX=0.1, GY=-0.1, Tms=9, HgtOvr=0.0, Qual=70, **place))
+    assert measured == FlowMeasurement(70, (0.5, -0.5), (0.1, -0.1), (0.1, 0.2, 0.3))
