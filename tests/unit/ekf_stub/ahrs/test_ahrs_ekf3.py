@@ -189,6 +189,7 @@ def test_data_that_comes_back_starts_aiding_at_once(example: "BenchRig") -> None
     assert example.flags == 831
 
 
+@pytest.mark.slow
 def test_position_is_told_from_the_start_of_aiding_to_its_end(make_bench: MakeBench) -> None:
     bench = make_bench(run_s=6)
     assert bench.position is None
@@ -346,6 +347,7 @@ def test_odometry_is_fused_at_once_and_starts_relative_aiding_once_gyros_are_kno
     assert bench.flags == 303
 
 
+@pytest.mark.slow
 def test_odometry_that_ends_ends_relative_aiding_after_5_s(make_bench: MakeBench) -> None:
     bench = make_bench("06101", has_compass=True, run_s=7)
     bench.know_gyros()

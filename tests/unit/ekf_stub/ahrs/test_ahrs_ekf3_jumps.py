@@ -77,6 +77,7 @@ def test_reset_counter_does_not_reset_yaw(make_bench: MakeBench) -> None:
 # Positions that jump without a word
 
 
+@pytest.mark.slow
 def test_pose_alone_that_jumps_is_rejected_for_7_s_and_then_reset_to(make_bench: MakeBench) -> None:
     bench = aided(make_bench, POSE_ALONE, with_velocity=False)
     bench.stream(9.1, lambda: bench.pose(30))
@@ -115,6 +116,7 @@ def test_pose_that_jumps_while_velocity_passes_is_fused_after_10_s_and_counts_as
     assert bench.report.timeouts == 49
 
 
+@pytest.mark.slow
 def test_sticky_loss_ends_where_a_gps_has_passed_its_checks(make_bench: MakeBench) -> None:
     bench = aided(make_bench)
     sent = (lambda: bench.pose(30), bench.speed, bench.fix)
@@ -158,6 +160,7 @@ def test_poses_that_come_back_before_aiding_ends_are_reset_to_without_a_word(mak
 # Velocities
 
 
+@pytest.mark.slow
 def test_velocity_that_jumps_is_rejected_for_good_while_positions_pass(make_bench: MakeBench) -> None:
     bench = aided(make_bench)
     bench.run_for(0.08)
@@ -173,6 +176,7 @@ def test_velocity_that_jumps_is_rejected_for_good_while_positions_pass(make_benc
 # Heights
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("with_velocity", "after_s"), [(False, 5.0), (True, 10.0)])
 def test_height_that_jumps_is_rejected_and_then_reset_to(
     make_bench: MakeBench, with_velocity: bool, after_s: float
@@ -215,6 +219,7 @@ def test_height_of_the_barometer_is_left_as_aiding_starts_and_comes_back_as_reco
     assert heights == pytest.approx([-5.0, -3.9, 0.5, 2.1, 1.46, 0.05], abs=0.25)
 
 
+@pytest.mark.slow
 def test_height_is_kept_when_poses_end(make_bench: MakeBench) -> None:
     bench = make_bench(run_s=6)
     bench.stream(11, lambda: bench.pose(0, 0, -5))

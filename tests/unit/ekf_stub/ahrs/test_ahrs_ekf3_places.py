@@ -60,6 +60,7 @@ def test_gps_starts_aiding_once_gyros_are_known_too(make_bench: MakeBench) -> No
     assert bench.flags == 831
 
 
+@pytest.mark.slow
 def test_gps_starts_aiding_and_gives_position_but_not_height(make_bench: MakeBench) -> None:
     bench = by_gps(make_bench)
     assert [text for text in bench.said(since_s=7) if "IMU0" in text] == [
@@ -78,6 +79,7 @@ def test_gps_that_jumps_is_rejected(make_bench: MakeBench) -> None:
     assert bench.position == pytest.approx((0, 0, 0), abs=0.2)
 
 
+@pytest.mark.slow
 def test_gps_height_is_used_by_its_source(make_bench: MakeBench) -> None:
     bench = make_bench("30301", has_compass=True)
     bench.run_to(7)
@@ -98,6 +100,7 @@ def test_origin_that_was_set_stays_when_gps_comes(make_bench: MakeBench) -> None
     assert bench.ahrs.origin() == Location(1, 2, 3)
 
 
+@pytest.mark.slow
 def test_switch_to_external_navigation_and_back_moves_at_once_and_hardly_says_so(make_bench: MakeBench) -> None:
     bench = by_gps(make_bench, "30101", EK3_SRC2_POSXY=6, EK3_SRC2_POSZ=6, EK3_SRC2_YAW=6)
     bench.is_logged = True
@@ -152,6 +155,7 @@ def test_place_needs_an_origin_or_gps(make_bench: MakeBench) -> None:
     assert bench.place.distance_ned(place).to_tuple() == pytest.approx((10, 0, -2), abs=0.05)
 
 
+@pytest.mark.slow
 def test_place_is_lost_with_the_position(make_bench: MakeBench) -> None:
     bench = make_bench(run_s=6)
     bench.ahrs.set_origin(bench.place)

@@ -138,6 +138,7 @@ def test_resets_move_both() -> None:
     pair.run(200, sigma=0.001)
 
 
+@pytest.mark.slow
 def test_rest_of_the_test_and_another_beginning_forget_the_same() -> None:
     pair = Pair(seed=4)
     pair.run(500, sigma=0.0)

@@ -153,6 +153,7 @@ def moving_feed(rig: "CoreRig") -> None:
     rig.told()
 
 
+@pytest.mark.slow
 def test_core_without_any_flag_for_5_s_begins_anew(make_core: MakeCore) -> None:
     rig = make_core("06166")
     moving_feed(rig)
@@ -193,6 +194,7 @@ def test_core_that_never_had_a_flag_does_not_begin_anew(make_core: MakeCore, mon
     assert "forced reset" not in rig.told()
 
 
+@pytest.mark.slow
 def test_core_that_begins_anew_keeps_its_origin_and_tells_of_it(make_core: MakeCore) -> None:
     rig = make_core("06166")
     rig.core.set_origin(HOME)
@@ -249,6 +251,7 @@ def gps(rig: "CoreRig", place: Location = HOME, **fields: Any) -> None:
     rig.frame["gps"] = GpsSample(time_ms=rig.now_ms, location=place, **values)
 
 
+@pytest.mark.slow
 def test_good_gps_sets_the_origin(make_core: MakeCore) -> None:
     rig = make_core("30101")
     rig.told()
@@ -259,6 +262,7 @@ def test_good_gps_sets_the_origin(make_core: MakeCore) -> None:
     assert rig.told() == ["origin set"]
 
 
+@pytest.mark.slow
 def test_gps_does_not_move_an_origin_that_was_set(make_core: MakeCore) -> None:
     rig = make_core("30101")
     rig.core.set_origin(Location(1, 2, 3))
@@ -393,6 +397,7 @@ def test_place_needs_an_origin_and_a_vehicle_that_navigates(make_core: MakeCore)
 # Its height
 
 
+@pytest.mark.slow
 def test_height_counts_from_where_the_vehicle_stands_and_the_origin_goes_there(make_core: MakeCore) -> None:
     rig = make_core("60166")
     rig.core.set_origin(HOME)
@@ -426,6 +431,7 @@ def test_camera_counts_as_the_yaw_just_after_boot_even_without_a_state(make_core
     assert not make_core("66661", run_s=0.5).core.uses_ext_nav_for_yaw(4999)
 
 
+@pytest.mark.slow
 def test_stillness_is_judged_on_the_ground_without_a_compass(make_core: MakeCore) -> None:
     rig = make_core(run_s=10)
     assert rig.core.is_still() is True

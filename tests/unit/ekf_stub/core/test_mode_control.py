@@ -325,6 +325,7 @@ def test_flags_tell_of_what_the_vehicle_expects(make_core: MakeCore) -> None:
     assert rig.flags == PARKED | TAKEOFF | TOUCHDOWN
 
 
+@pytest.mark.slow
 def test_flags_tell_of_the_gps(make_core: MakeCore) -> None:
     rig = by_gps(make_core)
     rig.stream(1.0, lambda: fix(rig), period_s=0.2)

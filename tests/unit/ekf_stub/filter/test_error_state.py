@@ -147,6 +147,7 @@ def test_magnetic_fields_have_errors_only_while_they_are_estimated(learns_field:
 # Fusion
 
 
+@pytest.mark.slow
 @given(st.integers(0, STATES - 1), st.floats(-10, 10), st.floats(0.01, 10))
 def test_update_of_a_state_is_that_of_its_row(index: int, innovation: float, variance: float) -> None:
     by_row, by_index = flown(), flown()
@@ -205,6 +206,7 @@ def test_what_would_make_a_variance_negative_is_not_fused() -> None:
     assert np.array_equal(everything(state), before)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(VEL.start, POS.stop - 1), st.floats(-5, 5), st.floats(1e-4, 100)), max_size=60))
 def test_covariance_stays_symmetric_and_positive(fused: list[tuple[int, float, float]]) -> None:
     state = fresh(0.2, 0.1, -1.0)

@@ -102,6 +102,7 @@ def test_every_pass_is_a_step_at_50_hz() -> None:
     assert len(steps_of([InertialDelta(GOOD.del_vel, GOOD.del_ang, 0.02, 0.02)] * 50)) == 50
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(VECTORS, VECTORS), min_size=5, max_size=5))
 def test_step_adds_up_velocities_in_the_frame_in_which_it_began(passes: list[tuple[Array, Array]]) -> None:
     passes = [(vel, 0.1 * ang) for vel, ang in passes]

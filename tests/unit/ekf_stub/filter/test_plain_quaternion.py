@@ -37,6 +37,7 @@ def bits(quat: Any) -> list[str]:
     return [float(part).hex() for part in (quat.w, quat.x, quat.y, quat.z)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
 @given(PARTS, PARTS)
 @example((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))

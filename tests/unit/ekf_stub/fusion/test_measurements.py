@@ -89,6 +89,7 @@ def test_camera_away_from_the_imu_sees_velocity_as_the_vehicle_turns(make_parts:
     assert parts.delayed.velocity.vel == pytest.approx([1, -1, 0])
 
 
+@pytest.mark.slow
 @given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3), arm=st.tuples(*[st.floats(-5, 5)] * 3))
 def test_camera_at_rest_around_a_vehicle_that_only_turns_gives_its_place(
     make_parts: MakeParts, roll: float, pitch: float, yaw: float, arm: tuple[float, float, float]

@@ -107,6 +107,7 @@ def test_demo_without_noise_has_innovations_of_exactly_zero(
     assert outcome.err == ""
 
 
+@pytest.mark.slow
 def test_demo_tells_the_planted_errors(viso: Viso) -> None:
     args = ["--demo-noise-px", "1", "--demo-wrong", "0.1", "--demo-yaw-deg", YAW_DEG, "--demo-pitch-deg", "-1.5"]
     outcome = viso("landmarks", "--demo", "--json", *args, "--demo-delay-ms", "120", "--seed", "5", "--until", "30")

@@ -100,6 +100,7 @@ def test_replay_tells_what_the_filter_makes_of_a_stream(viso: Viso, leaping: Pat
     assert "absolute position" in outcome.out
 
 
+@pytest.mark.slow
 def test_replay_tells_machines_the_same_and_writes_lines_that_agree(viso: Viso, leaping: Path) -> None:
     answer = replayed(viso, leaping, "--ekf", "--records", "out.jsonl")
     rejected = [row for row in answer["filter"] if row["outcome"] == "rejected"]

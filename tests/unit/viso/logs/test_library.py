@@ -303,6 +303,7 @@ def pump_all(transfer: LogTransfer) -> list[object]:
     return found
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.binary(min_size=1, max_size=5000), st.integers(1, 6000), st.integers(0, 2))
 def test_download_in_chunks_of_any_size_gives_the_file(

@@ -105,6 +105,7 @@ class TestRoundTrip:
         saved(path, {"A": 2147483647, "B": -2147483648})
         assert ParamStore(path).load() == {"A": 2147483647, "B": -2147483648}
 
+    @pytest.mark.slow
     @given(
         st.dictionaries(
             st.text("ABCXYZ019_", min_size=1, max_size=16),

@@ -104,6 +104,7 @@ def test_empty_stream_has_no_batches() -> None:
     assert sizes(stream()) == []
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from([SAMPLE, SILENT]))), st.booleans())
 def test_batches_hold_every_message_once_in_order(rows: list[tuple[int, bytes]], shared: bool) -> None:
@@ -243,6 +244,7 @@ def test_line_of_a_message_without_samples_has_none() -> None:
     assert line["filter"] == []
 
 
+@pytest.mark.slow
 def test_line_tells_which_gate_rejected_a_sample() -> None:
     lines = run_watched(flown(90, jump_at=80))
     by_pose = [{fate["kind"]: fate for fate in line["filter"]} for line in lines]

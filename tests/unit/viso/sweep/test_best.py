@@ -28,6 +28,7 @@ def best(points: Mapping[float, float | None], objective: str = "nis") -> Best:
     return found
 
 
+@pytest.mark.slow
 @given(
     vertex=st.floats(-50, 50),
     curve=st.floats(0.01, 100),

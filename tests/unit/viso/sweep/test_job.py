@@ -43,6 +43,7 @@ def timeline(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_figures_are_those_of_a_replay(make_plan_of: MakePlan, viso: Viso, tmp_path: Path) -> None:
     row = row_of(make_plan_of(set=["VISO_POS_M_NSE=0.2,0.5"]), 1)
     outcome = viso("replay", short(tmp_path), "--ekf", "--param", "VISO_POS_M_NSE=0.5", "--json")

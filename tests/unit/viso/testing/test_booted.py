@@ -46,6 +46,7 @@ def test_vehicles_of_one_kind_fly_alike(options: AutopilotOptions) -> None:
     assert len(flights[0][0]) > 10_000
 
 
+@pytest.mark.slow
 def test_vehicles_have_nothing_in_common() -> None:
     options = AutopilotOptions()
     first, second = booted_vehicle(options), booted_vehicle(options)

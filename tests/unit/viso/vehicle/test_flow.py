@@ -134,6 +134,7 @@ def test_flow_after_half_a_second_of_silence_has_no_rates(pause_us: int, has_rat
     assert bool(rig.see(flow(100))["flowX"]) is has_rates
 
 
+@pytest.mark.slow
 @given(
     packets=st.lists(
         st.builds(flow, st.integers(-32768, 32767), st.integers(-32768, 32767), st.integers(0, 255)),

@@ -208,6 +208,7 @@ def test_corrected_times_are_as_regular_as_the_gps_from_its_least_lag_on(offset_
     ] * (len(lags_ms) - least)
 
 
+@pytest.mark.slow
 @given(packets=st.lists(packets, min_size=1, max_size=5), now_ms=st.integers(3000, 0xFFFFFFFF))
 def test_whatever_comes_the_state_fits_its_integers(packets: list[GPS_INPUT], now_ms: int) -> None:
     state = state_after(*packets, now_ms=now_ms)

@@ -87,6 +87,7 @@ def test_time_known_at_boot_is_that_of_a_clock_in_hardware() -> None:
     assert rig.rtc.utc_us() == NOON_US + 1
 
 
+@pytest.mark.slow
 @given(times=st.lists(st.tuples(st.integers(0, (1 << 64) - 1), st.sampled_from(SOURCES), st.integers(0, 10**7))))
 def test_clock_never_runs_backwards(times: list[tuple[int, RtcSource, int]]) -> None:
     rig = Rig()

@@ -119,6 +119,7 @@ FIELD = st.sampled_from(["do", "name", "id", "value", "on"])
 WORDS = st.sampled_from(["param", "action", "fault", "arm", "VISO_TYPE", "frozen", True, False])
 
 
+@pytest.mark.slow
 @given(st.text() | JSON.map(json.dumps) | st.dictionaries(FIELD, JSON | WORDS).map(json.dumps))
 @example("[" * 1900)
 @example('{"do":"param","name":"VISO_TYPE","value":1e999}')

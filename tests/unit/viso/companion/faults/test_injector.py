@@ -72,12 +72,14 @@ TIMELINES = st.builds(Timeline, st.lists(entries(st.sampled_from(sorted(FAULTS))
 IN_ORDER = entries(st.sampled_from(sorted(FAULTS.keys() - {"reorder", "duplicate", "sender_id", "second_sender"})))
 
 
+@pytest.mark.slow
 @given(gaps=STREAMS)
 def test_empty_timeline_changes_neither_bytes_nor_times(gaps: list[TimedFrame]) -> None:
     stream = at_times(gaps)
     assert list(inject(stream, Timeline())) == stream
 
 
+@pytest.mark.slow
 @given(gaps=STREAMS, timeline=TIMELINES, seed=st.integers(0, 3))
 def test_same_stream_timeline_and_seed_give_the_same(gaps: list[TimedFrame], timeline: Timeline, seed: int) -> None:
     stream = at_times(gaps)
@@ -103,6 +105,7 @@ def test_every_frame_is_accounted_for_and_none_comes_from_nothing(gaps: list[Tim
         assert {read_packet(frame).name for _, frame in given_out} <= tally.received.keys()
 
 
+@pytest.mark.slow
 @given(gaps=STREAMS, rows=st.lists(IN_ORDER, max_size=4))
 def test_messages_of_one_kind_from_one_sender_stay_in_order(gaps: list[TimedFrame], rows: list[Entry]) -> None:
     # The sequence number tells a frame, whatever becomes of its content.

@@ -113,6 +113,7 @@ def test_first_points_stay_where_points_crowd() -> None:
     assert np.flatnonzero(~stays).tolist() == list(range(14, 22))
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(-20, 660, width=32), st.floats(-20, 500, width=32)), max_size=120))
 def test_cells_are_never_crowded_after_thinning(points: list[tuple[float, float]]) -> None:
     pixels = np.array(points, np.float32).reshape(-1, 2)

@@ -163,6 +163,7 @@ def test_no_points_have_no_pixels() -> None:
     assert project(Camera(), at(0, 0, 0), []).uv_px.shape == (0, 2)
 
 
+@pytest.mark.slow
 @given(cameras, poses, st.lists(st.tuples(metres, metres, metres), min_size=2, max_size=9))
 def test_a_pixel_does_not_depend_on_the_company(
     camera: Camera, pose: VehiclePose, points: list[tuple[float, float, float]]

@@ -97,6 +97,7 @@ def test_point_that_comes_back_begins_anew() -> None:
     assert frames_of(note(book, 5, [])) == [[3, 4]]
 
 
+@pytest.mark.slow
 @given(st.lists(st.sets(st.integers(0, 70), max_size=70), min_size=1, max_size=25), st.sampled_from([2, 3]))
 def test_no_sighting_is_used_twice_or_made_up(frames: list[set[int]], fewest: int) -> None:
     book, used = TrackBook(fewest), Counter[tuple[int, int]]()

@@ -34,6 +34,7 @@ def sightings(points: Array, poses: list[SE3], lengths: list[int]) -> tuple[Arra
     return rotations[tracks.clones], positions[tracks.clones], tracks
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.floats(-8, 12), st.floats(-8, 8), st.floats(-5, 20), st.integers(2, 5)), min_size=1, max_size=12

@@ -52,6 +52,7 @@ def rotation_of(trajectory: RecordedTrajectory) -> Array:
     return rotation_from_quat_wxyz(trajectory.quats_wxyz[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", PRESETS)
 @given(position=vectors, turn=vectors, velocity=vectors)
 def test_known_motion_comes_out_right(preset: str, position: Array, turn: Array, velocity: Array) -> None:

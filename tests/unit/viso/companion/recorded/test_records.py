@@ -105,6 +105,7 @@ def test_error_is_one_line() -> None:
     assert str(TrajectoryError("a\nb  c\r\n")) == "a b c"
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(0, 50), st.lists(st.floats(width=32), min_size=10, max_size=10)), max_size=8))
 def test_every_record_is_kept_or_counted(given_records: list[tuple[int, list[float]]]) -> None:
     table = np.array([numbers for _, numbers in given_records]).reshape(-1, 10)

@@ -212,6 +212,7 @@ DAMAGED = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=DAMAGED, layout=st.sampled_from([TUM, EUROC, OKVIS, OPENVINS, None]))
 def test_damage_raises_nothing_but_the_one_error(path: Path, text: str, layout: Layout | None) -> None:

@@ -144,6 +144,7 @@ SOUND = movie(
 )
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(st.integers(0, len(SOUND) - 1), st.integers(0, 255)), min_size=1, max_size=4))
 def test_whatever_a_film_holds_nothing_else_is_raised(tmp_path: Path, changes: list[tuple[int, int]]) -> None:

@@ -171,6 +171,7 @@ def test_log_of_a_motion_undoes_exp(tangent: Array) -> None:
     assert np.allclose(SE3.exp(tangent).log(), tangent, atol=1e-7)
 
 
+@pytest.mark.slow
 @given(TANGENTS, TANGENTS)
 def test_product_of_motions_is_that_of_their_matrices(left: Array, right: Array) -> None:
     product = SE3.exp(left) @ SE3.exp(right)

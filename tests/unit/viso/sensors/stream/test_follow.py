@@ -489,6 +489,7 @@ class TestNonsense:
         assert np.abs(rig.accels()).max() < 60.0
         assert np.abs(rig.rates()).max() < 30.0
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("pos", "quat", "reason"),
         [

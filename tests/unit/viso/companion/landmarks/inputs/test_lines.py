@@ -59,6 +59,7 @@ def test_packed_file_that_is_cut_short_names_the_line(tmp_path: Path) -> None:
     assert re.match(rf"{re.escape(str(path))}:\d: damaged gzip file: ", complaint(path))
 
 
+@pytest.mark.slow
 @given(st.lists(st.text(st.characters(exclude_characters="\r\n", exclude_categories=["Cs"]))), st.data())
 def test_lines_come_out_however_the_bytes_arrive(lines: list[str], data: st.DataObject) -> None:
     stream = "".join(f"{line}\r\n" for line in lines).encode()

@@ -187,6 +187,7 @@ def test_aircraft_may_come_from_anyone() -> None:
     assert not stream.refused
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=200))
 def test_bytes_that_are_no_frames_do_no_harm(junk: bytes) -> None:
     stream = MavlinkStream()
