@@ -413,7 +413,7 @@ def test_flags_go_from_167_to_831_without_origin_and_local_position_starts_and_s
 
     assert seen() == (167, False)
     for _ in range(150):
-        client.tell(replace(ODOM, time_usec=bench.now_us, vx=0.0, vy=0.0, vz=0.0))
+        client.tell(replace(ODOM, time_usec=bench.now_us, z=0.0, vx=0.0, vy=0.0, vz=0.0))
         bench.run_ms(33)
     assert seen() == (831, True)
     bench.run_ms(6500)
