@@ -174,22 +174,24 @@ class Companion:
 
     def __exit__(self, *_exception: object) -> None:
         self._gone.set()
-        self._socket.shutdown(socket.SHUT_RDWR)
+        with suppress(OSError):  # which has ended
+            self._socket.shutdown(socket.SHUT_RDWR)
         for thread in self._threads:
             thread.join(LIMIT_S)
         self._mav.file.close()
         self._socket.close()
 
     def _discard(self) -> None:
-        while not self._gone.is_set() and self._socket.recv(4096):
-            pass
+        with suppress(ConnectionError):  # the link may end first
+            while not self._gone.is_set() and self._socket.recv(4096):
+                pass
 
     def _send(self) -> None:
         unknown = [float("nan")] + [0.0] * 20
         next_s = time.monotonic()
         while not self._gone.wait(max(0.0, next_s - time.monotonic())):
             next_s += 1 / RATE_HZ
-            with suppress(BrokenPipeError):  # the link may end first
+            with suppress(ConnectionError):
                 self._mav.odometry_send(
                     time.monotonic_ns() // 1000, 20, 12, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0, 0, 0, 0, unknown, unknown,
                     0, 3, 90,
