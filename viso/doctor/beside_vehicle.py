@@ -97,6 +97,14 @@ def aligned_us(evidence: Evidence) -> list[int]:
     return found if own is None else found + [time_us for time_us, text in own.texts if text.startswith(_ALIGNED)]
 
 
+def follows_vehicle(evidence: Evidence, time_us: Ints) -> Bools:
+    """Tell when the autopilot made the positions of a log follow the vehicle, which navigated by something else."""
+    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    if own is None or evidence.viso_type not in ALIGNING_TYPES:
+        return np.zeros(len(time_us), dtype=np.bool_)
+    return own.is_fed_by_others(POSITION, time_us)
+
+
 def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
     """Return when a stream's frame may have been turned or moved with a word: its counter, or alignment."""
     aligned = aligned_us(evidence) if evidence.viso_type in ALIGNING_TYPES else []
@@ -105,16 +113,10 @@ def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
 
 
 def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
-    """Yield poses, and the way of those that are not told to have failed.
-
-    Those of a log are left out where the autopilot made them follow the vehicle, which navigated by something else.
-    """
-    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    """Yield poses, and the way of those that are not told to have failed and do not follow the vehicle."""
     for poses in evidence.poses:
         fine = (np.abs(poses.pos_m) < _FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
-        if own is not None and evidence.viso_type in ALIGNING_TYPES:
-            fine &= ~own.is_fed_by_others(POSITION, poses.track.arrival_us)
-        chosen = np.flatnonzero(fine)
+        chosen = np.flatnonzero(fine & ~follows_vehicle(evidence, poses.track.arrival_us))
         if len(chosen) >= _FEWEST:
             yield poses, Way(poses.track, chosen, poses.pos_m[chosen], began_anew_us(evidence, poses))
 

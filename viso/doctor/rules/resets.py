@@ -9,15 +9,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from viso.doctor.beside_vehicle import aligned_us
+from viso.doctor.beside_vehicle import aligned_us, follows_vehicle
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
-from viso.doctor.measures.compare import ALIGNING_TYPES
-from viso.doctor.measures.own_filter import POSITION
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
 from viso.doctor.outputs.phrases import at, of_some, often, seen_in
-from viso.doctor.witness import Witness
 from viso.streams.stream_kinds import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
@@ -134,7 +131,6 @@ def _resets(poses: Poses) -> _Resets:
 
 
 def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
-    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
     for poses in evidence.poses:
         if len(poses.track) < FEWEST:
             continue
@@ -145,10 +141,7 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         for time_us in aligned_us(evidence):
             by_autopilot |= np.abs(arrival_us - time_us) < _ALIGNED_WITHIN_US
         leaps = ~by_autopilot | resets.changed
-        jumped = resets.jumped & leaps
-        if own is not None and evidence.viso_type in ALIGNING_TYPES:
-            # Their positions follow the vehicle's while that navigates by something else.
-            jumped &= ~own.is_fed_by_others(POSITION, arrival_us)
+        jumped = resets.jumped & leaps & ~follows_vehicle(evidence, arrival_us)
         yield poses, resets._replace(jumped=jumped, turned=resets.turned & leaps)
 
 
