@@ -5,7 +5,7 @@
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
+from viso.logs.filter_records import rows_of
 from viso.sensors.flown.flight import Event, Happening, Ints, Readings, chosen, has, parameters, readings
 
 _ARMED, _DISARMED = 10, 11  # of EV
@@ -117,23 +118,17 @@ def _lags_s(log: LogColumns, begins: Ints) -> Array:
         return lags_s
     params = parameters(log)
     delay_ms = params.get("GPS1_DELAY_MS", params.get("GPS_DELAY_MS", 0.0))
-    by_kind_s = _UBLOX_LAG_S if any("u-blox" in text for _, text in _texts(log)) else USUAL_LAG_S
+    is_ublox = any("u-blox" in str(text) for _, text in rows_of(log, "MSG", "Message"))
+    by_kind_s = _UBLOX_LAG_S if is_ublox else USUAL_LAG_S
     return np.full(len(begins), 1e-3 * delay_ms if delay_ms > 0 else by_kind_s)
 
 
 def ahrs_start_us(log: LogColumns) -> int:
     """Return when the AHRS of a log started: its filter is initialised 2 s later, and says so."""
-    began_us = next((time_us for time_us, text in _texts(log) if _INITIALISED.fullmatch(text)), None)
+    texts = rows_of(log, "MSG", "Message")
+    began_us = next((int(time_us) for time_us, text in texts if _INITIALISED.fullmatch(str(text))), None)
     start_us = AHRS_START_US if began_us is None else began_us - _START_UP_US
     return start_us if start_us > 0 else AHRS_START_US
-
-
-def _texts(log: LogColumns) -> list[tuple[int, str]]:
-    """Return time in us and text of what was told."""
-    if not has(log, "MSG", "TimeUS", "Message"):
-        return []
-    columns: Any = log.columns("MSG", ["TimeUS", "Message"])
-    return list(zip(columns["TimeUS"].tolist(), columns["Message"].tolist(), strict=True))
 
 
 def _first(log: LogColumns, kind: str) -> int | None:

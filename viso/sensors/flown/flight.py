@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.gps_sample import GpsSample
 from viso.estimators.series import IMPOSSIBLE_S
+from viso.logs.filter_records import parameters_in
 
 T = TypeVar("T")
 Ints = npt.NDArray[np.int64]
@@ -156,11 +157,7 @@ def chosen(log: LogColumns, kind: str, labels: Sequence[str], instance: int | No
 
 def parameters(log: LogColumns) -> dict[str, float]:
     """Return the parameters with which a log began."""
-    if not has(log, "PARM", "Name", "Value"):
-        return {}
-    columns: Any = log.columns("PARM", ["Name", "Value"])
-    pairs = list(zip(columns["Name"].tolist(), columns["Value"].tolist(), strict=True))
-    return dict(reversed(pairs))
+    return dict(reversed([(name, value) for _, name, value in parameters_in(log)]))
 
 
 def growing(time_us: Array) -> npt.NDArray[np.bool_]:
