@@ -9,6 +9,8 @@ import numpy as np
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array, limited
 
+Four = tuple[float, float, float, float]
+
 
 def euler_of(quat: quaternion.quaternion) -> tuple[float, float, float]:
     """Return roll, pitch and yaw (3-2-1) in rad."""
@@ -70,3 +72,14 @@ def _sine_and_cosine(quat: quaternion.quaternion, *, by_321: bool) -> tuple[floa
     if by_321:
         return 2 * (w * z + x * y), w * w + x * x - y * y - z * z
     return 2 * (w * z - x * y), w * w - x * x + y * y - z * z
+
+
+def body_axes_by_attitude(quat: quaternion.quaternion, vector_ned: Array) -> tuple[Four, Four, Four]:
+    """Return how a vector, seen along each axis of the body, depends on the errors of attitude."""
+    w, x, y, z = quat.w, quat.x, quat.y, quat.z
+    north, east, down = 2.0 * vector_ned
+    along = w * north + z * east - y * down
+    across = x * north + y * east + z * down
+    over = w * down - x * east + y * north
+    aside = w * east + x * down - z * north
+    return (along, across, -over, aside), (aside, over, across, -along), (over, -aside, along, across)

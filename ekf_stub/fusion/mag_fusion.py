@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.filter.attitude import body_axes_by_attitude
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, InertialStep, limited
 from ekf_stub.filter.states import ATT, BODY, EARTH, STATES
@@ -132,13 +133,7 @@ class MagFusion:
 
     def _rows(self, rotation: Array) -> list[Array]:
         """Return how the field along each axis of the body depends on the errors."""
-        quat, (north, east, down) = self._state.quat, 2.0 * self._state.earth_field
-        w, x, y, z = quat.w, quat.x, quat.y, quat.z
-        along = w * north + z * east - y * down
-        across = x * north + y * east + z * down
-        over = w * down - x * east + y * north
-        aside = w * east + x * down - z * north
-        by_attitude = ((along, across, -over, aside), (aside, over, across, -along), (over, -aside, along, across))
+        by_attitude = body_axes_by_attitude(self._state.quat, self._state.earth_field)
         rows = []
         for axis in range(3):
             row = np.zeros(STATES)
