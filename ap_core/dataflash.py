@@ -42,7 +42,7 @@ class DataFlashWriter:
 
     Args:
         structures: the fixed types, in the order of the start-up block. The first is FMT; UNIT, FMTU, MULT
-            and PARM are among them.
+            and PARM are among them, with ids of their own if need be.
 
     Raises:
         ValueError: if one of these is missing, or an id or a name is there twice.
@@ -51,17 +51,22 @@ class DataFlashWriter:
     def __init__(self, structures: Sequence[LogStructure]) -> None:
         self._fixed = tuple(structures)
         self._by_id = {structure.msg_type: structure for structure in self._fixed}
-        self._fixed_names = frozenset(structure.name for structure in self._fixed)
-        if not len(self._fixed) == len(self._by_id) == len(self._fixed_names):
+        self._by_name = {structure.name: structure for structure in self._fixed}
+        if not len(self._fixed) == len(self._by_id) == len(self._by_name):
             raise ValueError("log structures share an id or a name")
         if self._fixed[:1] != (FMT,):
             raise ValueError("log structures must begin with FMT")
-        missing = [wanted.name for wanted in _REQUIRED if wanted not in self._fixed]
+        missing = [wanted.name for wanted in _REQUIRED if not self._has(wanted)]
         if missing:
             raise ValueError(f"log structures lack {', '.join(missing)}")
+        self._fmtu = self._by_name[FMTU.name]
         self._defined: dict[str, LogStructure] = {}
         self._described: dict[int, LogStructure] = {}
         self._time_us = 0
+
+    def _has(self, wanted: LogStructure) -> bool:
+        own = self._by_name.get(wanted.name)
+        return own is not None and _layout(own) == _layout(wanted)
 
     def new_log(self) -> None:
         """Forget which types the log describes, as a new file begins (start_new_log_reset_variables)."""
@@ -80,7 +85,7 @@ class DataFlashWriter:
         known = self._defined.get(name)
         if known is not None and (format, labels, units, multipliers) == _layout(known):
             return known
-        if known is not None or name in self._fixed_names:
+        if known is not None or name in self._by_name:
             raise ValueError(f"log structure {name!r} is defined already")
         msg_type = self._free_msg_type()
         structure = LogStructure(msg_type, name, format, labels, units, multipliers)
@@ -122,14 +127,14 @@ class DataFlashWriter:
         before = b"" if structure == FMT else self._describe(FMT)
         if structure.msg_type in self._described:
             return before
-        return before + self._format(structure) + self._describe(FMTU) + self._format_units(structure)
+        return before + self._format(structure) + self._describe(self._fmtu) + self._format_units(structure)
 
     def _format(self, structure: LogStructure) -> bytes:
         self._described[structure.msg_type] = structure
         return FMT.pack((structure.msg_type, structure.length, structure.name, structure.format, structure.labels))
 
     def _format_units(self, structure: LogStructure) -> bytes:
-        return FMTU.pack((self._time_us, structure.msg_type, structure.units, structure.multipliers))
+        return self._fmtu.pack((self._time_us, structure.msg_type, structure.units, structure.multipliers))
 
     def parameter(self, name: str, value: float | np.float32, *, time_us: int) -> bytes:
         """Return the PARM record of a parameter that changed; its default is :data:`QUIET_NAN`."""
@@ -152,12 +157,12 @@ class DataFlashWriter:
         for name, value, default in parameters:
             yield self.record(PARM, (now_us(), name, value, default))
         for unit, label in UNITS:
-            yield self.record(UNIT, (now_us(), ord(unit), label))
+            yield self.record(self._by_name[UNIT.name], (now_us(), ord(unit), label))
         for multiplier, factor in MULTIPLIERS:
-            yield self.record(MULT, (now_us(), ord(multiplier), factor))
+            yield self.record(self._by_name[MULT.name], (now_us(), ord(multiplier), factor))
         for structure in self._fixed:
             fields = (now_us(), structure.msg_type, structure.units, structure.multipliers)
-            yield self.record(FMTU, fields)
+            yield self.record(self._fmtu, fields)
 
 
 def _layout(structure: LogStructure) -> tuple[str, str, str, str]:

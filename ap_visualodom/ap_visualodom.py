@@ -15,7 +15,7 @@ from ap_core.param import ParamGroup
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
-from ap_visualodom.ap_visualodom_backend import AP_VisualOdom_Backend
+from ap_visualodom.ap_visualodom_backend import NO_ERR, AP_VisualOdom_Backend
 from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
 from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
 from ap_visualodom.ports import Ahrs, RecordSink, TextSink
@@ -217,13 +217,19 @@ class AP_VisualOdom:
 
     @ieee754
     def handle_vision_speed_estimate(
-        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        vel: Vector3f,
+        reset_counter: int,
+        quality: int,
+        vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED (AP_VisualOdom::handle_vision_speed_estimate)."""
+        """Take a velocity in m/s NED and its error, 0 for unknown (AP_VisualOdom::handle_vision_speed_estimate)."""
         driver = self._active_driver()
         if driver is None:
             return self._refusal()
-        return driver.handle_vision_speed_estimate(remote_time_us, time_ms, vel, reset_counter, quality)
+        return driver.handle_vision_speed_estimate(remote_time_us, time_ms, vel, reset_counter, quality, vel_err)
 
     def request_align_yaw_to_ahrs(self) -> None:
         """Ask for yaw alignment at the next pose (AP_VisualOdom::request_align_yaw_to_ahrs)."""

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 AP_VISUALODOM_TIMEOUT_MS: Final = 300
 POS_ERR_MAX_M: Final = f32(100.0)
 ANG_ERR_MAX_RAD: Final = f32(1.5)
+NO_ERR: Final = f32(0.0)
 
 _MICRO: Final = f32(1.0e-6)
 
@@ -94,9 +95,15 @@ class AP_VisualOdom_Backend(ABC):
 
     @abstractmethod
     def handle_vision_speed_estimate(
-        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        vel: Vector3f,
+        reset_counter: int,
+        quality: int,
+        vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED."""
+        """Take a velocity in m/s NED and its error, 0 for unknown."""
 
     def request_align_yaw_to_ahrs(self) -> None:  # noqa: B027  # the firmware's default does nothing
         """Ask for yaw alignment at the next pose; nothing to do by default."""

@@ -13,7 +13,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.rotations import Rotation, quaternion_from_rotation
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
-from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M, AP_VisualOdom_Backend
+from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, NO_ERR, POS_ERR_MAX_M, AP_VisualOdom_Backend
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING
 from ap_visualodom.visualodom_type import VisualOdom_Type
 
@@ -112,9 +112,15 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         return verdict
 
     def handle_vision_speed_estimate(
-        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        vel: Vector3f,
+        reset_counter: int,
+        quality: int,
+        vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED of the camera's frame, turned into the vehicle's.
+        """Take a velocity in m/s NED of the camera's frame, turned into the vehicle's; its error counts for nothing.
 
         Source: AP_VisualOdom_IntelT265::handle_vision_speed_estimate.
         """

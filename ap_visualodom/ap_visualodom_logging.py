@@ -77,7 +77,7 @@ class AP_VisualOdom_Logging:
         ignored: bool,
         quality: int,
     ) -> None:
-        """Write VISV: m/s NED; the error is VISO_VEL_M_NSE (AP_VisualOdom_Backend::Write_VisualVelocity)."""
+        """Write VISV: m/s NED (AP_VisualOdom_Backend::Write_VisualVelocity)."""
         self._logger.write(
             VISV,
             (

@@ -8,7 +8,7 @@ from ap_core.fmath import constrain_float, degrees
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
-from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M, AP_VisualOdom_Backend
+from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, NO_ERR, POS_ERR_MAX_M, AP_VisualOdom_Backend
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN
 
 
@@ -57,20 +57,25 @@ class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
         return CONSUMED if consume else QUALITY_BELOW_MIN
 
     def handle_vision_speed_estimate(
-        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        vel: Vector3f,
+        reset_counter: int,
+        quality: int,
+        vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED, which is not scaled.
+        """Take a velocity in m/s NED, which is not scaled, and its error.
 
         Source: AP_VisualOdom_MAV::handle_vision_speed_estimate.
         """
         frontend = self._frontend
         self._quality = quality
         consume = quality >= frontend.get_quality_min()
+        vel_err = frontend.release.mav_vel_err(vel_err, frontend.get_vel_noise(), consume)
         if consume:
-            self._ahrs.writeExtNavVelData(vel, frontend.get_vel_noise(), time_ms, frontend.get_delay_ms())
+            self._ahrs.writeExtNavVelData(vel, vel_err, time_ms, frontend.get_delay_ms())
 
         self._last_update_ms = self._clock.millis()
-        self._log.Write_VisualVelocity(
-            remote_time_us, time_ms, vel, frontend.get_vel_noise(), reset_counter, not consume, quality
-        )
+        self._log.Write_VisualVelocity(remote_time_us, time_ms, vel, vel_err, reset_counter, not consume, quality)
         return CONSUMED if consume else QUALITY_BELOW_MIN

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from ap_core.vector3 import Vector3f
 
 Axes = tuple[bool, bool]
@@ -41,6 +43,19 @@ def position_with_correction(position: Vector3f) -> Vector3f:
     return position + Vector3f()
 
 
+def vel_err_of_parameter(_vel_err: np.float32, vel_noise: np.float32, _consume: bool) -> np.float32:
+    """Return VISO_VEL_M_NSE, whatever error came with a velocity."""
+    return vel_noise
+
+
+def vel_err_of_message(vel_err: np.float32, vel_noise: np.float32, consume: bool) -> np.float32:
+    """Return the error that came with a velocity, at least VISO_VEL_M_NSE if the velocity is used.
+
+    Source: AP_VisualOdom_MAV::handle_vision_speed_estimate, April 2026. NaN counts as less than any number.
+    """
+    return np.fmax(vel_err, vel_noise) if consume else vel_err
+
+
 @dataclass(frozen=True, slots=True)
 class VisualOdomRelease:
     """What a release does.
@@ -49,11 +64,17 @@ class VisualOdomRelease:
         axes_to_align: takes the axes of a request to align position, returns those that are aligned at the next pose;
             of the T265 and VOXL backend, as the MAV backend aligns in no release.
         mav_position: takes a scaled position (m) of the MAV backend, returns what is made of it.
+        mav_vel_err: takes the error of a velocity (m/s), VISO_VEL_M_NSE and whether the MAV backend uses the velocity;
+            returns the error that it goes with.
     """
 
     axes_to_align: Callable[[bool, bool], Axes]
     mav_position: Callable[[Vector3f], Vector3f]
+    mav_vel_err: Callable[[np.float32, np.float32, bool], np.float32] = vel_err_of_parameter
 
 
 REFERENCE: Final = VisualOdomRelease(axes_requested, position_as_scaled)
 """The library of October 2025, and of 4.6."""
+
+FEBRUARY_2026: Final = VisualOdomRelease(no_axes, position_with_correction)
+APRIL_2026: Final = VisualOdomRelease(no_axes, position_with_correction, vel_err_of_message)

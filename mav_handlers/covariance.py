@@ -48,6 +48,23 @@ def pose_errors(
     return formula(_ONE * a, _ONE * b, _ONE * c), formula(_ONE * d, _ONE * e, _ONE * f)
 
 
+@ieee754
+def velocity_error(covariance: Sequence[float]) -> np.float32:
+    """Return the error of a velocity (m/s) from the 9 elements of its covariance: the root of the sum of variances.
+
+    It is 0 when the first element is NaN, and NaN for a negative sum.
+
+    Source: GCS_MAVLINK::handle_vision_speed_estimate, in the master of April 2026.
+    """
+    x, y, z = map(float, (covariance[0], covariance[4], covariance[8]))
+    return _ZERO if math.isnan(x) else root_of_sum(_ONE * x, _ONE * y, _ONE * z)
+
+
+def no_velocity_error(_covariance: Sequence[float]) -> np.float32:
+    """Return an error of 0, whatever a covariance says: of a release that does not read it."""
+    return _ZERO
+
+
 def no_errors(_covariance: Sequence[float], _formula: ErrorFormula) -> tuple[np.float32, np.float32]:
     """Return errors of 0, whatever a covariance says: of a message whose covariance the release does not read."""
     return _ZERO, _ZERO

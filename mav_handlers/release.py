@@ -3,14 +3,29 @@
 """Where releases differ at the endpoint, and which strategy a release has for each such place."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
 
+from ap_core.cint import int_of_float, u8
+from ap_core.fmath import f32
+from ap_core.param_info import is_equal
 from mav_handlers.channel import Channel
-from mav_handlers.covariance import ErrorFormula, cube_root_of_squares, no_errors
-from mav_handlers.params.names import MAV_NAMES, EndpointParams
+from mav_handlers.covariance import (
+    ErrorFormula,
+    cube_root_of_squares,
+    no_errors,
+    no_velocity_error,
+    pose_errors,
+    root_of_sum,
+    velocity_error,
+)
+from mav_handlers.params.names import MAV_NAMES, MAV_NAMES_WITH_RANGE, EndpointParams
+
+RESET_FACTORY_DEFAULT, RESET_ALL_DEFAULT = 2, 4
+THOUSAND: Final = f32(1000)
+THOUSANDTH: Final = f32(0.001)
 
 Errors = tuple[np.float32, np.float32]
 """Of position (m) and of attitude (rad)."""
@@ -29,6 +44,16 @@ class OriginSender(Protocol):
         """Send the texts that wait when the bytes at hand have been dealt with, ahead of what the next poll sends."""
 
 
+def is_factory_default(action: float) -> bool:
+    """Tell whether a storage action is PARAM_RESET_FACTORY_DEFAULT."""
+    return is_equal(f32(action), f32(RESET_FACTORY_DEFAULT))
+
+
+def is_any_default(action: float) -> bool:
+    """Tell whether a storage action, cut to a byte, is PARAM_RESET_FACTORY_DEFAULT or PARAM_RESET_ALL_DEFAULT."""
+    return u8(int_of_float(action)) in (RESET_FACTORY_DEFAULT, RESET_ALL_DEFAULT)
+
+
 @dataclass(frozen=True, slots=True)
 class EndpointRelease:
     """What a release does.
@@ -39,6 +64,10 @@ class EndpointRelease:
         tells_param_errors: whether PARAM_ERROR answers what cannot be read or set; else nothing does.
         tell_origin: tells of an origin that a client has just set over a link, at a time in us since boot.
         params: the names of the endpoint's parameters.
+        resets_parameters: takes the first parameter of MAV_CMD_PREFLIGHT_STORAGE, tells whether it is to forget all
+            stored parameters.
+        highres_field_scale: what HIGHRES_IMU has a field in mGauss multiplied by.
+        velocity_error: makes the error of a velocity (m/s) of the covariance of VISION_SPEED_ESTIMATE.
     """
 
     error_formula: ErrorFormula
@@ -46,6 +75,9 @@ class EndpointRelease:
     tells_param_errors: bool
     tell_origin: Callable[[OriginSender, Channel, int], None]
     params: EndpointParams
+    resets_parameters: Callable[[float], bool] = is_factory_default
+    highres_field_scale: np.float32 = THOUSAND
+    velocity_error: Callable[[Sequence[float]], np.float32] = no_velocity_error
 
 
 def tell_origin_at_once(endpoint: OriginSender, channel: Channel, now_us: int) -> None:
@@ -68,3 +100,11 @@ def tell_origin_after_texts(endpoint: OriginSender, _channel: Channel, _now_us: 
 
 REFERENCE: Final = EndpointRelease(cube_root_of_squares, no_errors, False, tell_origin_at_once, MAV_NAMES)
 """The master of October 2025."""
+
+FEBRUARY_2026: Final = EndpointRelease(root_of_sum, pose_errors, True, tell_origin_after_texts, MAV_NAMES_WITH_RANGE)
+APRIL_2026: Final = replace(
+    FEBRUARY_2026,
+    resets_parameters=is_any_default,
+    highres_field_scale=THOUSANDTH,
+    velocity_error=velocity_error,
+)

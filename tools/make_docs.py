@@ -174,6 +174,17 @@ def _stream_kinds() -> Iterator[tuple[str, ...]]:
         yield name, ", ".join(f"`{ending}`" for ending in row.endings), row.content, row.params
 
 
+_EKF_CHANGES: Final = {
+    "fuses_rest": ("EKF3 holds a vehicle that stands still to have no velocity", "recorded"),
+    "resets_height_by_its_source": ("aiding resets height only to the source of height", "read"),
+    "refuses_early_origin": ("an origin is refused until EKF3 has a state", "read"),
+    "relative_needs_no_yaw": ("relative aiding goes on without a source of yaw", "read"),
+    "learns_field_on_ground": ("EK3_MAG_CAL has 7", "read"),
+    "gsf_asks_load": ("the GSF's tilt counts accelerometers below 1 g", "read"),
+}
+"""By attribute of FilterRelease, and whether recordings show it or the source was read."""
+
+
 def _firmware() -> Iterator[tuple[str, ...]]:
     def row(what: str, cell: Callable[[Firmware], str]) -> tuple[str, ...]:
         return what, *map(cell, PROFILES.values())
@@ -189,6 +200,12 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("position of the MAV backend", lambda one: said(one.visual_odom.mav_position))
     yield row("what cannot be read or set", lambda one: "PARAM_ERROR" if one.endpoint.tells_param_errors else "silence")
     yield row("an origin that a client sets", lambda one: said(one.endpoint.tell_origin))
+    yield row("error of a velocity", lambda one: said(one.endpoint.velocity_error))
+    yield row("velocity's error in the MAV backend", lambda one: said(one.visual_odom.mav_vel_err))
+    yield row("field of HIGHRES_IMU", lambda one: f"mGauss times {one.endpoint.highres_field_scale:g}")
+    yield row("EKF failsafe", lambda one: " or ".join(f"`{text}`" for text in dict.fromkeys(one.variance_texts)))
+    for name, (what, proof) in _EKF_CHANGES.items():
+        yield what, *(f"yes ({proof})" if getattr(one.ekf, name) else "no" for one in PROFILES.values())
     yield row("system id", lambda one: f"`{one.endpoint.params.system_id}`")
     yield row("ground station's id", lambda one: f"`{one.endpoint.params.ground_station_id}`")
     yield row("last of several such ids", lambda one: f"`{one.endpoint.params.last_ground_station_id or '-'}`")

@@ -166,6 +166,7 @@ class Ekf3Ahrs(AhrsBase):
             self.ext_nav_counts,
             self._has_compass,
             self._kernel,
+            release=parts.release,
         )
         self._hand_to(self.core.ingest)
         if self._origin is not None:
@@ -338,11 +339,13 @@ class Ekf3Ahrs(AhrsBase):
 
     def set_origin(self, origin: Location) -> bool:
         """Set the origin, once, and not before the estimator runs; tell whether it was set."""
-        if self._origin is not None or self.core is None:
+        core = self.core
+        is_early = core is None or (core.release.refuses_early_origin and not core.initialised)
+        if self._origin is not None or core is None or is_early:
             return False
         self._replay_log.origin(origin)
         self._origin = origin
-        self.core.set_origin(origin)
+        core.set_origin(origin)
         return True
 
     def reset_height_datum(self) -> bool:

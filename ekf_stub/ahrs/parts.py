@@ -10,6 +10,7 @@ from ap_core.location import Location
 from ap_core.param import ParamTable
 from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
+from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
 from ekf_stub.inputs.sources import EkfSources
@@ -33,6 +34,7 @@ class AhrsParts:
         on_yaw_reset: is called as the estimator has aligned its yaw.
         flying_ms: for how long the vehicle has been flying, 0 on the ground.
         home: returns home, None while it is unset.
+        release: what EKF3 does otherwise than in other releases.
     """
 
     clock: Clock
@@ -47,6 +49,7 @@ class AhrsParts:
     on_yaw_reset: Callable[[], None]
     flying_ms: Callable[[], int]
     home: Callable[[], Location | None]
+    release: FilterRelease = REFERENCE
 
     def is_fitted(self, sensor: str) -> bool:
         """Tell whether there is a sensor that EKF sources may need, by its name in ``source_check.SENSORS``."""

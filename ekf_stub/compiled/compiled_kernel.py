@@ -252,11 +252,13 @@ def bound(cov: Array, lowest_var: Array, highest_var: Array) -> None:
 
 
 @compiled
-def freeze_unobservable(cov: Array, rotation: Array, frozen: Array, on_ground: bool, highest_var: Array) -> None:
+def freeze_unobservable(
+    cov: Array, rotation: Array, frozen: Array, on_ground: bool, is_moved: bool, highest_var: Array
+) -> None:
     """Let biases rest that cannot be told from tilt; ``frozen`` has their variances, or NaN (ErrorState.predict)."""
     for axis in range(3):
         state = _ACCEL + axis
-        observable = abs(rotation[2, axis]) > OBSERVABLE_COSINE or not on_ground
+        observable = not on_ground or (abs(rotation[2, axis]) > OBSERVABLE_COSINE and not is_moved)
         if not observable and math.isnan(frozen[axis]):
             frozen[axis] = cov[state, state]
         elif observable and not math.isnan(frozen[axis]):
@@ -308,6 +310,7 @@ def predict(
     earth_rate: Array,
     aided: bool,
     on_ground: bool,
+    is_moved: bool,
     learns_biases: bool,
     attitude_variance: float,
     variances: Array,
@@ -342,7 +345,7 @@ def predict(
         highest,
     )
     if learns_biases:
-        freeze_unobservable(cov, rotation, frozen, on_ground, highest_var)
+        freeze_unobservable(cov, rotation, frozen, on_ground, is_moved, highest_var)
     grow(cov, quat, rotation, turned, sped, dt, attitude_variance, variances)
     isolate(cov, learns_biases, frozen, highest_var)
     bound(cov, lowest_var, highest_var)

@@ -32,7 +32,14 @@ class CompiledErrorState(ErrorState):
         self._frozen: Array = np.full(3, math.nan)  # in place of _frozen_accel_vars; NaN for None
 
     def predict(
-        self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool
+        self,
+        step: InertialStep,
+        noise: ProcessNoise,
+        dt_ekf_avg: float,
+        *,
+        aided: bool,
+        on_ground: bool,
+        is_moved: bool = False,
     ) -> None:
         """Move state and covariance on by a step; refuse unsound inertial data."""
         limits = self.limits
@@ -55,6 +62,7 @@ class CompiledErrorState(ErrorState):
             self.earth_rate_ned,
             aided,
             on_ground,
+            is_moved,
             self.learns_biases,
             *self._process_variances(noise, dt),
             limits.lowest,

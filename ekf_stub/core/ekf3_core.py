@@ -36,6 +36,7 @@ from ekf_stub.filter.inertial_pass import LOOP_DT, StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
 from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.fusion.aiding import Aiding, AidingMode
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.flow_fusion import FlowFusion
@@ -90,6 +91,7 @@ class Ekf3Core:
         has_compass: tells whether a compass is in use.
         kernel: what its arithmetic runs on.
         common: the origin that it shares with other cores.
+        release: what the firmware's release does otherwise than others.
         imu: whose data it uses at first.
 
     Attributes:
@@ -115,6 +117,7 @@ class Ekf3Core:
         *,
         common: CommonOrigin | None = None,
         imu: int = 0,
+        release: FilterRelease = REFERENCE,
     ) -> None:
         self.sources = sources
         self._get_float = get_float
@@ -124,6 +127,7 @@ class Ekf3Core:
         self._kernel = kernel
         self._common = common or CommonOrigin()
         self._imu = imu
+        self.release = release
         self.ingest = ExtNavIngest(counts, self._get_single)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self.ranges = RangeReading(sizes.ranges)
@@ -222,6 +226,7 @@ class Ekf3Core:
             get_float=self._get_float,
             has_compass=self._has_compass,
             ring_size=self._sizes.slow,
+            release=self.release,
         )
         self.resets = Resets(parts)
         terrain = Terrain(parts, self.ranges, now_ms)
@@ -283,12 +288,13 @@ class Ekf3Core:
         aided = self.aiding.mode is not _NO_AIDING
         if self.flow_ingest.is_in_use:
             self.flow_ingest.note_turn(self.state.turn_of(step, dt), step.del_ang_dt)
-        self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground)
+        is_still, rests = self._pass.stillness.is_still, self.release.fuses_rest
+        self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground, is_moved=rests and not is_still)
         self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)
         self._read_sensors(frame, now_ms)
         climbed_m = self.control.climbed_m()
-        self.yaw.step(now_ms, vehicle, step, is_still=self._pass.stillness.is_still, climbed_m=climbed_m)
+        self.yaw.step(now_ms, vehicle, step, is_still=is_still, climbed_m=climbed_m)
         # Three axes of a compass take so long that the firmware leaves the rest to the next step, once.
         self._fusion_waits = self.yaw.field_was_fused and not self._fusion_waits
         if not self._fusion_waits:
@@ -297,7 +303,7 @@ class Ekf3Core:
             if frame.ranges is not None:
                 self.ranges.read(frame.ranges, now_ms, on_ground=vehicle.on_ground)
             self.ranges.recall(self.ingest.horizon_ms, self.state.rotation)
-            self.fusion.step(now_ms, vehicle)
+            self.fusion.step(now_ms, vehicle, rests=rests and (is_still or frame.takeoff_expected))
             self.flow.step(now_ms, ground_is_datum=self.height.active == RANGE)
             self.odometry.step(now_ms, step)
         self.yaw.correct_by_gps(now_ms, vehicle)
@@ -378,7 +384,7 @@ class Ekf3Core:
 
     def set_origin(self, origin: Location) -> bool:
         """Set the origin, once; tell whether it was set (setOrigin)."""
-        if self.origin is not None:
+        if self.origin is not None or (self.release.refuses_early_origin and not self.initialised):
             return False
         self.origin = origin
         if self._common.place is None:

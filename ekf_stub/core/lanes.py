@@ -160,9 +160,8 @@ class Lanes:
         if self._common.place is not None:
             self._texts.send_text(MAV_SEVERITY_WARNING, "EKF3: origin already set")
             return False
-        for core in self.cores:
-            core.set_origin(origin)
-        return True
+        were_set = [core.set_origin(origin) for core in self.cores]
+        return any(were_set)
 
     def reset_height_datum(self) -> None:
         """Count heights from the present one, on the ground (resetHeightDatum)."""

@@ -18,6 +18,7 @@ from ekf_stub.core.frame import Frame
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.nominal_state import down_of
+from ekf_stub.filter.release import FilterRelease
 from ekf_stub.filter.states import GYRO
 from ekf_stub.fusion.aiding import Aiding, AidingMode, Ready
 from ekf_stub.fusion.body_odometry import BodyOdometry
@@ -65,6 +66,7 @@ _XY_EXTNAV: Final = SourceXY.EXTNAV
 _XY_GPS: Final = SourceXY.GPS
 _YAW_COMPASS: Final = SourceYaw.COMPASS
 _YAW_NONE: Final = SourceYaw.NONE
+_Z_EXTNAV: Final = SourceZ.EXTNAV
 _Z_GPS: Final = SourceZ.GPS
 
 
@@ -73,6 +75,7 @@ class ControlledCore(Protocol):
 
     stepped: bool
     origin: Location | None
+    release: FilterRelease
     sources: EkfSources
     ingest: ExtNavIngest
     gps: GpsReading
@@ -140,12 +143,15 @@ class ModeControl:
             source = core.yaw.source()
             self._no_yaw_on_ground = source == _YAW_NONE and not frame.armed
             by_compass = source == _YAW_COMPASS and core.yaw.uses_compass()
-            self.tests_stillness = self.vehicle.on_ground and not by_compass
-        if self._no_yaw_on_ground and core.aiding.mode is not _NO_AIDING:
+            self.tests_stillness = self.vehicle.on_ground and (core.release.fuses_rest or not by_compass)
+        no_yaw = self._no_yaw_on_ground
+        if core.aiding.mode is _RELATIVE and core.release.relative_needs_no_yaw:
+            no_yaw = False
+        if no_yaw and core.aiding.mode is not _NO_AIDING:
             self._forget_flight(self._now_ms)
         self._dt_ekf_avg = dt_ekf_avg
         # The frame's inertial data are read after this, so that the time is still that of the last.
-        if core.aiding.update(self._now_ms, self._ready, no_yaw_on_ground=self._no_yaw_on_ground):
+        if core.aiding.update(self._now_ms, self._ready, no_yaw_on_ground=no_yaw):
             self._enter_mode(self._now_ms, self._ready(), texts)
         self._now_ms = now_ms
 
@@ -271,8 +277,9 @@ class ModeControl:
         if core.ingest.have_velocity:
             vel = np.zeros(3) if velocity is None else velocity.vel
             texts.add("initial vel NED = {:3.1f},{:3.1f},{:3.1f} (m/s)".format(*vel))
-        core.height.use_pose()
-        core.fusion.reset_height(now_ms, self.vehicle)
+        if core.sources.pos_z() == _Z_EXTNAV or not core.release.resets_height_by_its_source:
+            core.height.use_pose()
+            core.fusion.reset_height(now_ms, self.vehicle)
 
     # Every step
 

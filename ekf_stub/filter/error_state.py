@@ -88,9 +88,20 @@ class ErrorState(NominalState):
     # Prediction
 
     def predict(
-        self, step: InertialStep, noise: ProcessNoise, dt_ekf_avg: float, *, aided: bool, on_ground: bool
+        self,
+        step: InertialStep,
+        noise: ProcessNoise,
+        dt_ekf_avg: float,
+        *,
+        aided: bool,
+        on_ground: bool,
+        is_moved: bool = False,
     ) -> None:
-        """Move state and covariance on by a step; refuse unsound inertial data."""
+        """Move state and covariance on by a step; refuse unsound inertial data.
+
+        On the ground an accelerometer's bias is learned along gravity only, and not at all while somebody moves the
+        vehicle.
+        """
         if not is_sound(step):
             self.refused += 1
             return
@@ -99,7 +110,7 @@ class ErrorState(NominalState):
         del_ang, del_vel = step.del_ang - self.gyro_bias, step.del_vel - self.accel_bias
         self.move(step, dt_ekf_avg, aided=aided)
         if self.learns_biases:
-            self._freeze_unobservable(on_ground=on_ground)
+            self._freeze_unobservable(on_ground=on_ground, is_moved=is_moved)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         attitude_variance, added = self._process_variances(noise, dt)
         self._model.predict(self.cov, self, del_ang, del_vel, dt, attitude_variance, added)
@@ -117,11 +128,11 @@ class ErrorState(NominalState):
             self._added = noise.attitude_variance(dt), np.array(variances)
         return self._added
 
-    def _freeze_unobservable(self, *, on_ground: bool) -> None:
+    def _freeze_unobservable(self, *, on_ground: bool, is_moved: bool) -> None:
         # On the ground only the bias of an axis that points along gravity can be told from tilt.
         for axis, cosine in enumerate(self.rotation[2].tolist()):
             state = ACCEL.start + axis
-            observable = abs(cosine) > OBSERVABLE_COSINE or not on_ground
+            observable = not on_ground or (abs(cosine) > OBSERVABLE_COSINE and not is_moved)
             frozen = self._frozen_accel_vars[axis]
             if not observable and frozen is None:
                 self._frozen_accel_vars[axis] = self.cov.item(state, state)

@@ -18,7 +18,8 @@ MAX_TURN: Final = 0.1745
 ANOMALY_CLIMB_M: Final = 0.5
 ANOMALY_INNOVATION: Final = 0.25
 MAX_ANOMALIES: Final = 2
-NEVER, IN_FLIGHT, MANOEUVRING, AFTER_CLIMB, ALWAYS = 2, 0, 1, 3, 4  # EK3_MAG_CAL
+NEVER, IN_FLIGHT, MANOEUVRING, AFTER_CLIMB, ALWAYS, GROUND_AND_CLIMBED = 2, 0, 1, 3, 4, 7  # EK3_MAG_CAL
+ON_GROUND: Final = (ALWAYS, GROUND_AND_CLIMBED)
 MANOEUVRING_MSS: Final = 0.5
 
 
@@ -62,13 +63,15 @@ class CompassAlignment:
     def wants_field(self, magcal: int, vehicle: Vehicle) -> bool:
         """Tell whether the field is to be estimated."""
         moves = math.hypot(*self._state.accel_filtered[:2].tolist()) > MANOEUVRING_MSS
+        has_climbed = self.yaw_done and self.field_done
         wanted = {
             IN_FLIGHT: vehicle.in_flight,
             MANOEUVRING: moves,
-            AFTER_CLIMB: self.yaw_done and self.field_done,
+            AFTER_CLIMB: has_climbed,
             ALWAYS: True,
+            GROUND_AND_CLIMBED: has_climbed or not vehicle.in_flight,
         }
-        return wanted.get(magcal, False) and not (vehicle.on_ground and magcal != ALWAYS)
+        return wanted.get(magcal, False) and not (vehicle.on_ground and magcal not in ON_GROUND)
 
     def request_for_field(self, vehicle: Vehicle) -> None:
         """Ask for an alignment as the field begins to be estimated, unless there was one."""

@@ -46,7 +46,7 @@ class GpsYaw(Fusion):
 
     def __init__(self, parts: FilterParts) -> None:
         super().__init__(parts)
-        self._gsf = GsfYaw()
+        self._gsf = GsfYaw(parts.release)
         self.report = self._gsf.report
         self._exists: bool | None = None
         self._runs = False

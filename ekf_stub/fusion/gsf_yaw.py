@@ -13,6 +13,7 @@ import numpy as np
 
 from ap_core.fmath import f32
 from ekf_stub.filter.inertial import Array, InertialStep, limited
+from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.reports.core_report import GsfReport, Three
 
 MODELS: Final = 5
@@ -48,7 +49,8 @@ class GsfYaw:
         is_running: velocity is being fused, and there is an estimate.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, release: FilterRelease = REFERENCE) -> None:
+        self._asks_load = release.gsf_asks_load
         self.gyro_bias: Three = _REST
         self._accel: Three = _REST
         self._gain = 0.0
@@ -113,11 +115,12 @@ class GsfYaw:
         )
 
     def _gain_at(self, load: float) -> float:
-        # FIRMWARE PARITY: whether the load is too great or too small is asked of the last gain, which it never exceeds:
-        # below 1 g the accelerometers never count.
+        # FIRMWARE PARITY: up to 2025 it was asked of the last gain whether the load is too great or too small. The gain
+        # is never so high: below 1 g the accelerometers never counted.
+        asked = load if self._asks_load else self._gain
         if load > 1:
-            return TILT_GAIN * (3 - 2 * load) ** 2 if self._gain <= 1.5 else 0.0
-        return TILT_GAIN * (2 * load - 1) ** 2 if self._gain > 0.5 else 0.0
+            return TILT_GAIN * (3 - 2 * load) ** 2 if asked <= 1.5 else 0.0
+        return TILT_GAIN * (2 * load - 1) ** 2 if asked > 0.5 else 0.0
 
     def _turn_down(self, turn: Three, down: Three) -> None:
         across_x, across_y, across_z = _cross(down, turn)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.output_predictor import OutputState
+from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.fusion.aiding import Aiding
 from ekf_stub.fusion.measurements import Delayed
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
@@ -31,6 +32,7 @@ class FilterParts:
         get_float: returns a parameter by its name after ``EK3_``.
         has_compass: tells whether a compass is in use.
         ring_size: how many barometric heights, and how many magnetic fields, wait.
+        release: what the firmware's release does otherwise than others.
     """
 
     state: ErrorState
@@ -44,6 +46,7 @@ class FilterParts:
     get_float: Callable[[str], float]
     has_compass: Callable[[], bool]
     ring_size: int
+    release: FilterRelease = REFERENCE
 
 
 class Fusion:

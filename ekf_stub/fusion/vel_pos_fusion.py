@@ -26,7 +26,9 @@ MAX_RATIO_ON_GROUND: Final = 3.0
 NOISE_OF_ACCELERATION: Final = 0.05
 GROUND_EFFECT_FLOOR: Final = -0.5
 GROUND_EFFECT_DEAD_ZONE: Final = 4.0
-POS_NE_MIN_NOISE, POS_NE_MAX_NOISE = 0.01, 100.0
+POS_NE_MIN_NOISE, POS_NE_MAX_NOISE, POS_NE_MAX_NOISE_AT_REST = 0.01, 100.0, 10.0
+REST_NOISE: Final = 1.0
+REST_AFTER_MS: Final = 1000
 VEL_MIN_NOISE, VEL_MAX_NOISE, VEL_MAX_GATE_NOISE = 0.05, 50.0, 5.0
 
 _VEL: Final = tuple(range(VEL.start, VEL.stop))
@@ -56,12 +58,16 @@ class Innovations:
 
 @dataclass(slots=True)
 class _Observed:
-    """What is measured in a step; None where nothing is."""
+    """What is measured in a step; None where nothing is.
+
+    Of a vehicle at rest the velocity is held to be zero, whatever else says of it.
+    """
 
     pos_ne: Array | None = None
     pos_variance: float = 0.0
     vel: Array | None = None
     vel_axes: int = 2
+    is_rest: bool = False
     vel_ne_variance: float = 0.0
     vel_d_variance: float = 0.0
     vel_gate_variance: float = 0.0
@@ -82,8 +88,8 @@ class VelPosFusion(Fusion):
         self._pos_source_changed = False
         self._velocity_was_reset = False
 
-    def step(self, now_ms: int, vehicle: Vehicle) -> None:
-        """Fuse what came due in a step."""
+    def step(self, now_ms: int, vehicle: Vehicle, *, rests: bool = False) -> None:
+        """Fuse what came due in a step; ``rests`` tells that the vehicle stands still, where a release heeds that."""
         absolute, source = self._aiding.mode is _ABSOLUTE, self._sources.pos_xy()
         if source != self._pos_source:
             self._pos_source, self._pos_source_changed = source, source != _XY_NONE
@@ -96,8 +102,10 @@ class VelPosFusion(Fusion):
             return
         self._follow_jump(by_gps=by_gps, by_ext_nav=by_ext_nav)
         observed = self._observe(vehicle, by_gps=by_gps, by_ext_nav=by_ext_nav)
+        if rests and self._height.is_new:
+            self._observe_rest(now_ms, vehicle, observed, by_ext_nav=by_ext_nav)
         self._fuse(now_ms, vehicle, observed)
-        self._tell_unused(pose=not by_ext_nav, velocity=observed.vel is None)
+        self._tell_unused(pose=not by_ext_nav, velocity=observed.vel is None or observed.is_rest)
 
     def _follow_jump(self, *, by_gps: bool, by_ext_nav: bool) -> None:
         """Follow a camera's frame that has jumped, or the position of another source."""
@@ -172,6 +180,37 @@ class VelPosFusion(Fusion):
         else:
             observed.vel_ne_variance = observed.vel_gate_variance
             observed.vel_d_variance = limited(down_noise, 0.05, 5.0) ** 2 + by_accel
+
+    def _observe_rest(self, now_ms: int, vehicle: Vehicle, observed: _Observed, *, by_ext_nav: bool) -> None:
+        """Hold the vehicle to have no velocity; while it aids, only where nothing has told its velocity of late."""
+        if self._aiding.mode is _NO_AIDING:
+            if not vehicle.tilt_aligned:
+                return
+            variance = min(self._get_float("NOAID_M_NSE"), REST_NOISE) ** 2
+            observed.pos_variance = variance
+        else:
+            times = self._aiding.times
+            if now_ms - max(times.vel, times.flow, times.odometry) < REST_AFTER_MS:
+                return
+            variance = REST_NOISE**2
+            observed.pos_variance = self._pos_variance_at_rest(by_ext_nav=by_ext_nav)
+        observed.is_rest, observed.vel, observed.vel_axes = True, np.zeros(3), 3
+        observed.vel_ne_variance = observed.vel_d_variance = observed.vel_gate_variance = variance
+
+    def _pos_variance_at_rest(self, *, by_ext_nav: bool) -> float:
+        pose = self._delayed.pose
+        if by_ext_nav and pose is not None:
+            return limited(pose.err, POS_NE_MIN_NOISE, POS_NE_MAX_NOISE_AT_REST) ** 2
+        if self._gps.pos_accuracy > 0:
+            return self._gps.pos_accuracy**2
+        return limited(self._get_float("POSNE_M_NSE"), 0.1, 10.0) ** 2
+
+    def _tested_at_rest(self) -> int:
+        """Return on how many axes rest is tested: the vertical one counts if there is a source of its velocity."""
+        fix = self._gps.delayed
+        by_gps = fix is not None and fix.has_vertical_velocity and self._sources.uses_vel_z(_Z_GPS)
+        by_ext_nav = self._ingest.have_velocity and self._sources.uses_vel_z(_Z_EXTNAV)
+        return 3 if by_ext_nav or (by_gps and self._aiding.mode is _ABSOLUTE) else 2
 
     # Gates and fusion
 
@@ -261,7 +300,7 @@ class VelPosFusion(Fusion):
             self.innovations.vel_ratio = 0.0
 
     def _test_velocity(self, now_ms: int, observed: _Observed, vel: Array) -> bool:
-        axes = observed.vel_axes
+        axes = self._tested_at_rest() if observed.is_rest else observed.vel_axes
         square = 0.0
         for axis, measured in enumerate(vel.tolist()[:axes]):
             innovation = self._state.component(VEL.start + axis) - measured
@@ -274,14 +313,14 @@ class VelPosFusion(Fusion):
         if passed:
             aiding.times.vel = now_ms
         if not passed and not aiding.vel_timeout:
-            self._tell_velocity(rules.GATE_VELOCITY, ratio)
+            self._tell_velocity(observed, rules.GATE_VELOCITY, ratio)
             return False
         if aiding.mode is _ABSOLUTE and aiding.vel_timeout:
             self._resets.velocity(now_ms)
             self.innovations.vel_ratio = 0.0
-            self._tell_velocity(rules.RESET_TO)
+            self._tell_velocity(observed, rules.RESET_TO)
             return False
-        self._tell_velocity(rules.FUSED, ratio)
+        self._tell_velocity(observed, rules.FUSED, ratio)
         return True
 
     def _test_height(self, now_ms: int, vehicle: Vehicle) -> bool:
@@ -335,9 +374,9 @@ class VelPosFusion(Fusion):
         if by_ext_nav and self._delayed.has_pose and pose is not None:
             self._ingest.tell("pose", rule, pose.time_ms, _root(ratio))
 
-    def _tell_velocity(self, rule: Rule, ratio: float | None = None) -> None:
+    def _tell_velocity(self, observed: _Observed, rule: Rule, ratio: float | None = None) -> None:
         velocity = self._used_velocity()
-        if velocity is not None:
+        if velocity is not None and not observed.is_rest:
             self._ingest.tell("velocity", rule, velocity.time_ms, _root(ratio))
 
     def _tell_height(self, rule: Rule, ratio: float | None = None) -> None:

@@ -10,7 +10,7 @@ from ekf_stub.filter.error_state import MIN_NOISE_VAR
 from ekf_stub.filter.inertial import InertialStep, limited
 from ekf_stub.filter.states import ATT
 from ekf_stub.fusion.aiding import AidingMode
-from ekf_stub.fusion.compass_yaw import ALWAYS, CompassAlignment
+from ekf_stub.fusion.compass_yaw import GROUND_AND_CLIMBED, NEVER, ON_GROUND, CompassAlignment
 from ekf_stub.fusion.gps_yaw import GpsYaw
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.mag_fusion import MagFusion
@@ -73,6 +73,7 @@ class YawFusion(Fusion):
         self._innovations = innovations
         self.by_gps = GpsYaw(parts)
         self.has_compass = parts.has_compass
+        self._learns_field_on_ground = parts.release.learns_field_on_ground
         self._compass_failed = False
         self.aligned = False
         self.resets = 0
@@ -117,7 +118,9 @@ class YawFusion(Fusion):
         self._look_at_sources()
         self._alignment.update(vehicle, self.innovation)
         magcal = int(self._get_float("MAG_CAL"))
-        if vehicle.on_ground and magcal != ALWAYS and not self._state.learns_field:
+        if magcal == GROUND_AND_CLIMBED and not self._learns_field_on_ground:
+            magcal = NEVER
+        if vehicle.on_ground and magcal not in ON_GROUND and not self._state.learns_field:
             return
         if self.field.learn(wanted=self.uses_compass() and self._alignment.wants_field(magcal, vehicle)):
             self._alignment.request_for_field(vehicle)

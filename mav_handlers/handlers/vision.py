@@ -101,11 +101,16 @@ def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
 
 
 def handle_vision_speed_estimate(ctx: Context, message: VISION_SPEED_ESTIMATE) -> Verdict:
-    """Take a velocity in NED; its covariance is ignored."""
+    """Take a velocity in NED; of its covariance what the release makes of it."""
     timestamp_ms = ctx.correct_time_ms(VISION_SPEED_ESTIMATE, message.usec)
     vel = Vector3f(message.x, message.y, message.z)
     return ctx.vehicle.visual_odom.handle_vision_speed_estimate(
-        message.usec, timestamp_ms, vel, message.reset_counter, 0
+        message.usec,
+        timestamp_ms,
+        vel,
+        message.reset_counter,
+        0,
+        ctx.vehicle.release.velocity_error(message.covariance),
     )
 
 

@@ -94,15 +94,15 @@ def scaled_imu3(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SCALED_
 def highres_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HIGHRES_IMU:
     """Acceleration in m/s/s, rates in rad/s, field as the firmware scales it, pressure in hPa, temperature in degC.
 
-    The field is in thousandths of a milligauss, whatever the message's definition says.
-    Source: GCS_MAVLINK::send_highres_imu.
+    The field is in Gauss, or in thousandths of a milligauss, whatever the message's definition says: as the release has
+    it. Source: GCS_MAVLINK::send_highres_imu.
     """
     updated = _ACCEL_AND_GYRO_UPDATED | _BARO_UPDATED | (_MAG_UPDATED if _has_compass(vehicle) else 0)
     return HIGHRES_IMU(
         now_us,
         *floats(_accel_mss(vehicle)),
         *floats(vehicle.ahrs.get_gyro()),
-        *floats(_field_mgauss(vehicle) * _THOUSAND),
+        *floats(_field_mgauss(vehicle) * vehicle.release.highres_field_scale),
         abs_pressure=PRESSURE_HPA,
         diff_pressure=0.0,
         pressure_alt=0.0,

@@ -12,12 +12,12 @@ from typing import Any, Final
 
 import pytest
 
-from ap_visualodom.log_structure import VISP
+from ap_visualodom.log_structure import VISP, VISV
 from tests.places import DATA
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.comparison import compare
 from viso.ekf_runs.run import replay_ekf
-from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
 from viso.replay.feed import Replay
 from viso.replay.vectors import count_differences, recompute
 from viso.streams.stream_kinds import read_stream
@@ -26,10 +26,13 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
 LABELS: Final = {label: index for index, label in enumerate(VISP.fields, 1)}
 LATER = DATA / "2026-02"
 REFERENCE_VECTORS = LATER.parent / "vectors" / "visual_odom.jsonl.gz"
+APRIL_LOG = DATA / "2026-04" / "logs" / "voxl.BIN.xz"
+SPEEDS = 90
+VERR, IGNORED = (2 + VISV.fields.index(label) for label in ("VErr", "Ign"))
 SCENARIOS, STEPS = 306, 41113
 CHUNKS = 3
 BAUD = 115200
-OTHERS = [profile for profile in PROFILES.values() if profile is not FEBRUARY_2026]
+EARLIER = [STABLE_4_6, REFERENCE]
 
 
 @cache
@@ -44,6 +47,12 @@ def differences(lines: tuple[str, ...], firmware: Firmware) -> tuple[int, int]:
     return sum(steps for steps, _ in counts), sum(different for _, different in counts)
 
 
+def changed_steps(line: dict[str, Any], firmware: Firmware) -> list[tuple[Any, Any]]:
+    """Return the recorded steps that come out otherwise, each with how."""
+    again: Any = recompute(line, firmware.visual_odom)
+    return [(step, ours) for step, ours in zip(line["steps"], again["steps"], strict=True) if step != ours]
+
+
 def test_scenarios_are_complete() -> None:
     assert len(scenarios()) == SCENARIOS
     assert sum(len(json.loads(line)["steps"]) for line in scenarios()) == STEPS
@@ -56,15 +65,27 @@ def test_scenarios_come_out_as_the_release_has_them(chunk: int) -> None:
     assert different == 0
 
 
-@pytest.mark.parametrize("firmware", OTHERS, ids=lambda one: one.name)
-def test_scenarios_come_out_otherwise_as_another_release(firmware: Firmware) -> None:
+@pytest.mark.parametrize("firmware", EARLIER, ids=lambda one: one.name)
+def test_scenarios_come_out_otherwise_as_an_earlier_release(firmware: Firmware) -> None:
     with_alignment = tuple(line for line in scenarios()[:40] if '"align_position"' in line)
     assert differences(with_alignment, firmware)[1] > 50
 
 
-def test_scenarios_of_the_mav_backend_are_those_of_all_releases() -> None:
+def test_scenarios_of_the_mav_backend_are_those_of_all_releases_before_april() -> None:
     lines = tuple(line for line in scenarios() if json.loads(line)["params"]["TYPE"] == 1)[:10]
-    assert [differences(lines, firmware)[1] for firmware in PROFILES.values()] == [0, 0, 0]
+    assert [differences(lines, firmware)[1] for firmware in (*EARLIER, FEBRUARY_2026)] == [0, 0, 0]
+
+
+def test_velocity_that_is_refused_has_no_error_since_april() -> None:
+    lines = tuple(line for line in scenarios() if json.loads(line)["params"]["TYPE"] == 1)[:10]
+    different = [pair for line in map(json.loads, lines) for pair in changed_steps(line, APRIL_2026)]
+    assert len(different) > 50
+    assert all(step[0] == "speed" for step, _ in different)
+    for recorded, ours in ((step[-1]["out"], again[-1]["out"]) for step, again in different):
+        [before], [after] = recorded, ours
+        assert before[VERR] != after[VERR] == "00000000"
+        assert before[:VERR] + before[VERR + 1 :] == after[:VERR] + after[VERR + 1 :]
+        assert after[IGNORED] == 1
 
 
 @pytest.mark.slow
@@ -116,7 +137,7 @@ def test_captures_come_out_as_their_release_alone_has_them(name: str, count: int
 def test_captures_of_the_reference_come_out_otherwise_as_the_later_release(name: str, count: int) -> None:
     capture = LATER.parent / "captures" / f"{name}.jsonl.gz"
     differ = {firmware for firmware in PROFILES if errors_differ(capture, count, PROFILES[firmware])}
-    assert differ == {FEBRUARY_2026.name}
+    assert differ == {FEBRUARY_2026.name, APRIL_2026.name}
 
 
 def records_of(capture: Path, count: int | None, firmware: Firmware) -> list[Any]:
@@ -131,16 +152,40 @@ def records_of(capture: Path, count: int | None, firmware: Firmware) -> list[Any
 @pytest.mark.parametrize(
     ("name", "count"), [("voxl", 120), ("flight_mav_extyaw", 120), ("voxl", None), ("prearm", None)]
 )
-def test_captures_without_covariance_come_out_the_same_in_all(name: str, count: int | None) -> None:
+def test_captures_without_covariance_come_out_the_same_in_all_before_april(name: str, count: int | None) -> None:
     capture = LATER.parent / "captures" / f"{name}.jsonl.gz"
-    first, *others = (repr(records_of(capture, count, firmware)) for firmware in PROFILES.values())
+    first, *others = (repr(records_of(capture, count, firmware)) for firmware in (*EARLIER, FEBRUARY_2026))
     assert "VISP" in first
     assert all(other == first for other in others)
 
 
-@pytest.mark.slow
-def test_filter_says_what_the_later_release_said_over_its_log() -> None:
-    log = LATER / "logs" / "t265.BIN.xz"
-    comparison = compare(replay_ekf(log).until(ekf_targets.end_s(log)), bench=False)
+def missed(log: Path, firmware: Firmware | None = None) -> list[str]:
+    """Return what the filter says otherwise than a log's, as a release; by default as the log's own."""
+    comparison = compare(replay_ekf(log, firmware=firmware).until(ekf_targets.end_s(log)), bench=False)
     assert comparison.records > 300
-    assert [check for check in comparison.checks if not check.passed] == []
+    return [check.what for check in comparison.checks if not check.passed]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("log", [LATER / "logs" / "t265.BIN.xz", APRIL_LOG], ids=["2026-02", "2026-04"])
+def test_filter_says_what_the_later_release_said_over_its_log(log: Path) -> None:
+    assert missed(log) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+def test_filter_of_an_earlier_release_says_otherwise_over_a_later_log(firmware: Firmware) -> None:
+    assert missed(APRIL_LOG, firmware) != []
+
+
+def test_velocity_has_the_error_of_its_covariance_since_april() -> None:
+    capture = DATA / "2026-04" / "captures" / "speedcov.jsonl.gz"
+    with gzip.open(capture, "rt", encoding="utf-8") as file:
+        recorded = [vel_errors(json.loads(line)["out"]) for line in islice(file, 1, 1 + SPEEDS)]
+    april, february = (map(vel_errors, records_of(capture, SPEEDS, one)) for one in (APRIL_2026, FEBRUARY_2026))
+    assert list(april) == recorded
+    assert list(february) != recorded
+
+
+def vel_errors(records: Any) -> list[str]:
+    return [record[VERR - 1] for record in records if record[0] == VISV.name]

@@ -19,7 +19,7 @@ from viso.ekf_runs.run import until as until_time
 from viso.errors import InputError, file_errors
 from viso.files.outputs import check_place
 from viso.firmware.releases import Firmware
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
 from viso.terminal.console import err, out, progress
 
@@ -34,7 +34,7 @@ def ekf(
         Output.PLACE,
     ] = None,
     until: Annotated[float | None, typer.Option(help="Seconds since boot at which to end.", metavar="S")] = None,
-    firmware: FirmwareOption = DEFAULT_FIRMWARE,
+    firmware: RecordedFirmwareOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
     with_comparison: Annotated[
         bool, typer.Option("--compare/--no-compare", help="Compare with the log's own estimates.")
@@ -47,7 +47,7 @@ def ekf(
     Each core is run with its own IMU and compared by itself; so is which of them is the primary one, and when.
     OUT.BIN has the parameters of the log, and the filter's texts, events and XKF records, these at the times of the
     log's own. Logs named bench_... are judged by when things happen, others by their estimates once aiding has started.
-    All firmware that can be chosen has the same filter; which one it is meant to be is told with the comparison.
+    The filter is that of the firmware that wrote the log, as far as that is known here.
 
     Example: viso demo --camera simulated && viso ekf logs/00000001.BIN -o out.BIN --until 10
     """
@@ -57,8 +57,8 @@ def ekf(
         with file_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)
         check_place(output)
-    profile = firmware_of(firmware)
-    run = EkfRun(log, until_s=math.inf if until is None else until, core=core)
+    chosen = None if firmware is None else firmware_of(firmware)
+    run = EkfRun(log, until_s=math.inf if until is None else until, core=core, firmware=chosen)
     _run(run, output)
     comparisons = _compared(run, log) if with_comparison or check else {}
     if not comparisons:
@@ -72,11 +72,11 @@ def ekf(
     passed = all(comparison.passed for comparison in comparisons.values()) and (core is not None or not lanes.lines)
     if as_json:
         of_cores = [{"core": number, "imu": run.imus[number], **asdict(found)} for number, found in comparisons.items()]
-        about = {"log": str(log), "firmware": profile.name, "passed": passed}
+        about = {"log": str(log), "firmware": run.firmware and run.firmware.name, "passed": passed}
         out.print_json(data={**about, "cores": of_cores, "lanes": None if core is not None else asdict(lanes)})
     else:
         for number, comparison in comparisons.items():
-            _show(f"{log.name}, core {number} (IMU {run.imus[number]})", comparison, profile)
+            _show(f"{log.name}, core {number} (IMU {run.imus[number]})", comparison, run.firmware)
         if core is None:
             _show_lanes(lanes)
     if check and not passed:
@@ -106,8 +106,8 @@ def _run(run: EkfRun, output: Path | None) -> None:
         run.output.save(output)
 
 
-def _show(name: str, comparison: Comparison, firmware: Firmware) -> None:
-    title = f"{name}: {comparison.records} records compared, firmware {firmware.name}"
+def _show(name: str, comparison: Comparison, firmware: Firmware | None) -> None:
+    title = f"{name}: {comparison.records} records compared, firmware {firmware and firmware.name}"
     table = Table("", "against the log", "target", "", title=title)
     for check in comparison.checks:
         mark = Text("") if not check.target else Text("ok", "green") if check.passed else Text("missed", "red")

@@ -83,8 +83,8 @@ def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStac
 
 
 def _profile_text(firmware: Firmware) -> str:
-    others = " or ".join(name for name in PROFILES if name != firmware.name)
-    return f"firmware {firmware.name}, --firmware {others} for another"
+    *others, last = (name for name in PROFILES if name != firmware.name)
+    return f"firmware {firmware.name}, --firmware {', '.join(others)} or {last} for another"
 
 
 def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, stack: ExitStack) -> "LiveView":

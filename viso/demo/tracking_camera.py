@@ -124,7 +124,7 @@ class Demo:
         self.vehicle.logger.on_write = self._take_record
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
-        if structure is VISP:
+        if structure.name == VISP.name:
             observed_ms = int(values[2]) - int(PARAMS["VISO_DELAY_MS"]) - HALF_FILTER_STEP_MS
             x, y, z = (float(value) for value in values[3:6])
             time_s = self.vehicle.clock.micros64() * 1e-6

@@ -22,6 +22,7 @@ from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import report_of
+from ekf_stub.filter.release import REFERENCE
 from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
@@ -69,10 +70,12 @@ class EkfPlayer:
         place_declination: of the magnetic field at the origin, rad, as far as it is known; None otherwise.
         imus: the IMU of each core that is run, by the core's number; empty before the first frame.
         lanes: the cores, in that order; None until the log says that they have been started.
+        release: what EKF3 does in the log's release.
         slow: RFRF.Slow of the present frame, which has to be told ahead of its records.
     """
 
     def __init__(self, events: PlayerEvents, only: int | None = None) -> None:
+        self.release = REFERENCE
         self._events = events
         self._only = only
         self.params: dict[str, float] = {}
@@ -249,6 +252,7 @@ class EkfPlayer:
                 kernel,
                 common=common,
                 imu=imu,
+                release=self.release,
             )
             for imu in self.imus.values()
         ]

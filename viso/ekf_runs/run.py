@@ -20,6 +20,8 @@ from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 from viso.ekf_runs.output import EkfOutput
 from viso.ekf_runs.player import EkfPlayer
 from viso.errors import InputError
+from viso.firmware.flown import profile_for, version_in
+from viso.firmware.releases import Firmware
 from viso.logs.record_fields import RecordError, finite, text, whole
 from viso.logs.recorded import read_log
 
@@ -89,15 +91,25 @@ class EkfRun:
         path: the log (.BIN or .BIN.xz).
         until_s: where to end, since boot.
         core: the number of the core to run, None for all.
+        firmware: the release that it is run as; None for the one nearest to what the log was written by.
 
     Attributes:
+        firmware: the release; None before it is known.
         output: the log that comes of it.
         our_lanes, recorded_lanes: the texts of changes of the primary core.
     """
 
-    def __init__(self, path: Path, *, until_s: float = math.inf, core: int | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        until_s: float = math.inf,
+        core: int | None = None,
+        firmware: Firmware | None = None,
+    ) -> None:
         self._path = path
         self._until_s = until_s
+        self.firmware = firmware
         self._defaults: dict[str, float] = {}
         self._player = EkfPlayer(self, core)
         self.output = EkfOutput(lambda: self._player.primary)
@@ -136,6 +148,8 @@ class EkfRun:
             if not frames:
                 raise InputError(f"{self._path}: {_NO_REPLAY}")
             try:
+                self.firmware = self.firmware or _firmware(log)
+                self._player.release = self.firmware.ekf
                 self._player.place_declination = _declination(log)
                 for record, slow in _records(log, self._until_s):
                     self._player.slow = slow
@@ -273,6 +287,19 @@ def _declination(log: Any) -> float | None:
     return found
 
 
+def _firmware(log: Any) -> Firmware:
+    """Return the release that is nearest to what the log was written by."""
+    flown = None
+    while flown is None and (record := log.recv_match(type="MSG")) is not None:
+        flown = version_in(text(record, "Message"))
+    log.rewind()
+    names = set()
+    while flown is not None and (record := log.recv_match(type="PARM")) is not None:
+        names.add(text(record, "Name"))
+    log.rewind()
+    return profile_for(flown, names)
+
+
 def _records(log: Any, until_s: float) -> Iterator[tuple[Any, int]]:
     """Yield the records, each with RFRF.Slow of its frame, which comes late in the frame."""
     frame: list[Any] = []
@@ -304,12 +331,12 @@ def _ours(report: CoreReport) -> dict[str, float]:
     return dict(zip(LABELS, values, strict=True))
 
 
-def replay_ekf(path: Path, *, until_s: float = math.inf) -> EkfReplay:
+def replay_ekf(path: Path, *, until_s: float = math.inf, firmware: Firmware | None = None) -> EkfReplay:
     """Run the first core of the filter over a log, up to a time since boot.
 
     Raises InputError if the log cannot be read, or has no replay records, or no estimates.
     """
-    run = EkfRun(path, until_s=until_s, core=0)
+    run = EkfRun(path, until_s=until_s, core=0, firmware=firmware)
     run.run()
     replay = run.comparison()
     if replay is None:

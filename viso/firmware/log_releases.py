@@ -6,7 +6,7 @@ Source: AP_GPS/LogStructure.h, AP_Logger/LogStructure.h, AP_Logger/LogFile.cpp.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from ap_core.cint import u8
@@ -45,11 +45,20 @@ class LogRelease:
         message: layout of MSG.
         message_head: takes how many texts there were before, returns what precedes the text itself in MSG.
         filter_version: VER.FV, the version of the estimators (AP_FILTER_VERSION).
+        shifts: ids of the reference, in ascending order, each with by how much ids from there up to the next are
+            greater in this release: records that it has more come before them.
     """
 
     message: LogStructure
     message_head: Callable[[int], tuple[LogValue, ...]]
     filter_version: int
+    shifts: tuple[tuple[int, int], ...] = ()
+
+    def own(self, structure: LogStructure) -> LogStructure:
+        """Return a layout as this release has it, with its own id."""
+        own = self.message if structure is MSG else structure
+        shift = next((shift for first, shift in reversed(self.shifts) if own.msg_type >= first), 0)
+        return replace(own, msg_type=own.msg_type + shift) if shift else own
 
 
 def no_head(_texts_before: int) -> tuple[LogValue, ...]:
@@ -65,5 +74,15 @@ def number_and_piece(texts_before: int) -> tuple[LogValue, ...]:
 PLAIN_TEXTS: Final = LogRelease(MSG, no_head, 2)
 """The master of October 2025, and 4.6."""
 
-NUMBERED_TEXTS: Final = LogRelease(MSG_NUMBERED, number_and_piece, 3)
-"""The master of February 2026."""
+_MODE_ID, _FMT_ID, _RTER_ID, _LANDING_ID, _VER_ID = 120, 128, 161, 110, 206
+
+NUMBERED_TEXTS: Final = LogRelease(MSG_NUMBERED, number_and_piece, 3, ((_MODE_ID, 1), (_FMT_ID, 0), (_RTER_ID, 1)))
+"""The master of February 2026, which has RTC before MODE and RTER at the end of the replay records."""
+
+APRIL_2026: Final = LogRelease(
+    MSG_NUMBERED,
+    number_and_piece,
+    3,
+    ((_LANDING_ID, 1), (_MODE_ID, 2), (_FMT_ID, 0), (_RTER_ID, 1), (_VER_ID, 2)),
+)
+"""The master of April 2026, which has PIDW after PIDE and SPOL before VER besides."""

@@ -10,11 +10,13 @@ from typing import Final
 from ap_core.log_structure import LogStructure
 from ap_visualodom import release as visual_odom
 from ap_visualodom.release import VisualOdomRelease
+from ekf_stub.filter import release as filters
+from ekf_stub.filter.release import FilterRelease
 from ekf_stub.log.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
 from mav_handlers import release as endpoint
-from mav_handlers.covariance import pose_errors, root_of_sum
-from mav_handlers.params.names import MAV_NAMES_WITH_RANGE, SYSID_NAMES
-from mav_handlers.release import EndpointRelease, tell_origin_after_texts
+from mav_handlers.params.names import SYSID_NAMES
+from mav_handlers.release import EndpointRelease
+from viso.firmware import log_releases
 from viso.firmware.log_releases import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
 from viso.parameters import releases as params
 from viso.parameters.releases import ParameterRelease
@@ -39,6 +41,8 @@ class Firmware:
         event_order: the replay records of an event that both filters know, in their order.
         log: what its log records look like.
         params: which parameters there are.
+        ekf: what EKF3 does.
+        variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
     """
 
     name: str
@@ -54,6 +58,8 @@ class Firmware:
     event_order: tuple[LogStructure, LogStructure]
     log: LogRelease
     params: ParameterRelease
+    ekf: FilterRelease = filters.REFERENCE
+    variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
 
     @property
     def banner(self) -> str:
@@ -108,14 +114,33 @@ FEBRUARY_2026: Final = Firmware(
     7,
     0,
     0,
-    VisualOdomRelease(visual_odom.no_axes, visual_odom.position_with_correction),
-    EndpointRelease(root_of_sum, pose_errors, True, tell_origin_after_texts, MAV_NAMES_WITH_RANGE),
+    visual_odom.FEBRUARY_2026,
+    endpoint.FEBRUARY_2026,
     EKF3_BEFORE_EKF2,
     NUMBERED_TEXTS,
     params.FEBRUARY_2026,
+    filters.FEBRUARY_2026,
+)
+
+APRIL_2026: Final = Firmware(
+    "2026-04",
+    "2026-04",
+    "ArduCopter V4.8.0-dev",
+    "5086d81c",
+    4,
+    8,
+    0,
+    0,
+    visual_odom.APRIL_2026,
+    endpoint.APRIL_2026,
+    EKF3_BEFORE_EKF2,
+    log_releases.APRIL_2026,
+    params.FEBRUARY_2026,
+    filters.APRIL_2026,
+    ("EKF variance: over thresholds", "EKF variance: position lost"),
 )
 
 PROFILES: Final[Mapping[str, Firmware]] = MappingProxyType(
-    {profile.name: profile for profile in (STABLE_4_6, REFERENCE, FEBRUARY_2026)}
+    {profile.name: profile for profile in (STABLE_4_6, REFERENCE, FEBRUARY_2026, APRIL_2026)}
 )
 """The releases by the names that ``--firmware`` takes, the oldest first."""

@@ -12,7 +12,7 @@ import numpy as np
 from ap_core.clock import Clock
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
-from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, MSG, PARM, LogStructure
+from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, PARM, LogStructure
 from ap_core.param import ParamTable
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
@@ -38,11 +38,6 @@ def _in_firmware_order() -> Iterator[LogStructure]:
 STRUCTURES: Final = tuple(_in_firmware_order())
 
 
-def structures_with(message: LogStructure) -> tuple[LogStructure, ...]:
-    """Return all layouts, with a release's own of MSG."""
-    return tuple(message if structure is MSG else structure for structure in STRUCTURES)
-
-
 RETRY_US: Final = 5_000_000
 
 
@@ -55,7 +50,7 @@ class Logger:
         clock: time since boot.
         open_sink: opens the next log; raises LogStoreError. None: no logging at all.
         on_open: called when a log has its start-up block, to write what every log begins with.
-        structures: layouts of the records of fixed types.
+        own: returns a layout as the firmware's release has it.
 
     Attributes:
         failure: why there is no log, or the last one is not whole, in one line; None while all is well.
@@ -67,12 +62,14 @@ class Logger:
         clock: Clock,
         open_sink: Callable[[], LogSink] | None,
         on_open: Callable[[], None] = lambda: None,
-        structures: Sequence[LogStructure] = STRUCTURES,
+        own: Callable[[LogStructure], LogStructure] = lambda structure: structure,
     ) -> None:
         self._clock = clock
         self._open_sink = open_sink
         self._on_open = on_open
-        self._writer = DataFlashWriter(structures)
+        layouts = {structure: own(structure) for structure in STRUCTURES}
+        self._writer = DataFlashWriter(tuple(layouts.values()))
+        self._own = {before.name: after for before, after in layouts.items() if before != after}
         self._sink: LogSink | None = None
         self._wanted = False
         self._retry_us = 0
@@ -148,6 +145,7 @@ class Logger:
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         """Write a record of a fixed type (AP_Logger::WriteBlock); ``on_write`` hears of it, log or no log."""
+        structure = self._own.get(structure.name, structure)
         if self.on_write is not None:
             self.on_write(structure, values)
         if self._sink is None:

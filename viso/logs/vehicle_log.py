@@ -13,7 +13,7 @@ import numpy as np
 from ap_core.clock import Clock
 from ap_core.fmath import degrees, f32
 from ap_core.log_field import LogValue
-from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, ORGN, VER
+from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
 from ap_core.quaternion import Quaternion
 from mav_handlers.channel import Channel
 from mav_handlers.ports import Location
@@ -99,7 +99,7 @@ class VehicleLog:
     def text(self, text: str) -> None:
         """Write MSG, which holds the first 64 characters (AP_Logger_Backend::Write_Message)."""
         release = self._firmware.log
-        self._logger.write(release.message, (self._clock.micros64(), *release.message_head(self._texts), text))
+        self._logger.write(MSG, (self._clock.micros64(), *release.message_head(self._texts), text))
         self._texts += 1
 
     def parameter(self, name: str, value: np.float32) -> None:

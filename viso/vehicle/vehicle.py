@@ -31,7 +31,7 @@ from mav_handlers.endpoint import MavEndpoint
 from mav_handlers.ports import Location, OriginResult
 from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
 from viso.logs.library import NoLogs, StoredLogs
-from viso.logs.logger import Logger, structures_with
+from viso.logs.logger import Logger
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
 from viso.parameters.conversion import carry_over
 from viso.parameters.table import make_groups
@@ -98,8 +98,7 @@ class Vehicle:
         for name, value in config.overrides.items():
             self.params.set(name, value)
         open_log = config.open_log or (config.log_store.open_next if config.log_store else None)
-        layouts = structures_with(config.firmware.log.message)
-        self.logger = Logger(self.clock, open_log, self._on_log_open, layouts)
+        self.logger = Logger(self.clock, open_log, self._on_log_open, config.firmware.log.own)
         self.log = VehicleLog(self.logger, self.clock, config.firmware)
         self.logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
@@ -122,6 +121,7 @@ class Vehicle:
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
             flying_ms=lambda: self.copter.landing.flying_ms(),
             home=lambda: self.copter.home.place,
+            release=config.firmware.ekf,
         )
         self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
@@ -184,6 +184,7 @@ class Vehicle:
                 clock=self.clock,
                 params=self.params,
                 release=self._config.firmware.params,
+                variance_texts=self._config.firmware.variance_texts,
                 texts=self.texts,
                 log=self.log,
                 logger=self.logger,

@@ -83,8 +83,8 @@ class Feed:
         self.seen.put(lambda state: state.take_text(now_us, severity, text))
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
-        if structure is VISP or structure is VISV:
-            self.seen.put(lambda state: state.take_record(structure is VISP, values))
+        if structure.name in (VISP.name, VISV.name):
+            self.seen.put(lambda state: state.take_record(structure.name == VISP.name, values))
 
     def update(self) -> None:
         """Do what pages ask for, and look now and then how the vehicle is; to be called between passes of its loop."""

@@ -13,7 +13,6 @@ from mav_handlers.wire.messages import COMMAND_INT
 REBOOT: Final = f32(1.0)
 REBOOT_TO_BOOTLOADER: Final = f32(3.0)
 FORCE_REBOOT: Final = 20190226
-RESET_PARAMETERS: Final = f32(2.0)
 FORCE_SAVE_CALIBRATION: Final = 76
 
 _ONE: Final = f32(1)
@@ -55,7 +54,7 @@ def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def preflight_storage(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Forget all stored parameters, which shows after a restart; saving them is not asked for, as they are."""
-    if not is_equal(f32(command.param1), RESET_PARAMETERS):
+    if not ctx.vehicle.release.resets_parameters(command.param1):
         return MavResult.DENIED
     ctx.vehicle.params.forget_stored()
     text = "All parameters reset, reboot board"

@@ -12,7 +12,7 @@ from ap_core.internal_error import InternalError
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
-from ap_visualodom.ap_visualodom_backend import AP_VisualOdom_Backend
+from ap_visualodom.ap_visualodom_backend import NO_ERR, AP_VisualOdom_Backend
 from ap_visualodom.verdicts import CONSUMED
 
 if TYPE_CHECKING:
@@ -38,7 +38,13 @@ class Bare(AP_VisualOdom_Backend):
         return CONSUMED
 
     def handle_vision_speed_estimate(
-        self, remote_time_us: int, time_ms: int, vel: Vector3f, reset_counter: int, quality: int
+        self,
+        remote_time_us: int,
+        time_ms: int,
+        vel: Vector3f,
+        reset_counter: int,
+        quality: int,
+        vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
         return CONSUMED
 

@@ -8,6 +8,7 @@ from functools import cache
 
 import pytest
 
+from ekf_stub.filter.release import REFERENCE, FilterRelease
 from tests.copies import Copies
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from tests.unit.ekf_stub.core_rig import CoreRig
@@ -30,12 +31,21 @@ def make_parts() -> Callable[..., FilterParts]:
 def make_core() -> Callable[..., CoreRig]:
     """Return a function that makes a core from its sources and parameters without ``EK3_``; it has run for 4 s."""
 
-    def make(sources: str = "66666", *, has_compass: bool = False, run_s: float = 4.0, **params: float) -> CoreRig:
-        return running(sources, has_compass, run_s, **params).make()
+    def make(
+        sources: str = "66666",
+        *,
+        has_compass: bool = False,
+        run_s: float = 4.0,
+        release: FilterRelease = REFERENCE,
+        **params: float,
+    ) -> CoreRig:
+        return running(sources, has_compass, run_s, release, **params).make()
 
     @cache
-    def running(sources: str, has_compass: bool, run_s: float, **params: float) -> Copies[CoreRig]:
-        rig = CoreRig(sources, has_compass, params)
+    def running(
+        sources: str, has_compass: bool, run_s: float, release: FilterRelease, **params: float
+    ) -> Copies[CoreRig]:
+        rig = CoreRig(sources, has_compass, params, release)
         rig.run_for(run_s)
         return Copies(rig)
 

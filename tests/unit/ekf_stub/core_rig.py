@@ -16,6 +16,7 @@ from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
+from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
@@ -38,7 +39,9 @@ class CoreRig:
         said: time in ms and text of all that was said, without the core.
     """
 
-    def __init__(self, sources: str, has_compass: bool, params: dict[str, float]) -> None:
+    def __init__(
+        self, sources: str, has_compass: bool, params: dict[str, float], release: FilterRelease = REFERENCE
+    ) -> None:
         self.params = ParamTable(make_groups(0, make_params()))
         for what, value in zip(SOURCES, sources, strict=True):
             self.params.set(f"EK3_SRC1_{what}", int(value))
@@ -54,6 +57,7 @@ class CoreRig:
             CoreTexts(self, (0,)),
             self.counts,
             lambda: has_compass,
+            release=release,
         )
         self.now_us = 10_000_000
         self.frame: dict[str, Any] = {}

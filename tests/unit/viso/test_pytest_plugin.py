@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.places import ROOT
+from viso.firmware.releases import PROFILES
 from viso.testing import UdpAutopilot
 
 pytest_plugins = ("pytester",)
@@ -75,7 +76,7 @@ def test_params(extnav_autopilot):
         ("params={'VISO_TYP': 1}", "*extnav_autopilot: params: * unknown parameter VISO_TYP"),
         ("preset='vox'", "*extnav_autopilot: preset 'vox': no such preset; there are *voxl"),
         ("imu='floats'", "*extnav_autopilot: imu floats: no such source; there are bench, *"),
-        ("firmware='3.2'", "*extnav_autopilot: firmware '3.2': no such firmware; there are 4.6, 4.7-dev, 2026-02"),
+        ("firmware='3.2'", f"*extnav_autopilot: firmware '3.2': no such firmware; there are {', '.join(PROFILES)}"),
     ],
 )
 def test_marker_that_cannot_be_used_is_told_in_one_line(pytester: pytest.Pytester, arguments: str, told: str) -> None:

@@ -67,18 +67,16 @@ def _told(errors: Errors) -> str:
 @note(
     "XN5-31",
     "Errors depend on the release",
-    "Up to October 2025 an error is the cube root of the sum of squared variances, in the master of February 2026 "
-    "the root of their sum. The filter weighs samples by it.",
+    "Up to October 2025 an error is the cube root of the sum of squared variances, since February 2026 the root "
+    "of their sum. The filter weighs samples by it.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Tell --firmware which release flies, and tune variances on that; replay --versus shows both.",
     needs=_NEEDS,
 )
 def _depends(evidence: Evidence) -> Iterator[Sighting]:
     judge, here = _Judge(evidence), evidence.firmware
-    others = [one for one in PROFILES.values() if one is not here]
-    for other in others:
-        if other.endpoint.error_formula is here.endpoint.error_formula:
-            continue
+    others = [one for one in PROFILES.values() if one.endpoint.error_formula is not here.endpoint.error_formula]
+    for other in {one.endpoint.error_formula: one for one in others}.values():  # the newest with each formula
         differ = [one for one in evidence.vision if not _agree(judge, one.message, here, other)]
         for name, found in by_type(differ):
             ours, theirs = (judge.limited(found[0].message, one) for one in (here, other))
@@ -105,8 +103,8 @@ def _is_close(a: float, b: float) -> bool:
 @note(
     "XN5-32",
     "This release does not read the covariance of motion capture",
-    "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; the master of February 2026 reads "
-    "its covariance.",
+    "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; since February 2026 its covariance "
+    "is read.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
     "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for, or send ODOMETRY.",
     needs=_NEEDS,

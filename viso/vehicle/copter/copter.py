@@ -61,6 +61,7 @@ class Copter:
             parts.clock,
             has_position=self.estimates.has_position,
             is_armed=self.is_armed,
+            variance_texts=parts.variance_texts,
         )
 
     def _aids_relative_position(self) -> bool:

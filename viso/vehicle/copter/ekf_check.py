@@ -46,6 +46,7 @@ class EkfCheck:
         clock: time since boot.
         has_position: tells whether the estimator has a position, failsafe or not.
         is_armed: tells whether the vehicle is armed.
+        variance_texts: what is told as variances are over thresholds, and as the position is lost.
 
     Attributes:
         failed: whether the estimator is not to be trusted.
@@ -62,6 +63,7 @@ class EkfCheck:
         *,
         has_position: Callable[[], bool],
         is_armed: Callable[[], bool],
+        variance_texts: tuple[str, str],
     ) -> None:
         self._ahrs = ahrs
         self._params = params
@@ -70,6 +72,7 @@ class EkfCheck:
         self._clock = clock
         self._has_position = has_position
         self._is_armed = is_armed
+        self._variance_texts = variance_texts
         self._failures = 0
         self._has_ever_passed = False
         self._last_warning_ms = 0
@@ -88,16 +91,17 @@ class EkfCheck:
             self.failed = False
             self._end_failsafe()
             return
-        passed = self._has_position() and not is_over_threshold(status, threshold)
+        is_over = is_over_threshold(status, threshold)
+        passed = self._has_position() and not is_over
         self._has_ever_passed |= passed
         if self._has_ever_passed:
-            self._count(passed)
+            self._count(passed, is_over)
 
-    def _count(self, passed: bool) -> None:
+    def _count(self, passed: bool, is_over: bool) -> None:
         if not passed and not self.failed:
             self._failures += 1
             if self._failures == ITERATIONS_MAX:
-                self._fail()
+                self._fail(is_over)
         elif passed and self._failures > 0:
             self._failures -= 1
             if self.failed and self._failures == 0:
@@ -105,12 +109,13 @@ class EkfCheck:
                 self._log.error(ERR_SUBSYSTEM_EKFCHECK, ERR_RESOLVED)
                 self._end_failsafe()
 
-    def _fail(self) -> None:
+    def _fail(self, is_over: bool) -> None:
         self.failed = True
         self._log.error(ERR_SUBSYSTEM_EKFCHECK, ERR_BAD_VARIANCE)
         now_ms = self._clock.millis()
         if u32(now_ms - self._last_warning_ms) > WARNING_PERIOD_MS:
-            self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF variance")
+            over, lost = self._variance_texts
+            self._texts.send_text(_MAV_SEVERITY_CRITICAL, over if is_over else lost)
             self._last_warning_ms = now_ms
         self.in_failsafe = True
         self._log.error(ERR_SUBSYSTEM_FAILSAFE_EKFINAV, ERR_FAILSAFE_OCCURRED)

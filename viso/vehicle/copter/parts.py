@@ -28,6 +28,7 @@ class CopterParts:
         on_mode: called when the mode has changed.
         on_armed: called when the vehicle has been armed.
         release: which parameters there are.
+        variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
     """
 
     clock: Clock
@@ -44,3 +45,4 @@ class CopterParts:
     on_mode: Callable[[], None]
     on_armed: Callable[[], None]
     release: ParameterRelease = REFERENCE
+    variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")

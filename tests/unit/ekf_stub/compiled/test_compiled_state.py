@@ -35,9 +35,10 @@ class Pair:
         quat = quat_of_euler(0.2, -0.1, 0.7)
         self.both = ErrorState(quat, VARIANCES), CompiledErrorState(quat, VARIANCES)
 
-    def predict(self, del_vel: Array, del_ang: Array, *, aided: bool, on_ground: bool) -> None:
+    def predict(self, del_vel: Array, del_ang: Array, *, aided: bool, on_ground: bool, is_moved: bool = False) -> None:
+        step = InertialStep(0, del_vel, del_ang, DT, DT)
         for state in self.both:
-            state.predict(InertialStep(0, del_vel, del_ang, DT, DT), NOISE, DT, aided=aided, on_ground=on_ground)
+            state.predict(step, NOISE, DT, aided=aided, on_ground=on_ground, is_moved=is_moved)
 
     def update_state(self, index: int, innovation: float, variance: float) -> bool:
         plain, compiled = (state.update_state(index, innovation, variance) for state in self.both)
@@ -66,7 +67,8 @@ def led_about(seed: int) -> Pair:
                 state.clear(slice(EARTH.start, BODY.stop), 0.0025)
         gravity = np.array([0.0, 0.0, -0.1226])
         aided, on_ground = number > 100, number % 500 < 250
-        pair.predict(rng.normal(0, 0.02, 3) + gravity, rng.normal(0, 0.005, 3), aided=aided, on_ground=on_ground)
+        del_vel, del_ang = rng.normal(0, 0.02, 3) + gravity, rng.normal(0, 0.005, 3)
+        pair.predict(del_vel, del_ang, aided=aided, on_ground=on_ground, is_moved=number % 400 < 100)
         if number % 3 == 0:
             for index in range(VEL.start, VEL.start + 6):
                 pair.update_state(index, rng.normal(0, 0.1), 0.04)

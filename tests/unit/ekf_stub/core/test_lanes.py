@@ -34,8 +34,9 @@ class Core:
     def error_score(self) -> float:
         return self.score
 
-    def set_origin(self, origin: Location) -> None:
+    def set_origin(self, origin: Location) -> bool:
         self.origin = origin
+        return True
 
     def reset_height_datum(self) -> None:
         self.height_resets += 1

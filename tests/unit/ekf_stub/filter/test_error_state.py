@@ -111,6 +111,17 @@ def test_bias_of_a_level_axis_is_not_learned_on_the_ground() -> None:
     assert state.cov[ACCEL.start, ACCEL.start] == pytest.approx((0.2 * DT) ** 2)
 
 
+def test_no_bias_of_an_accelerometer_is_learned_while_somebody_moves_the_vehicle() -> None:
+    state = fresh()
+    state.learn_biases(1.0, DT)
+    before = state.cov.diagonal()[ACCEL].copy()
+    for _ in range(20):
+        state.predict(AT_REST, NOISE, DT, aided=True, on_ground=True, is_moved=True)
+    assert state.cov.diagonal()[ACCEL].tolist() == before.tolist()
+    state.predict(AT_REST, NOISE, DT, aided=True, on_ground=True)
+    assert state.cov[ACCEL, VEL].any()
+
+
 def test_bias_that_was_frozen_is_as_uncertain_as_before_once_in_flight() -> None:
     state = fresh()
     state.learn_biases(1.0, DT)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ekf_stub.filter.inertial import GRAVITY_MSS, InertialStep
+from ekf_stub.filter.release import FEBRUARY_2026, REFERENCE, FilterRelease
 from ekf_stub.fusion.gsf_yaw import MAX_BIAS, GsfYaw
 
 DT = 0.01
@@ -96,6 +97,16 @@ def test_tilt_is_taken_only_near_1_g() -> None:
         gsf.predict(falls, may_run=True)
         gsf.fuse(0.0, 0.0, 0.3)
     assert not gsf.is_running
+
+
+@pytest.mark.parametrize(("release", "follows"), [(REFERENCE, False), (FEBRUARY_2026, True)])
+def test_load_below_1_g_counts_since_february(release: FilterRelease, follows: bool) -> None:
+    gsf, tilt = GsfYaw(release), 0.1
+    accel = 0.9 * GRAVITY_MSS * np.array([math.sin(tilt), 0.0, -math.cos(tilt)])
+    gsf.predict(AT_REST, may_run=True)
+    for _ in range(100):
+        gsf.predict(InertialStep(10, accel * DT, np.zeros(3), DT, DT), may_run=True)
+    assert (gsf.gyro_bias[1] != 0) == follows
 
 
 def test_gyro_bias_is_learned_slowly_and_within_limits() -> None:

@@ -52,12 +52,19 @@ def standing(make_parts: MakeParts, sources: str = "66166", **params: float) -> 
     return parts
 
 
-def step(parts: "FilterParts", *, now_ms: int = NOW_MS, vehicle: Vehicle = PARKED, baro: float | None = None) -> None:
+def step(
+    parts: "FilterParts",
+    *,
+    now_ms: int = NOW_MS,
+    vehicle: Vehicle = PARKED,
+    baro: float | None = None,
+    rests: bool = False,
+) -> None:
     """Make a step with what was set to have come due, and perhaps a height of the barometer."""
     parts.ingest.horizon_ms = now_ms
     if baro is not None:
         parts.height.baro.push(BaroSample(now_ms, baro))
-    parts.fusion.step(now_ms, vehicle)
+    parts.fusion.step(now_ms, vehicle, rests=rests)
     parts.end_step()
 
 
@@ -438,6 +445,63 @@ def test_lost_velocity_is_fused_through_no_gate_without_aiding(make_parts: MakeP
     step(parts)
     assert parts.aiding.vel_timeout
     assert parts.state.vel[0] == pytest.approx(40 * weight(VEL_VAR, 0.5))
+
+
+# At rest
+
+
+@pytest.mark.parametrize(("given", "noise"), [(0.5, 0.5), (10.0, 1.0)])
+def test_rest_is_fused_with_every_height_without_aiding(make_parts: MakeParts, given: float, noise: float) -> None:
+    parts = standing(make_parts, NOAID_M_NSE=given)
+    parts.state.vel = np.array([0.1, 0.0, 0.2])
+    parts.resets.last_known_ne = np.array([0.5, -0.5])
+    step(parts, rests=True)
+    assert parts.state.vel.tolist() == [0.1, 0.0, 0.2]
+    step(parts, baro=0.0, rests=True)
+    assert parts.state.vel[0] == pytest.approx(0.1 * (1 - weight(VEL_VAR, noise)))
+    assert parts.state.vel[2] < 0.2 * (1 - 0.9 * weight(VEL_D_VAR, noise))
+    assert parts.state.pos[0] == pytest.approx(0.5 * weight(POS_VAR, noise), rel=0.01)
+    assert parts.fusion.innovations.vel_ratio == pytest.approx(0.01 / (GATE * 2 * (VEL_VAR + noise**2)))
+    assert parts.aiding.times.vel == NOW_MS
+
+
+def test_rest_is_not_fused_before_tilt_is_known(make_parts: MakeParts) -> None:
+    parts = standing(make_parts)
+    parts.state.vel = np.array([0.1, 0.0, 0.0])
+    step(parts, vehicle=ARMED_UNTILTED, baro=0.0, rests=True)
+    assert parts.state.vel[0] == 0.1
+
+
+@pytest.mark.parametrize("told", ["vel", "flow", "odometry"])
+def test_rest_is_fused_while_aiding_when_nothing_has_told_velocity_for_a_second(
+    make_parts: MakeParts, told: str
+) -> None:
+    parts = navigating(make_parts, "60166")
+    parts.state.vel = np.array([0.1, 0.0, 0.0])
+    parts.aiding.times.vel = parts.aiding.times.odometry = NOW_MS - 5000
+    setattr(parts.aiding.times, told, NOW_MS - 999)
+    step(parts, baro=0.0, rests=True)
+    assert parts.state.vel[0] == 0.1
+    step(parts, now_ms=NOW_MS + 1, baro=0.0, rests=True)
+    assert parts.state.vel[0] == pytest.approx(0.1 * (1 - weight(VEL_VAR, 1.0)))
+
+
+def test_position_that_comes_with_rest_has_its_error_up_to_10_m(make_parts: MakeParts) -> None:
+    parts = navigating(make_parts, "60166")
+    parts.aiding.times.vel = parts.aiding.times.odometry = NOW_MS - 5000
+    parts.set_pose(0.5, 0, 0, err=50.0)
+    step(parts, baro=0.0, rests=True)
+    assert parts.state.pos[0] == pytest.approx(0.5 * weight(POS_VAR, 10.0), rel=0.01)
+
+
+def test_velocity_that_comes_as_rest_is_due_is_not_used(make_parts: MakeParts) -> None:
+    parts = navigating(make_parts, "66166")
+    parts.aiding.times.vel = parts.aiding.times.odometry = NOW_MS - 5000
+    parts.set_velocity(0.4, 0, 0, err=0.1)
+    step(parts, baro=0.0, rests=True)
+    assert parts.state.vel[0] == 0
+    assert ("velocity", "model_unused", None) in parts.outcomes
+    assert parts.aiding.times.vel == NOW_MS
 
 
 # Heights

@@ -20,6 +20,7 @@ from viso.commands import ekf as ekf_command
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.run import EkfRun
 from viso.ekf_runs.targets import Limit
+from viso.firmware.releases import REFERENCE, Firmware
 
 LOG = DATA / "logs" / "voxl.BIN.xz"
 UNTIL_S = 6.6  # after aiding, yaw and origin
@@ -55,8 +56,8 @@ def known(ran: EkfRun, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     known = SimpleNamespace(run=lambda _on_progress: None, output=ran.output, comparison=lambda _core: replay)
     known.imus, known.our_lanes, known.recorded_lanes = {0: 0, 1: 2}, lanes, lanes
 
-    def make(_log: Path, until_s: float, core: int | None) -> SimpleNamespace:
-        known.core = core
+    def make(_log: Path, until_s: float, core: int | None, firmware: Firmware | None) -> SimpleNamespace:
+        known.core, known.firmware = core, firmware or REFERENCE
         return known
 
     monkeypatch.setattr(ekf_command, "EkfRun", make)

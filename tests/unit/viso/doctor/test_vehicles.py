@@ -29,7 +29,7 @@ from tests.unit.viso.doctor.vehicles import (
     transferred,
 )
 from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose, gather
-from viso.firmware.releases import FEBRUARY_2026, REFERENCE, STABLE_4_6
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, REFERENCE, STABLE_4_6
 from viso.streams.heard import params_heard, version_heard
 from viso.streams.stream import Stream
 from viso.streams.stream_kinds import read_whole_stream
@@ -143,8 +143,8 @@ def test_session_that_is_used_again_holds_another_file(tmp_path: Path) -> None:
         ("ArduCopter V4.7.0-dev (11223344)", (), REFERENCE),
         ("ArduCopter V4.7.0-dev (2f511151)", (), FEBRUARY_2026),
         ("ArduCopter V4.7.0-beta2 (11223344)", ("ARMING_SKIPCHK",), FEBRUARY_2026),
-        ("ArduCopter V4.8.0-dev (11223344)", (), FEBRUARY_2026),
-        ("ArduCopter V4.8.0-dev (11223344)", ("ARMING_CHECK",), REFERENCE),
+        ("ArduCopter V4.8.0-dev (11223344)", (), APRIL_2026),
+        ("ArduCopter V4.9.0 (11223344)", (), APRIL_2026),
         ("EKF3 IMU0 initialised", (), REFERENCE),
     ],
 )
@@ -169,7 +169,8 @@ def test_profile_that_is_given_wins(tmp_path: Path) -> None:
         (BANNER, []),
         ("ArduCopter V4.5.7 (2a3dc4b7)", ["before 4.6 there is no VISO_QUAL_MIN"]),
         ("ArduCopter V4.0.7", ["before 4.1 there are no EK3_SRC1_*"]),
-        ("ArduCopter V4.8.0-dev", ["what changed since is not known here"]),
+        ("ArduCopter V4.8.0-dev", []),
+        ("ArduCopter V4.9.0", ["what changed since is not known here"]),
         ("ArduSub V4.6.0", ["the vehicle is a Sub"]),
         ("ArduPlane V4.5.1", ["before 4.6", "the vehicle is a Plane"]),
     ],
@@ -200,7 +201,7 @@ def test_releases_before_sources_ask_for_nothing(tmp_path: Path, banner: str) ->
     ("name", "expected", "firmware", "notes"),
     [
         # VISO_TYPE 0 and AHRS_EKF_TYPE 10 beside five sources that are 6: both keep all of it from the filter.
-        ("depth_drone_gz_00000006_set_up.BIN.xz", ["XN7-01", "XN7-12"], "2026-02", 1),
+        ("depth_drone_gz_00000006_set_up.BIN.xz", ["XN7-01", "XN7-12"], "2026-04", 0),
         # A boat under water without a camera: GPS and barometer are the sources.
         ("ardusub_log_tools_small_set_up.BIN.xz", ["XN7-17"], "4.6", 2),
         ("ardusub_log_tools_small_set_up.tlog.gz", ["XN7-17"], "4.6", 2),

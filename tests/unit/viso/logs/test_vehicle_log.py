@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import pytest
 
-from ap_core.log_structure import MSG, VER, LogStructure
+from ap_core.log_structure import MSG
 from tests.places import DATA
 from tests.unit.viso.log_records import records
 from viso.firmware.log_releases import MSG_NUMBERED, number_and_piece
-from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from viso.logs.logger import STRUCTURES, structures_with
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.logs.logger import STRUCTURES
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -20,8 +20,12 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
 RECORDED: Final = {
     REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
+    APRIL_2026.name: DATA / "2026-04" / "logs" / "voxl.BIN.xz",
 }
 
+recorded_firmware = pytest.mark.parametrize(
+    "firmware", [REFERENCE, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
+)
 every_firmware = pytest.mark.parametrize("firmware", PROFILES.values(), ids=lambda one: one.name)
 
 
@@ -40,26 +44,27 @@ def first(data: bytes, name: str) -> dict[str, Any]:
     return dict(zip(layout[2].split(","), values, strict=True))
 
 
-def layouts(data: bytes) -> dict[str, tuple[str, str]]:
-    """Return format and labels by name, of the layouts that come before the firmware's text."""
+def layouts(data: bytes) -> dict[str, tuple[int, str, str]]:
+    """Return id, format and labels by name, of the layouts that come before the firmware's text."""
     found = {}
     for name, values, _ in records(data):
         if name != "FMT":
             break
-        found[values[2]] = values[3:]
+        found[values[2]] = values[0], *values[3:]
     return found
 
 
-@pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+@recorded_firmware
 def test_layouts_are_those_of_the_recorded_log(firmware: Firmware) -> None:
     recorded = layouts(lzma.decompress(RECORDED[firmware.name].read_bytes()))
-    ours = {one.name: (one.format, one.labels) for one in structures_with(firmware.log.message)}
+    own = map(firmware.log.own, STRUCTURES)
+    ours = {one.name: (one.msg_type, one.format, one.labels) for one in own}
     common = ours.keys() & recorded.keys()
     assert {"MSG", "VER", "VISP", "REPH", "PARM"} <= common
     assert {name: ours[name] for name in common} == {name: recorded[name] for name in common}
 
 
-@pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+@recorded_firmware
 def test_first_text_and_version_are_those_of_the_recorded_log(firmware: Firmware) -> None:
     recorded, ours = lzma.decompress(RECORDED[firmware.name].read_bytes()), written(firmware)
     assert first(ours, "MSG")["Message"] == first(recorded, "MSG")["Message"]
@@ -73,7 +78,7 @@ def test_first_text_and_version_are_those_of_the_recorded_log(firmware: Firmware
 def test_log_describes_the_texts_that_it_holds(firmware: Firmware) -> None:
     data = written(firmware, "hello")
     layout = firmware.log.message
-    assert layouts(data)["MSG"] == (layout.format, layout.labels)
+    assert layouts(data)["MSG"] == (layout.msg_type, layout.format, layout.labels)
     texts = [values[-1] for name, values, _ in records(data) if name == "MSG"]
     assert texts[0] == firmware.banner
     assert texts[-1] == "hello"
@@ -102,7 +107,7 @@ def test_text_is_cut_to_its_field(firmware: Firmware) -> None:
 
 
 def test_layouts_of_a_release_are_all_of_them_in_the_same_order() -> None:
-    assert structures_with(MSG) == STRUCTURES
-    later: tuple[LogStructure, ...] = structures_with(MSG_NUMBERED)
+    assert tuple(map(REFERENCE.log.own, STRUCTURES)) == STRUCTURES
+    later = [APRIL_2026.log.own(one) for one in STRUCTURES]
     assert [one.name for one in later] == [one.name for one in STRUCTURES]
-    assert VER in later
+    assert MSG_NUMBERED in later

@@ -13,12 +13,13 @@ from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from tests.places import DATA
 from tests.unit.viso.log_records import records
-from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
 from viso.parameters.table import make_groups
 
 RECORDED: Final = {
     REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
+    APRIL_2026.name: DATA / "2026-04" / "logs" / "voxl.BIN.xz",
 }
 LINKS = 3  # in the recordings
 SINCE_FEBRUARY: Final = {
@@ -38,7 +39,9 @@ RECORDED_SET_UP: Final = {
 """Set for the recording, whose defaults are those of the simulator."""
 SIMULATED: Final = ("FLTMODE", "FRAME_TYPE", "COMPASS_OFS", "INS_ACCOFFS", "BATT_MONITOR", "RC")
 """Of the simulated vehicle alone: flight modes, offsets and ranges of its sensors and sticks."""
-recorded_firmware = pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+recorded_firmware = pytest.mark.parametrize(
+    "firmware", [REFERENCE, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
+)
 
 
 @cache

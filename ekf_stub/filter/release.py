@@ -1,0 +1,41 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where releases of EKF3 differ, and which of it a release has (AP_NavEKF3, AP_NavEKF/EKFGSF_yaw.cpp)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class FilterRelease:
+    """What a release does.
+
+    Attributes:
+        gsf_asks_load: whether the accelerometers count for the tilt of the GSF is asked of the load that they show, not
+            of how much they counted last.
+        fuses_rest: a vehicle that stands still counts as having no velocity while nothing measures one. Whether it
+            stands still is tested with a compass as well, and no bias of an accelerometer is learned on the ground
+            unless it does (SelectVelPosFusion, updateMovementCheck, CovariancePrediction).
+        resets_height_by_its_source: height starts at that of external navigation only if that is its source
+            (setAidingMode).
+        refuses_early_origin: an origin is refused until the filter has a state; else it waits for that
+            (setOriginLLH).
+        relative_needs_no_yaw: relative aiding goes on as the vehicle is disarmed without a source of yaw
+            (controlFilterModes).
+        learns_field_on_ground: EK3_MAG_CAL has 7, which estimates magnetic fields on the ground and in flight
+            (setWindMagStateLearningMode).
+    """
+
+    gsf_asks_load: bool = False
+    fuses_rest: bool = False
+    resets_height_by_its_source: bool = False
+    refuses_early_origin: bool = False
+    relative_needs_no_yaw: bool = False
+    learns_field_on_ground: bool = False
+
+
+REFERENCE: Final = FilterRelease()
+"""The filter of October 2025, and of 4.6."""
+
+FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True)
+APRIL_2026: Final = FilterRelease(True, True, True, True, True, True)
