@@ -22,6 +22,7 @@ MAX_NAME_SIZE: Final = 16
 
 _MAV_PARAM_TYPE_REAL32: Final = 9
 _ROUNDING_ADDITION: Final = f32(0.01)
+_FLT_MAX: Final = float(np.finfo(f32).max)
 
 
 class ParamType(IntEnum):
@@ -94,6 +95,8 @@ ParamValue = int | np.float32
 
 def to_f32(value: float | np.float32) -> np.float32:
     """Round a number to float32; what is too large becomes infinite, without a warning."""
+    if abs(value) <= _FLT_MAX:
+        return f32(value)
     with np.errstate(over="ignore"):
         return f32(value)
 

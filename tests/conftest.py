@@ -4,11 +4,13 @@
 
 import gc
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
 import threadpoolctl
+from _pytest.logging import LogCaptureHandler, caplog_handler_key, catching_logs
+from _pytest.runner import runtestprotocol
 from hypothesis import settings
 
 from ap_core.clock import VirtualClock
@@ -27,6 +29,9 @@ WHOLE = settings(deadline=None, derandomize=os.environ.get("CI") == "true")
 settings.register_profile("whole", WHOLE)
 settings.register_profile("usual", WHOLE, max_examples=20)
 
+WORTH_TELLING_S = 0.005
+"""How long a setup or teardown takes of which the duration is told."""
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Draw fewer examples when slow tests are left out, and save time that nothing is tested in.
@@ -43,6 +48,27 @@ def pytest_collection_finish() -> None:
     """Keep the garbage collector from what is there before the first test: it is large, and stays to the end."""
     gc.freeze()
     gc.set_threshold(100_000, 50, 100)
+
+
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool:
+    """Run a test, and tell of its setup and teardown only if there is something to tell, and not that it begins.
+
+    What is told goes from one process to another, and that takes longer than most of the tests.
+    """
+    for report in runtestprotocol(item, log=False, nextitem=nextitem):
+        if report.when == "call" or not report.passed or report.duration > WORTH_TELLING_S:
+            item.ihook.pytest_runtest_logreport(report=report)
+    return True
+
+
+@pytest.fixture
+def caplog(request: pytest.FixtureRequest) -> Iterator[pytest.LogCaptureFixture]:
+    """Return what is logged. The plug-in of pytest would listen to every logger there is, six times for each test."""
+    with catching_logs(LogCaptureHandler()) as handler:
+        request.node.stash[caplog_handler_key] = handler
+        logged = pytest.LogCaptureFixture(request.node, _ispytest=True)
+        yield logged
+        logged._finalize()
 
 
 Record = tuple[str, dict[str, LogValue]]
