@@ -95,7 +95,7 @@ ParamValue = int | np.float32
 
 def to_f32(value: float | np.float32) -> np.float32:
     """Round a number to float32; what is too large becomes infinite, without a warning."""
-    if abs(value) <= _FLT_MAX:
+    if -_FLT_MAX <= value <= _FLT_MAX:
         return f32(value)
     with np.errstate(over="ignore"):
         return f32(value)
