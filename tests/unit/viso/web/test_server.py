@@ -6,7 +6,7 @@ import asyncio
 import http.client
 import json
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from tests.places import ROOT
-from tests.unit.viso.conftest import Bench
+from tests.unit.viso.conftest import Bench, booted
 from viso.errors import InputError
 from viso.web.connections import MAX_CONNECTIONS
 from viso.web.live_view import LiveView
@@ -60,11 +60,25 @@ class Served:
             yield opened
 
 
-@pytest.fixture
-def served(make_bench: Callable[..., Bench]) -> Iterator[Served]:
-    made = Served(make_bench(VISO_TYPE=1))
+@contextmanager
+def serving() -> Iterator[Served]:
+    made = Served(booted(0.0, VISO_TYPE=1).make())
     yield made
     made.view.close()
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Served]:
+    """Return one that is there for all tests that leave it as it was: it takes a fifth of a second to stop."""
+    with serving() as made:
+        yield made
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    """Return one of its own for a test."""
+    with serving() as made:
+        yield made
 
 
 def until(page: ClientConnection, kind: str) -> dict[str, Any]:
@@ -76,9 +90,9 @@ def until(page: ClientConnection, kind: str) -> dict[str, Any]:
             return message
 
 
-def test_every_file_is_served_with_its_type_and_may_load_nothing_from_elsewhere(served: Served) -> None:
+def test_every_file_is_served_with_its_type_and_may_load_nothing_from_elsewhere(shared: Served) -> None:
     for path, (_, media_type) in FILES.items():
-        status, headers, content = served.get(path)
+        status, headers, content = shared.get(path)
         assert (status, headers["content-type"]) == (200, media_type)
         assert "default-src 'none'" in headers["content-security-policy"]
         assert headers["x-content-type-options"] == "nosniff"
@@ -96,29 +110,29 @@ def test_no_file_names_another_machine(path: Path) -> None:
     assert "https://" not in text
 
 
-def test_nothing_else_is_there(served: Served) -> None:
-    assert [served.get(path)[0] for path in ("/nothing", "/../server.py", "/static/app.js")] == [404] * 3
+def test_nothing_else_is_there(shared: Served) -> None:
+    assert [shared.get(path)[0] for path in ("/nothing", "/../server.py", "/static/app.js")] == [404] * 3
 
 
-def test_strange_name_is_refused(served: Served) -> None:
-    assert served.get("/", host="evil.example")[0] == 421
+def test_strange_name_is_refused(shared: Served) -> None:
+    assert shared.get("/", host="evil.example")[0] == 421
 
 
-def test_socket_of_a_strange_page_is_refused(served: Served) -> None:
+def test_socket_of_a_strange_page_is_refused(shared: Served) -> None:
     for origin in (None, "null", "http://evil.example", "http://localhost:1"):
-        with pytest.raises(InvalidStatus), served.page(origin):
+        with pytest.raises(InvalidStatus), shared.page(origin):
             pass
 
 
-def test_socket_under_a_strange_name_is_refused_though_its_page_has_the_same(served: Served) -> None:
-    with pytest.raises(InvalidStatus), served.page(f"http://evil.example:{served.port}", host="evil.example"):
+def test_socket_under_a_strange_name_is_refused_though_its_page_has_the_same(shared: Served) -> None:
+    with pytest.raises(InvalidStatus), shared.page(f"http://evil.example:{shared.port}", host="evil.example"):
         pass
 
 
-def test_page_gets_everything_and_then_batches(served: Served) -> None:
-    with served.page() as page:
+def test_page_gets_everything_and_then_batches(shared: Served) -> None:
+    with shared.page() as page:
         assert json.loads(page.recv(LIMIT_S))["banner"] == "a banner"
-        served.bench.vehicle.texts.send_text(6, "news")
+        shared.bench.vehicle.texts.send_text(6, "news")
         while not any(text == "news" for *_, text in until(page, "batch")["texts"]):
             pass
 
@@ -134,20 +148,20 @@ def test_request_is_done_when_the_vehicle_comes_to_it(served: Served) -> None:
     assert served.bench.vehicle.params.get_int("VISO_DELAY_MS") == 77
 
 
-def test_nonsense_is_answered_and_the_conversation_goes_on(served: Served) -> None:
-    with served.page() as page:
+def test_nonsense_is_answered_and_the_conversation_goes_on(shared: Served) -> None:
+    with shared.page() as page:
         for sent in ("", "{", b"\x00\xff", '{"do":"param","name":"X","value":"y"}', "[1]"):
             page.send(sent)
             assert until(page, "answer")["ok"] is False
         until(page, "batch")
 
 
-def test_far_too_long_a_request_ends_the_conversation_and_nothing_else(served: Served) -> None:
-    with served.page() as page:
+def test_far_too_long_a_request_ends_the_conversation_and_nothing_else(shared: Served) -> None:
+    with shared.page() as page:
         page.send("x" * 100_000)
         with pytest.raises(ConnectionClosed):
             until(page, "never")
-    with served.page() as page:
+    with shared.page() as page:
         until(page, "batch")
 
 
@@ -181,23 +195,23 @@ def test_connection_over_the_limit_is_closed_and_the_page_goes_on(served: Served
     pytest.fail("the page does not come back")
 
 
-def test_connection_that_asks_for_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connection_that_asks_for_nothing_is_closed(shared: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viso.web.connections.CONNECTION_S", 0.05)
-    with socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as slow:
+    with socket.create_connection(("127.0.0.1", shared.port), LIMIT_S) as slow:
         slow.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n")
         assert is_closed(slow)
 
 
-def test_socket_of_a_page_stays_open(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_socket_of_a_page_stays_open(shared: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viso.web.connections.CONNECTION_S", 0.05)
-    with served.page() as page, socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as slow:
+    with shared.page() as page, socket.create_connection(("127.0.0.1", shared.port), LIMIT_S) as slow:
         assert is_closed(slow)  # by when the page's own time is over as well
         until(page, "batch")
 
 
-def test_connection_with_one_of_the_last_descriptors_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connection_with_one_of_the_last_descriptors_is_closed(shared: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viso.web.connections.is_short_of_descriptors", lambda _descriptor: True)
-    with socket.create_connection(("127.0.0.1", served.port), LIMIT_S) as newcomer:
+    with socket.create_connection(("127.0.0.1", shared.port), LIMIT_S) as newcomer:
         assert is_closed(newcomer)
 
 
@@ -219,8 +233,8 @@ def test_closing_leaves_every_page(served: Served) -> None:
         served.get("/")
 
 
-def test_port_that_is_taken_is_one_line(served: Served) -> None:
-    address = f"127.0.0.1:{served.port}"
+def test_port_that_is_taken_is_one_line(shared: Served) -> None:
+    address = f"127.0.0.1:{shared.port}"
     with pytest.raises(InputError, match=f"^--web {address}: address already in use$"):
         LiveView(address, [], "")
 
