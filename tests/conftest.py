@@ -29,7 +29,7 @@ from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, Settab
 # A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
 WHOLE = settings(deadline=None, derandomize=os.environ.get("CI") == "true")
 settings.register_profile("whole", WHOLE)
-settings.register_profile("usual", WHOLE, max_examples=20)
+settings.register_profile("usual", WHOLE, max_examples=10)
 
 WORTH_TELLING_S = 0.005
 """How long a setup or teardown takes of which the duration is told."""

@@ -55,5 +55,6 @@ def test_compiled_filter_says_what_the_plain_one_says(name: str, monkeypatch: py
     assert [dataclasses.asdict(check) for check in comparison.checks if not check.passed] == []
 
 
+@pytest.mark.slow
 def test_compiled_filter_begins_as_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
     check_kernels_agree("bench_glitch_radius_0", 7.0, monkeypatch)

@@ -37,7 +37,7 @@ PIECES: Final = {
 }
 """The beginnings of these, up to so many s since boot."""
 
-USUAL_PIECES: Final = ("bench_odometry", "bench_velocity_only")
+USUAL_PIECES: Final = ("bench_odometry",)
 
 SAME_FRAME_S: Final = 0.03
 WORST: Final = {

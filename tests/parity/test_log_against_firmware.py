@@ -95,8 +95,8 @@ def firmware_log(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pa
     return unpack
 
 
-USUAL = {"t265", "voxl"}
-"""The usual run takes these."""
+USUAL = {"t265"}
+"""The usual run takes this one."""
 
 
 @pytest.fixture(

@@ -156,8 +156,8 @@ def firmware_of(name: str) -> Firmware:
     return PROFILES[name.partition("/")[0]] if "/" in name else REFERENCE
 
 
-USUAL: Final = {"bench_odometry", "bench_velocity_only", "t265", LATER}
-"""The usual run takes these: odometry, a filter that begins anew, an origin, and another release."""
+USUAL: Final = {"bench_odometry", LATER}
+"""The usual run takes these: odometry with an origin, and another release."""
 
 
 @pytest.mark.parametrize(

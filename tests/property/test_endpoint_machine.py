@@ -17,7 +17,7 @@ millisecond clock. What must hold all the while:
 - output is whole frames to an independent parser: those of others as they came, the own ones numbered without gaps;
 - logs can be read to their last byte by pymavlink, with as many records of each type as were written.
 
-Tried with 6 examples of 40 steps each, always the same ones; the slow test takes 120.
+Tried with 4 examples of 40 steps each, always the same ones; the slow test takes 60.
 """
 
 import math
@@ -554,7 +554,7 @@ def steps(examples: int) -> settings:
 
 
 def test_whatever_comes_the_endpoint_keeps_its_promises() -> None:
-    run_state_machine_as_test(EndpointMachine, settings=steps(6))
+    run_state_machine_as_test(EndpointMachine, settings=steps(4))
 
 
 @pytest.mark.slow

@@ -109,9 +109,7 @@ def test_every_preset_has_a_stream_here() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name == "t265-compass" else pytest.mark.slow) for name in STREAMS]
-)
+@pytest.mark.parametrize("name", STREAMS)
 def test_vehicle_with_its_stream_is_ready_to_arm(settled: Callable[[str], Run], name: str) -> None:
     run = settled(name)
     assert [text for text in run.texts if text.startswith("PreArm")] == []
@@ -125,7 +123,8 @@ def test_vehicle_without_its_stream_is_not(name: str) -> None:
     assert not run.vehicle.copter.arming.passed
 
 
-@pytest.mark.parametrize("name", ["t265-compass", pytest.param("gps-and-extnav", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["t265-compass", "gps-and-extnav"])
 def test_camera_is_aligned_where_the_heading_is_the_compass(settled: Callable[[str], Run], name: str) -> None:
     texts = settled(name).texts
     assert any(re.fullmatch(r"VisOdom: yaw shifted 7[45] to (?:0|1|359) deg", text) for text in texts), texts

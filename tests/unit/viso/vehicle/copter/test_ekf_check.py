@@ -158,6 +158,7 @@ def test_vehicle_warns_8_s_after_the_last_sample(lost: "Bench") -> None:
     assert errors(lost) == LOST
 
 
+@pytest.mark.slow
 def test_samples_that_come_back_resolve_it_after_a_second(lost: "Bench") -> None:
     lost.see(0.8)
     assert errors(lost) == LOST
@@ -182,6 +183,7 @@ def test_heartbeat_is_critical_until_it_is_resolved(armed: bool) -> None:
     assert system_status(bench) == 3
 
 
+@pytest.mark.slow
 def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(lost: "Bench") -> None:
     lost.see(0.5)
     assert lost.command(176, 1, 5) == 4
