@@ -52,7 +52,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if not left_out or collection_path.suffix != ".py":
         return None
     text = collection_path.read_text(encoding="utf-8")
-    return re.search(rf"^pytestmark = pytest\.mark\.({left_out})\b", text, re.MULTILINE) is not None or None
+    return re.search(rf"^pytestmark = \[?pytest\.mark\.({left_out})\b", text, re.MULTILINE) is not None or None
 
 
 def pytest_collection_finish() -> None:
