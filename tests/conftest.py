@@ -3,6 +3,7 @@
 """Fixtures for every test: an AP_VisualOdom whose surroundings are settable and remembered."""
 
 import gc
+import logging
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -39,10 +40,12 @@ def pytest_configure(config: pytest.Config) -> None:
     """Draw fewer examples when slow tests are left out, and save time that nothing is tested in.
 
     Linear algebra gets one thread: a second one, for matrices as small as these, only waits, and by spinning. The
-    garbage collector comes less often: collecting twelve thousand tests makes nothing that it could free.
+    garbage collector comes less often: collecting twelve thousand tests makes nothing that it could free. What is
+    logged is not printed.
     """
     settings.load_profile("usual" if "not slow" in config.option.markexpr else "whole")
     threadpoolctl.threadpool_limits(limits=1, user_api="blas")
+    logging.getLogger().addHandler(logging.NullHandler())
     gc.set_threshold(100_000, 50, 100)
 
 
