@@ -141,7 +141,8 @@ class CompiledPass(InertialPass):
         mem[kernel.DEL_VEL : kernel.STEP] = 0.0
         mem[kernel.TURNED] = 1.0
         self._dt_ekf_avg = EKF_TARGET_DT
-        self._answer.note(0)
+        mem[kernel.GYRO_BEFORE : kernel.RATIOS] = 0.0
+        self._answer.note(kernel.HAS_BEFORE)
         mem[_BIAS_RATES] = 0.0
 
     @property
@@ -168,8 +169,10 @@ class CompiledPass(InertialPass):
         self._restart()
         self.output = CompiledOutput(self._mem, state, length)
 
-    def sample(self, delta: InertialDelta, now_ms: int) -> None:
-        """Add up the data of the pass in which the state began."""
+    def sample(self, delta: InertialDelta, now_ms: int, *, scale: float | None) -> None:
+        """Test for standing still, and add up the data of a pass, which are taken once more in ``advance``."""
+        if scale is not None:
+            self._answer.note(kernel.test(self._mem, self._answer.known, scale))
         kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT, True)
 
     def advance(

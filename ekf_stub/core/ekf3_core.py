@@ -143,7 +143,7 @@ class Ekf3Core:
         self._origin_alt_cm, self._reference_height_m = 0, 0.0
         self._had_flags_ms = self._now_ms = self._frames_of_step = 0
         self._fix: GpsSample | None = None
-        self.initialised = self.stepped = False
+        self.initialised = self.stepped = self._has_begun = False
 
     def _get_single(self, name: str) -> np.float32:
         return np.float32(self._get_float(name.removeprefix("EK3_")))
@@ -171,8 +171,7 @@ class Ekf3Core:
             self._first_ms = now_ms
         elif now_ms - self._first_ms >= BOOTSTRAP_MS:
             self._initialise(frame, now_ms)
-            # The firmware reads the next frame's data once to see that its buffer is full, and once more to run.
-            self._pass.sample(frame.delta, now_ms)
+            self._has_begun = True
 
     def _initialise(self, frame: Frame, now_ms: int) -> None:
         """Begin with the attitude that the accelerometers show, at rest and facing north."""
@@ -246,6 +245,10 @@ class Ekf3Core:
         self.control.update(frame, now_ms, self._pass.dt_ekf_avg, get, self._texts)
         scale = get("OGNM_TEST_SF") if self.control.tests_stillness else None
         height_filter_hz = get("HRT_FILT")
+        if self._has_begun:
+            # The firmware reads the frame's data once to see that its buffer is full, and once more to run.
+            self._has_begun = False
+            self._pass.sample(frame.delta, now_ms, scale=scale)
         if frame.imu_rates is not None:
             self._follow_imus(frame.imu_rates)
         may_step = not frame.is_late or self._frames_of_step >= MOST_FRAMES_OF_STEP

@@ -74,8 +74,10 @@ class InertialPass:
         self._stillness.reset()
         self._bias_rates = NO_RATES
 
-    def sample(self, delta: InertialDelta, now_ms: int) -> None:
-        """Add up the data of the pass in which the state began."""
+    def sample(self, delta: InertialDelta, now_ms: int, *, scale: float | None) -> None:
+        """Test for standing still, and add up the data of a pass, which are taken once more in ``advance``."""
+        if scale is not None:
+            self._stillness.test(*self._bias_rates, self._sampler.dt_ekf_avg, scale)
         self._sampler.add(delta, LOOP_DT, now_ms)
 
     def advance(

@@ -52,7 +52,8 @@ class Stillness:
         """Begin the test anew; the filters go on."""
         self.is_still = False
         self._ratios: tuple[float, float, float, float] | None = None
-        self._gyro_before: Three | None = None
+        # In the firmware there was a rate of 0 before the first, so that the vehicle seems to move for a while.
+        self._gyro_before: Three | None = (0.0, 0.0, 0.0)
         self._accel_before: Three = (0.0, 0.0, 0.0)
         self._gyro_diff = self._accel_diff = 0.0
 

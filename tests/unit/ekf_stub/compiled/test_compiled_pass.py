@@ -49,7 +49,7 @@ class Pair:
     def begin(self) -> None:
         for path in self.both:
             path.begin(self.state, LENGTH)
-            path.sample(InertialDelta(np.full(3, 0.01), np.full(3, 0.001), DT, DT), 0)
+            path.sample(InertialDelta(np.full(3, 0.01), np.full(3, 0.001), DT, DT), 0, scale=SCALE)
 
     def _delta(self, sigma: float) -> InertialDelta:
         dts = DT * self._rng.uniform(0.8, 1.2, 2) if sigma else (DT, DT)

@@ -33,6 +33,7 @@ def run(stillness: Stillness, passes: int, *, scale: float = 1.0) -> None:
 
 def resting(**sensed: Sequence[float]) -> Stillness:
     stillness = Stillness()
+    stillness.skip()
     sense(stillness, **sensed)
     return stillness
 
@@ -52,7 +53,15 @@ def test_vehicle_at_rest_is_still_once_its_jerks_have_been_small_for_long_enough
     assert stillness.is_still
 
 
-def test_nothing_is_said_in_the_first_pass() -> None:
+def test_first_pass_of_all_is_a_jerk_from_weightlessness() -> None:
+    stillness = Stillness()
+    sense(stillness)
+    run(stillness, 1)
+    assert stillness.report is not None
+    assert stillness.report.accel_diff_ratio == pytest.approx(0.01 * GRAVITY_MSS / STEP_DT / 5.0)
+
+
+def test_nothing_is_said_in_the_first_pass_after_a_rest() -> None:
     stillness = resting()
     run(stillness, 1)
     assert (stillness.is_still, stillness.report) == (False, None)
