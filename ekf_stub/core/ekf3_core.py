@@ -41,13 +41,14 @@ from ekf_stub.fusion.aiding import Aiding, AidingMode
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.flow_fusion import FlowFusion
 from ekf_stub.fusion.height_source import RANGE, HeightSource
-from ekf_stub.fusion.measurements import BaroSample, Delayed, MagSample
+from ekf_stub.fusion.measurements import BaroSample, Delayed
 from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.fusion.resets import POS_NE, Resets
 from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
 from ekf_stub.fusion.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
 from ekf_stub.fusion.yaw_fusion import YawFusion
+from ekf_stub.inputs.compasses import NO_COMPASS, Compasses, CompassReading
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS, ExtNavIngest
 from ekf_stub.inputs.flow_ingest import FlowIngest, FlowMeasurement
 from ekf_stub.inputs.gps_checks import GpsSurroundings
@@ -60,7 +61,6 @@ from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
 BOOTSTRAP_MS: Final = 1000
 SENSOR_INTERVAL_MS: Final = 50
-MAG_DELAY_MS: Final = 60
 FORCED_RESET_MS: Final = 5000
 DEAD_RECKONING_MS: Final = 1000
 MAX_PLACE_AGE_MS: Final = 5000
@@ -138,7 +138,9 @@ class Ekf3Core:
         self.refused = self._door.refused
         self._first_ms: int | None = None
         self._steps: deque[InertialStep] = deque(maxlen=sizes.imu)
-        self._baro_ms = self._mag_us = 0
+        self._baro_ms = 0
+        self._mag: tuple[int, Array] | None = None
+        self._only_compass = NO_COMPASS
         self.origin: Location | None = None
         self._origin_alt_cm, self._reference_height_m = 0, 0.0
         self._had_flags_ms = self._now_ms = self._frames_of_step = 0
@@ -191,7 +193,8 @@ class Ekf3Core:
         self.ingest.reset()
         self.ingest.horizon_ms = u32(long_ago_ms)
         self.gps.reset()
-        self._baro_ms, self._mag_us = now_ms, 0
+        self._baro_ms = now_ms
+        self.yaw.compass.begin(self._compasses(frame), now_ms)
         self._had_flags_ms = 0
         self.ingest.initialised = self.initialised = True
         if self.origin is not None:
@@ -240,8 +243,15 @@ class Ekf3Core:
 
     # Every frame
 
+    def _compasses(self, frame: Frame) -> Compasses:
+        if frame.compasses is None and frame.mag is not self._mag:
+            self._mag = frame.mag
+            self._only_compass = NO_COMPASS if frame.mag is None else Compasses((CompassReading(*frame.mag),))
+        return self._only_compass if frame.compasses is None else frame.compasses
+
     def _update(self, frame: Frame, now_ms: int) -> None:
         get = self._get_float
+        self.yaw.compass.select(self._compasses(frame), now_ms, armed=frame.armed)
         self.control.update(frame, now_ms, self._pass.dt_ekf_avg, get, self._texts)
         scale = get("OGNM_TEST_SF") if self.control.tests_stillness else None
         height_filter_hz = get("HRT_FILT")
@@ -287,7 +297,7 @@ class Ekf3Core:
     def _run_step(self, frame: Frame, now_ms: int, step: InertialStep) -> None:
         get, vehicle, dt = self._get_float, self.control.vehicle, self._pass.dt_ekf_avg
         noise = self._process_noise(get)
-        self.yaw.field.begin_step()
+        self.yaw.begin_step()
         aided = self.aiding.mode is not _NO_AIDING
         if self.flow_ingest.is_in_use:
             self.flow_ingest.note_turn(self.state.turn_of(step, dt), step.del_ang_dt)
@@ -325,11 +335,8 @@ class Ekf3Core:
             self.height.baro.push(BaroSample(later_ms(u32(time_ms), self.ingest.horizon_ms), frame.baro[1]))
         table = frame.place_declination if self.origin is not None else None
         self.yaw.field.declination = frame.declination if table is None else table
-        self.yaw.compass = frame.compass
-        is_new = frame.mag is not None and u32(frame.mag[0] - self._mag_us) > 1000 * SENSOR_INTERVAL_MS
-        if frame.mag is not None and is_new and self.yaw.uses_compass():
-            self._mag_us = frame.mag[0]
-            self.yaw.mag.push(MagSample(u32(now_ms - MAG_DELAY_MS - HALF_FILTER_STEP_MS), 0.001 * frame.mag[1]))
+        if frame.place_field is not None and self.origin is not None:
+            self.yaw.field.use_table(frame.place_field)
 
     def _read_gps(self, sample: GpsSample | None, now_ms: int) -> None:
         if sample is not None:
@@ -348,6 +355,8 @@ class Ekf3Core:
                 on_ground=self.control.vehicle.on_ground, mag_x=mag_x, mag_y=mag_y, yaw=self.yaw.ratio
             ),
         )
+        if fix is not None:
+            self.yaw.check_compass(now_ms, self.control.vehicle)
         if fix is not None and self.gps.checks.good and self.origin is None:
             self._set_origin_by_gps(fix.location)
         if fix is not None and self.origin is not None:

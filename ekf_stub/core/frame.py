@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from ekf_stub.filter.inactive_biases import ImuRates
 from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.compasses import Compasses
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.range_reading import RangeFinders
 
@@ -17,8 +18,9 @@ class Frame(NamedTuple):
     newest solution; None when there is none. ``lever_arm`` is the camera's place from the IMU in m, body, ``home_lat``
     the latitude of home in 1e-7 deg. ``declination`` (rad) is the compass's own; ``place_declination`` that of the
     origin by a table of the world, where there is one. ``ranges`` is what the range finders say, None when there are
-    none, ``compass`` the number of the compass that ``mag`` is of, and ``imu_rates`` what all IMUs say, None where
-    there is but one. With ``is_late`` there is no time left for a step.
+    none, ``compasses`` what all compasses say, None where there is but the one that ``mag`` is of, and ``imu_rates``
+    what all IMUs say, None where there is but one. ``place_field`` is the earth's magnetic field at the origin by a
+    table of the world, Gauss, NED, where there is one. With ``is_late`` there is no time left for a step.
     """
 
     time_us: int
@@ -35,6 +37,7 @@ class Frame(NamedTuple):
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     home_lat: int = 0
     ranges: RangeFinders | None = None
-    compass: int = 0
+    compasses: Compasses | None = None
     imu_rates: ImuRates | None = None
     is_late: bool = False
+    place_field: Array | None = None

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from ekf_stub.core.frame import Frame
 from ekf_stub.filter.inertial import MIN_DT, InertialDelta, InertialGuard
+from ekf_stub.inputs.compasses import NO_COMPASS
 
 MAX_BARO_M: Final = 1e5
 MAX_FIELD_MGAUSS: Final = 1e5
@@ -57,6 +58,11 @@ def _are_ranges_sound(frame: Frame) -> bool:
     return _within(MAX_RANGE_M, clearance, max_distance, *numbers)
 
 
+def _are_compasses_sound(frame: Frame) -> bool:
+    readings = () if frame.compasses is None else frame.compasses.readings
+    return all(_within(MAX_FIELD_MGAUSS, *reading.field.tolist(), *reading.offsets) for reading in readings)
+
+
 _SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
     "baro": (lambda frame: frame.baro is None or _within(MAX_BARO_M, frame.baro[1]), None),
     "mag": (_is_mag_sound, None),
@@ -65,11 +71,12 @@ _SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
     "place_declination": (_is_place_declination_sound, None),
     "lever_arm": (lambda frame: _within(MAX_LEVER_ARM_M, *frame.lever_arm), (0.0, 0.0, 0.0)),
     "ranges": (_are_ranges_sound, None),
+    "compasses": (_are_compasses_sound, NO_COMPASS),
 }
 """How to tell what may come in, by field of a frame, and what stands in for the rest."""
 
 
-_SLOW_FIELDS: Final = slice(Frame._fields.index("baro"), Frame._fields.index("ranges") + 1)
+_SLOW_FIELDS: Final = slice(Frame._fields.index("baro"), Frame._fields.index("compasses") + 1)
 _NOTHING_SEEN: Final[Any] = object()
 
 
@@ -104,7 +111,7 @@ class FrameDoor:
 
     def _has_been_seen(self, frame: Frame) -> bool:
         # Most frames bring what the one before has brought, but for inertial data.
-        baro, mag, gps, declination, place_declination, lever_arm, _, ranges = self._seen
+        baro, mag, gps, declination, place_declination, lever_arm, _, ranges, compasses = self._seen
         return (
             frame.baro is baro
             and frame.mag is mag
@@ -113,6 +120,7 @@ class FrameDoor:
             and frame.place_declination is place_declination
             and frame.lever_arm is lever_arm
             and frame.ranges is ranges
+            and frame.compasses is compasses
         )
 
     def _sound(self, delta: InertialDelta) -> InertialDelta:

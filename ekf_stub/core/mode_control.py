@@ -333,7 +333,7 @@ class ModeControl:
 
     def timeouts(self, now_ms: int) -> int:
         """Return the bits of XKF4.TS; airspeed and drag are always lost, the latter 5 s after boot."""
-        aiding, mag = self._core.aiding, self._core.yaw.mag_is_lost
+        aiding, mag = self._core.aiding, self._core.yaw.compass.is_lost
         drag = now_ms > NO_DRAG_MS
         lost = aiding.pos_timeout | aiding.vel_timeout << 1 | self._core.height.is_lost << 2 | mag << 3
         return lost | 1 << 4 | drag << 5

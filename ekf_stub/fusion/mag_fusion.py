@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fusion of all three axes of the compass (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, FuseMagnetometer, FuseDeclination).
 
-FIRMWARE PARITY: the firmware takes the earth's field from a table of the world; here it is the one that was measured
-when yaw was aligned, turned to the declination. Of simulated fields both are the same.
+FIRMWARE PARITY: the firmware takes the earth's field from a table of the world as the origin is set. Where that is not
+known, it is here the one that was measured when yaw was aligned, turned to the declination.
 """
 
 import math
@@ -38,7 +38,7 @@ class MagFusion:
         get_float: returns a parameter by its name after ``EK3_``.
 
     Attributes:
-        is_learned: the fields are known so well that they are kept over a landing.
+        is_learned: the fields are known so well that they are kept until the vehicle has landed.
         innovation: of the three axes, Gauss; ``ratios`` are their squares to the gate.
         declination: of the magnetic field, rad.
     """
@@ -51,6 +51,7 @@ class MagFusion:
         self.ratios: Array = np.zeros(3)
         self.declination = 0.0
         self._table_field: Array = np.zeros(3)
+        self._has_table = False
         self._learned_vars: Array = np.zeros(6)
         self._begins = False
 
@@ -70,8 +71,10 @@ class MagFusion:
             self._align_declination()
         return True
 
-    def begin_step(self) -> None:
-        """Give the fields their first variances, before the first prediction with them."""
+    def begin_step(self, *, forgets_body_field: bool = False) -> None:
+        """Give the fields their first variances, before the first prediction with them, or the vehicle's new ones."""
+        if forgets_body_field:
+            self._state.clear(BODY, self._variance())
         if self._begins:
             self._begins = False
             self._state.clear(slice(EARTH.start, BODY.stop), self._variance())
@@ -80,12 +83,19 @@ class MagFusion:
     def _variance(self) -> float:
         return self._get_float("MAG_M_NSE") ** 2
 
+    def use_table(self, field: Array) -> None:
+        """Take the earth's field, Gauss, NED, from a table, once (setEarthFieldFromLocation)."""
+        if not self._has_table and self._get_float("MAG_EF_LIM") > 0:
+            self._has_table, self._table_field = True, field
+            self._state.earth_field = field
+
     def reset(self, mag: MagSample) -> None:
-        """Take the earth's field from a measurement and the attitude (resetMagFieldStates)."""
+        """Take the earth's field from the table, or from a measurement and the attitude (resetMagFieldStates)."""
         state = self._state
-        state.earth_field = state.rotation @ mag.field
+        state.earth_field = self._table_field if self._has_table else state.rotation @ mag.field
         self._align_declination()
-        self._table_field = state.earth_field.copy()
+        if not self._has_table:
+            self._table_field = state.earth_field.copy()
         state.clear(slice(EARTH.stop - 1, BODY.stop), self._variance())
 
     def _align_declination(self) -> None:
@@ -128,7 +138,6 @@ class MagFusion:
         for row, innovation, variance in zip(rows, self.innovation.tolist(), variances, strict=True):
             state.fuse(row, innovation, variance)
             self._limit()
-        self._note_learned()
         return True
 
     def _rows(self, rotation: Array) -> list[Array]:
@@ -151,8 +160,11 @@ class MagFusion:
             )
         self._state.body_field = np.clip(self._state.body_field, -MAX_BODY_FIELD, MAX_BODY_FIELD)
 
-    def _note_learned(self) -> None:
+    def note_learned(self, *, is_set_in_flight: bool) -> None:
+        """Note how well the fields are known, once they were set in flight (SelectMagFusion)."""
+        if not is_set_in_flight and not self.is_learned:
+            return
         variances = self._state.cov.diagonal()[EARTH.start :]
         self.is_learned = self.is_learned or bool((variances[:3] < LEARNED_VAR).all())
-        if self.is_learned:
+        if self.is_learned and self._state.learns_field:
             self._learned_vars = variances.copy()

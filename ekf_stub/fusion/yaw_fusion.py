@@ -10,6 +10,7 @@ from ekf_stub.filter.error_state import MIN_NOISE_VAR
 from ekf_stub.filter.inertial import InertialStep, limited
 from ekf_stub.filter.states import ATT
 from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.compass_reading import CompassReader
 from ekf_stub.fusion.compass_yaw import GROUND_AND_CLIMBED, NEVER, ON_GROUND, CompassAlignment
 from ekf_stub.fusion.gps_yaw import GpsYaw
 from ekf_stub.fusion.height_source import Vehicle
@@ -21,13 +22,12 @@ from ekf_stub.fusion.vel_pos_fusion import Innovations
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import YawSample
 from ekf_stub.inputs.gps_reading import MIN_YAW_ERR
-from ekf_stub.inputs.obs_ring import ObsRing
 from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 
 SYNTHETIC_PERIOD_MS: Final = 140
 IN_USE_MS: Final = 5000
-MAG_TIMEOUT_MS: Final = 10_000
+BAD_COMPASS_MS: Final = 5000
 MIN_YAW_NOISE: Final = 0.05
 MIN_ALIGNED_NOISE: Final = 0.01
 MAX_INNOVATION: Final = 0.5
@@ -54,13 +54,10 @@ class YawFusion(Fusion):
     """Where yaw comes from, and what becomes of it.
 
     Attributes:
-        has_compass: tells whether a compass is in use.
         aligned: whether yaw has been set from a measurement.
         resets: how often that was.
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
-        compass: the number of the compass in use.
-        mag: magnetic fields that wait for the horizon.
-        mag_is_lost: whether the compass has been in use and failed its gate for 10 s.
+        compass: the compass in use.
         field: the fields of the earth and of the vehicle.
         mag_fusion: 0 while the compass is not in use, 1 while its heading is fused, 2 while its three axes are.
         field_was_fused: whether they took up this step, so that other measurements wait for the next.
@@ -72,18 +69,14 @@ class YawFusion(Fusion):
         self._reset = resets
         self._innovations = innovations
         self.by_gps = GpsYaw(parts)
-        self.has_compass = parts.has_compass
         self._learns_field_on_ground = parts.release.learns_field_on_ground
-        self._compass_failed = False
+        self.compass = CompassReader(parts)
+        self._agreed_ms: int | None = None
         self.aligned = False
         self.resets = 0
         self.innovation = self.ratio = 0.0
-        self.compass = 0
-        self.mag: ObsRing[MagSample] = ObsRing(parts.ring_size)
         self.field = MagFusion(parts.state, parts.get_float)
         self.field_was_fused = False
-        self.mag_is_lost = self._mag_is_healthy = False
-        self._mag_healthy_ms: int | None = None
         self.mag_fusion = 0
         self._alignment = CompassAlignment(parts.state)
         self._ext_nav_ms = self._synthetic_ms = self._gps_ms = 0
@@ -91,6 +84,10 @@ class YawFusion(Fusion):
         self._source = self.source()
         self._source_changed = False
         self._yaw_at_rest, self._by_321_at_rest = 0.0, True
+
+    def has_compass(self) -> bool:
+        """Tell whether there is a compass that may be used for yaw."""
+        return self.compass.is_used()
 
     def source(self) -> int:
         """Return the yaw source as of ``control``; a compass that is not there is none."""
@@ -103,7 +100,7 @@ class YawFusion(Fusion):
     def _look_at_sources(self) -> None:
         source, has_compass = self._sources.yaw(), self.has_compass()
         self._frame_source = _YAW_NONE if source == _YAW_COMPASS and not has_compass else source
-        self._frame_uses_compass = source in _BY_COMPASS and has_compass and not self._compass_failed
+        self._frame_uses_compass = source in _BY_COMPASS and has_compass and not self.compass.has_failed
 
     def uses_ext_nav(self, now_ms: int) -> bool:
         """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
@@ -117,6 +114,7 @@ class YawFusion(Fusion):
         """
         self._look_at_sources()
         self._alignment.update(vehicle, self.innovation)
+        self.field.is_learned &= not vehicle.on_ground
         magcal = int(self._get_float("MAG_CAL"))
         if magcal == GROUND_AND_CLIMBED and not self._learns_field_on_ground:
             magcal = NEVER
@@ -150,7 +148,10 @@ class YawFusion(Fusion):
             return
         if source in _BY_GPS:
             self._use_gps(now_ms, vehicle, is_still=is_still)
-            if source == _YAW_GPS or self._gps_ms:
+            if source == _YAW_GPS:
+                return
+            if self._gps_ms:
+                self._read_compass(now_ms, vehicle)
                 return
         ext_nav = self._ingest.recall_yaw()
         if ext_nav is not None and not (math.isfinite(ext_nav.yaw) and math.isfinite(ext_nav.yaw_err)):
@@ -159,18 +160,38 @@ class YawFusion(Fusion):
             self._use_ext_nav(ext_nav, now_ms, vehicle)
         elif source == _YAW_EXTNAV:
             self._wait_for_sensor(now_ms, vehicle, is_still=is_still)
-        self._check_mag_timeout(now_ms)
-        mag = self.mag.recall(self._ingest.horizon_ms).sample
+        self.compass.check_timeout(now_ms, is_in_use=self.uses_compass())
+        self._read_compass(now_ms, vehicle)
+        mag = self.compass.samples.recall(self._ingest.horizon_ms).sample
         if mag is not None and self.uses_compass():
             self._align_by_compass(mag, vehicle, climbed_m=climbed_m)
             if self.aligned:
                 self._fuse_compass(mag, vehicle, step)
+        self.field.note_learned(is_set_in_flight=self._alignment.field_done)
 
-    def _check_mag_timeout(self, now_ms: int) -> None:
-        if self._mag_is_healthy or self._mag_healthy_ms is None:
-            self._mag_healthy_ms, self.mag_is_lost = now_ms, False
-        elif now_ms - self._mag_healthy_ms > MAG_TIMEOUT_MS and self.uses_compass():
-            self.mag_is_lost = True
+    def begin_step(self) -> None:
+        """Give the magnetic fields new variances where that is due, before the prediction."""
+        self.field.begin_step(forgets_body_field=self.compass.forgets_body_field)
+        self.compass.forgets_body_field = False
+
+    @property
+    def wants_alignment(self) -> bool:
+        """Whether yaw is to be aligned with the next reading of the compass."""
+        return self._alignment.is_requested
+
+    def _read_compass(self, now_ms: int, vehicle: Vehicle) -> None:
+        self.compass.read(now_ms, vehicle, is_in_use=self.uses_compass())
+
+    def check_compass(self, now_ms: int, vehicle: Vehicle) -> None:
+        """Ask for an alignment once a compass has been off for 5 s on the ground (calcGpsGoodToAlign).
+
+        With each solution of the GPS.
+        """
+        mag_x, mag_y, _ = self.field.ratios.tolist()
+        if self._agreed_ms is None or max(mag_x, mag_y, self.ratio) <= 1 or not self.compass.are_consistent:
+            self._agreed_ms = now_ms
+        if now_ms - self._agreed_ms > BAD_COMPASS_MS and not vehicle.armed:
+            self._alignment.is_requested, self._agreed_ms = True, now_ms
 
     def _noise(self) -> float:
         return self._get_float("YAW_M_NSE")
@@ -251,7 +272,7 @@ class YawFusion(Fusion):
         """Let the GSF take the velocity that came due in a step, and set yaw by it if that was asked for."""
         self.by_gps.fuse()
         if self.by_gps.emergency(now_ms) and self._reset_to_gsf(now_ms, vehicle):
-            self._compass_failed = True
+            self.compass.has_failed = True
 
     def _align_by_gps(self, now_ms: int, vehicle: Vehicle) -> None:
         """Set yaw by the GSF, or else to where the vehicle goes, unless it agrees (realignYawGPS)."""
@@ -308,26 +329,36 @@ class YawFusion(Fusion):
             alignment.is_requested = True
             self._source_changed = False
         due = alignment.due(vehicle, self.innovation, climbed_m, aligned=self.aligned)
-        if due is None:
-            return
+        if due is not None:
+            self._align_to(mag, due, vehicle)
+        if self.compass.wants_reset:
+            self.field.is_learned = False
+            self._set_field(mag, vehicle)
+
+    def _align_to(self, mag: MagSample, due: str, vehicle: Vehicle) -> None:
+        alignment = self._alignment
         if not self.aligned:
-            self._texts.add(f"MAG{self.compass} initial yaw alignment complete")
+            self._texts.add(f"MAG{self.compass.number} initial yaw alignment complete")
         by_321 = self._best_order()
         measured = self._compass_yaw(mag, by_321=by_321)
         self._align(measured, max(self._noise(), MIN_ALIGNED_NOISE) ** 2, vehicle, by_321=by_321)
         if due == "final":
-            self._texts.add(f"MAG{self.compass} in-flight yaw alignment complete")
+            self._texts.add(f"MAG{self.compass.number} in-flight yaw alignment complete")
         elif due == "interim":
-            self._texts.add(f"MAG{self.compass} ground mag anomaly, yaw re-aligned", MAV_SEVERITY_WARNING)
+            self._texts.add(f"MAG{self.compass.number} ground mag anomaly, yaw re-aligned", MAV_SEVERITY_WARNING)
             alignment.note_anomaly()
         if not self.field.is_learned:
-            self.field.reset(mag)
-            alignment.note_field(vehicle, self.innovation)
+            self._set_field(mag, vehicle)
+
+    def _set_field(self, mag: MagSample, vehicle: Vehicle) -> None:
+        self.compass.wants_reset = False
+        self.field.reset(mag)
+        self._alignment.note_field(vehicle, self.innovation)
 
     def _fuse_compass(self, mag: MagSample, vehicle: Vehicle, step: InertialStep) -> None:
-        if self._state.learns_field and self._alignment.field_set:
+        if self._state.learns_field and self._alignment.field_set and not self.compass.wants_reset:
             self.mag_fusion = 2
-            self.field_was_fused = self._mag_is_healthy = self.field.fuse(mag, step)
+            self.field_was_fused = self.compass.is_healthy = self.field.fuse(mag, step)
             self.ratio = 0.0
             return
         self.mag_fusion = 1
@@ -343,7 +374,7 @@ class YawFusion(Fusion):
         gate = max(0.01 * self._get_float("YAW_I_GATE"), 1.0) ** 2
         self.innovation = innovation
         self.ratio = innovation**2 / (gate * innovation_variance)
-        self._mag_is_healthy = self.ratio <= 1
+        self.compass.is_healthy = self.ratio <= 1
         if self.ratio > 1 and vehicle.in_flight:
             return False
         self._state.fuse_spread(spread, expected, limited(innovation, -MAX_INNOVATION, MAX_INNOVATION), variance)

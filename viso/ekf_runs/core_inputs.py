@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from ekf_stub.core.ekf3_core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
 from ekf_stub.filter.inactive_biases import ImuRates
-from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.compasses import NO_COMPASS, Compasses
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from viso.ekf_runs.inputs import ReplayInputs
 
@@ -29,7 +30,7 @@ class CoreInputs:
         self._number = number
         self._imu = imu
         self._affinity = affinity
-        self._own_compass: int | None = None
+        self._said, self._own_said = NO_COMPASS, NO_COMPASS
 
     @property
     def gyro(self) -> int:
@@ -67,17 +68,14 @@ class CoreInputs:
         primary = baros.get(self._inputs.primary_baro)
         return None if primary is None else primary.value
 
-    def compass(self) -> int:
-        """Return the number of the compass (update_mag_selection)."""
-        own = self._affinity() & AFFINITY_MAG and self._inputs.mags.get(self._number)
-        if own and own.is_healthy:
-            self._own_compass = self._number
-        return self._inputs.first_mag if self._own_compass is None else self._own_compass
-
-    def mag(self) -> tuple[int, Array] | None:
-        """Return the compass's reading."""
-        mag = self._inputs.mags.get(self.compass())
-        return None if mag is None else mag.value
+    def compasses(self) -> Compasses:
+        """Return what the compasses say, and which of them is the core's own: the same until that changes."""
+        if not self._affinity() & AFFINITY_MAG:
+            return self._inputs.compasses
+        if self._said is not self._inputs.compasses:
+            self._said = self._inputs.compasses
+            self._own_said = self._said._replace(own=self._number)
+        return self._own_said
 
     def gps(self) -> GpsSample | None:
         """Return the newest solution of a receiver (update_gps_selection)."""

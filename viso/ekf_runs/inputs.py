@@ -11,9 +11,10 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from ap_core.cint import i32
-from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.filter.inertial_pass import LOOP_DT
 from ekf_stub.filter.stillness import Filtered
+from ekf_stub.inputs.compasses import NO_COMPASS, CompassReading
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
@@ -61,10 +62,10 @@ class ReplayInputs:
         imu_count: how many IMUs there are.
         deltas: inertial data, by IMU.
         gyros, accels: what each IMU measures, rad/s and m/s/s, body, filtered; None for a sensor not to be used.
-        first_gyro, first_accel, first_mag: the first ones that can be used.
+        first_gyro, first_accel: the first ones that can be used.
         baros: time of the reading in ms, and height in m, by barometer.
         primary_baro: the one in use.
-        mags: time of the reading in us, and the field in mGauss, body, by compass.
+        compasses: what the compasses say; the same until that changes.
         declination: of the magnetic field, rad.
         camera_frd: where the camera is on the vehicle, m; None while there is none.
         camera_delay_ms: how late it is.
@@ -79,9 +80,11 @@ class ReplayInputs:
         self.deltas: dict[int, InertialDelta] = {}
         self.gyros: list[Three | None] = [None] * _MAX_IMUS
         self.accels: list[Three | None] = [None] * _MAX_IMUS
-        self.first_gyro = self.first_accel = self.first_mag = self.primary_baro = 0
+        self.first_gyro = self.first_accel = self.primary_baro = 0
         self.baros: dict[int, Reading[tuple[int, float]]] = {}
-        self.mags: dict[int, Reading[tuple[int, Array]]] = {}
+        self.compasses = NO_COMPASS
+        self._compasses: dict[int, CompassReading] = {}
+        self._compass_count = 0
         self.declination = 0.0
         self.camera_frd: tuple[float, float, float] | None = None
         self.camera_delay_ms = 0
@@ -166,12 +169,26 @@ class ReplayInputs:
 
     def _take_rmgh(self, record: Any) -> None:
         (self.declination,) = finite(record, "Dec")
-        (self.first_mag,) = whole(record, "FUsable")
+        first, self._compass_count, are_consistent, are_available = whole(record, "FUsable", "NumInst", "C", "Avail")
+        self.compasses = self.compasses._replace(
+            readings=self._compass_readings(),
+            first_usable=first,
+            are_consistent=bool(are_consistent),
+            are_available=bool(are_available),
+        )
 
     def _take_rmgi(self, record: Any) -> None:
-        time_us, *field = finite(record, "LU", "FX", "FY", "FZ")
-        is_used, is_healthy = whole(record, "UFY", "H")
-        self.mags[instance(record)] = Reading((int(time_us), np.array(field)), bool(is_used and is_healthy))
+        time_us, *values = finite(record, "LU", "FX", "FY", "FZ", "OX", "OY", "OZ")
+        is_used, is_healthy = map(bool, whole(record, "UFY", "H"))
+        x, y, z = values[3:]
+        self._compasses[instance(record)] = CompassReading(
+            int(time_us), np.array(values[:3]), (x, y, z), is_healthy, is_used
+        )
+        self.compasses = self.compasses._replace(readings=self._compass_readings())
+
+    def _compass_readings(self) -> tuple[CompassReading, ...]:
+        known = self._compasses
+        return tuple(known[i] for i in range(min(self._compass_count, len(known))) if i in known)
 
     def _take_rvoh(self, record: Any) -> None:
         x, y, z, enabled = finite(record, "OX", "OY", "OZ", "Ena")

@@ -22,6 +22,7 @@ from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import report_of
+from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.release import REFERENCE
 from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.sources import EkfSources
@@ -68,6 +69,7 @@ class EkfPlayer:
         params: the parameters as the log has them so far.
         inputs: the sensors.
         place_declination: of the magnetic field at the origin, rad, as far as it is known; None otherwise.
+        place_field: that field as the firmware's table of the world has it, Gauss, NED, as far as it is known.
         imus: the IMU of each core that is run, by the core's number; empty before the first frame.
         lanes: the cores, in that order; None until the log says that they have been started.
         release: what EKF3 does in the log's release.
@@ -85,6 +87,7 @@ class EkfPlayer:
         self.lanes: Lanes | None = None
         self.slow = 0
         self.place_declination: float | None = None
+        self.place_field: Array | None = None
         self._frame_has_run = False
         self._ranges_said: RangeFinders | None = None
         self._ranges_from_accel: dict[int, RangeFinders] = {}
@@ -195,14 +198,14 @@ class EkfPlayer:
             takeoff_expected=bool(inputs.flags & TAKEOFF_EXPECTED),
             touchdown_expected=bool(inputs.flags & TOUCHDOWN_EXPECTED),
             baro=sensors.baro(),
-            mag=sensors.mag(),
             gps=sensors.gps(),
             declination=inputs.declination,
             place_declination=self.place_declination,
+            place_field=self.place_field,
             lever_arm=self._lever_arm(sensors.accel),
             home_lat=inputs.home_lat,
             ranges=self._ranges(sensors.accel),
-            compass=sensors.compass(),
+            compasses=sensors.compasses(),
             imu_rates=sensors.imu_rates(),
             is_late=bool(self.slow >> _SLOW_EKF3 >> number & 1),
         )
@@ -248,7 +251,7 @@ class EkfPlayer:
                 sizes,
                 CoreTexts(self._events, (imu,)),
                 Counter(),
-                lambda: self.inputs.first_mag in self.inputs.mags,
+                lambda: bool(self.inputs.compasses.readings),
                 kernel,
                 common=common,
                 imu=imu,

@@ -39,6 +39,8 @@ _ERR_EKF_PRIMARY: Final = 24
 _EV_YAW_RESET: Final = 62
 _EV_SOURCE_SET_1: Final = 85
 _ORGN_EKF: Final = 0
+_ORIGIN_SET: Final = " origin set"
+_ORIGIN_SETTLES_US: Final = 500_000  # until all cores have it
 _NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
@@ -151,6 +153,7 @@ class EkfRun:
                 self.firmware = self.firmware or _firmware(log)
                 self._player.release = self.firmware.ekf
                 self._player.place_declination = _declination(log)
+                self._player.place_field = _field(log, self._player.place_declination)
                 for record, slow in _records(log, self._until_s):
                     self._player.slow = slow
                     self._take(record, has_estimates=has_estimates > 0)
@@ -298,6 +301,29 @@ def _firmware(log: Any) -> Firmware:
         names.add(text(record, "Name"))
     log.rewind()
     return profile_for(flown, names)
+
+
+def _field(log: Any, declination: float | None) -> Array | None:
+    """Return the earth's field by the firmware's table, Gauss, NED, of which no replay record tells.
+
+    The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss.
+    """
+    set_us: int | None = None
+    found: Array | None = None
+    while found is None and declination is not None:
+        record = log.recv_match(type=["MSG", "XKF2"])
+        if record is None:
+            break
+        (time_us,) = whole(record, "TimeUS")
+        if record.get_type() == "MSG":
+            if set_us is None and text(record, "Message").endswith(_ORIGIN_SET):
+                set_us = time_us
+        elif set_us is not None and time_us > set_us + _ORIGIN_SETTLES_US:
+            north, east, down = (value + math.copysign(0.5, value) for value in whole(record, "MN", "ME", "MD"))
+            level = math.hypot(north, east)
+            found = 0.001 * np.array([level * math.cos(declination), level * math.sin(declination), down])
+    log.rewind()
+    return found
 
 
 def _records(log: Any, until_s: float) -> Iterator[tuple[Any, int]]:

@@ -14,6 +14,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.core.ekf3_core import Frame
 from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, InertialDelta
+from ekf_stub.inputs.compasses import NO_COMPASS, Compasses, CompassReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
 
@@ -68,6 +69,7 @@ def test_sensors_that_are_not_there_are_not_refused() -> None:
         ("ranges", lambda bad: RangeFinders((RangeFinder(bad, is_good=True),)), None),
         ("ranges", lambda bad: RangeFinders((RangeFinder(1.0, True, (0.0, bad, 0.0)),)), None),
         ("ranges", lambda bad: RangeFinders((), bad), None),
+        ("compasses", lambda bad: Compasses((CompassReading(0, np.full(3, bad)),)), NO_COMPASS),
     ],
 )
 def test_what_is_absurd_counts_as_not_there(field: str, make: Any, stand_in: object, bad: float) -> None:

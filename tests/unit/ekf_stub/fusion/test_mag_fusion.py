@@ -233,14 +233,26 @@ def test_limit_of_the_earth_field_may_be_switched_off() -> None:
     assert rig.state.earth_field[2] == pytest.approx(1.2 * FIELD_NED[2], abs=1e-3)
 
 
+def test_field_of_a_table_is_the_one_that_is_reset_to_and_limited_around(rig: Rig) -> None:
+    rig.begin()
+    table = np.array([0.232, 0.0, -0.528])
+    rig.fusion.use_table(table)
+    rig.fusion.use_table(2 * table)  # only once
+    assert rig.state.earth_field.tolist() == table.tolist()
+    rig.state.earth_field = np.zeros(3)
+    rig.fusion.reset(MagSample(0, 1.3 * FIELD_NED))
+    assert rig.state.earth_field == pytest.approx(table)
+
+
 # Learning
 
 
-def test_field_that_was_learned_is_kept_over_a_landing(rig: Rig) -> None:
+def test_field_that_was_learned_is_kept_while_it_is_not_estimated(rig: Rig) -> None:
     rig.begin()
     rig.state.clear(ATT, 1e-12)
     rig.state.clear(slice(EARTH.start, BODY.stop), 1e-5)
     rig.fusion.fuse(rig.feel(rig.state.quat), STEP)
+    rig.fusion.note_learned(is_set_in_flight=True)
     assert rig.fusion.is_learned
     learned = variances(rig, slice(EARTH.start, BODY.stop))
     rig.fusion.learn(wanted=False)
@@ -252,4 +264,5 @@ def test_field_that_was_learned_is_kept_over_a_landing(rig: Rig) -> None:
 def test_uncertain_field_is_not_learned(rig: Rig) -> None:
     rig.begin()
     rig.fusion.fuse(rig.feel(rig.state.quat), STEP)
+    rig.fusion.note_learned(is_set_in_flight=True)
     assert not rig.fusion.is_learned

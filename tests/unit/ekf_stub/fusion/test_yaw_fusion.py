@@ -20,6 +20,7 @@ from ekf_stub.filter.inertial import Array, InertialStep, pure_quat
 from ekf_stub.filter.states import ATT
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.measurements import MagSample
+from ekf_stub.inputs.compasses import NO_COMPASS
 from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
@@ -312,7 +313,7 @@ def feel(
     field: Array = FIELD_NED,
 ) -> None:
     """Let the compass feel the earth's field at an attitude, in a step of now."""
-    parts.yaw.mag.push(MagSample(now_ms, felt(rpy, field)))
+    parts.yaw.compass.samples.push(MagSample(now_ms, felt(rpy, field)))
     run(parts, now_ms, vehicle=vehicle)
 
 
@@ -353,7 +354,7 @@ def test_heading_of_the_compass_is_fused_with_the_noise_of_the_parameter(make_pa
 
 def test_text_names_the_compass_in_use(make_parts: MakeParts) -> None:
     parts = make_parts("66661")
-    parts.yaw.compass = 2
+    parts.yaw.compass.number = 2
     feel(parts, (0, 0, 0))
     assert parts.told() == ["MAG2 initial yaw alignment complete"]
 
@@ -363,12 +364,13 @@ def test_compass_that_fails_its_gate_for_10_s_is_lost_until_it_passes_again(
     make_parts: MakeParts, magcal: float
 ) -> None:
     parts = make_parts("66661", MAG_CAL=magcal)
+    parts.yaw.compass.begin(NO_COMPASS, NOW_MS)
     lost = []
     for yaw, now_ms in ((0.0, 0), (0.0, 100), (3.0, 200), (3.0, 5000), (3.0, 10_200), (3.0, 10_300), (0.0, 10_400)):
         feel(parts, (0, 0, yaw), now_ms=NOW_MS + now_ms, vehicle=FLYING)
-        lost.append(parts.yaw.mag_is_lost)
+        lost.append(parts.yaw.compass.is_lost)
     run(parts, NOW_MS + 10_500, vehicle=FLYING)
-    assert (lost, parts.yaw.mag_is_lost) == ([False] * 5 + [True] * 2, False)
+    assert (lost, parts.yaw.compass.is_lost) == ([False] * 5 + [True] * 2, False)
 
 
 @pytest.mark.parametrize(("magcal", "kind"), [(2, 1), (4, 2)])
@@ -406,7 +408,7 @@ def test_yaw_is_aligned_a_last_time_high_above_the_ground(make_parts: MakeParts)
     parts = make_parts("66661")
     feel(parts, (0, 0, 0.0), now_ms=NOW_MS - 200)
     parts.told()
-    parts.yaw.mag.push(MagSample(NOW_MS, felt((0, 0, 0.4))))
+    parts.yaw.compass.samples.push(MagSample(NOW_MS, felt((0, 0, 0.4))))
     run(parts, vehicle=FLYING, climbed_m=2.6)
     assert parts.told() == ["MAG0 in-flight yaw alignment complete"]
     assert parts.state.yaw(by_321=True) == pytest.approx(0.4, abs=1e-3)

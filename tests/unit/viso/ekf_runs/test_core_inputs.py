@@ -33,6 +33,7 @@ class Rig:
         self.core = CoreInputs(self.inputs, 1, 1, lambda: self.affinity)
         self.take("RFRH", TimeUS=1000, TF=0)
         self.take("RISH", PG=0, PA=0, AC=2, LD=0.0025)
+        self.take("RMGH", Dec=0.2, Avail=1, NumInst=2, C=1, FUsable=0)
         for i in range(2):
             self.imu(i)
             self.baro(i)
@@ -49,7 +50,7 @@ class Rig:
         self.take("RBRI", LastUpdate=900, Alt=float(i), H=healthy, I=i)
 
     def mag(self, i: int, healthy: int = 1) -> None:
-        self.take("RMGI", LU=900, FX=float(i), FY=0.0, FZ=400.0, UFY=1, H=healthy, I=i)
+        self.take("RMGI", LU=900, FX=float(i), FY=0.0, FZ=400.0, OX=0.0, OY=0.0, OZ=0.0, UFY=1, H=healthy, I=i)
 
     def gps(self, i: int, fix: int = 3) -> None:
         self.take("RGPI", OX=0.0, OY=0.0, OZ=0.0, Lg=0.2, Flags=0, Stat=fix, NSats=10, I=i)
@@ -114,7 +115,8 @@ def test_other_sensors_are_the_primary_ones_without_affinity(rig: Rig) -> None:
     rig.take("RGPH", NumInst=2, Primary=0)
     for i in range(2):
         rig.gps(i)
-    assert (rig.core.baro(), rig.core.compass()) == ((900, 0.0), 0)
+    assert rig.core.baro() == (900, 0.0)
+    assert rig.core.compasses() is rig.inputs.compasses
     assert rig.core.gps() is rig.inputs.gps is not None
 
 
@@ -123,10 +125,10 @@ def test_other_sensors_are_those_of_the_cores_number_with_affinity(rig: Rig) -> 
     rig.take("RGPH", NumInst=2, Primary=0)
     for i in range(2):
         rig.gps(i)
-    mag, gps = rig.core.mag(), rig.core.gps()
-    assert mag is not None
+    compasses, gps = rig.core.compasses(), rig.core.gps()
     assert gps is not None
-    assert (rig.core.baro(), rig.core.compass(), first(mag[1]), gps.location.alt_cm) == ((900, 1.0), 1, 1.0, 1)
+    assert (rig.core.baro(), compasses.own, len(compasses.readings), gps.location.alt_cm) == ((900, 1.0), 1, 2, 1)
+    assert rig.core.compasses() is compasses
     assert rig.core.gps() is gps
 
 
@@ -138,8 +140,5 @@ def test_affinity_ends_where_the_sensor_is_not_good(rig: Rig) -> None:
     rig.baro(1, healthy=0)
     assert rig.core.gps() is rig.inputs.gps
     assert rig.core.baro() == (900, 0.0)
-    assert rig.core.compass() == 1
-    rig.mag(1, healthy=0)
-    assert rig.core.compass() == 1  # the one that it has had
     third = CoreInputs(rig.inputs, 2, 0, lambda: rig.affinity)
-    assert (third.compass(), third.baro(), third.gps()) == (0, (900, 0.0), rig.inputs.gps)
+    assert (third.baro(), third.gps()) == ((900, 0.0), rig.inputs.gps)

@@ -28,7 +28,7 @@ def inputs() -> ReplayInputs:
 
 
 def test_nothing_is_known_at_first(inputs: ReplayInputs) -> None:
-    assert (inputs.deltas, inputs.baros, inputs.mags) == ({}, {}, {})
+    assert (inputs.deltas, inputs.baros, inputs.compasses.readings) == ({}, {}, ())
     assert (inputs.camera_frd, inputs.gps) == (None, None)
 
 
@@ -63,13 +63,16 @@ def test_heights_are_kept_by_barometer(inputs: ReplayInputs) -> None:
     assert inputs.baros == {0: ((110, 9.5), False), 1: ((100, 1.5), True)}
 
 
-def test_fields_are_kept_by_compass(inputs: ReplayInputs) -> None:
-    inputs.take(record("RMGH", Dec=0.25, FUsable=1))
-    inputs.take(record("RMGI", LU=100_000, FX=1.0, FY=2.0, FZ=3.0, UFY=1, H=1, I=1))
-    inputs.take(record("RMGI", LU=110_000, FX=9.0, FY=9.0, FZ=9.0, UFY=0, H=1, I=0))
-    assert (inputs.declination, inputs.first_mag) == (0.25, 1)
-    (time_us, field), is_healthy = inputs.mags[1]
-    assert (time_us, field.tolist(), is_healthy, inputs.mags[0].is_healthy) == (100_000, [1, 2, 3], True, False)
+def test_compasses_are_kept_by_number(inputs: ReplayInputs) -> None:
+    inputs.take(record("RMGH", Dec=0.25, Avail=1, NumInst=2, C=0, FUsable=1))
+    for i, is_used in enumerate((0, 1)):
+        field = {"FX": 1.0, "FY": 2.0, "FZ": i, "OX": 4.0, "OY": 5.0, "OZ": i}
+        inputs.take(record("RMGI", LU=100_000 + i, **field, UFY=is_used, H=1, I=i))
+    compasses = inputs.compasses
+    assert (inputs.declination, compasses.first_usable, compasses.are_consistent) == (0.25, 1, False)
+    first, second = compasses.readings
+    assert (first.is_used, second.is_used, second.time_us, second.offsets) == (False, True, 100_001, (4.0, 5.0, 1.0))
+    assert second.field.tolist() == [1.0, 2.0, 1.0]
 
 
 def test_camera_that_is_switched_off_is_none(inputs: ReplayInputs) -> None:
