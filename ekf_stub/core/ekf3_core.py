@@ -42,6 +42,7 @@ from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.flow_fusion import FlowFusion
 from ekf_stub.fusion.height_source import RANGE, HeightSource
 from ekf_stub.fusion.measurements import BaroSample, Delayed
+from ekf_stub.fusion.origin_height import IN_MEASUREMENTS, OriginHeight
 from ekf_stub.fusion.parts import FilterParts
 from ekf_stub.fusion.resets import POS_NE, Resets
 from ekf_stub.fusion.terrain import Terrain
@@ -56,7 +57,7 @@ from ekf_stub.inputs.gps_reading import CENTI, GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.range_reading import RangeReading
-from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.inputs.sources import EkfSources, SourceYaw, SourceZ
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
 BOOTSTRAP_MS: Final = 1000
@@ -77,6 +78,7 @@ _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE
 _ABSOLUTE: Final = AidingMode.ABSOLUTE
 _NO_AIDING: Final = AidingMode.NONE
 _YAW_EXTNAV: Final = SourceYaw.EXTNAV
+_Z_GPS: Final = SourceZ.GPS
 
 
 class Ekf3Core:
@@ -142,7 +144,7 @@ class Ekf3Core:
         self._mag: tuple[int, Array] | None = None
         self._only_compass = NO_COMPASS
         self.origin: Location | None = None
-        self._origin_alt_cm, self._reference_height_m = 0, 0.0
+        self._origin_height = OriginHeight()
         self._had_flags_ms = self._now_ms = self._frames_of_step = 0
         self._fix: GpsSample | None = None
         self.initialised = self.stepped = self._has_begun = False
@@ -198,7 +200,7 @@ class Ekf3Core:
         self._had_flags_ms = 0
         self.ingest.initialised = self.initialised = True
         if self.origin is not None:
-            self._put_origin_at(self.origin.alt_cm)
+            self._origin_height.put(self.origin.alt_cm)
             self._texts.add("origin set")
         self._texts.add("initialised")
 
@@ -224,6 +226,7 @@ class Ekf3Core:
             delayed=self.delayed,
             ingest=self.ingest,
             gps=self.gps,
+            origin_height=self._origin_height,
             texts=self._texts,
             get_float=self._get_float,
             has_compass=self._has_compass,
@@ -303,6 +306,7 @@ class Ekf3Core:
             self.flow_ingest.note_turn(self.state.turn_of(step, dt), step.del_ang_dt)
         is_still, rests = self._pass.stillness.is_still, self.release.fuses_rest
         self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground, is_moved=rests and not is_still)
+        self.gps.note_motion(self.state.rotation, step)
         self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)
         self._read_sensors(frame, now_ms)
@@ -350,6 +354,7 @@ class Ekf3Core:
             sample,
             now_ms,
             absolute=self.aiding.mode is _ABSOLUTE,
+            wants_climb=self.sources.uses_vel_z(_Z_GPS),
             worst_ratios=(innovations.vel_ratio, innovations.pos_ratio),
             around=GpsSurroundings(
                 on_ground=self.control.vehicle.on_ground, mag_x=mag_x, mag_y=mag_y, yaw=self.yaw.ratio
@@ -360,13 +365,19 @@ class Ekf3Core:
         if fix is not None and self.gps.checks.good and self.origin is None:
             self._set_origin_by_gps(fix.location)
         if fix is not None and self.origin is not None:
-            self.gps.push(fix, self.origin, self._reference_height_m, self.ingest.horizon_ms, now_ms)
+            height, is_told = self._origin_height, not self._corrects_measurements()
+            reference_m = height.reference_m if is_told else CENTI * height.alt_cm
+            self.gps.push(fix, self.origin, reference_m, self.ingest.horizon_ms, now_ms)
 
     def _set_origin_by_gps(self, place: Location) -> None:
         """Put the origin where the vehicle is, in flight at the height from which it has climbed."""
         climbed_cm = int(100.0 * self.state.down) if self.control.vehicle.in_flight else 0
         self.set_origin(Location(place.lat, place.lng, place.alt_cm + climbed_cm))
-        self._reference_height_m = CENTI * place.alt_cm + float(self.output.now.pos[2])
+        self._origin_height.reference_m = CENTI * place.alt_cm + float(self.output.now.pos[2])
+        self._origin_height.variance = self.gps.height_accuracy**2
+
+    def _corrects_measurements(self) -> bool:
+        return bool(int(self._get_float("OGN_HGT_MASK")) & IN_MEASUREMENTS)
 
     def _check_stuck(self, frame: Frame, now_ms: int) -> None:
         """Begin anew once nothing has been right for a while, on the ground."""
@@ -401,7 +412,7 @@ class Ekf3Core:
         self.origin = origin
         if self._common.place is None:
             self._common.place = origin
-        self._put_origin_at(origin.alt_cm)
+        self._origin_height.put(origin.alt_cm)
         latitude = math.radians(1e-7 * origin.lat)
         if self.initialised:
             self.state.earth_rate_ned = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
@@ -417,6 +428,8 @@ class Ekf3Core:
             accuracy_m: not a number when unknown.
             time_ms: when it was there, since boot; up to 5 s ago.
         """
+        if not self.initialised:
+            return False
         age_ms = self._now_ms - self.aiding.times.pos
         if self.origin is None or self.aiding.mode is _NO_AIDING or age_ms < DEAD_RECKONING_MS:
             return False
@@ -438,9 +451,9 @@ class Ekf3Core:
         if not self.initialised or not self.control.vehicle.on_ground or self.height.active == RANGE:
             return False
         if self.origin is not None:
-            above_cm = self._origin_alt_cm + math.trunc(-100.0 * float(self.state.pos[2]))
+            above_cm = self._origin_height.alt_cm + math.trunc(-100.0 * float(self.state.pos[2]))
             fix = self._fix if self.gps.checks.good else None
-            self._put_origin_at(above_cm if fix is None else fix.location.alt_cm)
+            self._origin_height.put(above_cm if fix is None else fix.location.alt_cm)
         self.state.pos = np.array([*self.state.pos[:2], 0.0])
         self.height.terrain.down = 0.0
         return True
@@ -449,9 +462,6 @@ class Ekf3Core:
         """Ask for yaw to be reset by the velocity of GPS, within 5 s (EKFGSF_requestYawReset)."""
         if self.initialised:
             self.yaw.by_gps.request(self._now_ms)
-
-    def _put_origin_at(self, alt_cm: int) -> None:
-        self._origin_alt_cm, self._reference_height_m = alt_cm, CENTI * alt_cm
 
     @property
     def yaw_resets(self) -> int:
@@ -489,7 +499,12 @@ class Ekf3Core:
 
         It has been through metres and single precision, and may so have lost a centimetre.
         """
-        return 0 if self.origin is None else int(np.float32(100) * np.float32(self._reference_height_m))
+        common = self._common.place
+        if self.origin is None or common is None:
+            return 0
+        if self._corrects_measurements():
+            return common.alt_cm
+        return int(np.float32(100) * np.float32(self._origin_height.reference_m))
 
     def position(self) -> Array:
         """Return the present position, metres NED from the common origin as it was set (getPosNE, getPosD).

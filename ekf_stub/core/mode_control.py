@@ -153,6 +153,8 @@ class ModeControl:
         # The frame's inertial data are read after this, so that the time is still that of the last.
         if core.aiding.update(self._now_ms, self._ready, no_yaw_on_ground=no_yaw):
             self._enter_mode(self._now_ms, self._ready(), texts)
+        if core.aiding.position_is_lost:
+            core.gps.is_in_use = False
         self._now_ms = now_ms
 
     def _forget_flight(self, now_ms: int) -> None:
@@ -308,7 +310,7 @@ class ModeControl:
             aiding.pos_timeout,
             aiding.vel_timeout,
             core.height.is_lost,
-            core.ingest.have_velocity,  # and with it a vertical one
+            core.ingest.have_velocity or core.gps.tells_climb,
             core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
             core.flow.is_valid,
             core.flow.ground_is_valid,

@@ -61,6 +61,7 @@ class Aiding:
         mode: how the estimator navigates.
         pos_timeout: position is lost; cleared only as a mode is entered.
         vel_timeout: velocity is lost.
+        position_is_lost: position has been lost for so long, in this frame, that GPS counts as not used.
         vel_aiding: something keeps velocity from drifting.
         times: when measurements last passed.
     """
@@ -68,7 +69,7 @@ class Aiding:
     def __init__(self) -> None:
         self.mode = _NO_AIDING
         self.vel_aiding = False
-        self.pos_timeout = False
+        self.pos_timeout = self.position_is_lost = False
         self.vel_timeout = True
         self.times = FusionTimes()
 
@@ -80,7 +81,7 @@ class Aiding:
             ready: returns what could start aiding; asked only while something could.
             no_yaw_on_ground: the vehicle is disarmed and has no yaw source, with which it does not navigate.
         """
-        before = self.mode
+        before, self.position_is_lost = self.mode, False
         if no_yaw_on_ground:
             self.mode = _NO_AIDING
         if self.mode is _NO_AIDING:
@@ -113,9 +114,9 @@ class Aiding:
         vel_used, pos_used = vel_ms <= IN_USE_MS, pos_ms <= IN_USE_MS
         aided = self.vel_aiding = pos_used or vel_used or motion_used
         if not aided and min(pos_ms, vel_ms, flow_ms) > ALL_LOST_MS:
-            self.mode = _NO_AIDING
+            self.mode, self.position_is_lost = _NO_AIDING, True
         elif not pos_used and pos_ms > (POSITION_LOST_WITH_VELOCITY_MS if aided else POSITION_LOST_MS):
-            self.pos_timeout = True
+            self.pos_timeout = self.position_is_lost = True
             self.vel_timeout = not (vel_used or motion_used)
 
     def _enter(self, now_ms: int, *, by_flow: bool) -> None:

@@ -8,7 +8,9 @@ from typing import Final
 
 from ap_core.cint import u32
 from ekf_stub.filter.inertial import limited
+from ekf_stub.filter.states import POS
 from ekf_stub.fusion.measurements import BaroSample
+from ekf_stub.fusion.origin_height import BARO_DRIFT_M_S, BY_BARO, BY_RANGE, IN_MEASUREMENTS, STEEPEST
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL
@@ -40,6 +42,8 @@ _Z_EXTNAV: Final = SourceZ.EXTNAV
 _Z_GPS: Final = SourceZ.GPS
 _Z_NONE: Final = SourceZ.NONE
 _Z_RANGE: Final = SourceZ.RANGEFINDER
+_MASKS: Final = {BARO: BY_BARO, RANGE: BY_RANGE}
+_POS_D: Final = POS.stop - 1
 _BY_Z: Final = {_Z_BARO: BARO, _Z_GPS: GPS}
 
 
@@ -82,6 +86,7 @@ class HeightSource(Fusion):
 
     def __init__(self, parts: FilterParts, terrain: Terrain) -> None:
         super().__init__(parts)
+        self._origin_height = parts.origin_height
         self.terrain = terrain
         self.terrain_is_stable = True
         self.velocity_is_valid = False
@@ -104,15 +109,38 @@ class HeightSource(Fusion):
         if baro is not None and self.active != BARO:
             error = baro.height + self._state.down - self._baro_offset
             self._baro_offset += _OFFSET_GAIN * limited(error, -_OFFSET_STEP_LIMIT, _OFFSET_STEP_LIMIT)
+        self._correct_origin()
         self.is_new = self._measure(now_ms, baro, vehicle)
         has_changed = self.is_new and self.active != self._fused
         if has_changed:
             self._fused = self.active
         return has_changed
 
+    def _correct_origin(self) -> None:
+        """Let GPS tell how high the origin is, while height comes from another sensor."""
+        fix, gps = self._gps.delayed, self._gps
+        mask = int(self._get_float("OGN_HGT_MASK"))
+        if not gps.is_due or fix is None or not mask & _MASKS.get(self.active, 0):
+            return
+        by_slope = STEEPEST * math.hypot(*self._state.vel[:2].tolist())
+        self._origin_height.correct(
+            self._ingest.horizon_ms,
+            float(fix.pos[2]) - self._state.down,
+            gps.height_accuracy**2 + self._state.cov.item(_POS_D, _POS_D),
+            drift_m_s=BARO_DRIFT_M_S if self.active == BARO else by_slope,
+            is_good=gps.accuracy_good,
+        )
+
+    def _excess_m(self) -> float:
+        """Return by how much higher a measurement is to count."""
+        mask = int(self._get_float("OGN_HGT_MASK"))
+        is_wanted = mask & IN_MEASUREMENTS and mask & _MASKS[self.active]
+        return self._origin_height.excess_m if is_wanted else 0.0
+
     def check_timeout(self, now_ms: int) -> None:
         """Find out whether height is lost."""
-        with_velocity = self._ingest.have_velocity and not self._aiding.vel_timeout
+        has_velocity = self._ingest.have_velocity or self._gps.tells_climb
+        with_velocity = has_velocity and not self._aiding.vel_timeout
         retry_ms = HEIGHT_RETRY_WITH_VELOCITY_MS if with_velocity else HEIGHT_RETRY_MS
         self.is_lost = now_ms - self._aiding.times.height > retry_ms
 
@@ -175,7 +203,7 @@ class HeightSource(Fusion):
             self.down = float(self._gps.delayed.pos[2])
             self.variance = (limited(accuracy, noise, 100.0) if accuracy > 0 else limited(noise, 0.1, 10.0)) ** 2
         elif self.active == BARO and baro is not None:
-            self.down = self._baro_offset - baro.height
+            self.down = self._baro_offset - baro.height - self._excess_m()
             self.variance = limited(self._get_float("ALT_M_NSE"), 0.1, 100.0) ** 2
             if vehicle.near_ground:
                 self.variance *= GROUND_EFFECT_SCALER
@@ -192,7 +220,7 @@ class HeightSource(Fusion):
         upright, ranges = self._upright(), self.terrain.ranges
         if upright < LEAST_UPRIGHT:
             return False
-        self.down = self.terrain.down - max(ranges.distance * upright, ranges.on_ground)
+        self.down = self.terrain.down - max(ranges.distance * upright, ranges.on_ground) - self._excess_m()
         by_slope = (ranges.distance * self._get_float("TERR_GRAD")) ** 2 * max(0.0, 1.0 - upright * upright)
         self.variance = limited(self._get_float("RNG_M_NSE"), 0.1, 10.0) ** 2 + by_slope
         return True

@@ -10,6 +10,7 @@ from ekf_stub.filter.output_predictor import OutputState
 from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.fusion.aiding import Aiding
 from ekf_stub.fusion.measurements import Delayed
+from ekf_stub.fusion.origin_height import OriginHeight
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
 from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.sources import EkfSources
@@ -28,6 +29,7 @@ class FilterParts:
         delayed: external navigation at the horizon.
         ingest: where it waits.
         gps: what the GPS says.
+        origin_height: how high the origin is.
         texts: what the ground station is told.
         get_float: returns a parameter by its name after ``EK3_``.
         has_compass: tells whether a compass is in use.
@@ -42,6 +44,7 @@ class FilterParts:
     delayed: Delayed
     ingest: ExtNavIngest
     gps: GpsReading
+    origin_height: OriginHeight
     texts: CoreTexts
     get_float: Callable[[str], float]
     has_compass: Callable[[], bool]

@@ -50,7 +50,7 @@ class Resets(Fusion):
         self._aiding.times.pos = now_ms
 
     def _position_target(self, *, by_gps: bool) -> tuple[Array, float]:
-        pose, fix, noise = self._delayed.pose, self._gps.newest, self._get_float("POSNE_M_NSE")
+        pose, fix, noise = self._delayed.pose, self._gps.newest_at_imu(), self._get_float("POSNE_M_NSE")
         if self._aiding.mode is not AidingMode.ABSOLUTE:
             return self.last_known_ne, noise**2
         if by_gps and fix is not None:
@@ -82,7 +82,7 @@ class Resets(Fusion):
             self._aiding.times.vel = now_ms
 
     def _velocity_target(self, now_ms: int, *, by_ext_nav: bool, by_gps: bool) -> tuple[Array, float]:
-        measured, fix, sources = self._delayed.velocity, self._gps.newest, self._sources
+        measured, fix, sources = self._delayed.velocity, self._gps.newest_at_imu(), self._sources
         rest, noise = np.zeros(2), self._get_float("VELNE_M_NSE")
         if self._aiding.mode is not AidingMode.ABSOLUTE:
             return rest, noise**2

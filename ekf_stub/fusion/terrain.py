@@ -102,10 +102,9 @@ class Terrain(Fusion):
         """Tell whether the vehicle is so fast over the ground that flow tells its height."""
         if self._get_float("FLOW_USE") != FLOW_FOR_TERRAIN or self._aiding.mode is _RELATIVE:
             return False
-        has_gps = self._gps.newest is not None and not self._aiding.pos_timeout
         north, east, _ = self._state.vel.tolist()
         is_fast = north * north + east * east >= LEAST_SPEED**2
-        return has_gps and is_fast and max(flow.flow) <= self._get_float("MAX_FLOW")
+        return self._gps.is_in_use and is_fast and max(flow.flow) <= self._get_float("MAX_FLOW")
 
     def _grow(self, now_ms: int) -> None:
         """Know less of the ground with the way over it, and with the uncertainty of vertical velocity."""

@@ -356,7 +356,7 @@ class VelPosFusion(Fusion):
     def _gps_tells_climb(self, now_ms: int, newest: GpsFix) -> bool:
         delayed = self._gps.delayed
         is_fresh = delayed is not None and u32(now_ms - delayed.time_ms) < FRESH_MS
-        is_used = self._sources.uses_vel_z(_Z_GPS) and not self._aiding.pos_timeout
+        is_used = self._sources.uses_vel_z(_Z_GPS) and self._gps.is_in_use
         return is_fresh and is_used and newest.has_vertical_velocity
 
     # What became of samples of external navigation

@@ -6,18 +6,20 @@ Source: AP_NavEKF3/AP_NavEKF3_Measurements.cpp (readGpsData), AP_NavEKF3_Vehicle
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
-from ekf_stub.filter.inertial import Array, limited
+from ap_core.vector3 import Vector3f
+from ekf_stub.filter.inertial import Array, InertialStep, limited
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
 from ekf_stub.inputs.gps_checks import GpsChecks, GpsSurroundings
 from ekf_stub.inputs.gps_sample import GpsSample, whole_ms
 from ekf_stub.inputs.obs_ring import ObsRing
+from ekf_stub.reports.core_report import Three
 
 CENTI: Final = float(np.float32(0.01))  # the firmware's literals are of single precision
 MIN_YAW_ERR: Final = float(np.radians(5.0))
@@ -26,6 +28,7 @@ SCALERS: Final = {5: 1.4}  # of the noise, by number of satellites
 FEW_SATELLITES_SCALER: Final = 2.0
 ENOUGH_SATELLITES: Final = 6
 UNKNOWN: Final = GpsSurroundings()
+_NOWHERE: Final = Location(0, 0, 0)
 _MAX_SPEED_ACCURACY: Final = 50.0
 _MAX_ACCURACY: Final = 100.0
 _DECAY_PER_MS: Final = 0.0002
@@ -40,13 +43,18 @@ _WARNING_RATIO: Final = 0.7
 
 @dataclass(frozen=True, slots=True)
 class GpsFix:
-    """A solution at the time of its observation: m NED from the origin, m/s NED."""
+    """A solution at the time of its observation: m NED from the origin, m/s NED.
+
+    ``antenna`` is the place of the antenna from that which position and velocity are of, m, body (FRD).
+    """
 
     time_ms: int
     pos: Array
     vel: Array
     has_vertical_velocity: bool
     yaw: float | None
+    antenna: Three = (0.0, 0.0, 0.0)
+    place: Location = _NOWHERE
 
 
 class GpsReading:
@@ -64,6 +72,8 @@ class GpsReading:
             the receiver gives none.
         noise_scaler: by which noise counts more while few satellites are seen.
         speed_good: whether the receiver tells velocity well.
+        is_in_use: whether solutions wait or have been taken since position was lost.
+        tells_climb: whether the last one had a vertical velocity that is wanted.
         accuracy_good: whether solutions are good enough for flight.
     """
 
@@ -76,13 +86,16 @@ class GpsReading:
     def reset(self) -> None:
         """Forget everything but the judgement of the receiver."""
         self._ring.clear()
+        self._origin = _NOWHERE
+        self._rotation: Array = np.eye(3)
+        self._step: InertialStep | None = None
         self.newest: GpsFix | None = None
         self.delayed: GpsFix | None = None
         self.is_due = False
         self.received_ms = 0
         self.speed_accuracy = self.pos_accuracy = self.height_accuracy = 0.0
         self.noise_scaler = 1.0
-        self.accuracy_good = False
+        self.accuracy_good = self.is_in_use = self.tells_climb = False
         self._speed_low_passed = self._speed_held = 0.0
         self.speed_good = self._innovations_good = False
         self._checked_ms = self._innovations_passed_ms = self._innovations_failed_ms = 0
@@ -95,6 +108,7 @@ class GpsReading:
         absolute: bool,
         worst_ratios: tuple[float, float],
         around: GpsSurroundings = UNKNOWN,
+        wants_climb: bool = False,
     ) -> GpsSample | None:
         """Take a new solution; return it when it is one with a fix.
 
@@ -104,10 +118,12 @@ class GpsReading:
             absolute: whether the filter navigates by position.
             worst_ratios: of the innovations of velocity and position to their gates, squared.
             around: what else tells whether it is to be believed; what the receiver says of that is added.
+            wants_climb: whether a vertical velocity is wanted from GPS.
         """
         fix = self.checks.update(sample)
         if fix is None:
             return None
+        self.tells_climb = wants_climb and fix.has_vertical_velocity
         self._follow_accuracy(fix, u32(fix.time_ms - self.received_ms))
         self.received_ms = fix.time_ms
         enough = absolute and fix.num_sats >= ENOUGH_SATELLITES
@@ -136,15 +152,36 @@ class GpsReading:
         pos = np.array([north, east, reference_height_m - CENTI * sample.location.alt_cm])
         vel = np.array([float(value) for value in sample.vel_ned.to_tuple()])
         yaw = None if sample.yaw_deg is None else float(np.radians(sample.yaw_deg))
-        self.newest = GpsFix(time_ms, pos, vel, sample.has_vertical_velocity, yaw)
+        self._origin, self.is_in_use = origin, True
+        self.newest = GpsFix(time_ms, pos, vel, sample.has_vertical_velocity, yaw, sample.antenna, sample.location)
         self._ring.push(self.newest)
+
+    def note_motion(self, rotation: Array, step: InertialStep) -> None:
+        """Note the attitude, body to earth, and the inertial data of a step."""
+        self._rotation, self._step = rotation, step
+
+    def newest_at_imu(self) -> GpsFix | None:
+        """Return the newest solution at the place of the IMU, None before the first."""
+        return None if self.newest is None else self._at_imu(self.newest)
+
+    def _at_imu(self, fix: GpsFix) -> GpsFix:
+        """Move a solution from the antenna to the IMU (CorrectGPSForAntennaOffset)."""
+        step = self._step
+        if step is None or not any(fix.antenna):
+            return fix
+        offset = self._rotation @ np.array(fix.antenna)
+        by_turning = self._rotation @ np.cross(step.del_ang / step.del_ang_dt, fix.antenna)
+        place = fix.place.offset(Vector3f(*(-offset).tolist()))
+        north, east, _ = (float(value) for value in self._origin.distance_ned(place).to_tuple())
+        pos = np.array([north, east, fix.pos[2] - offset[2]])
+        return replace(fix, pos=pos, vel=fix.vel - by_turning, antenna=(0.0, 0.0, 0.0))
 
     def recall(self, horizon_ms: int) -> None:
         """Take out what has come due."""
         fix = self._ring.recall(horizon_ms).sample
         self.is_due = fix is not None
         if fix is not None:
-            self.delayed = fix
+            self.delayed = self._at_imu(fix)
 
     def _follow_accuracy(self, fix: GpsSample, interval_ms: int) -> None:
         keep = 1.0 - limited(_DECAY_PER_MS * interval_ms, 0.0, 1.0)

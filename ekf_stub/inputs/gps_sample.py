@@ -9,6 +9,7 @@ import numpy as np
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from ekf_stub.reports.core_report import Three
 
 FIX_3D: Final = 3
 USUAL_LAG_S: Final = 0.2
@@ -26,7 +27,8 @@ class GpsSample:
     ``time_ms`` is since boot. Accuracies and the vertical velocity are None when the receiver gives none; hdop and
     vdop are x 100, 65535 when unknown. ``yaw_deg`` is 0..360 from north. ``last_fix_ms`` is the ``time_ms`` of the last
     solution with a fix, 0 before the first. ``is_healthy`` tells whether solutions have come regularly. ``lag_s`` is
-    how old a solution is when it comes; the default is what the firmware assumes of most receivers.
+    how old a solution is when it comes; the default is what the firmware assumes of most receivers. ``antenna`` is the
+    antenna's place from the IMU, m, body (FRD).
     """
 
     time_ms: int
@@ -44,3 +46,4 @@ class GpsSample:
     last_fix_ms: int = 0
     is_healthy: bool = True
     lag_s: float = USUAL_LAG_S
+    antenna: Three = (0.0, 0.0, 0.0)

@@ -7,6 +7,7 @@ from typing import Any
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
+from ekf_stub.reports.core_report import Three
 from viso.logs.record_fields import finite, instance, numbers, whole
 
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
@@ -19,6 +20,7 @@ class GpsRecords:
         self._count = self._primary = 0
         self._slow: dict[int, list[int]] = {}
         self._lags_s: dict[int, float] = {}
+        self._antennas: dict[int, Three] = {}
         self._fast: dict[int, Any] = {}
         self._last_fix_ms: dict[int, int] = {}
 
@@ -29,7 +31,8 @@ class GpsRecords:
             self._count, self._primary = whole(record, "NumInst", "Primary")
         elif kind == "RGPI":
             self._slow[instance(record)] = whole(record, "Flags", "Stat", "NSats")
-            (self._lags_s[instance(record)],) = finite(record, "Lg")
+            self._lags_s[instance(record)], x, y, z = finite(record, "Lg", "OX", "OY", "OZ")
+            self._antennas[instance(record)] = x, y, z
         else:
             self._fast[instance(record)] = record
 
@@ -39,7 +42,10 @@ class GpsRecords:
         return self._lags_s[self._primary] if flags & _LAG else None
 
     def newest(self, receiver: int | None = None) -> GpsSample | None:
-        """Return the newest solution of a receiver, the primary one if none is named, or None without one."""
+        """Return the newest solution of a receiver, the primary one if none is named, or None without one.
+
+        Its antenna is where it is on the vehicle.
+        """
         which = self._primary if receiver is None else receiver
         slow, fast = self._slow.get(which), self._fast.get(which)
         if not self._count or (receiver is not None and receiver >= self._count) or slow is None or fast is None:
@@ -63,4 +69,5 @@ class GpsRecords:
             yaw_deg=yaw if flags & _YAW else None,
             last_fix_ms=self._last_fix_ms.get(which, 0),
             lag_s=self._lags_s[which],
+            antenna=self._antennas[which],
         )

@@ -8,6 +8,7 @@ external navigation came in.
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -24,6 +25,7 @@ from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.release import REFERENCE
+from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
@@ -36,7 +38,7 @@ from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
-_AFTER_THE_FRAME: Final = frozenset({"XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "REV3"})
+_AFTER_THE_FRAME: Final = frozenset({"XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "RSLL", "REV3"})
 _LATER_NAMES: Final = {f"EK3_{FLOW_LIMIT}": f"EK3_{FLOW_LIMIT_LATER}"}
 _RESET_HEIGHT_DATUM: Final = 1  # of REV3.Event
 _TERRAIN_STABLE, _TERRAIN_UNSTABLE = 9, 10
@@ -91,6 +93,7 @@ class EkfPlayer:
         self._frame_has_run = False
         self._ranges_said: RangeFinders | None = None
         self._ranges_from_accel: dict[int, RangeFinders] = {}
+        self._gps_from_accel: dict[int, tuple[GpsSample, GpsSample]] = {}
         self._on_param: list[Callable[[], None]] = []
         self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), self._on_param.append)
         self._handlers: dict[str, Callable[[Any], None]] = {
@@ -102,6 +105,7 @@ class EkfPlayer:
             "REVH": self._take_revh,
             "RBOH": self._take_rboh,
             "RSO3": self._take_rso3,
+            "RSLL": self._take_rsll,
             "REV3": self._take_rev3,
         }
 
@@ -198,7 +202,7 @@ class EkfPlayer:
             takeoff_expected=bool(inputs.flags & TAKEOFF_EXPECTED),
             touchdown_expected=bool(inputs.flags & TOUCHDOWN_EXPECTED),
             baro=sensors.baro(),
-            gps=sensors.gps(),
+            gps=self._gps(sensors.accel, sensors.gps()),
             declination=inputs.declination,
             place_declination=self.place_declination,
             place_field=self.place_field,
@@ -219,6 +223,17 @@ class EkfPlayer:
         imu = accel + 1
         x, y, z = (place - self.param(f"INS_POS{imu}_{axis}") for axis, place in zip("XYZ", place_frd, strict=True))
         return x, y, z
+
+    def _gps(self, accel: int, said: GpsSample | None) -> GpsSample | None:
+        """Return a solution with its antenna's place from an accelerometer: the same until the solution changes."""
+        if said is None:
+            return None
+        before, moved = self._gps_from_accel.get(accel, (None, said))
+        if said is not before:
+            antenna = self._from_accel(accel, said.antenna)
+            moved = said if antenna == said.antenna else replace(said, antenna=antenna)
+            self._gps_from_accel[accel] = said, moved
+        return moved
 
     def _ranges(self, accel: int) -> RangeFinders | None:
         """Return what the range finders say, with their places from an accelerometer: the same until that changes."""
@@ -306,6 +321,13 @@ class EkfPlayer:
         place = Location(lat, lng, alt_cm)
         if self.lanes is not None and self.lanes.set_origin(place):
             self._events.origin(place)
+
+    def _take_rsll(self, record: Any) -> None:
+        if self.lanes is not None:
+            lat, lng = map(i32, whole(record, "Lat", "Lng"))
+            (accuracy_m,), (time_ms,) = numbers(record, "PosAccSD"), whole(record, "TS")
+            for core in self.lanes.cores:
+                core.set_place(Location(lat, lng, 0), accuracy_m, time_ms)
 
     def _take_rev3(self, record: Any) -> None:
         (event,) = whole(record, "Event")

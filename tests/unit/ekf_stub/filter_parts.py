@@ -20,6 +20,7 @@ from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.flow_fusion import FlowFusion
 from ekf_stub.fusion.height_source import HeightSource
 from ekf_stub.fusion.measurements import Delayed, Pose, Velocity
+from ekf_stub.fusion.origin_height import OriginHeight
 from ekf_stub.fusion.resets import Resets
 from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.fusion.vel_pos_fusion import VelPosFusion
@@ -64,6 +65,7 @@ class FilterParts:
         self.ingest.initialised = True
         self.ingest.on_outcome = self._take_outcome
         self.gps = GpsReading(get, 3)
+        self.origin_height = OriginHeight()
         self.state = ErrorState(quaternion.one, np.array([0.3, 0.3, 0.5, 0.5, 0.5, 2.0]) ** 2)
         self.output = OutputPredictor(self.state, 6)
         self.aiding = Aiding()
@@ -76,6 +78,7 @@ class FilterParts:
             delayed=self.delayed,
             ingest=self.ingest,
             gps=self.gps,
+            origin_height=self.origin_height,
             texts=self.texts,
             get_float=get,
             has_compass=lambda: self.has_compass,

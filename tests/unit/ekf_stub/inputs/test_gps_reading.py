@@ -10,6 +10,7 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from ekf_stub.filter.inertial import InertialStep
 from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 
@@ -80,6 +81,20 @@ def test_solution_is_as_old_as_its_receiver_is_late(lag_s: float, lag_ms: int) -
     gps.push(sample(5000, lag_s=float(np.float32(lag_s))), ORIGIN, 584.0, 4700, 5000)
     assert gps.newest is not None
     assert gps.newest.time_ms == 5000 - lag_ms - 6
+
+
+def test_solution_is_moved_from_the_antenna_to_the_imu_as_it_comes_due() -> None:
+    gps = reading()
+    gps.push(sample(5000, vel_ned=Vector3f(1, 2, 3), antenna=(0.5, 0.0, -0.4)), ORIGIN, 584.0, 4700, 5000)
+    east = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the nose points there
+    gps.note_motion(east, InertialStep(4800, np.zeros(3), np.array([0.0, 0.0, 0.02]), 0.01, 0.01))
+    gps.recall(4800)
+    for fix in (gps.delayed, gps.newest_at_imu()):
+        assert fix is not None
+        assert fix.pos == pytest.approx([0.0, -0.5, 0.4], abs=0.012)  # a place is told to 11 mm
+        assert fix.vel == pytest.approx([1 + 2 * 0.5, 2, 3])
+    assert gps.newest is not None
+    assert gps.newest.pos == pytest.approx([0, 0, 0], abs=1e-3)
 
 
 def test_height_counts_from_a_height_of_its_own() -> None:

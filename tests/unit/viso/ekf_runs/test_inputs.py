@@ -102,20 +102,23 @@ def test_time_may_stand_still_and_not_run_backwards(inputs: ReplayInputs) -> Non
 
 def test_gps_comes_out_of_its_records(inputs: ReplayInputs) -> None:
     inputs.take(record("RGPH", NumInst=1, Primary=0))
-    inputs.take(record("RGPI", Lg=0.12, Flags=8, Stat=3, NSats=10, I=0))
+    inputs.take(record("RGPI", OX=0.3, OY=0.0, OZ=-0.2, Lg=0.12, Flags=8, Stat=3, NSats=10, I=0))
     assert inputs.gps is None
     places = {"Lat": 10, "Lon": 20, "Alt": 30, "VX": 1.0, "VY": 2.0, "VZ": 3.0}
     inputs.take(record("RGPJ", TS=1000, SA=0.5, Y=0.0, HA=1.0, VA=2.0, HD=121, I=0, **places))
     assert inputs.gps is not None
     assert inputs.gps.time_ms == 1000
-    assert (inputs.gps.lag_s, inputs.gps_lag_s) == (0.12, 0.12)
+    assert (inputs.gps.lag_s, inputs.gps_lag_s, inputs.gps.antenna) == (0.12, 0.12, (0.3, 0.0, -0.2))
+
+
+NO_OFFSET = dict.fromkeys(("OX", "OY", "OZ"), 0.0)
 
 
 def test_lag_of_a_gps_that_is_still_sought_is_not_known(inputs: ReplayInputs) -> None:
     assert inputs.gps_lag_s is None
-    inputs.take(record("RGPI", Lg=0.1, Flags=0, Stat=0, NSats=0, I=0))
+    inputs.take(record("RGPI", **NO_OFFSET, Lg=0.1, Flags=0, Stat=0, NSats=0, I=0))
     assert inputs.gps_lag_s is None
-    inputs.take(record("RGPI", Lg=0.1, Flags=8, Stat=0, NSats=0, I=0))
+    inputs.take(record("RGPI", **NO_OFFSET, Lg=0.1, Flags=8, Stat=0, NSats=0, I=0))
     assert inputs.gps_lag_s == 0.1
 
 
