@@ -227,6 +227,7 @@ class CompiledPass(InertialPass):
             delay_s,
             tau_s,
             height_filter_hz,
+            state.accel_is_bad,
         )
 
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from ekf_stub.compiled.compiled_kernel import QUATERNION_EPS, Quat, compiled, normalized, times, turned_by
 from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Array
-from ekf_stub.filter.output_predictor import ATTITUDE_GAIN, INTEGRAL_GAIN
+from ekf_stub.filter.output_predictor import ATTITUDE_GAIN, BAD_ACCEL_INTEGRAL_GAIN, INTEGRAL_GAIN
 from ekf_stub.filter.states import ACCEL, ATT, GYRO, POS, VEL
 from ekf_stub.filter.stillness import (
     ACCEL_DIFF_LIMIT,
@@ -242,6 +242,7 @@ def follow(
     delay_s: float,
     tau_s: float,
     height_filter_hz: float,
+    accel_is_bad: bool,
 ) -> None:
     """Move the output on by the pass of a step, and steer it towards the filter (OutputPredictor.follow)."""
     for axis in range(3):
@@ -266,15 +267,28 @@ def follow(
         mem[VEL_ERROR + axis] = states[_STATE_VEL + axis] - delayed[4 + axis]
         mem[POS_ERROR + axis] = states[_STATE_POS + axis] - delayed[7 + axis]
     for axis in range(3):
-        steer(mem, history, 4 + axis, VEL_ERROR + axis, VEL_INTEGRAL + axis, gain)
-        steer(mem, history, 7 + axis, POS_ERROR + axis, POS_INTEGRAL + axis, gain)
+        is_bad = axis == 2 and accel_is_bad
+        counted = states[_STATE_VEL + axis] - mem[NOW + 4 + axis] if is_bad else mem[VEL_ERROR + axis]
+        by_integral = BAD_ACCEL_INTEGRAL_GAIN if is_bad else INTEGRAL_GAIN
+        steer(mem, history, 4 + axis, mem[VEL_ERROR + axis], counted, VEL_INTEGRAL + axis, gain, by_integral)
+        pos_error = mem[POS_ERROR + axis]
+        steer(mem, history, 7 + axis, pos_error, pos_error, POS_INTEGRAL + axis, gain, INTEGRAL_GAIN)
 
 
 @compiled
-def steer(mem: Array, history: Array, column: int, error: int, integral: int, gain: float) -> None:
-    """Move one number of all the history, and the present one, by what is wrong with it."""
-    mem[integral] += mem[error]
-    shift = mem[error] * gain + mem[integral] * (INTEGRAL_GAIN * gain * gain)
+def steer(
+    mem: Array,
+    history: Array,
+    column: int,
+    error: float,
+    counted: float,
+    integral: int,
+    gain: float,
+    by_integral: float,
+) -> None:
+    """Move one number of all the history, and the present one, by what is wrong with it, now and all in all."""
+    mem[integral] += counted
+    shift = error * gain + mem[integral] * (by_integral * gain * gain)
     for row in range(len(history)):
         history[row, column] += shift
     mem[NOW + column] += shift

@@ -85,7 +85,7 @@ class CompiledErrorState(ErrorState):
 
     def update_states(self, wanted: Sequence[tuple[int, float, float]]) -> list[float]:
         """Fuse measurements of states of velocity or position, one after the other; return their innovations."""
-        if not self._aided:
+        if not self._aided or self.accel_is_bad:
             return super().update_states(wanted)
         states, cov, limits, innovations = self.states.copy(), self.cov.copy(), self.limits, np.empty(len(wanted))
         refused, *quat = kernel.update_states(

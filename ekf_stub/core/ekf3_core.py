@@ -35,7 +35,7 @@ from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, Inerti
 from ekf_stub.filter.inertial_pass import LOOP_DT, StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
-from ekf_stub.filter.process_model import ProcessNoise
+from ekf_stub.filter.process_model import BAD_ACCEL_NOISE, ProcessNoise
 from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.fusion.aiding import Aiding, AidingMode
 from ekf_stub.fusion.body_odometry import BodyOdometry
@@ -72,6 +72,7 @@ AFFINITY_GPS, AFFINITY_BARO, AFFINITY_MAG = 1, 2, 4  # of EK3_AFFINITY
 COMPASS_SHARE: Final = float(np.float32(0.3))
 _FIX_2D: Final = 2
 _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE_P_NSE", "MAGB_P_NSE")
+_ACCEL_NOISE: Final = _NOISES.index("ACC_P_NSE")
 
 
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
@@ -328,6 +329,8 @@ class Ekf3Core:
 
     def _process_noise(self, get: Callable[[str], float]) -> ProcessNoise:
         densities = [get(name) for name in _NOISES]
+        if self.state.accel_is_bad:
+            densities[_ACCEL_NOISE] = BAD_ACCEL_NOISE
         if densities != self._densities:
             self._densities, self._noise = densities, ProcessNoise(*densities)
         return self._noise

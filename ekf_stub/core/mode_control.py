@@ -294,7 +294,8 @@ class ModeControl:
             return False
         if self._core.aiding.mode is not _NO_AIDING or not self.vehicle.on_ground:
             return True
-        return not math.hypot(*innovations.pos[:2].tolist()) > MAX_STILL_INNOVATION_M
+        still = math.hypot(*innovations.pos[:2].tolist()), abs(innovations.still_height)
+        return not max(still) > MAX_STILL_INNOVATION_M
 
     def update_flags(self, frame: Frame, now_ms: int) -> None:
         """Work out the status flags, those of EKF_STATUS_REPORT and beyond."""

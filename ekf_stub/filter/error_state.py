@@ -18,7 +18,19 @@ from ekf_stub.filter.attitude import by_rotation, yaw_by_components
 from ekf_stub.filter.inertial import Array, InertialStep, is_sound, limited
 from ekf_stub.filter.nominal_state import NominalState
 from ekf_stub.filter.process_model import ProcessModel, ProcessNoise
-from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, MAX_ATT_VAR, MIN_ACCEL_VAR, POS, STATES, VEL
+from ekf_stub.filter.states import (
+    ACCEL,
+    ATT,
+    BODY,
+    EARTH,
+    GYRO,
+    MAX_ATT_VAR,
+    MIN_ACCEL_VAR,
+    MIN_VEL_POS_VAR,
+    POS,
+    STATES,
+    VEL,
+)
 
 INITIAL_ATT_VAR: Final = 0.1**2
 INITIAL_GYRO_BIAS_DEG_S: Final = 2.5
@@ -44,13 +56,14 @@ class ErrorState(NominalState):
         cov: shape (22, 22), of the errors of the quaternion's components, velocity, position, biases and fields.
         learns_biases: whether the biases are estimated.
         predicted_tilt_variance: of the direction of down, rad^2, as of the last prediction.
+        accel_is_bad: the accelerometers measure something else than the vehicle's acceleration (badIMUdata).
     """
 
     def __init__(self, quat: quaternion.quaternion, variances: Array) -> None:
         super().__init__(quat)
         self.cov: Array = np.zeros((STATES, STATES))
         self._set_attitude_covariance(np.full(3, INITIAL_ATT_VAR))
-        self.learns_biases = self._learns_field = False
+        self.learns_biases = self._learns_field = self.accel_is_bad = False
         for state, variance in enumerate(variances.tolist(), VEL.start):
             self.clear(slice(state, state + 1), variance)
         self.predicted_tilt_variance = self.tilt_variance()
@@ -73,6 +86,19 @@ class ErrorState(NominalState):
         accel_sigma = ACCEL_BIAS_LIM_SCALER * accel_bias_limit * dt_ekf_avg
         self.clear(GYRO, gyro_sigma * gyro_sigma)
         self.clear(ACCEL, accel_sigma * accel_sigma)
+
+    def doubt_accel(self, *, is_bad: bool, vel_down_variance: float, height_variance: float) -> None:
+        """Hear whether the accelerometers are bad, and how large variances of climb and height then are at least."""
+        if is_bad != self.accel_is_bad:
+            self.accel_is_bad = is_bad
+            lowest = self.limits.lowest_var
+            lowest[VEL.stop - 1] = vel_down_variance if is_bad else MIN_VEL_POS_VAR
+            lowest[POS.stop - 1] = height_variance if is_bad else MIN_VEL_POS_VAR
+
+    @property
+    def unlearned(self) -> Sequence[int]:
+        """The states that measurements of motion are not to correct: the biases of accelerometers that are bad."""
+        return range(ACCEL.start, ACCEL.stop) if self.accel_is_bad else ()
 
     @property
     def learns_field(self) -> bool:
@@ -151,15 +177,16 @@ class ErrorState(NominalState):
 
     # Fusion
 
-    def update(self, row: Array, innovation: float, variance: float) -> bool:
+    def update(self, row: Array, innovation: float, variance: float, left_alone: Sequence[int] = ()) -> bool:
         """Fuse a scalar; tell whether it was, as it is not when a variance would become negative, or all is unsound.
 
         Args:
             row: shape (22,), how the prediction depends on the errors.
             innovation: prediction less measurement.
             variance: of the measurement.
+            left_alone: states that it is not to correct.
         """
-        return self.fuse_spread(*self.spread_of(row), innovation, variance)
+        return self.fuse_spread(*self.spread_of(row), innovation, variance, left_alone)
 
     def spread_of(self, row: Array) -> tuple[Array, float]:
         """Return how errors go with a prediction that depends on them by ``row``, shape (22,), and its variance."""
@@ -177,7 +204,7 @@ class ErrorState(NominalState):
 
         Without aiding what is measured is assumed, and the biases that it says little of are left alone.
         """
-        left_alone = () if self._aided else self._poorly_observable(index)
+        left_alone = self.unlearned if self._aided else self._poorly_observable(index)
         return self.fuse_spread(self.cov[index], self.cov.item(index, index), innovation, variance, left_alone)
 
     def update_states(self, wanted: Sequence[tuple[int, float, float]]) -> list[float]:
@@ -194,7 +221,7 @@ class ErrorState(NominalState):
     def _poorly_observable(self, index: int) -> list[int]:
         cosines = enumerate(self.rotation[2].tolist(), GYRO.start)
         states = [state for state, cosine in cosines if abs(cosine) > POORLY_OBSERVABLE_COSINE]
-        if index not in (VEL.stop - 1, POS.stop - 1):
+        if self.accel_is_bad or index not in (VEL.stop - 1, POS.stop - 1):
             states += range(ACCEL.start, ACCEL.stop)
         return states
 

@@ -20,6 +20,7 @@ from ekf_stub.filter.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_
 
 ATTITUDE_GAIN: Final = 0.5
 INTEGRAL_GAIN: Final = 0.1
+BAD_ACCEL_INTEGRAL_GAIN: Final = 0.07
 _END_OF_POS: Final = but_attitude(POS).stop
 
 
@@ -172,10 +173,16 @@ class OutputPredictor(OutputChanges):
         self.angle_error = 2.0 * math.hypot(error.x, error.y, error.z)
         self.vel_error, self.pos_error = vel_error.abs(), pos_error.abs()
         self._pos_integral += pos_error
-        self._vel_integral += vel_error
+        counted = vel_error
+        if state.accel_is_bad:  # vertically what counts is how far the present velocity is from that at the horizon
+            counted = quaternion.quaternion(0.0, vel_error.x, vel_error.y, vel_z - self.now.pure_vel.z)
+        self._vel_integral += counted
         by_integral = INTEGRAL_GAIN * gain * gain
         pos = pos_error * gain + self._pos_integral * by_integral
         vel = vel_error * gain + self._vel_integral * by_integral
+        if state.accel_is_bad:
+            down = vel_error.z * gain + self._vel_integral.z * (BAD_ACCEL_INTEGRAL_GAIN * gain * gain)
+            vel = quaternion.quaternion(0.0, vel.x, vel.y, down)
         self._history = deque(
             [Output(quat, its_vel + vel, its_pos + pos) for quat, its_vel, its_pos in self._history],
             maxlen=self._history.maxlen,

@@ -15,6 +15,7 @@ from ekf_stub.filter.nominal_state import NominalState
 from ekf_stub.filter.states import ACCEL, ATT, GYRO, POS, STATES, VEL
 
 MAX_GROWING_POS_VAR: Final = 1e4
+BAD_ACCEL_NOISE: Final = 5.0  # m/s/s
 
 _AXES: Final = np.eye(3)
 _DOWN_AXIS: Final = np.diag([0.0, 0.0, 1.0])
@@ -43,7 +44,7 @@ class ProcessNoise:
             biases: whether biases are estimated.
             fields: whether magnetic fields are.
         """
-        vel = (dt * limited(self.accel, 0.0, 10.0)) ** 2
+        vel = (dt * limited(self.accel, 0.0, BAD_ACCEL_NOISE)) ** 2
         gyro = accel = earth = body = 0.0
         if biases:
             gyro = (dt * dt * limited(self.gyro_bias, 0.0, 1.0)) ** 2

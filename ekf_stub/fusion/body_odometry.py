@@ -80,5 +80,5 @@ class BodyOdometry(Fusion):
             if not self.is_fused:
                 self.is_fused = True
                 self._texts.add("fusing odometry")
-            state.update(row, predicted - measured, noise)
+            state.update(row, predicted - measured, noise, state.unlearned)
         return ratio

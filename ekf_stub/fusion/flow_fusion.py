@@ -92,7 +92,7 @@ class FlowFusion(Fusion):
             self.ratios[axis] = innovation**2 / (gate * (expected + noise))
             if is_slow and self.ratios[axis] < 1:
                 self._note_fused(now_ms)
-                state.fuse_spread(spread, expected, innovation, noise)
+                state.fuse_spread(spread, expected, innovation, noise, state.unlearned)
 
     def _note_fused(self, now_ms: int) -> None:
         self._aiding.times.flow = now_ms

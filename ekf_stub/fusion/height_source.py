@@ -137,12 +137,12 @@ class HeightSource(Fusion):
         is_wanted = mask & IN_MEASUREMENTS and mask & _MASKS[self.active]
         return self._origin_height.excess_m if is_wanted else 0.0
 
-    def check_timeout(self, now_ms: int) -> None:
-        """Find out whether height is lost."""
+    def check_timeout(self, now_ms: int, *, imu_is_bad: bool = False) -> None:
+        """Find out whether height is lost, as it is with accelerometers that have been bad for a while."""
         has_velocity = self._ingest.have_velocity or self._gps.tells_climb
         with_velocity = has_velocity and not self._aiding.vel_timeout
         retry_ms = HEIGHT_RETRY_WITH_VELOCITY_MS if with_velocity else HEIGHT_RETRY_MS
-        self.is_lost = now_ms - self._aiding.times.height > retry_ms
+        self.is_lost = imu_is_bad or now_ms - self._aiding.times.height > retry_ms
 
     def use_pose(self) -> None:
         """Measure by the last pose, whatever the source is."""

@@ -13,7 +13,7 @@ from ap_core.verdict import Rule
 from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
-from ekf_stub.fusion.height_source import BARO, EXT_NAV, FRESH_MS, HeightSource, Vehicle
+from ekf_stub.fusion.height_source import BARO, EXT_NAV, FRESH_MS, GPS, HeightSource, Vehicle
 from ekf_stub.fusion.measurements import Velocity
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.resets import NORTH_EAST, POS_NE, Resets
@@ -22,6 +22,8 @@ from ekf_stub.inputs.gps_reading import GpsFix
 from ekf_stub.inputs.sources import SourceXY, SourceZ
 
 DISARMED_NOISE: Final = 0.5
+BAD_IMU_HOLD_MS: Final = 10_000
+BAD_IMU_TIMEOUT_MS: Final = 1000
 MAX_RATIO_ON_GROUND: Final = 3.0
 NOISE_OF_ACCELERATION: Final = 0.05
 GROUND_EFFECT_FLOOR: Final = -0.5
@@ -47,13 +49,17 @@ _Z_GPS: Final = SourceZ.GPS
 
 @dataclass(slots=True)
 class Innovations:
-    """Prediction less measurement, shape (3,) m/s NED and m NED, and ratios of their squares to the gates."""
+    """Prediction less measurement, shape (3,) m/s NED and m NED, and ratios of their squares to the gates.
+
+    ``still_height`` is that of height on the ground, smoothed; m.
+    """
 
     vel: Array = field(default_factory=lambda: np.zeros(3))
     pos: Array = field(default_factory=lambda: np.zeros(3))
     vel_ratio: float = 0.0
     pos_ratio: float = 0.0
     height_ratio: float = 0.0
+    still_height: float = 0.0
 
 
 @dataclass(slots=True)
@@ -87,6 +93,7 @@ class VelPosFusion(Fusion):
         self._pos_source = parts.sources.pos_xy()
         self._pos_source_changed = False
         self._velocity_was_reset = False
+        self._bad_imu_ms = self._good_imu_ms = 0
 
     def step(self, now_ms: int, vehicle: Vehicle, *, rests: bool = False) -> None:
         """Fuse what came due in a step; ``rests`` tells that the vehicle stands still, where a release heeds that."""
@@ -97,13 +104,16 @@ class VelPosFusion(Fusion):
         by_ext_nav = absolute and self._delayed.has_pose and source == _XY_EXTNAV
         if self._height.select(now_ms, vehicle):
             self._resets.shift_height(self._height.down)
-        self._height.check_timeout(now_ms)
+        imu_is_bad = self._state.accel_is_bad and now_ms - self._good_imu_ms > BAD_IMU_TIMEOUT_MS
+        self._height.check_timeout(now_ms, imu_is_bad=imu_is_bad)
         if not (self._gps.is_due or self._delayed.has_pose or self._delayed.has_velocity or self._height.is_new):
             return
         self._follow_jump(by_gps=by_gps, by_ext_nav=by_ext_nav)
         observed = self._observe(vehicle, by_gps=by_gps, by_ext_nav=by_ext_nav)
         if rests and self._height.is_new:
             self._observe_rest(now_ms, vehicle, observed, by_ext_nav=by_ext_nav)
+        if by_gps and self._gps.delayed is not None and not observed.is_rest:
+            self._check_imu(now_ms, observed, self._gps.delayed)
         self._fuse(now_ms, vehicle, observed)
         self._tell_unused(pose=not by_ext_nav, velocity=observed.vel is None or observed.is_rest)
 
@@ -212,6 +222,34 @@ class VelPosFusion(Fusion):
         by_ext_nav = self._ingest.have_velocity and self._sources.uses_vel_z(_Z_EXTNAV)
         return 3 if by_ext_nav or (by_gps and self._aiding.mode is _ABSOLUTE) else 2
 
+    def _check_imu(self, now_ms: int, observed: _Observed, fix: GpsFix) -> None:
+        """Find out whether the accelerometers are bad: height and vertical velocity are off alike (FuseVelPosNED)."""
+        if observed.vel_axes < 3 or observed.vel is None or self._sources.pos_z() == _Z_GPS:
+            return
+        height_error, climb_error = (
+            self._state.down - self._height.down,
+            self._state.component(_VEL[2]) - observed.vel[2],
+        )
+        since_ms = now_ms - self._bad_imu_ms
+        sigmas_squared = 9.0 if since_ms > 2 * BAD_IMU_HOLD_MS else 4.0 if since_ms > 1.5 * BAD_IMU_HOLD_MS else 1.0
+        is_off = (
+            height_error * climb_error > 0
+            and height_error**2 > sigmas_squared * self._height.variance
+            and climb_error**2 > sigmas_squared * observed.vel_d_variance
+        )
+        if is_off:
+            self._bad_imu_ms = now_ms
+        else:
+            self._good_imu_ms = now_ms
+        is_bad = since_ms < BAD_IMU_HOLD_MS
+        self._state.doubt_accel(
+            is_bad=is_bad,
+            vel_down_variance=self._get_float("VELD_M_NSE") ** 2,
+            height_variance=self._get_float("ALT_M_NSE") ** 2,
+        )
+        if is_bad:
+            self._state.vel = np.array([*self._state.vel[NORTH_EAST], fix.vel[2]])
+
     # Gates and fusion
 
     def _fuse(self, now_ms: int, vehicle: Vehicle, observed: _Observed) -> None:
@@ -279,7 +317,7 @@ class VelPosFusion(Fusion):
         passed = ratio < 1 or aiding.mode is _NO_AIDING or not self._limits_glitches()
         if passed:
             aiding.times.pos = now_ms
-        if not passed and not aiding.pos_timeout:
+        if not (passed or aiding.pos_timeout or self._state.accel_is_bad):
             self._tell_pose(rules.GATE_POSITION, ratio)
             return False
         is_wide = self._limits_glitches() and spread > self._get_float("GLITCH_RAD") ** 2
@@ -312,7 +350,9 @@ class VelPosFusion(Fusion):
         passed = ratio < 1 or not self._limits_glitches()
         if passed:
             aiding.times.vel = now_ms
-        if not passed and not aiding.vel_timeout:
+            if ratio >= 1:
+                aiding.times.pos = now_ms
+        if not (passed or aiding.vel_timeout or self._state.accel_is_bad):
             self._tell_velocity(observed, rules.GATE_VELOCITY, ratio)
             return False
         if aiding.mode is _ABSOLUTE and aiding.vel_timeout:
@@ -332,14 +372,27 @@ class VelPosFusion(Fusion):
         self.innovations.height_ratio = ratio
         standing = self._aiding.mode is _NO_AIDING and vehicle.on_ground
         passed = ratio < (MAX_RATIO_ON_GROUND if standing else 1.0)
+        if not (passed or standing or self._limits_glitches()) and height.active == GPS:
+            passed, self._aiding.times.pos = True, now_ms
         if passed:
             self._aiding.times.height = now_ms
+        if passed or height.is_lost or self._state.accel_is_bad:
+            self._follow_innovation(now_ms, vehicle, innovation)
         if height.is_lost:
             self.reset_height(now_ms, vehicle)
             self._tell_height(rules.RESET_TO)
             return False
+        passed = passed or self._state.accel_is_bad
         self._tell_height(rules.FUSED if passed else rules.GATE_HEIGHT, ratio)
         return passed
+
+    def _follow_innovation(self, now_ms: int, vehicle: Vehicle, innovation: float) -> None:
+        """Smooth the innovation of height on the ground."""
+        if vehicle.on_ground:
+            dt = 0.001 * (now_ms - self._aiding.times.height)
+            self.innovations.still_height += (innovation - self.innovations.still_height) * dt / (dt + 2.0)
+        else:
+            self.innovations.still_height = 0.0
 
     def reset_height(self, now_ms: int, vehicle: Vehicle) -> None:
         """Put height where it was measured last."""
@@ -356,7 +409,7 @@ class VelPosFusion(Fusion):
     def _gps_tells_climb(self, now_ms: int, newest: GpsFix) -> bool:
         delayed = self._gps.delayed
         is_fresh = delayed is not None and u32(now_ms - delayed.time_ms) < FRESH_MS
-        is_used = self._sources.uses_vel_z(_Z_GPS) and self._gps.is_in_use
+        is_used = self._sources.uses_vel_z(_Z_GPS) and (self._gps.is_in_use or self._state.accel_is_bad)
         return is_fresh and is_used and newest.has_vertical_velocity
 
     # What became of samples of external navigation

@@ -166,6 +166,15 @@ def steps_of(path: InertialPass, delta: InertialDelta, state: ErrorState) -> lis
     return [step for step in said if step is not None]
 
 
+def test_output_of_bad_accelerometers_is_led_the_same_way() -> None:
+    pair = Pair(seed=7)
+    pair.run(20, sigma=0.001)
+    pair.state.accel_is_bad = True
+    pair.run(40, sigma=0.001)
+    pair.state.accel_is_bad = False
+    pair.run(20, sigma=0.001)
+
+
 def test_step_that_may_not_be_made_waits_in_both() -> None:
     pair = Pair(seed=6)
     delta = InertialDelta(np.array([0.0, 0.0, -GRAVITY_MSS * DT]), np.zeros(3), DT, DT)

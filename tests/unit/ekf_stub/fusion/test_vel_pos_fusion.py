@@ -12,10 +12,11 @@ import pytest
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import Array
-from ekf_stub.filter.states import POS, VEL
+from ekf_stub.filter.states import ACCEL, POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import BARO, EXT_NAV, Vehicle
 from ekf_stub.fusion.measurements import BaroSample
+from ekf_stub.inputs.gps_reading import GpsFix
 from ekf_stub.inputs.gps_sample import GpsSample
 
 if TYPE_CHECKING:
@@ -720,3 +721,60 @@ def test_gps_gives_vertical_velocity_as_height_is_reset_in_flight(
     fix(parts, Vector3f(), vel_ned=Vector3f(0, 0, 0.3), has_vertical_velocity=has_vertical)
     parts.fusion.reset_height(NOW_MS, vehicle)
     assert parts.state.vel[2] == pytest.approx(down_rate)
+
+
+# Accelerometers that are bad
+
+
+def seen_by_gps(parts: "FilterParts", *, climb: float, baro: float, now_ms: int) -> None:
+    """Make a step in which height and climb are measured, by barometer and GPS."""
+    fix = GpsFix(now_ms, np.array([0.0, 0.0, -baro]), np.array([0.0, 0.0, -climb]), True, None)
+    parts.gps.delayed, parts.gps.is_due = fix, True
+    step(parts, now_ms=now_ms, vehicle=FLYING, baro=baro)
+
+
+def with_bad_accelerometers(make_parts: MakeParts, **params: float) -> "FilterParts":
+    parts = navigating(make_parts, "33131", **params)
+    seen_by_gps(parts, climb=8.0, baro=40.0, now_ms=NOW_MS)
+    assert not parts.state.accel_is_bad
+    assert parts.state.vel[2] == 0.0  # beyond the gate
+    seen_by_gps(parts, climb=8.0, baro=40.0, now_ms=NOW_MS + 200)
+    return parts
+
+
+def test_height_and_climb_that_are_off_alike_are_the_accelerometers_fault(make_parts: MakeParts) -> None:
+    parts = with_bad_accelerometers(make_parts, VELD_M_NSE=0.7, ALT_M_NSE=3.0)
+    assert parts.state.accel_is_bad
+    assert parts.state.vel[2] == pytest.approx(-8.0, abs=0.5)
+    assert variances(parts)[[VEL.stop - 1, POS.stop - 1]] == pytest.approx([0.49, 9.0], rel=0.2)
+    assert parts.state.unlearned == range(ACCEL.start, ACCEL.stop)
+    assert parts.state.down < -1.0  # beyond its gate, and fused all the same
+
+
+def test_accelerometers_are_trusted_again_10_s_after_all_was_well(make_parts: MakeParts) -> None:
+    parts = with_bad_accelerometers(make_parts)
+    down = -parts.state.down
+    for since_ms, is_bad in ((9999, True), (10_200, False)):
+        parts.aiding.times.height = NOW_MS + since_ms
+        seen_by_gps(parts, climb=-float(parts.state.vel[2]), baro=down, now_ms=NOW_MS + since_ms)
+        assert parts.state.accel_is_bad is is_bad
+
+
+@pytest.mark.parametrize(
+    ("sources", "climb", "baro"),
+    [("33131", -8.0, 40.0), ("33131", 1.4, 40.0), ("33131", 4.0, 5.0), ("33101", 4.0, 40.0), ("33331", 4.0, 40.0)],
+)
+def test_accelerometers_are_trusted_otherwise(make_parts: MakeParts, sources: str, climb: float, baro: float) -> None:
+    parts = navigating(make_parts, sources)
+    for now_ms in (NOW_MS, NOW_MS + 200):
+        parts.aiding.times.height = now_ms
+        seen_by_gps(parts, climb=climb, baro=baro, now_ms=now_ms)
+    assert not parts.state.accel_is_bad
+
+
+def test_height_is_lost_with_accelerometers_that_have_been_bad_for_a_second(make_parts: MakeParts) -> None:
+    parts = with_bad_accelerometers(make_parts)
+    parts.aiding.times.height = NOW_MS + 1200
+    seen_by_gps(parts, climb=8.0, baro=90.0, now_ms=NOW_MS + 1200)
+    assert parts.state.down == -90.0
+    assert parts.state.vel[2] == -8.0
