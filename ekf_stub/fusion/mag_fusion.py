@@ -121,9 +121,14 @@ class MagFusion:
         bound = MAX_DECLINATION_INNOVATION
         self._state.update(row, limited(innovation, -bound, bound), err**2)
 
-    def fuse(self, mag: MagSample, step: InertialStep) -> bool:
-        """Fuse the three axes one after the other, with the attitude that they all found; tell whether all passed."""
-        self._fuse_declination(DECLINATION_ERR)
+    def fuse(self, mag: MagSample, step: InertialStep, *, knows_north: bool = False) -> bool:
+        """Fuse the three axes one after the other, with the attitude that they all found; tell whether all passed.
+
+        The declination keeps the earth's field from turning, unless there is no table and ``knows_north`` tells that
+        positions do.
+        """
+        if not knows_north or self._get_float("MAG_EF_LIM") > 0:
+            self._fuse_declination(DECLINATION_ERR)
         state = self._state
         rotation = state.rotation_now()
         noise = limited(self._get_float("MAG_M_NSE"), *NOISE_LIMITS) ** 2

@@ -13,7 +13,7 @@ from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs.sources import SourceXY
 
-FRESH_VELOCITY_MS: Final = 250
+FRESH_MEASUREMENT_MS: Final = 250
 LOST_VELOCITY_VAR: Final = 25.0**2
 NORTH_EAST: Final = slice(0, 2)
 _VEL_NE: Final = slice(VEL.start, VEL.start + 2)
@@ -38,10 +38,10 @@ class Resets(Fusion):
     def position(self, now_ms: int, *, by_gps: bool = False) -> None:
         """Put the horizontal position where it was measured last, or without aiding known last (ResetPosition).
 
-        However old a pose is. Any reset ends the timeout.
+        However old a measurement of the source is; without a source it must be fresh. Any reset ends the timeout.
         """
         before = self._state.pos[NORTH_EAST].copy()
-        target, variance = self._position_target(by_gps=by_gps or self._sources.pos_xy() == SourceXY.GPS)
+        target, variance = self._position_target(now_ms, by_gps=by_gps)
         self._state.pos = np.array([*target, self._state.pos[2]])
         self._state.clear(POS_NE, variance)
         self._output.overwrite(pos={0: float(target[0]), 1: float(target[1])})
@@ -49,14 +49,18 @@ class Resets(Fusion):
         self._aiding.pos_timeout = False
         self._aiding.times.pos = now_ms
 
-    def _position_target(self, *, by_gps: bool) -> tuple[Array, float]:
+    def _position_target(self, now_ms: int, *, by_gps: bool) -> tuple[Array, float]:
         pose, fix, noise = self._delayed.pose, self._gps.newest_at_imu(), self._get_float("POSNE_M_NSE")
         if self._aiding.mode is not AidingMode.ABSOLUTE:
             return self.last_known_ne, noise**2
-        if by_gps and fix is not None:
+        source = self._sources.pos_xy()
+        is_open = not by_gps and source not in (SourceXY.GPS, SourceXY.EXTNAV)
+        gps_is_fresh = u32(now_ms - self._gps.received_ms) < FRESH_MEASUREMENT_MS
+        if fix is not None and (by_gps or source == SourceXY.GPS or (is_open and gps_is_fresh)):
             ahead_s = 1e-3 * i32(self._ingest.horizon_ms - fix.time_ms)
             return (fix.pos + ahead_s * fix.vel)[NORTH_EAST], max(self._gps.pos_accuracy, noise) ** 2
-        if pose is not None:
+        pose_is_fresh = pose is not None and u32(now_ms - pose.time_ms) < FRESH_MEASUREMENT_MS
+        if pose is not None and (pose_is_fresh or not is_open):
             return pose.pos[NORTH_EAST], pose.err**2
         return self._state.pos[NORTH_EAST], 0.0
 
@@ -88,9 +92,9 @@ class Resets(Fusion):
             return rest, noise**2
         source = sources.value(sources.active_set, "VELXY")
         is_open = not by_ext_nav and not by_gps and source not in (SourceXY.GPS, SourceXY.EXTNAV)
-        gps_is_fresh = u32(now_ms - self._gps.received_ms) < FRESH_VELOCITY_MS
+        gps_is_fresh = u32(now_ms - self._gps.received_ms) < FRESH_MEASUREMENT_MS
         ext_nav_is_fresh = (
-            self._ingest.have_velocity and u32(now_ms - self._ingest.velocity_stamp_ms) < FRESH_VELOCITY_MS
+            self._ingest.have_velocity and u32(now_ms - self._ingest.velocity_stamp_ms) < FRESH_MEASUREMENT_MS
         )
         if fix is not None and (by_gps or (not by_ext_nav and source == SourceXY.GPS) or (is_open and gps_is_fresh)):
             return fix.vel[NORTH_EAST], max(noise, self._gps.speed_accuracy) ** 2

@@ -358,7 +358,8 @@ class YawFusion(Fusion):
     def _fuse_compass(self, mag: MagSample, vehicle: Vehicle, step: InertialStep) -> None:
         if self._state.learns_field and self._alignment.field_set and not self.compass.wants_reset:
             self.mag_fusion = 2
-            self.field_was_fused = self.compass.is_healthy = self.field.fuse(mag, step)
+            knows_north = self._aiding.mode is AidingMode.ABSOLUTE
+            self.field_was_fused = self.compass.is_healthy = self.field.fuse(mag, step, knows_north=knows_north)
             self.ratio = 0.0
             return
         self.mag_fusion = 1

@@ -34,10 +34,11 @@ PIECES: Final = {
     "bench_velocity_only": 13.0,
     "bench_vertical_velocity_100hz": 9.0,
     "dropout": 12.0,
+    "flow_take_off": 5.2,
 }
 """The beginnings of these, up to so many s since boot."""
 
-USUAL_PIECES: Final = ("bench_odometry",)
+USUAL_PIECES: Final = ("bench_odometry", "flow_take_off")
 
 SAME_FRAME_S: Final = 0.03
 WORST: Final = {

@@ -12,9 +12,10 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.frame import Frame
 from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.inactive_biases import GAIN, ImuRates
-from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS
+from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS, InertialDelta
 from ekf_stub.filter.states import POS, VEL
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample
@@ -57,6 +58,15 @@ def test_core_steps_80_times_a_second(make_core: MakeCore) -> None:
         steps += rig.core.stepped
     assert steps == 80
     assert rig.core.dt_ekf_avg == pytest.approx(0.0125, rel=1e-3)
+
+
+def test_data_of_the_frame_after_the_state_began_count_twice(make_core: MakeCore) -> None:
+    rig, dt = make_core(run_s=1.0025), 0.0054  # of which two make a step
+    assert rig.core.initialised
+    rig.now_us += 2500
+    delta = InertialDelta(np.array(rig.accel) * dt, np.zeros(3), dt, dt)
+    rig.core.run(Frame(rig.now_us, delta, **rig.frame))
+    assert rig.core.stepped
 
 
 def test_core_that_is_late_steps_every_ninth_frame(make_core: MakeCore) -> None:

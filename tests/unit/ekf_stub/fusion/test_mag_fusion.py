@@ -244,6 +244,21 @@ def test_field_of_a_table_is_the_one_that_is_reset_to_and_limited_around(rig: Ri
     assert rig.state.earth_field == pytest.approx(table)
 
 
+@pytest.mark.parametrize(("limit", "knows_north", "turns"), [(0, True, True), (0, False, False), (50, True, False)])
+def test_declination_keeps_the_field_from_turning_unless_positions_tell_north(
+    limit: float, knows_north: bool, turns: bool
+) -> None:
+    rig = Rig(MAG_EF_LIM=limit)
+    rig.begin()
+    rig.state.clear(ATT, 1e-12)
+    rig.state.clear(BODY, 0.0)
+    rig.state.clear(EARTH, 0.01)
+    east = quat_of_euler(0.0, 0.0, -0.05)
+    for _ in range(5):
+        rig.fusion.fuse(rig.feel(east), STEP, knows_north=knows_north)
+    assert bool(abs(rig.state.earth_field[1]) > 0.01) is turns
+
+
 # Learning
 
 

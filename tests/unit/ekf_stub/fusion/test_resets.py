@@ -68,6 +68,22 @@ def test_position_goes_to_the_last_pose_with_its_error_however_small(make_parts:
     assert (parts.aiding.pos_timeout, parts.aiding.times.pos) == (False, NOW_MS)
 
 
+@pytest.mark.parametrize(("age_ms", "north"), [(249, 4.0), (250, 10.0)])
+def test_position_of_no_source_counts_while_it_is_fresh(make_parts: MakeParts, age_ms: int, north: float) -> None:
+    parts = navigating(make_parts, "06606")
+    parts.set_pose(4, 5, 6, err=0.2, time_ms=NOW_MS - age_ms)
+    parts.resets.position(NOW_MS)
+    assert parts.state.pos[0] == north
+
+
+def test_fresh_position_of_a_gps_counts_before_that_while_no_source_is_named(make_parts: MakeParts) -> None:
+    parts = navigating(make_parts, "06606")
+    parts.set_pose(4, 5, 6, err=0.2, time_ms=NOW_MS)
+    set_fix(parts, time_ms=NOW_MS - 249)
+    parts.resets.position(NOW_MS)
+    assert parts.state.pos[:2] == pytest.approx([0, 0], abs=1e-6)
+
+
 def test_position_leaves_velocity_and_its_timeout_alone(make_parts: MakeParts) -> None:
     parts = navigating(make_parts)
     before = variances(parts, VEL.start, 3)
