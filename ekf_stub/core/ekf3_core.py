@@ -248,10 +248,12 @@ class Ekf3Core:
     # Every frame
 
     def _compasses(self, frame: Frame) -> Compasses:
-        if frame.compasses is None and frame.mag is not self._mag:
+        if frame.compasses is not None:
+            return frame.compasses
+        if frame.mag is not self._mag:
             self._mag = frame.mag
             self._only_compass = NO_COMPASS if frame.mag is None else Compasses((CompassReading(*frame.mag),))
-        return self._only_compass if frame.compasses is None else frame.compasses
+        return self._only_compass
 
     def _update(self, frame: Frame, now_ms: int) -> None:
         get = self._get_float

@@ -46,7 +46,7 @@ class CompassReader(Fusion):
         super().__init__(parts)
         self._is_there = parts.has_compass
         self.said = NO_COMPASS
-        self.number = 0
+        self.number, self._may_be_used, self._was_armed = 0, True, False
         self.samples: ObsRing[MagSample] = ObsRing(parts.ring_size)
         self.is_healthy = self.is_lost = self.has_failed = False
         self.are_consistent = self.wants_reset = self.forgets_body_field = False
@@ -58,22 +58,29 @@ class CompassReader(Fusion):
 
     def is_used(self) -> bool:
         """Tell whether the compass may be used for yaw."""
-        reading = self._reading(self.number)
-        return self._is_there() and (reading is None or reading.is_used)
+        return self._may_be_used and self._is_there()
+
+    def _choose(self, number: int) -> None:
+        reading = self._reading(number)
+        self.number, self._may_be_used = number, reading is None or reading.is_used
 
     def begin(self, compasses: Compasses, now_ms: int) -> None:
         """Take the first one, as the filter begins (InitialiseVariablesMag)."""
-        self.said, self.number = compasses, compasses.first_usable
+        self.said = compasses
+        self._choose(compasses.first_usable)
         self._began_ms = self._healthy_ms = now_ms
 
     def select(self, compasses: Compasses, now_ms: int, *, armed: bool) -> None:
         """Hear what compasses say in a frame; go over to the core's own, or on the ground to the first one."""
-        self.said = compasses
+        if compasses is self.said and armed == self._was_armed:  # as in most frames
+            return
+        self.said, self._was_armed = compasses, armed
+        self._choose(self.number)
         own = compasses.own
         if own is not None:
             reading = self._reading(own)
             if reading is not None and reading.is_healthy and reading.is_used:
-                self.number = own
+                self._choose(own)
         elif not armed and self.number != compasses.first_usable:
             self._try(compasses.first_usable, now_ms)
 
@@ -117,7 +124,7 @@ class CompassReader(Fusion):
         reading = self._reading(number)
         if reading is None or not (reading.is_healthy and reading.is_used) or number == self.number:
             return
-        self.number = number
+        self._choose(number)
         self._texts.add(f"switching to compass {number}")
         self.is_lost, self._healthy_ms = False, now_ms
         self.wants_reset = True

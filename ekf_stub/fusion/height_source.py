@@ -119,8 +119,7 @@ class HeightSource(Fusion):
     def _correct_origin(self) -> None:
         """Let GPS tell how high the origin is, while height comes from another sensor."""
         fix, gps = self._gps.delayed, self._gps
-        mask = int(self._get_float("OGN_HGT_MASK"))
-        if not gps.is_due or fix is None or not mask & _MASKS.get(self.active, 0):
+        if not gps.is_due or fix is None or not int(self._get_float("OGN_HGT_MASK")) & _MASKS.get(self.active, 0):
             return
         by_slope = STEEPEST * math.hypot(*self._state.vel[:2].tolist())
         self._origin_height.correct(
