@@ -18,6 +18,7 @@ from ekf_stub.log.ekf_log import PERIOD_US
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 from viso.ekf_runs.output import EkfOutput
+from viso.ekf_runs.place import declination_of, field_of
 from viso.ekf_runs.player import EkfPlayer
 from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
@@ -39,8 +40,6 @@ _ERR_EKF_PRIMARY: Final = 24
 _EV_YAW_RESET: Final = 62
 _EV_SOURCE_SET_1: Final = 85
 _ORGN_EKF: Final = 0
-_ORIGIN_SET: Final = " origin set"
-_ORIGIN_SETTLES_US: Final = 500_000  # until all cores have it
 _NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
@@ -152,8 +151,8 @@ class EkfRun:
             try:
                 self.firmware = self.firmware or _firmware(log)
                 self._player.release = self.firmware.ekf
-                self._player.place_declination = _declination(log)
-                self._player.place_field = _field(log, self._player.place_declination)
+                self._player.place_declination = declination_of(log)
+                self._player.place_field = field_of(log, self._player.place_declination)
                 for record, slow in _records(log, self._until_s):
                     self._player.slow = slow
                     self._take(record, has_estimates=has_estimates > 0)
@@ -281,15 +280,6 @@ class EkfRun:
         self.output.write(ORGN, (self._player.time_us, _ORGN_EKF, place.lat, place.lng, place.alt_cm))
 
 
-def _declination(log: Any) -> float | None:
-    """Return the first declination that the compasses were given; the firmware's table had it from the origin on."""
-    found = None
-    while found is None and (record := log.recv_match(type="RMGH")) is not None:
-        found = finite(record, "Dec")[0] or None
-    log.rewind()
-    return found
-
-
 def _firmware(log: Any) -> Firmware:
     """Return the release that is nearest to what the log was written by."""
     flown = None
@@ -301,29 +291,6 @@ def _firmware(log: Any) -> Firmware:
         names.add(text(record, "Name"))
     log.rewind()
     return profile_for(flown, names)
-
-
-def _field(log: Any, declination: float | None) -> Array | None:
-    """Return the earth's field by the firmware's table, Gauss, NED, of which no replay record tells.
-
-    The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss.
-    """
-    set_us: int | None = None
-    found: Array | None = None
-    while found is None and declination is not None:
-        record = log.recv_match(type=["MSG", "XKF2"])
-        if record is None:
-            break
-        (time_us,) = whole(record, "TimeUS")
-        if record.get_type() == "MSG":
-            if set_us is None and text(record, "Message").endswith(_ORIGIN_SET):
-                set_us = time_us
-        elif set_us is not None and time_us > set_us + _ORIGIN_SETTLES_US:
-            north, east, down = (value + math.copysign(0.5, value) for value in whole(record, "MN", "ME", "MD"))
-            level = math.hypot(north, east)
-            found = 0.001 * np.array([level * math.cos(declination), level * math.sin(declination), down])
-    log.rewind()
-    return found
 
 
 def _records(log: Any, until_s: float) -> Iterator[tuple[Any, int]]:
