@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Final, cast
 
-from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA
+from mav_handlers.wire.messages import DISTANCE_SENSOR, ODOMETRY, OPTICAL_FLOW, VISION_POSITION_DELTA
 from viso.companion.faults.fault import ContentFault, Moment
 from viso.companion.faults.parameters import parameter
 from viso.companion.faults.poses import VISION_TYPES
@@ -41,10 +41,10 @@ class FrameIds(ContentFault):
 
 @dataclass(slots=True)
 class Quality(ContentFault):
-    """The quality of ODOMETRY, or the confidence of a change, follows a sequence, over and over.
+    """The quality of ODOMETRY or OPTICAL_FLOW, or the confidence of a change, follows a sequence, over and over.
 
     Attributes:
-        values: in turn; -1 failed, 0 unknown, 1 to 100.
+        values: in turn; -1 failed, 0 unknown, 1 to 100; of flow 0 for none.
         hold_s: how long each holds; 0 for one message each.
     """
 
@@ -55,7 +55,7 @@ class Quality(ContentFault):
 
     def change(self, message: Any, moment: Moment) -> Any:
         """Replace the quality."""
-        if isinstance(message, ODOMETRY):
+        if isinstance(message, ODOMETRY | OPTICAL_FLOW):
             return replace(message, quality=self._next(moment))
         if isinstance(message, VISION_POSITION_DELTA):
             return replace(message, confidence=float(self._next(moment)))
@@ -65,6 +65,41 @@ class Quality(ContentFault):
         turn = int(moment.since_s / self.hold_s) if self.hold_s else self._count
         self._count += 1
         return self.values[turn % len(self.values)]
+
+
+@dataclass(slots=True)
+class Distance(ContentFault):
+    """DISTANCE_SENSOR tells another distance: with a probability an outlier, without one a range that is stuck.
+
+    Attributes:
+        distance_m: that it tells, whatever its limits are.
+    """
+
+    for_messages: ClassVar[tuple[str, ...]] = (DISTANCE_SENSOR.__name__,)
+    distance_m: float = parameter(0.0, 0.0, 655.35)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Replace the distance."""
+        if not isinstance(message, DISTANCE_SENSOR):
+            return None
+        return replace(message, current_distance=round(100 * self.distance_m))
+
+
+@dataclass(slots=True)
+class Looks(ContentFault):
+    """DISTANCE_SENSOR looks elsewhere.
+
+    Attributes:
+        orientation: where (MAV_SENSOR_ORIENTATION); 0 forward, 24 up, 25 down.
+    """
+
+    lasts: ClassVar[bool] = True
+    for_messages: ClassVar[tuple[str, ...]] = (DISTANCE_SENSOR.__name__,)
+    orientation: int = parameter(0, 0, 100)
+
+    def change(self, message: Any, moment: Moment) -> Any:
+        """Replace the orientation."""
+        return replace(message, orientation=self.orientation) if isinstance(message, DISTANCE_SENSOR) else None
 
 
 @dataclass(slots=True)

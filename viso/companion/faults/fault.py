@@ -35,12 +35,13 @@ class Fault(ABC):
 
     ``sitl`` names the parameters of ArduPilot's simulator (libraries/SITL, SIM_Vicon) that do the same. A fault that
     ``lasts`` goes on from its ``at_s``; others happen then to one message. One for ``every_message`` is not only for
-    those of external navigation unless told otherwise.
+    those of external navigation unless told otherwise; one with ``for_messages`` is for those.
     """
 
     sitl: ClassVar[str] = ""
     lasts: ClassVar[bool] = False
     every_message: ClassVar[bool] = False
+    for_messages: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         check_parameters(self)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from viso.companion.faults.contents import Covariance, FrameIds, NotANumber, Quality
+from viso.companion.faults.contents import Covariance, Distance, FrameIds, Looks, NotANumber, Quality
 from viso.companion.faults.fault import Fault
 from viso.companion.faults.motion import (
     Degrees,
@@ -81,6 +81,8 @@ FAULTS: Final[Mapping[str, type[Fault]]] = MappingProxyType(
         "quat_norm": QuatNorm,
         "frame_ids": FrameIds,
         "quality": Quality,
+        "distance": Distance,
+        "looks": Looks,
         "nan": NotANumber,
         "covariance": Covariance,
     }

@@ -10,7 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+from mav_handlers.wire.messages import (
+    DISTANCE_SENSOR,
+    ODOMETRY,
+    OPTICAL_FLOW,
+    VISION_POSITION_DELTA,
+    VISION_SPEED_ESTIMATE,
+)
 from viso.companion.faults.fault import ContentFault, Moment
 from viso.companion.faults.parameters import parameter
 from viso.companion.faults.poses import (
@@ -25,6 +31,7 @@ from viso.companion.faults.poses import (
     turned,
     turned_about_origin,
     with_body_velocity_added,
+    with_flow,
     with_position,
     with_velocity_added,
     with_yaw_added,
@@ -198,10 +205,10 @@ class Drift(ContentFault):
 
 @dataclass(slots=True)
 class Scale(ContentFault):
-    """Positions, velocities and changes of position are too large or too small, as of a monocular odometry.
+    """Positions, velocities, changes of position, flow or distances are too large or too small.
 
     Attributes:
-        factor: 1000 for millimetres.
+        factor: 1000 for millimetres, 10 for distances in mm in place of cm.
     """
 
     lasts: ClassVar[bool] = True
@@ -209,6 +216,10 @@ class Scale(ContentFault):
 
     def change(self, message: Any, moment: Moment) -> Any:
         """Multiply."""
+        if isinstance(message, OPTICAL_FLOW):
+            return with_flow(message, lambda x, y: (self.factor * x, self.factor * y))
+        if isinstance(message, DISTANCE_SENSOR):
+            return replace(message, current_distance=round(self.factor * message.current_distance))
         if isinstance(message, VISION_POSITION_DELTA):
             return replace(message, position_delta=tuple(self.factor * delta for delta in message.position_delta))
         if isinstance(message, ODOMETRY):
@@ -228,10 +239,11 @@ class Frozen(ContentFault):
 
     def change(self, message: Any, moment: Moment) -> Any:
         """Repeat the first of the same type."""
+        first = self._first.setdefault(type(message), message)
+        if isinstance(message, DISTANCE_SENSOR):
+            return replace(first, time_boot_ms=message.time_boot_ms)
         stamp_us = stamp_of(message)
-        if stamp_us is None:
-            return None
-        return with_stamp(self._first.setdefault(type(message), message), stamp_us)
+        return None if stamp_us is None else with_stamp(first, stamp_us)
 
 
 @dataclass(slots=True)

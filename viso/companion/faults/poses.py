@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The messages of external navigation, position, attitude and velocity in them, and how to turn those.
+"""The messages of external navigation, position, attitude and velocity in them, flow, and how to turn those.
 
 Quaternions are w, x, y, z and turn the body into the local frame; angles are in rad. Numbers need not be finite.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     GLOBAL_VISION_POSITION_ESTIMATE,
     ODOMETRY,
+    OPTICAL_FLOW,
     VICON_POSITION_ESTIMATE,
     VISION_POSITION_DELTA,
     VISION_POSITION_ESTIMATE,
@@ -160,6 +162,15 @@ def with_body_velocity_added(message: ODOMETRY, vel_body: Vector) -> ODOMETRY:
     """Return the message with a velocity, in m/s in the body frame, added to its own."""
     vx, vy, vz = plus((message.vx, message.vy, message.vz), vel_body)
     return replace(message, vx=vx, vy=vy, vz=vz)
+
+
+def with_flow(message: OPTICAL_FLOW, change: Callable[[float, float], tuple[float, float]]) -> OPTICAL_FLOW:
+    """Return the message with its rates about x and y changed, in all the fields that tell them."""
+    x, y = change(message.flow_x, message.flow_y)
+    m_x, m_y = change(message.flow_comp_m_x, message.flow_comp_m_y)
+    rate_x, rate_y = change(message.flow_rate_x, message.flow_rate_y)
+    message = replace(message, flow_x=round(x), flow_y=round(y), flow_comp_m_x=m_x, flow_comp_m_y=m_y)
+    return replace(message, flow_rate_x=rate_x, flow_rate_y=rate_y)
 
 
 def turned_about_origin(message: Any, yaw_rad: float) -> Any:

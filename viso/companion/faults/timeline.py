@@ -137,7 +137,8 @@ def make_entry(kind: str, fields: Mapping[str, Any]) -> Entry:
             raise ValueError(f"{key}: unknown field; there are {', '.join((*_COMMON, *own))}")
     fault = cls(**{key: value for key, value in fields.items() if key in own})
     start_s, end_s, once = _span(fields, lasts=cls.lasts)
-    messages = _messages(fields.get("messages", ALL if cls.every_message else None))
+    usual = ALL if cls.every_message else list(cls.for_messages) or None
+    messages = _messages(fields.get("messages", usual))
     probability = _within("probability", fields.get("probability", 1.0), 1.0)
     return Entry(kind, fault, start_s, end_s, once, messages, probability)
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
+from mav_handlers.wire.messages import ODOMETRY, OPTICAL_FLOW, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
 from viso.companion.faults.fault import ContentFault, Moment
 from viso.companion.faults.poses import (
     Quat,
@@ -18,6 +18,7 @@ from viso.companion.faults.poses import (
     position_of,
     product,
     with_attitude,
+    with_flow,
     with_position,
 )
 from viso.companion.recorded.frame_change import axes_matrix
@@ -70,7 +71,7 @@ class WrongAxes(ContentFault):
 
     Attributes:
         world_axes: of the position and of VISION_SPEED_ESTIMATE, such as ENU or NWU.
-        body_axes: of the velocity of ODOMETRY, of rates and changes, such as FLU.
+        body_axes: of the velocity of ODOMETRY, of rates, changes and flow, such as FLU.
         of: what is in them; for the attitude, both must be right-handed or both left-handed.
     """
 
@@ -94,6 +95,8 @@ class WrongAxes(ContentFault):
             return self._delta(message, vectors=vectors, attitude=attitude)
         if isinstance(message, VISION_SPEED_ESTIMATE):
             return self._at(message, (message.x, message.y, message.z)) if vectors else None
+        if isinstance(message, OPTICAL_FLOW):
+            return with_flow(message, self._flow) if vectors else None
         position, quat = position_of(message), attitude_of(message)
         if position is None or quat is None:
             return None
@@ -106,6 +109,11 @@ class WrongAxes(ContentFault):
 
     def _at(self, message: Any, vector: Vector) -> Any:
         return with_position(message, self._world.coordinates(vector))
+
+    def _flow(self, x: float, y: float) -> tuple[float, float]:
+        """Return rates about x and y, an axial vector, in the other axes."""
+        about_x, about_y, _ = self._body.coordinates((x, y, 0.0))
+        return self._body.handedness * about_x, self._body.handedness * about_y
 
     def _turned(self, message: Any, quat: Quat) -> Any:
         if isinstance(message, ODOMETRY):

@@ -7,9 +7,11 @@ from typing import Any
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
+    DISTANCE_SENSOR,
     GLOBAL_VISION_POSITION_ESTIMATE,
     HEARTBEAT,
     ODOMETRY,
+    OPTICAL_FLOW,
     VICON_POSITION_ESTIMATE,
     VISION_POSITION_DELTA,
     VISION_POSITION_ESTIMATE,
@@ -41,6 +43,19 @@ def odometry(stamp_us: int = STAMP_US, **fields: Any) -> ODOMETRY:
         "quality": 90,
     }
     return ODOMETRY(**{**values, **fields})
+
+
+def flow(**fields: Any) -> OPTICAL_FLOW:
+    """Return flow of 4 about x and -2 about y, unless told otherwise."""
+    values = {"time_usec": STAMP_US, "sensor_id": 0, "flow_x": 4, "flow_y": -2, "quality": 180, "ground_distance": 2.0}
+    more = {"flow_comp_m_x": 0.5, "flow_comp_m_y": -0.25, "flow_rate_x": 1.0, "flow_rate_y": -0.5}
+    return OPTICAL_FLOW(**{**values, **more, **fields})
+
+
+def distance(**fields: Any) -> DISTANCE_SENSOR:
+    """Return 1.5 m down, unless told otherwise."""
+    values = {"time_boot_ms": 5000, "min_distance": 10, "max_distance": 3000, "current_distance": 150, "type": 0}
+    return DISTANCE_SENSOR(**{**values, "id": 1, "orientation": 25, "covariance": 0, **fields})
 
 
 def position(**fields: Any) -> VISION_POSITION_ESTIMATE:

@@ -11,7 +11,9 @@ from tests.unit.viso.companion.faults.rig import (
     after,
     after_one,
     delta,
+    distance,
     encoded,
+    flow,
     mocap,
     odometry,
     passed_over,
@@ -34,6 +36,21 @@ def test_quality_goes_through_its_values_again_and_again() -> None:
 def test_quality_holds_for_its_time() -> None:
     heard = after("kind: quality, values: [50, 7], hold_s: 0.2, start_s: 0.1", *[delta()] * 6)
     assert [message.confidence for message in heard] == [70, 50, 50, 7, 7, 50]
+
+
+def test_flow_sees_nothing() -> None:
+    assert after_one("kind: quality, messages: OPTICAL_FLOW", flow()) == flow(quality=0)
+
+
+def test_distances_and_where_they_look_are_those_given() -> None:
+    assert after_one("kind: distance, distance_m: 20", distance()) == distance(current_distance=2000)
+    assert after_one("kind: looks, orientation: 24", distance()) == distance(orientation=24)
+
+
+@pytest.mark.parametrize("kind", ["distance", "looks"])
+def test_only_distances_are_changed(kind: str) -> None:
+    assert after_one(f"kind: {kind}", flow()) == flow()
+    assert passed_over(f"kind: {kind}", encoded(flow())[0]) == {"nothing in it to change": 1}
 
 
 def test_nan_is_in_the_fields_named() -> None:

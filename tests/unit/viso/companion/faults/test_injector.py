@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.signature import LinkSigning, SigningStreams
-from tests.unit.viso.companion.faults.rig import BEAT, delta, encoded, every_kind, mocap, odometry, position, speed
+from tests.unit.viso.companion.faults.rig import (
+    BEAT,
+    delta,
+    distance,
+    encoded,
+    every_kind,
+    mocap,
+    odometry,
+    position,
+    speed,
+)
 from viso.companion.faults import FAULTS, Injector, TimedFrame, Timeline, inject, parse_timeline, run_through
 from viso.companion.faults.packet import read_packet
 from viso.companion.faults.timeline import Entry, make_entry
@@ -198,7 +208,7 @@ def test_what_is_not_meant_passes_byte_for_byte() -> None:
 
 @pytest.mark.parametrize("kind", sorted(FAULTS))
 def test_signed_frames_keep_their_content(kind: str) -> None:
-    frame = signed(odometry())
+    frame = signed(distance() if FAULTS[kind].for_messages else odometry())
     injector = Injector(parse_timeline(f"faults: [{{kind: {kind}}}]"))
     given_out = [out for _, out in run_through([(0, frame)], injector)]
     tally = injector.tally()

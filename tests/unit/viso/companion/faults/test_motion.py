@@ -16,8 +16,10 @@ from tests.unit.viso.companion.faults.rig import (
     after,
     after_one,
     delta,
+    distance,
     encoded,
     every_kind,
+    flow,
     mocap,
     odometry,
     passed_over,
@@ -107,6 +109,17 @@ def test_scale_is_of_positions_velocities_and_changes() -> None:
     assert place(odom) == place(pose) == (1000.0, 2000.0, -4000.0)
     assert body_velocity(odom) == place(velocity) == (1000.0, 0.0, 0.0)
     assert change.position_delta == (1000.0, 2000.0, 4000.0)
+
+
+def test_scale_is_of_flow_and_distances() -> None:
+    seen, down = after("kind: scale, factor: 1.5, messages: [OPTICAL_FLOW, DISTANCE_SENSOR]", flow(), distance())
+    assert (seen.flow_x, seen.flow_y, seen.flow_comp_m_x, seen.flow_rate_y) == (6, -3, 0.75, -0.75)
+    assert down == distance(current_distance=225)
+
+
+def test_frozen_distances_are_stamped_anew() -> None:
+    told = [distance(time_boot_ms=5000 + number, current_distance=150 + number) for number in range(2)]
+    assert after("kind: frozen, messages: DISTANCE_SENSOR", *told) == [told[0], distance(time_boot_ms=5001)]
 
 
 def test_frozen_repeats_the_first_of_its_window_with_stamps_that_go_on() -> None:

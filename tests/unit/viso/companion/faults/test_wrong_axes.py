@@ -14,6 +14,7 @@ from tests.unit.viso.companion.faults.rig import (
     after_one,
     delta,
     encoded,
+    flow,
     mocap,
     odometry,
     passed_over,
@@ -77,6 +78,18 @@ def test_rates_turn_with_the_body_as_axial_vectors() -> None:
     assert (right.rollspeed, right.pitchspeed, right.yawspeed) == (1.0, -2.0, -4.0)
     left = after_one("kind: axes, world_axes: NEU, body_axes: FRU", told)
     assert (left.rollspeed, left.pitchspeed, left.yawspeed) == (-1.0, -2.0, 4.0)
+
+
+@pytest.mark.parametrize(("body", "rates"), [("RBD", (-2, -4)), ("BLD", (-4, 2)), ("FLD", (-4, -2)), ("RFD", (2, -4))])
+def test_flow_turns_with_the_body_as_an_axial_vector(body: str, rates: tuple[int, int]) -> None:
+    heard = after_one(f"kind: axes, messages: OPTICAL_FLOW, body_axes: {body}, of: vectors", flow())
+    assert (heard.flow_x, heard.flow_y) == rates
+    assert (4 * heard.flow_rate_x, 4 * heard.flow_rate_y) == rates
+
+
+def test_flow_has_no_attitude() -> None:
+    fault = "kind: axes, body_axes: FLU, world_axes: NWU, of: attitude"
+    assert passed_over(fault, encoded(flow())[0]) == {"nothing in it to change": 1}
 
 
 def test_nan_stays_on_its_axis() -> None:
