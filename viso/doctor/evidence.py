@@ -8,6 +8,8 @@ from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
 from viso.doctor.measures.compare import Comparison
+from viso.doctor.measures.flow_fit import FlowFit
+from viso.doctor.measures.ground_sensors import NO_GROUND_SENSORS, GroundSensors
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import Motion
 from viso.doctor.measures.own_filter import OwnFilter
@@ -72,6 +74,8 @@ class Evidence:
         position, level: the vehicle's place and height, by something that does not take them from the stream.
         truth: the vehicle's attitude by a simulator.
         is_simulated: whether the vehicle flies in a simulator.
+        ground: what flow sensors and range finders said.
+        flow_fits: what the vehicle's motion says about the flow.
     """
 
     name: str
@@ -108,6 +112,8 @@ class Evidence:
     level: LevelSeries | None = None
     truth: AttitudeSeries | None = None
     is_simulated: bool = False
+    ground: GroundSensors = NO_GROUND_SENSORS
+    flow_fits: tuple[FlowFit, ...] = ()
 
     def param(self, name: str) -> float:
         """Return a parameter's value at boot; 0 of one that this autopilot lacks."""

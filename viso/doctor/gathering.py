@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from ap_visualodom.verdicts import CONSUMED
+from ekf_stub.inputs.sources import SETS, SourceXY
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.verdicts import BAD_CRC
@@ -18,6 +19,8 @@ from mav_handlers.wire.codec import message_name
 from viso.doctor.evidence import Evidence, vision_of
 from viso.doctor.measures.boot_clock import by_boot_clock
 from viso.doctor.measures.compare import Comparison, compare
+from viso.doctor.measures.flow_fit import fit_flow
+from viso.doctor.measures.ground_sensors import GroundSensors
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
 from viso.doctor.measures.own_filter import OwnFilter
@@ -54,8 +57,8 @@ class GatherOptions:
     Attributes:
         params: parameters that the user gives; they win over those of the stream.
         baud: rate of the link's transport-time model; None for a link without delay.
-        attitude, height, position, level, truth, own_filter: the vehicle's, where something else than the stream tells
-            it.
+        attitude, height, position, level, truth, own_filter, ground: the vehicle's, where something else than the
+            stream tells it.
         heading_rad: where the vehicle points at first, if its attitude is not known.
         firmware: which release to try it on; None for the one that is nearest to what flew.
         is_tried: whether it is tried at all; else every message counts as accepted, and no filter is asked.
@@ -70,6 +73,7 @@ class GatherOptions:
     own_filter: OwnFilter | None = None
     level: LevelSeries | None = None
     truth: AttitudeSeries | None = None
+    ground: GroundSensors | None = None
     heading_rad: float = 0.0
     firmware: Firmware | None = None
     is_tried: bool = True
@@ -85,6 +89,7 @@ class GatherOptions:
             level=vehicle.level,
             truth=vehicle.truth,
             own_filter=vehicle.own_filter,
+            ground=vehicle.ground,
         )
 
 
@@ -237,10 +242,10 @@ def gather(
         InputError: a parameter has a value that it cannot take.
     """
     options = options or GatherOptions()
-    told = listen(stream)
+    told = listen(stream, options.params)
     if told.clock is not None:
         stream = by_boot_clock(stream, told.clock)
-        told = replace(listen(stream), is_simulated=True)
+        told = replace(listen(stream, options.params), is_simulated=True)
     told = replace(
         told,
         attitude=options.attitude or told.attitude,
@@ -249,6 +254,7 @@ def gather(
         level=options.level or told.level,
         truth=options.truth or told.truth,
         own_filter=options.own_filter or told.own_filter,
+        ground=told.ground.beside(options.ground),
     )
     kinds = Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
     names = told.vision | (kinds.keys() & _NAMES)
@@ -265,6 +271,10 @@ def gather(
         evidence = _evidence(stream, told, options, settled, outcome)
     notes = (*evidence.notes, *(f"{stream.name}: {one}" for one in notes_on(stream.flown, firmware)))
     return replace(evidence, notes=notes, kinds=kinds, flown=flown)
+
+
+def _uses_flow(params: Mapping[str, float]) -> bool:
+    return any(params.get(f"EK3_SRC{number}_VELXY") == SourceXY.OPTFLOW for number in range(1, SETS + 1))
 
 
 def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
@@ -325,5 +335,13 @@ def _evidence(
         position=told.position,
         level=told.level,
         truth=told.truth,
+        ground=told.ground,
+        flow_fits=fit_flow(
+            told.ground,
+            told.attitude,
+            told.height,
+            told.position,
+            uses_flow=_uses_flow({**outcome.params, **known}),
+        ),
         is_simulated=told.is_simulated or told.truth is not None or is_of_simulator(stream.params),
     )

@@ -5,6 +5,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import Codec, Header, Received
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, SIM_STATE, SIMSTATE, STATUSTEXT, Message
 from viso.doctor.measures.boot_clock import BootClock, boot_clock
+from viso.doctor.measures.ground_sensors import NO_GROUND_SENSORS, GroundListener, GroundSensors, ground_sensors_in
 from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.own_log import own_filter_in
 from viso.doctor.measures.own_telemetry import FilterListener
@@ -109,6 +111,7 @@ class VehicleData:
         truth: the attitude by a simulator.
         is_simulated: whether it flies in a simulator.
         clock: how its clock ran against that of the recording; None if alike.
+        ground: what flow sensors and range finders said, those of companions too.
         are_stamps_steady: whether the clocks of those who send external navigation run as the recording's.
     """
 
@@ -126,12 +129,14 @@ class VehicleData:
     truth: AttitudeSeries | None = None
     is_simulated: bool = False
     clock: BootClock | None = None
+    ground: GroundSensors = NO_GROUND_SENSORS
     are_stamps_steady: bool = True
 
 
 class _Listener:
     def __init__(self) -> None:
         self.system_id: int | None = None
+        self._ground = GroundListener()
         self._attitudes: dict[int, list[tuple[int, int, float, float, float]]] = {}
         self._heights: dict[int, list[tuple[int, float]]] = {}
         self._params: dict[int, ParamListener] = {}
@@ -141,8 +146,9 @@ class _Listener:
         self._truths: dict[int, list[tuple[float, ...]]] = {}
         self._stamps: dict[Sender, list[tuple[int, int, int]]] = {}
 
-    def take(self, time_us: int, header: Header, message: Message | None) -> None:
+    def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
         sender = header.system_id
+        self._ground.take(time_us, number, header, message)
         self._params.setdefault(sender, ParamListener()).take(time_us, header.component_id, message)
         if isinstance(message, STAMPED_TYPES):
             whose = Sender(sender, header.component_id, header.name)
@@ -163,10 +169,10 @@ class _Listener:
         elif isinstance(message, STATUSTEXT):
             self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
 
-    def told(self) -> VehicleData:
+    def told(self, given: Mapping[str, float]) -> VehicleData:
         are_steady = all(sender_clock(_track(whose, rows)) is None for whose, rows in self._stamps.items())
         if self.system_id is None:
-            return VehicleData(are_stamps_steady=are_steady)
+            return VehicleData(are_stamps_steady=are_steady, ground=self._ground.told(None, given))
         heard = self._params[self.system_id].told()
         first, changes = _values(heard)
         texts = tuple(self._texts.get(self.system_id, []))
@@ -191,6 +197,7 @@ class _Listener:
             is_simulated=truth is not None or is_of_simulator(first),
             are_stamps_steady=are_steady,
             clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
+            ground=self._ground.told(self.system_id, {**first, **given}),
         )
 
 
@@ -243,18 +250,24 @@ def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
     return HeightSeries(np.array([row[0] for row in heard], np.int64), np.array([row[1] for row in heard], np.float64))
 
 
-def listen(stream: Stream) -> VehicleData:
-    """Return what an autopilot says in a stream; of several, the one that is heard first."""
-    codec, listener, time_us, vision = Codec(0, 0), _Listener(), 0, set[str]()
+def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) -> VehicleData:
+    """Return what an autopilot says in a stream; of several, the one that is heard first.
+
+    Args:
+        stream: to be listened to.
+        given: parameters that somebody gives, which win over those heard.
+    """
+    codec, listener, time_us, number, vision = Codec(0, 0), _Listener(), 0, 0, set[str]()
     for message in stream.messages:
         time_us = time_us if message.arrival_us is None else message.arrival_us
         codec.feed(message.frame)
         while (received := codec.next_received()) is not None:
+            number += 1
             if isinstance(received, Received):
-                listener.take(time_us, received.header, received.message)
+                listener.take(time_us, number, received.header, received.message)
                 if type(received.message) in VISION_MESSAGES:
                     vision.add(received.header.name)
-    return replace(listener.told(), vision=frozenset(vision))
+    return replace(listener.told({**stream.params, **given}), vision=frozenset(vision))
 
 
 def is_log(path: Path) -> bool:
@@ -277,6 +290,7 @@ def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
         position=position_in(log),
         own_filter=own_filter_in(log),
         level=level_in(log),
+        ground=ground_sensors_in(log),
         truth=None if truth is None else AttitudeSeries(truth[:, 0].astype(np.int64), np.radians(truth[:, 1:]), "SIM"),
     )
     try:

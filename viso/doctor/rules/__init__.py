@@ -22,6 +22,7 @@ from viso.doctor.rules import (
     alignment,
     axes,
     clocks,
+    flow,
     frames,
     lateness,
     misfit,
@@ -29,6 +30,7 @@ from viso.doctor.rules import (
     outcome,
     parameters,
     quality,
+    ranging,
     rate,
     recorded,
     release,
@@ -48,12 +50,15 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
         "XN7": "Parameters",
         "XN8": "Alignment",
         "XN9": "What the filter makes of it, the model's and the vehicle's own",
+        "XNF": "Optical flow",
+        "XNR": "Range finders",
     }
 )
 
 _FILES: Final = (
     *(transport, frames, axes, clocks, lateness, rate, numbers, sizes),
     *(release, resets, quality, parameters, alignment, misfit, outcome, recorded),
+    *(flow, ranging),
 )
 _FOUND: Final = (value for file in _FILES for value in vars(file).values() if isinstance(value, Rule))
 

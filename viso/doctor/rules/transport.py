@@ -47,7 +47,10 @@ _LOST_FIELDS: Final = {
     "the link that the companion uses.",
 )
 def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.vision or evidence.is_off:
+    sent = any(one.units is not None for one in evidence.ground.flows) or any(
+        one.is_sent for one in evidence.ground.ranges
+    )
+    if evidence.vision or evidence.is_off or (sent and not evidence.asks):
         return
     asked = f"{listed(evidence.asks, _MOST_ASKING)} ask for external navigation, and " if evidence.asks else ""
     if Aspect.LINK in evidence.lacks:

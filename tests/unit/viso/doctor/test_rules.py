@@ -38,6 +38,8 @@ HERE = {
     *("XN5-31", "XN5-32", "XN5-33"),
     *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN8-08", "XN9-01", "XN9-05", "XN9-06"),
     *("XN2-09", "XN5-18", "XN5-19", "XN7-17"),
+    *(f"XNF-{number:02}" for number in range(1, 15)),
+    *(f"XNR-{number:02}" for number in range(1, 11)),
     *("XN9-10", "XN9-11", "XN9-12", "XN9-13", "XN9-14", "XN9-15", "XN9-16", "XN9-17"),
 }
 """Codes that tests of this folder show beside the corpus."""
@@ -50,7 +52,7 @@ def still(count: int = 100, **fields: Any) -> list[Message]:
 def test_codes_are_unique_and_in_order() -> None:
     codes = [rule.code for rule in RULES]
     assert codes == sorted(set(codes))
-    assert all(re.fullmatch(r"XN[1-9]-\d\d", code) for code in codes)
+    assert all(re.fullmatch(r"XN[1-9FR]-\d\d", code) for code in codes)
     assert {rule.family for rule in RULES} == set(FAMILIES)
 
 

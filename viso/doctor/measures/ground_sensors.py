@@ -1,0 +1,315 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What flow sensors and range finders said in a recording, and the motion of the vehicle to hold it against."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+
+from ap_core.dataflash_columns import LogColumns
+from mav_handlers.wire.codec import Header
+from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, Message
+from viso.doctor.measures.tracks import Bools, Floats, Ints
+from viso.logs.filter_records import table_with
+from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1
+
+DOWN: Final = 25
+"""ROTATION_PITCH_270, the one orientation of which the filter takes ranges."""
+
+LONGEST_PERIOD_S: Final = 0.5
+"""After a longer silence AP_OpticalFlow_MAV takes a flow for zero."""
+
+_IN_CM: Final = ("MIN", "MAX")
+"""Which limits older releases tell in cm."""
+
+
+class RangeStatus(IntEnum):
+    """RangeFinder::Status."""
+
+    NOT_CONNECTED = 0
+    NO_DATA = 1
+    LOW = 2
+    HIGH = 3
+    GOOD = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowSeries:
+    """What a flow sensor said.
+
+    Attributes:
+        origin: what tells it, such as OF.
+        time_us: N, us since boot.
+        rate: N x 2, rad/s about the body's x and y, as the autopilot has them.
+        body: N x 2, rad/s, the rates of the sensor's own gyro; NaN where nothing tells them.
+        quality: N, 0 to 255.
+        numbers: of the messages, from 1; empty of a log.
+        units: N x 2, flow_x and flow_y as a companion sent them; None where the autopilot itself tells its rates.
+        sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them, which nobody reads.
+    """
+
+    origin: str
+    time_us: Ints
+    rate: Floats
+    body: Floats
+    quality: Ints
+    numbers: Ints
+    units: Floats | None = None
+    sent_rate: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeSeries:
+    """What a range finder said.
+
+    Attributes:
+        origin: what tells it, such as RFND.
+        instance: its number, from 0.
+        time_us: N, us since boot.
+        dist_m: N.
+        low_m, high_m: N, what it can measure; NaN where nothing tells it.
+        status: N, of ``RangeStatus``.
+        orient: N, where it looks, 25 for down.
+        numbers: of the messages, from 1; empty of a log.
+        is_sent: whether a companion sends it: the autopilot may not take it.
+    """
+
+    origin: str
+    instance: int
+    time_us: Ints
+    dist_m: Floats
+    low_m: Floats
+    high_m: Floats
+    status: Ints
+    orient: Ints
+    numbers: Ints
+    is_sent: bool = False
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    @property
+    def is_good(self) -> Bools:
+        """N, whether the filter takes the distance for its status."""
+        return np.asarray(self.status == RangeStatus.GOOD, dtype=np.bool_)
+
+    @property
+    def looks_down(self) -> bool:
+        """Whether it looks down, at last."""
+        return bool(self.orient[-1] == DOWN)
+
+
+def _none(width: int) -> Floats:
+    return np.zeros((0, width))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroundSensors:
+    """Flow and ranges, and the vehicle's motion.
+
+    Attributes:
+        flows, ranges: of all sensors.
+        turning: M x 4, us and the vehicle's body rates in rad/s.
+        velocity: M x 3, us and the filter's velocity north and east in m/s.
+        check: M x 3, us, the filter's worse test ratio of flow, 1 at the gate, and its height above the ground in m.
+    """
+
+    flows: tuple[FlowSeries, ...] = ()
+    ranges: tuple[RangeSeries, ...] = ()
+    turning: Floats = field(default_factory=lambda: _none(4))
+    velocity: Floats = field(default_factory=lambda: _none(3))
+    check: Floats = field(default_factory=lambda: _none(3))
+
+    def beside(self, other: "GroundSensors | None") -> "GroundSensors":
+        """Return these sensors beside those of another recording, whose motion of the vehicle is taken if it tells."""
+        if other is None:
+            return self
+        return GroundSensors(
+            (*other.flows, *self.flows),
+            (*other.ranges, *self.ranges),
+            other.turning if len(other.turning) else self.turning,
+            other.velocity if len(other.velocity) else self.velocity,
+            other.check if len(other.check) else self.check,
+        )
+
+
+NO_GROUND_SENSORS: Final = GroundSensors()
+
+
+def ground_sensors_in(log: LogColumns) -> GroundSensors:
+    """Return what a log has of flow and ranges."""
+    turning = _of_first(log, "IMU", "I", ("GyrX", "GyrY", "GyrZ"))
+    velocity = _of_first(log, "XKF1", "C", ("VN", "VE"))
+    check = table_with(log, "XKF5", (("NI",), ("HAGL",)))
+    check[:, 1] /= 100.0
+    return GroundSensors(_logged_flow(log), _logged_ranges(log), turning, velocity, check)
+
+
+def _of_first(log: LogColumns, kind: str, index: str, labels: tuple[str, ...]) -> Floats:
+    """Return time and fields of the records of the first of several sensors or cores."""
+    table = table_with(log, kind, ((index,), *((label,) for label in labels)))
+    first = np.nan_to_num(table[:, 1]) == 0
+    return np.delete(table[first], 1, axis=1)
+
+
+def _logged_flow(log: LogColumns) -> tuple[FlowSeries, ...]:
+    rows = table_with(log, "OF", (("Qual",), ("flowX",), ("flowY",), ("bodyX",), ("bodyY",)))
+    if not len(rows):
+        return ()
+    quality = np.nan_to_num(rows[:, 1]).astype(np.int64)
+    return (FlowSeries("OF", rows[:, 0].astype(np.int64), rows[:, 2:4], rows[:, 4:6], quality, np.zeros(0, np.int64)),)
+
+
+def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
+    labels = (("Instance",), ("Dist",), ("Stat",), ("Orient",))
+    rows = table_with(log, "RFND", labels)
+    rows = rows[np.isfinite(rows[:, 1:]).all(axis=1)]
+    found = []
+    for instance in np.unique(rows[:, 1]).astype(int).tolist():
+        mine = rows[rows[:, 1] == instance]
+        unknown = np.full(len(mine), np.nan)
+        whole = mine[:, [0, 3, 4]].astype(np.int64)
+        no_numbers = np.zeros(0, np.int64)
+        found.append(
+            RangeSeries(
+                "RFND", instance, whole[:, 0], mine[:, 2], unknown, unknown, whole[:, 1], whole[:, 2], no_numbers
+            )
+        )
+    return tuple(found)
+
+
+class GroundListener:
+    """Collects what is said in a stream of flow, ranges and the motion of one vehicle."""
+
+    def __init__(self) -> None:
+        self._flows: dict[tuple[int, int], list[tuple[int, int, OPTICAL_FLOW]]] = defaultdict(list)
+        self._ranges: dict[tuple[int, int, int, int], list[tuple[int, int, DISTANCE_SENSOR]]] = defaultdict(list)
+        self._turning: dict[int, list[tuple[float, ...]]] = defaultdict(list)
+        self._velocity: dict[int, list[tuple[float, ...]]] = defaultdict(list)
+
+    def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
+        """Take a message, by its time in us since boot and its number in the stream, from 1."""
+        sender = header.system_id, header.component_id
+        if isinstance(message, OPTICAL_FLOW):
+            self._flows[sender].append((time_us, number, message))
+        elif isinstance(message, DISTANCE_SENSOR):
+            whose = *sender, message.id, message.orientation
+            self._ranges[whose].append((time_us, number, message))
+        elif header.component_id != MAV_COMP_ID_AUTOPILOT1:
+            return
+        elif isinstance(message, ATTITUDE):
+            rates = message.rollspeed, message.pitchspeed, message.yawspeed
+            self._turning[header.system_id].append((time_us, message.time_boot_ms * 1e3, *rates))
+        elif isinstance(message, LOCAL_POSITION_NED):
+            speeds = message.vx, message.vy
+            self._velocity[header.system_id].append((time_us, message.time_boot_ms * 1e3, *speeds))
+
+    def told(self, system_id: int | None, params: Mapping[str, float]) -> GroundSensors:
+        """Return what was said.
+
+        Args:
+            system_id: the autopilot's; None if none is heard.
+            params: the autopilot's, which scale and turn what a companion sends.
+        """
+        own = (system_id, MAV_COMP_ID_AUTOPILOT1)
+        vehicle = -1 if system_id is None else system_id
+        return GroundSensors(
+            tuple(_sent_flow(who, rows, params, is_own=who == own) for who, rows in self._flows.items()),
+            tuple(_sent_range(who, rows, params, is_own=who[:2] == own) for who, rows in self._ranges.items()),
+            _steady(self._turning[vehicle], 4),
+            _steady(self._velocity[vehicle], 3),
+        )
+
+
+def _steady(rows: list[tuple[float, ...]], width: int) -> Floats:
+    """Return rows by their own clock, tied to the times of arrival by the least delay."""
+    table = np.array(rows, dtype=np.float64).reshape(-1, width + 1)
+    table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
+        return _none(width)
+    table[:, 1] += np.min(table[:, 0] - table[:, 1])
+    return np.asarray(table[np.argsort(table[:, 1], kind="stable"), 1:], dtype=np.float64)
+
+
+def driven(units: Floats, time_us: Ints, params: Mapping[str, float]) -> Floats:
+    """Return the rates that AP_OpticalFlow_MAV makes of flow_x and flow_y, of messages that come one at a time.
+
+    Args:
+        units: N x 2, as sent.
+        time_us: N, when they came.
+        params: hold FLOW_FXSCALER, FLOW_FYSCALER and FLOW_ORIENT_YAW; 0 those that are not there.
+
+    Source: AP_OpticalFlow_MAV::update.
+    """
+    dt = np.diff(time_us, prepend=time_us[:1] - int(1e6)) * 1e-6
+    regular = (dt > 0) & (dt < LONGEST_PERIOD_S)
+    factors = [1 + 0.001 * float(params.get(f"FLOW_F{axis}SCALER", 0.0)) for axis in "XY"]
+    rates = np.where(regular, dt, 0.0)[:, None] * units * np.array(factors)
+    angle = np.radians(0.01 * float(params.get("FLOW_ORIENT_YAW", 0.0)))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.asarray(rates @ turn.T, dtype=np.float64)
+
+
+def _sent_flow(
+    whose: tuple[int, int], rows: list[tuple[int, int, OPTICAL_FLOW]], params: Mapping[str, float], *, is_own: bool
+) -> FlowSeries:
+    time_us = np.array([row[0] for row in rows], dtype=np.int64)
+    said: list[Any] = [row[2] for row in rows]
+    numbers = np.array([row[1] for row in rows], dtype=np.int64)
+    quality = np.array([one.quality for one in said], dtype=np.int64)
+    sent = np.array([(one.flow_rate_x, one.flow_rate_y) for one in said], dtype=np.float64)
+    origin = f"OPTICAL_FLOW from {whose[0]}/{whose[1]}"
+    if is_own:
+        body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for one in said], dtype=np.float64)
+        return FlowSeries(origin, time_us, sent, body, quality, numbers)
+    units = np.array([(one.flow_x, one.flow_y) for one in said], dtype=np.float64)
+    unknown = np.full(units.shape, np.nan)
+    return FlowSeries(origin, time_us, driven(units, time_us, params), unknown, quality, numbers, units, sent)
+
+
+def _sent_range(
+    whose: tuple[int, int, int, int],
+    rows: list[tuple[int, int, DISTANCE_SENSOR]],
+    params: Mapping[str, float],
+    *,
+    is_own: bool,
+) -> RangeSeries:
+    said: list[Any] = [row[2] for row in rows]
+    table = np.array([(one.current_distance, one.min_distance, one.max_distance) for one in said], np.float64) * 0.01
+    dist_m, low_m, high_m = table.T
+    if not is_own:
+        low_m, high_m = _limits(low_m, high_m, params)
+    status = np.full(len(rows), int(RangeStatus.GOOD), dtype=np.int64)
+    status[dist_m < low_m] = RangeStatus.LOW
+    status[dist_m > high_m] = RangeStatus.HIGH
+    return RangeSeries(
+        f"DISTANCE_SENSOR {whose[2]} from {whose[0]}/{whose[1]}",
+        whose[2],
+        np.array([row[0] for row in rows], dtype=np.int64),
+        dist_m,
+        low_m,
+        high_m,
+        status,
+        np.full(len(rows), whose[3], dtype=np.int64),
+        np.array([row[1] for row in rows], dtype=np.int64),
+        is_sent=not is_own,
+    )
+
+
+def _limits(low_m: Floats, high_m: Floats, params: Mapping[str, float]) -> tuple[Floats, Floats]:
+    """Return the limits that AP_RangeFinder_MAVLink makes of a message's and of the parameters'."""
+    told = {name: value for name, value in params.items() if name in ("RNGFND1_MIN", "RNGFND1_MAX")}
+    told |= {
+        f"RNGFND1_{name}": 0.01 * params[f"RNGFND1_{name}_CM"] for name in _IN_CM if f"RNGFND1_{name}_CM" in params
+    }
+    neither = (low_m == 0) & (high_m == 0)
+    least, most = told.get("RNGFND1_MIN", 0.0), told.get("RNGFND1_MAX", np.inf)
+    low, high = np.maximum(low_m, least), np.minimum(high_m, most)
+    return np.where(neither, least, low), np.where(neither, most, high)

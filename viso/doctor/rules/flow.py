@@ -1,0 +1,445 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XNF: optical flow, and whether the filter can navigate by it."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.inputs.sources import SETS, SourceXY
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.measures.flow_fit import FlowFit
+from viso.doctor.measures.ground_sensors import FlowSeries
+from viso.doctor.outputs.phrases import at, listed, often, share
+from viso.doctor.rules.ground_set_up import (
+    CTUN_BIT,
+    FLOW_BIT,
+    is_in_flight,
+    is_recorded,
+    range_finders,
+    told,
+)
+from viso.doctor.witness import Witness
+from viso.estimators.series import stretches_of
+
+_MAVLINK: Final = 5
+_TERRAIN_ONLY: Final = 2
+_UNHEALTHY_US: Final = 500_000
+_STOPS_US: Final = 5_000_000
+_SLOW_US: Final = 200_000
+_FEWEST: Final = 20
+_SOME: Final = 0.05
+_MUCH: Final = 0.3
+_OFF, _FAR_OFF = 0.2, 0.4
+_TURNED_DEG: Final = 15.0
+_AVERAGE_MS: Final = 50.0
+_LATE_MS: Final = 60.0
+_VERY_LATE_MS: Final = 150.0
+_LARGEST_DELAY_MS: Final = 127
+_SENSOR_LIMIT: Final = 4.2
+_MAX_FLOW: Final = 2.5
+_FROZEN_US: Final = 3_000_000
+_MOVES: Final = 0.05
+_COARSE_S: Final = 0.05
+_VERY_COARSE_S: Final = 0.1
+_AIR_M: Final = 0.5
+_LARGEST_SCALER: Final = 800
+
+_MAV_DRIVER: Final = "AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::update"
+_WRITE: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeOptFlowMeas"
+_FUSE: Final = "AP_NavEKF3_OptFlowFusion.cpp, NavEKF3_core::FuseOptFlow"
+_TERRAIN: Final = "AP_NavEKF3_OptFlowFusion.cpp, NavEKF3_core::EstimateTerrainOffset"
+_AIDING: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
+
+
+def _asking(evidence: Evidence) -> list[int]:
+    """Return the source sets that take their velocity from flow."""
+    return [number for number in range(1, SETS + 1) if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
+
+
+def _seen(text: str, flow: FlowSeries, mask: object, severity: Severity | None = None) -> Sighting:
+    """Return what some of a sensor's records show, one at least."""
+    chosen = np.flatnonzero(np.asarray(mask))
+    times = flow.time_us[chosen]
+    numbers = flow.numbers[chosen].tolist() if len(flow.numbers) else []
+    return Sighting(f"{flow.origin}: {text}", numbers, int(times[0]), int(times[-1]), severity=severity)
+
+
+@error(
+    "XNF-01",
+    "A source asks for optical flow that is not there",
+    "The filter waits for flow, and does not start to navigate by it; with FLOW_TYPE 0 arming is refused, EK3 sources "
+    "require OpticalFlow.",
+    _AIDING,
+    "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and reboot, and look why it says "
+    "nothing; or set EK3_SRCn_VELXY to what there is.",
+    witness=Witness.LOG,
+)
+def _not_there(evidence: Evidence) -> Iterator[Sighting]:
+    sets = _asking(evidence)
+    if not sets:
+        return
+    names = listed([f"EK3_SRC{number}_VELXY" for number in sets])
+    severity = None if sets[0] == 1 else Severity.WARNING
+    kind = told(evidence, "FLOW_TYPE")
+    if kind == 0:
+        yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
+    elif not evidence.ground.flows and is_recorded(evidence, FLOW_BIT):
+        of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
+        if evidence.vehicle_witness is Witness.TELEMETRY:
+            severity = Severity.WARNING  # it may have another link
+        yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}", severity=severity)
+
+
+@warning(
+    "XNF-02",
+    "Optical flow that nobody takes",
+    "OPTICAL_FLOW reaches a driver with FLOW_TYPE 5 alone; the filter then fuses it with a source that asks for it, or "
+    "takes it for the height of the ground with EK3_FLOW_USE 2.",
+    "AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
+    "Set FLOW_TYPE 5 for flow over MAVLink and reboot, and EK3_SRCn_VELXY 5 to navigate by it.",
+    witness=Witness.LOG,
+)
+def _unused(evidence: Evidence) -> Iterator[Sighting]:
+    kind, use = told(evidence, "FLOW_TYPE"), told(evidence, "EK3_FLOW_USE")
+    for flow in evidence.ground.flows:
+        everything = np.ones(len(flow), np.bool_)
+        if flow.units is not None and kind is not None and kind != _MAVLINK:
+            yield _seen(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
+        elif not _asking(evidence) and use is not None and use != _TERRAIN_ONLY and "EK3_SRC1_VELXY" in evidence.told:
+            text = f"no EK3_SRCn_VELXY is 5 (OptFlow), and EK3_FLOW_USE is {use:g}"
+            yield _seen(text, flow, everything, Severity.NOTE)
+
+
+@error(
+    "XNF-03",
+    "The flow sensor sees nothing",
+    "Flow of quality 0 is dropped before the filter; any other quality counts the same.",
+    _WRITE,
+    "Look at light, focus and texture of the ground, and at the height: a camera out of focus, or above a surface "
+    "without texture, tracks nothing.",
+    witness=Witness.LOG,
+)
+def _no_quality(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.ground.flows:
+        flying = is_in_flight(evidence, flow.time_us)
+        bad = flying & (flow.quality == 0)
+        if bad.sum() > _SOME * flying.sum() and bad.sum() >= _FEWEST:
+            much = bad.sum() > _MUCH * flying.sum()
+            text = f"quality is 0 in {share(int(bad.sum()), int(flying.sum()))} measurements"
+            yield _seen(text, flow, bad, None if much else Severity.WARNING)
+
+
+@error(
+    "XNF-04",
+    "Optical flow has gaps",
+    "After half a second without flow the sensor is unhealthy, and with FLOW_TYPE 5 the first flow after that counts "
+    "as zero; after 5 s the filter stops navigating, if nothing else gives it a velocity. It begins only while the "
+    "last flow is younger than 200 ms.",
+    _AIDING,
+    "Find out what stops the sensor or its link; send ten measurements a second at least.",
+    witness=Witness.LOG,
+)
+def _gaps(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.ground.flows:
+        if len(flow) < 2:
+            continue
+        period_us = np.diff(flow.time_us)
+        if np.median(period_us) > _SLOW_US:
+            rate = 1e6 / float(np.median(period_us))
+            yield _seen(f"{rate:.1f} measurements a second", flow, np.ones(len(flow), np.bool_))
+            continue
+        gap = np.append(False, period_us > _UNHEALTHY_US) & is_in_flight(evidence, flow.time_us)
+        if gap.any():
+            longest = int(np.argmax(np.where(gap[1:], period_us, 0)))
+            took_s, since_us = period_us[longest] * 1e-6, flow.time_us[longest]
+            text = (
+                f"no flow for more than 0.5 s, {often(int(gap.sum()))}; the longest gap of {took_s:.1f} s from "
+                f"{at(since_us)} on"
+            )
+            severity = None if period_us[longest] >= _STOPS_US and _asking(evidence) else Severity.WARNING
+            yield _seen(text, flow, gap, severity)
+
+
+def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
+    for fit in evidence.flow_fits:
+        if fit.of == of and fit.is_judged:
+            yield fit
+
+
+def _moved(fit: FlowFit) -> str:
+    """Return what the vehicle did that tells, in words."""
+    moved = "its turning" if fit.by_turning else "its velocity over its distance to the ground"
+    return f"of the vehicle, by {moved} in {fit.count} measurements"
+
+
+def _scaler(evidence: Evidence, fit: FlowFit) -> str:
+    """Return the scale parameters that would put a sensor right, in words."""
+    found = []
+    for axis, factor in zip("XY", fit.factors, strict=True):
+        now = told(evidence, f"FLOW_F{axis}SCALER") or 0.0
+        wanted = 1000 * ((1 + 0.001 * now) / factor - 1)
+        if abs(wanted) > _LARGEST_SCALER:
+            return "Send flow in rad/s (divided by the period of the messages with FLOW_TYPE 5): no scaler goes so far."
+        found.append(f"FLOW_F{axis}SCALER {wanted:.0f}")
+    driver = " With FLOW_TYPE 5 the scale goes with the time between messages." if fit.flow.units is not None else ""
+    return f"Set {' and '.join(found)}, or put the sensor right.{driver}"
+
+
+@error(
+    "XNF-05",
+    "Optical flow of another scale",
+    "The filter takes flow for rad/s; velocities by it are wrong by the same factor, and what turning leaves in the "
+    "flow looks like motion.",
+    _FUSE,
+    "Set FLOW_FXSCALER and FLOW_FYSCALER, in thousandths.",
+    witness=Witness.LOG,
+)
+def _scale(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in _fits(evidence, "flow"):
+        x, y = fit.factors
+        off = max(abs(x - 1), abs(y - 1))
+        if off > _OFF and (fit.by_turning or any(one.looks_down for one in evidence.ground.ranges)):
+            yield Sighting(
+                f"{fit.flow.origin}: flow about x is {x:.2f} times, about y {y:.2f} times that {_moved(fit)}",
+                start_us=int(fit.flow.time_us[0]),
+                end_us=int(fit.flow.time_us[-1]),
+                fix=_scaler(evidence, fit),
+                severity=None if off > _FAR_OFF else Severity.WARNING,
+            )
+
+
+@error(
+    "XNF-06",
+    "Axes of the flow sensor mixed up",
+    "The flow is turned by FLOW_ORIENT_YAW, and nothing mirrors it: with wrong axes the vehicle's own turning is taken "
+    "for motion, and it runs away.",
+    "AP_OpticalFlow_Backend.cpp, OpticalFlow_backend::_applyYaw",
+    "Set FLOW_ORIENT_YAW to how the sensor is mounted; what is mirrored must be put right where it is sent.",
+    witness=Witness.LOG,
+)
+def _axes(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in _fits(evidence, "flow"):
+        turned = fit.turned_deg
+        if fit.is_mirrored:
+            fix = "No FLOW_ORIENT_YAW mends that: change the sign, or swap the axes, where the flow is made."
+            what = f"its axes are mirrored ({fit.axes})"
+        elif abs(turned) > _TURNED_DEG:
+            now = told(evidence, "FLOW_ORIENT_YAW") or 0.0
+            wanted = 100 * -round((180 - (0.01 * now + turned)) % 360 - 180)
+            fix = f"Set FLOW_ORIENT_YAW to about {wanted} (0.01 degrees) if that is how it is mounted."
+            what = f"it is turned by {turned:.0f} degrees (clockwise from above)"
+        else:
+            continue
+        start, end = int(fit.flow.time_us[0]), int(fit.flow.time_us[-1])
+        yield Sighting(
+            f"{fit.flow.origin}: {what} against what was seen {_moved(fit)}", start_us=start, end_us=end, fix=fix
+        )
+
+
+@warning(
+    "XNF-07",
+    "EK3_FLOW_DELAY does not fit",
+    "The filter takes flow to be of EK3_FLOW_DELAY and 50 ms before it came, for an average over 100 ms. What is later "
+    "is held against the motion of another moment: turning looks like velocity.",
+    _WRITE,
+    "Set EK3_FLOW_DELAY, at most 127 ms, and reboot.",
+    witness=Witness.LOG,
+)
+def _delay(evidence: Evidence) -> Iterator[Sighting]:
+    delay_ms = told(evidence, "EK3_FLOW_DELAY")
+    for fit in _fits(evidence, "flow"):
+        if not fit.is_timed or delay_ms is None:
+            continue
+        late_ms = fit.lag_ms - delay_ms
+        if late_ms > _AVERAGE_MS + _LATE_MS or late_ms < -_LATE_MS:
+            wanted = min(max(fit.lag_ms - _AVERAGE_MS, 0.0), float(_LARGEST_DELAY_MS))
+            yield Sighting(
+                f"{fit.flow.origin}: flow comes {fit.lag_ms:.0f} ms after the turning that it shows; EK3_FLOW_DELAY is "
+                f"{delay_ms:.0f}",
+                start_us=int(fit.flow.time_us[0]),
+                end_us=int(fit.flow.time_us[-1]),
+                fix=f"Set EK3_FLOW_DELAY to about {wanted:.0f}, at most {_LARGEST_DELAY_MS}, and reboot.",
+                severity=Severity.ERROR if late_ms > _AVERAGE_MS + _VERY_LATE_MS else None,
+            )
+
+
+@error(
+    "XNF-08",
+    "The flow sensor's own gyro disagrees",
+    "The filter takes the sensor's body rates off its flow, and learns their bias against its own gyro: rates in other "
+    "axes leave the turning in the flow.",
+    _WRITE,
+    "Look at how the sensor is mounted, and at the driver's axes.",
+    witness=Witness.LOG,
+)
+def _gyro(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in evidence.flow_fits:
+        if fit.of != "gyro" or fit.matrix is None:
+            continue
+        x, y = fit.factors
+        flow = fit.flow
+        start, end = int(flow.time_us[0]), int(flow.time_us[-1])
+        if not np.nan_to_num(flow.body).any():
+            text = f"{flow.origin}: the sensor's body rates are always 0 while the vehicle turns"
+        elif not fit.is_judged:
+            continue
+        elif fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF:
+            how = fit.axes if fit.is_mirrored else f"turned by {fit.turned_deg:.0f} degrees"
+            text = (
+                f"{flow.origin}: against the vehicle's gyro the sensor's is {how}, {x:.2f} times as large about x and "
+                f"{y:.2f} times about y"
+            )
+        else:
+            continue
+        yield Sighting(text, start_us=start, end_us=end)
+
+
+@warning(
+    "XNF-09",
+    "FLOW_TYPE 5 multiplies flow by its period",
+    "Of OPTICAL_FLOW it reads flow_x and flow_y alone, whole numbers, and multiplies their mean by the time since the "
+    "last flow: it takes rad/s divided by the period, and neither tenths of a pixel nor flow_rate_x.",
+    _MAV_DRIVER,
+    "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s. Send them often and "
+    "evenly: a step of one is as many rad/s as the period has seconds.",
+)
+def _period(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.ground.flows:
+        if flow.units is None or flow.sent_rate is None or len(flow) < _FEWEST:
+            continue
+        everything = np.ones(len(flow), np.bool_)
+        sent, taken = flow.sent_rate, flow.rate
+        known = np.isfinite(sent).all(axis=1) & (np.abs(sent).max(axis=1) > 0)
+        size = float((sent[known] ** 2).sum())
+        factor = float((sent[known] * taken[known]).sum()) / size if known.sum() >= _FEWEST else 1.0
+        period_s = float(np.median(np.diff(flow.time_us))) * 1e-6
+        if abs(factor - 1) > _OFF:
+            text = f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much"
+            yield _seen(text, flow, known, Severity.ERROR)
+        elif period_s >= _COARSE_S and flow.units.any():
+            text = f"a message every {1e3 * period_s:.0f} ms: flow comes in steps of {period_s:.2f} rad/s"
+            yield _seen(text, flow, everything, None if period_s >= _VERY_COARSE_S else Severity.NOTE)
+
+
+@warning(
+    "XNF-10",
+    "Flow faster than the filter takes",
+    "Flow of 4.2 rad/s and more is dropped, and what is above EK3_MAX_FLOW is not fused; Copter's controllers keep the "
+    "speed below that for the height that they know.",
+    _FUSE,
+    "Fly slower or higher, or set EK3_MAX_FLOW to what the sensor can.",
+    witness=Witness.LOG,
+)
+def _fast(evidence: Evidence) -> Iterator[Sighting]:
+    names = ("EK3_MAX_FLOW", "EK3_FLOW_MAX")
+    limit = next((value for name in names if (value := evidence.told.get(name))), _MAX_FLOW)
+    for flow in evidence.ground.flows:
+        size = np.nan_to_num(np.abs(flow.rate)).max(axis=1)
+        fast = (size > min(limit, _SENSOR_LIMIT)) & (flow.quality > 0)
+        if fast.sum() > _SOME * len(flow) and fast.sum() >= _FEWEST:
+            text = f"{share(int(fast.sum()), len(flow))} measurements are above {min(limit, _SENSOR_LIMIT):g} rad/s"
+            yield _seen(f"{text}, up to {size.max():.1f}", flow, fast)
+
+
+@error(
+    "XNF-11",
+    "Flow stands still while the vehicle moves",
+    "A driver that repeats itself is believed: the filter fuses what it says as a velocity.",
+    _FUSE,
+    "Restart the sensor, and look at its program and link.",
+    witness=Witness.LOG,
+)
+def _frozen(evidence: Evidence) -> Iterator[Sighting]:
+    turning = evidence.ground.turning
+    for flow in evidence.ground.flows:
+        # What a companion sends is multiplied by a period that varies.
+        said = flow.rate if flow.units is None else flow.units
+        same = np.append(False, (np.diff(said, axis=0) == 0).all(axis=1))
+        same &= np.append(False, np.diff(flow.time_us) < _UNHEALTHY_US)
+        for start, end in stretches_of(same):
+            since, until = int(flow.time_us[start - 1]), int(flow.time_us[end - 1])
+            inside = (turning[:, 0] >= since) & (turning[:, 0] <= until - _UNHEALTHY_US)  # flow may be late
+            step = 2 * float(np.median(np.diff(flow.time_us))) * 1e-6 if flow.units is not None else 0.0
+            if until - since < _FROZEN_US or end - start < _FEWEST or inside.sum() < _FEWEST:
+                continue
+            if turning[inside, 1:3].std(axis=0).max() > max(_MOVES, step):
+                text = f"the same flow for {1e-6 * (until - since):.1f} s from {at(since)} on, while the vehicle turns"
+                yield _seen(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
+                break
+
+
+@error(
+    "XNF-12",
+    "Flow without a distance to the ground",
+    "Flow is an angle: velocity is flow times height above the ground. Without a good range the filter does not know "
+    "where the ground is, tells no horizontal position, and arming for a mode that needs one is refused.",
+    _TERRAIN,
+    "Fit a range finder that looks down (RNGFND1_TYPE, RNGFND1_ORIENT 25), whose minimum is below its height on the "
+    "ground.",
+    witness=Witness.LOG,
+)
+def _no_height(evidence: Evidence) -> Iterator[Sighting]:
+    if 1 not in _asking(evidence) or told(evidence, "EK3_FLOW_USE") == 0:
+        return
+    down = [one for one in evidence.ground.ranges if one.looks_down]
+    if any(one.is_good.any() for one in down):
+        return
+    if down:
+        yield Sighting(f"EK3_SRC1_VELXY is 5 (OptFlow), and {down[0].origin} told no good range")
+    elif range_finders(evidence) == []:
+        yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no RNGFNDn_TYPE is set")
+    elif is_recorded(evidence, CTUN_BIT):
+        severity = None if evidence.vehicle_witness is Witness.LOG else Severity.WARNING  # it may have another link
+        yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no range of what looks down was heard", severity=severity)
+
+
+@error(
+    "XNF-13",
+    "The autopilot's own filter rejected flow",
+    "Flow whose test ratio is above 1 is not fused. While that lasts the velocity drifts with the accelerometers.",
+    _FUSE,
+    "See the findings about scale, axes, delay and ranges; a shiny or moving ground is rejected as well.",
+    witness=Witness.LOG,
+)
+def _rejected(evidence: Evidence) -> Iterator[Sighting]:
+    check = evidence.ground.check
+    if not evidence.ground.flows or not _asking(evidence) or not len(check):
+        return
+    flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > _AIR_M)
+    over = flying & (check[:, 1] > 1)
+    if over.sum() > _SOME * flying.sum() and over.sum() >= _FEWEST:
+        part = share(int(over.sum()), int(flying.sum()))
+        first, last = check[np.flatnonzero(over)[[0, -1]], 0]
+        yield Sighting(
+            f"the autopilot's own test ratio of flow (XKF5.NI) was above 1 in {part} records in flight",
+            start_us=int(first),
+            end_us=int(last),
+            severity=None if over.sum() > _MUCH * flying.sum() else Severity.WARNING,
+        )
+
+
+@note(
+    "XNF-14",
+    "Flow that cannot be judged",
+    "What is not found here is not thereby fine.",
+    _FUSE,
+    "Record a flight, or turn the vehicle by hand about roll and pitch over textured ground, with ATTITUDE or IMU "
+    "records in the recording; bit 11 of LOG_BITMASK logs flow, bit 4 ranges.",
+    witness=Witness.LOG,
+)
+def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in evidence.flow_fits:
+        if fit.of != "flow":
+            continue
+        why = fit.why_not
+        if not why and not fit.is_judged:
+            why = f"the vehicle's motion explains {100 * max(min(fit.explained), 0):.0f} % of the flow, or less"
+        if why:
+            yield Sighting(f"{fit.flow.origin}: scale, axes and delay: {why}")
+        elif not fit.is_timed:
+            yield Sighting(f"{fit.flow.origin}: delay: the vehicle turned too smoothly to tell")
+    if _asking(evidence) and not evidence.ground.flows and not is_recorded(evidence, FLOW_BIT):
+        yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")

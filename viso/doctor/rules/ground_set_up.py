@@ -1,0 +1,81 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a vehicle is set up for flow and ranges, and when it flew: what the rules about both ask for."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from viso.doctor.evidence import Evidence
+from viso.doctor.measures.tracks import Bools, Floats, Ints
+from viso.doctor.witness import Witness
+
+FLOW_BIT: Final = 11
+CTUN_BIT: Final = 4
+"""Bits of LOG_BITMASK, Copter's; ranges are logged with what the throttle controller does."""
+
+_MOST: Final = 10
+_LETTER: Final = "A"
+_DOWN: Final = 25
+_AIR_M: Final = 0.5
+
+
+class RangeFinder(NamedTuple):
+    """The parameters of a range finder: its number from 1 (A for 10), RNGFNDn_TYPE and RNGFNDn_ORIENT."""
+
+    number: str
+    kind: int
+    orient: int
+
+
+def told(evidence: Evidence, name: str) -> float | None:
+    """Return a parameter by what the recording or the user told; None if nobody knows.
+
+    One of the filter's has its default where it is not told, any other of a whole list is 0: the vehicle lacks it.
+    """
+    value = evidence.told.get(name)
+    if value is None and name.startswith("EK3_"):
+        value = evidence.params.get(name)
+    return 0.0 if value is None and evidence.tells_all else value
+
+
+def range_finders(evidence: Evidence) -> list[RangeFinder] | None:
+    """Return the range finders that are set up; None if nobody tells."""
+    if not any(name.startswith("RNGFND") for name in evidence.told) and not evidence.tells_all:
+        return None
+    found = []
+    for number in (*map(str, range(1, _MOST)), _LETTER):
+        kind = int(evidence.told.get(f"RNGFND{number}_TYPE", 0))
+        if kind:
+            found.append(RangeFinder(number, kind, int(evidence.told.get(f"RNGFND{number}_ORIENT", _DOWN))))
+    return found
+
+
+def is_recorded(evidence: Evidence, bit: int) -> bool:
+    """Tell whether the recording would hold what a sensor says: a log by LOG_BITMASK, a stream if it is one."""
+    if evidence.vehicle_witness is not Witness.LOG:
+        return bool(evidence.messages) or evidence.vehicle_witness is Witness.TELEMETRY
+    return bool(int(evidence.told.get("LOG_BITMASK", 0.0)) >> bit & 1)
+
+
+def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
+    """Return how high the vehicle is above its start, by what does not come from a range; NaN where nothing tells."""
+    series = evidence.level or evidence.height
+    if series is None or not len(series.time_us):
+        return np.full(len(time_us), np.nan)
+    start = float(np.median(series.down_m[: max(1, len(series.down_m) // 50)]))
+    down = np.interp(time_us, series.time_us, series.down_m, left=np.nan, right=np.nan)
+    return np.asarray(start - down, dtype=np.float64)
+
+
+def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
+    """Tell at which times the vehicle was armed, and not on the ground, as far as anybody knows."""
+    own = evidence.own_filter
+    armed = np.ones(len(time_us), np.bool_)
+    if own is not None and own.armed:
+        armed = np.zeros(len(time_us), np.bool_)
+        for start, end in own.armed:
+            armed |= (time_us >= 1e6 * start) & (time_us <= 1e6 * end)
+        height = above_start_m(evidence, time_us)
+        armed &= ~(height < _AIR_M)
+    return armed

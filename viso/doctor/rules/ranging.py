@@ -1,0 +1,342 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XNR: range finders that look down, for height and for the scale of flow."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.inputs.sources import SETS, SourceZ
+from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.measures.ground_sensors import DOWN, RangeSeries, RangeStatus
+from viso.doctor.measures.tracks import Bools, Floats
+from viso.doctor.outputs.phrases import at, listed, often, share
+from viso.doctor.rules.ground_set_up import CTUN_BIT, above_start_m, is_in_flight, is_recorded, range_finders, told
+from viso.doctor.witness import Witness
+from viso.estimators.series import stretches_of
+
+_MAVLINK: Final = 10
+_STALE_US: Final = 500_000
+_STUCK_US: Final = 3_000_000
+_FEWEST: Final = 20
+_CLIMB_M: Final = 1.0
+_SCALE_CLIMB_M: Final = 1.5
+_ALIKE: Final = 0.97
+_OFF: Final = 0.3
+_OUTLIER_M, _OUTLIER = 0.5, 0.2
+_SOME: Final = 0.01
+_LATE_US: Final = tuple(range(0, 1_000_001, 50_000))
+_LATEST_US: Final = 150_000
+_LEFT: Final = 0.4
+
+_READ: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::readRangeFinder"
+_HEIGHT: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion"
+_STATUS: Final = "AP_RangeFinder_Backend.cpp, AP_RangeFinder_Backend::update_status"
+_WHY: Final = {
+    RangeStatus.NOT_CONNECTED: "not connected",
+    RangeStatus.NO_DATA: "without data",
+    RangeStatus.LOW: "below the minimum",
+    RangeStatus.HIGH: "beyond the maximum",
+}
+
+
+def _asking(evidence: Evidence) -> list[str]:
+    """Return what asks for ranges in the set-up, the first source set first."""
+    sets = [f"EK3_SRC{n}_POSZ 2" for n in range(1, SETS + 1) if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
+    use = evidence.told.get("EK3_RNG_USE_HGT", -1.0)
+    return [*sets, *([f"EK3_RNG_USE_HGT {use:g}"] if use > 0 else [])]
+
+
+def _seen(
+    text: str, one: RangeSeries, mask: object, severity: Severity | None = None, fix: str | None = None
+) -> Sighting:
+    """Return what some of a sensor's records show, one at least."""
+    chosen = np.flatnonzero(np.asarray(mask))
+    times = one.time_us[chosen]
+    numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
+    return Sighting(f"{_name(one)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
+
+
+def _name(one: RangeSeries) -> str:
+    return f"{one.origin} {one.instance}" if one.origin == "RFND" else one.origin
+
+
+def _down(evidence: Evidence) -> Iterator[RangeSeries]:
+    """Yield the range finders of which the filter takes ranges."""
+    for one in evidence.ground.ranges:
+        if one.looks_down and len(one):
+            yield one
+
+
+@error(
+    "XNR-01",
+    "A source asks for ranges that are not there",
+    "Without a fresh range the filter takes its height from the barometer, and says nothing; with no range finder set "
+    "up arming is refused, EK3 sources require RangeFinder.",
+    _HEIGHT,
+    "Set RNGFND1_TYPE to the sensor that there is (10 for DISTANCE_SENSOR over MAVLink) and RNGFND1_ORIENT 25, and "
+    "reboot; or set EK3_SRCn_POSZ to 1 (barometer).",
+    witness=Witness.LOG,
+)
+def _not_there(evidence: Evidence) -> Iterator[Sighting]:
+    asking = _asking(evidence)
+    if not asking:
+        return
+    severity = None if asking[0].startswith("EK3_SRC1") else Severity.WARNING
+    if range_finders(evidence) == []:
+        yield Sighting(f"{listed(asking)}, and no RNGFNDn_TYPE is set", severity=severity)
+    elif not evidence.ground.ranges and is_recorded(evidence, CTUN_BIT):
+        if evidence.vehicle_witness is Witness.TELEMETRY:
+            severity = Severity.WARNING  # it may have another link
+        yield Sighting(f"{listed(asking)}, and no range was heard", severity=severity)
+
+
+@warning(
+    "XNR-02",
+    "Ranges that nobody takes",
+    "DISTANCE_SENSOR reaches a range finder with RNGFNDn_TYPE 10 whose RNGFNDn_ORIENT is the message's orientation.",
+    "AP_RangeFinder_MAVLink.cpp, AP_RangeFinder_MAVLink::handle_msg",
+    "Set RNGFND1_TYPE 10 and RNGFND1_ORIENT 25, reboot, and send orientation 25 (down).",
+    witness=Witness.LOG,
+)
+def _unused(evidence: Evidence) -> Iterator[Sighting]:
+    finders = range_finders(evidence)
+    for one in evidence.ground.ranges:
+        if not one.is_sent or finders is None:
+            continue
+        everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
+        ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.kind == _MAVLINK]
+        if not ours:
+            yield _seen(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
+        elif not any(finder.kind == _MAVLINK and finder.orient == orient for finder in finders):
+            yield _seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
+
+
+@error(
+    "XNR-03",
+    "The range finder does not look down",
+    "The filter takes ranges of orientation 25 (down) alone, of the first two range finders.",
+    _READ,
+    "Set RNGFNDn_ORIENT to 25, and send DISTANCE_SENSOR with orientation 25, if the sensor looks down.",
+    witness=Witness.LOG,
+)
+def _elsewhere(evidence: Evidence) -> Iterator[Sighting]:
+    ranges = [one for one in evidence.ground.ranges if len(one)]
+    if not ranges or any(one.looks_down for one in ranges):
+        return
+    wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in range(1, SETS + 1))
+    for one in ranges:
+        text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWN}"
+        yield _seen(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
+
+
+def _statuses(one: RangeSeries, mask: Bools) -> str:
+    """Return what was wrong with some ranges, in words, the commonest first."""
+    counts = Counter(one.status[mask].tolist())
+    return " and ".join(
+        f"{share(count, int(mask.sum()))} {_WHY[RangeStatus(status)]}"
+        for status, count in counts.most_common()
+        if status in _WHY
+    )
+
+
+@error(
+    "XNR-04",
+    "No good range at all",
+    "The filter takes good ranges only: between RNGFNDn_MIN and RNGFNDn_MAX, and not older than half a second. A "
+    "sensor whose minimum is above its height on the ground tells nothing before take-off.",
+    _STATUS,
+    "Set RNGFNDn_MIN below the sensor's height on the ground and RNGFNDn_MAX above the height flown, as far as it can "
+    "measure; look at its wires and its scale (RNGFNDn_SCALING, DISTANCE_SENSOR in cm).",
+    witness=Witness.LOG,
+)
+def _never_good(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        if not one.is_good.any():
+            everything = np.ones(len(one), np.bool_)
+            wants = bool(_asking(evidence)) or evidence.source("VELXY") == 5
+            text = (
+                f"no range is good: {_statuses(one, everything)}, distances {_span(one.dist_m)}{_limits(evidence, one)}"
+            )
+            yield _seen(text, one, everything, None if wants and len(one) >= _FEWEST else Severity.WARNING)
+
+
+def _span(dist_m: Floats) -> str:
+    return f"{dist_m.min():.2f} to {dist_m.max():.2f} m"
+
+
+def _limits(evidence: Evidence, one: RangeSeries) -> str:
+    """Return what the sensor is set to measure, in words; nothing where nobody tells."""
+    if np.isfinite(one.low_m).all() and np.isfinite(one.high_m).all():
+        return f", limits {one.low_m[-1]:.2f} and {one.high_m[-1]:.2f} m"
+    names = [f"RNGFND{one.instance + 1}_{name}" for name in ("MIN", "MAX")]
+    known = [f"{name} {evidence.told[name]:.2f}" for name in names if name in evidence.told]
+    return "".join(f", {text}" for text in known)
+
+
+@warning(
+    "XNR-05",
+    "Ranges are missing in flight",
+    "After half a second without a good range a height by the range finder becomes one by the barometer, with a jump, "
+    "and after 5 s the filter no longer knows where the ground is. Copter's surface tracking stops.",
+    _HEIGHT,
+    "Look at the sensor's range, at dark, wet or tilted ground, and at its link.",
+    witness=Witness.LOG,
+)
+def _missing(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        if not one.is_good.any():
+            continue
+        good_us = one.time_us[one.is_good]
+        bad = ~one.is_good & is_in_flight(evidence, one.time_us)
+        spans = [(int(one.time_us[a]), int(one.time_us[b - 1])) for a, b in stretches_of(bad)]
+        gaps = np.flatnonzero(np.diff(one.time_us) > _STALE_US)
+        gaps = gaps[is_in_flight(evidence, one.time_us[gaps])]
+        spans = sorted([*spans, *((int(one.time_us[i]), int(one.time_us[i + 1])) for i in gaps)])
+        spans = [span for span in spans if span[1] - span[0] >= _STALE_US and good_us[0] < span[0]]
+        if spans:
+            longest = max(spans, key=lambda span: span[1] - span[0])
+            shown = bad & (one.time_us >= spans[0][0]) & (one.time_us <= spans[-1][1])
+            how = f" ({_statuses(one, shown)})" if shown.any() else ""
+            only_high = shown.any() and bool((one.status[shown] == RangeStatus.HIGH).all()) and not len(gaps)
+            yield Sighting(
+                f"{_name(one)}: no good range for more than 0.5 s in flight, {often(len(spans))}; the longest time of "
+                f"{1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
+                start_us=spans[0][0],
+                end_us=spans[-1][1],
+                severity=Severity.NOTE if only_high and not _asking(evidence) else None,
+            )
+
+
+@error(
+    "XNR-06",
+    "The range stands still while the vehicle climbs",
+    "A range that repeats itself is believed: height, or the scale of flow, is then that of another moment.",
+    _READ,
+    "Restart the sensor, and look at its program and link; a sensor beneath which something hangs measures that.",
+    witness=Witness.LOG,
+)
+def _stuck(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        height_m = above_start_m(evidence, one.time_us)
+        same = np.append(False, np.diff(one.dist_m) == 0) & one.is_good
+        for start, end in stretches_of(same):
+            known = height_m[start - 1 : end]
+            known = known[np.isfinite(known)]
+            took_us = int(one.time_us[end - 1] - one.time_us[start - 1])
+            if took_us >= _STUCK_US and len(known) and np.ptp(known) > _CLIMB_M:
+                shown = np.zeros(len(one), np.bool_)
+                shown[start - 1 : end] = True
+                text = (
+                    f"{one.dist_m[start]:.2f} m for {1e-6 * took_us:.1f} s, while the vehicle's height changed by "
+                    f"{np.ptp(known):.1f} m"
+                )
+                yield _seen(text, one, shown)
+                break
+
+
+@warning(
+    "XNR-07",
+    "Ranges with outliers",
+    "The filter takes the median of three ranges: a single outlier is lost, two in a row get through, as far as the "
+    "gate (EK3_RNG_I_GATE) lets them.",
+    _READ,
+    "Look at what the sensor sees: landing gear, propellers, sunlight, dust, or an echo.",
+    witness=Witness.LOG,
+)
+def _outliers(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        if one.is_good.sum() < _FEWEST:
+            continue
+        chosen = np.flatnonzero(one.is_good)
+        dist_m = one.dist_m[chosen]
+        around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(dist_m, 4, mode="edge"), 9), axis=1)
+        off_m = np.abs(dist_m - around)
+        outlier = off_m > np.maximum(_OUTLIER_M, _OUTLIER * around)
+        if outlier.sum() >= 3 and outlier.sum() > _SOME * len(dist_m):
+            shown = np.zeros(len(one), np.bool_)
+            shown[chosen[outlier]] = True
+            text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"
+            yield _seen(f"{text} from those around them", one, shown)
+
+
+@error(
+    "XNR-08",
+    "Ranges of another scale than the height",
+    "Height by the range finder, and velocity by flow, are wrong by the same factor.",
+    _HEIGHT,
+    "Set RNGFNDn_SCALING, or send DISTANCE_SENSOR in cm; ground that is no plane looks alike.",
+    witness=Witness.LOG,
+)
+def _scale(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        found = _against_height(evidence, one)
+        if found is None:
+            continue
+        factor, alike = found
+        if alike > _ALIKE and abs(factor - 1) > _OFF:
+            text = f"ranges grow {factor:.2f} times as much as the vehicle's height (correlation {alike:.2f})"
+            yield _seen(text, one, one.is_good)
+
+
+def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
+    """Return how much ranges grow with the height, and the correlation; None if the vehicle hardly climbed.
+
+    Args:
+        evidence: which has the height.
+        one: with the ranges.
+        late_us: how much later than the height they are taken to be.
+    """
+    height_m = above_start_m(evidence, one.time_us - late_us)
+    known = one.is_good & np.isfinite(height_m) & np.isfinite(one.dist_m)
+    if known.sum() < _FEWEST or np.ptp(height_m[known]) < _SCALE_CLIMB_M or np.ptp(one.dist_m[known]) == 0:
+        return None
+    alike = float(np.corrcoef(one.dist_m[known], height_m[known])[0, 1])
+    return float(np.polyfit(height_m[known], one.dist_m[known], 1)[0]), alike
+
+
+@warning(
+    "XNR-10",
+    "Ranges come late",
+    "The filter takes a range to be of 25 ms before it came: one that is later tells the height of another moment "
+    "while the vehicle climbs or sinks.",
+    _READ,
+    "Send each range at once; look for a filter in the sensor, or a slow link.",
+    witness=Witness.LOG,
+)
+def _late(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        tried = {late_us: _against_height(evidence, one, late_us) for late_us in _LATE_US}
+        alike = {late_us: found[1] for late_us, found in tried.items() if found is not None}
+        if 0 not in alike:
+            continue
+        late_us = max(alike, key=lambda at_us: alike[at_us])
+        # Of what the height does not explain, another time explains most.
+        is_told = alike[late_us] > _ALIKE and 1 - alike[late_us] ** 2 < _LEFT * (1 - alike[0] ** 2)
+        if late_us >= _LATEST_US and is_told:
+            text = f"ranges follow the vehicle's height about {1e-3 * late_us:.0f} ms later"
+            yield _seen(text, one, one.is_good)
+
+
+@note(
+    "XNR-09",
+    "Ranges that cannot be judged",
+    "What is not found here is not thereby fine.",
+    _READ,
+    "Record a climb of 2 m over even ground, with the vehicle's height in the recording; bit 4 of LOG_BITMASK logs "
+    "ranges.",
+    witness=Witness.LOG,
+)
+def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        found = _against_height(evidence, one)
+        if found is None:
+            yield Sighting(f"{_name(one)}: scale: nothing shows a climb of {_SCALE_CLIMB_M:g} m with good ranges")
+        elif found[1] <= _ALIKE:
+            yield Sighting(f"{_name(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
+    asks = _asking(evidence)
+    if asks and not evidence.ground.ranges and not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):
+        yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")
