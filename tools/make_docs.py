@@ -31,7 +31,7 @@ from mav_handlers.links import LINKS
 from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_report, parked
 from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
-from tools import rooms_picture
+from tools import ekf_sources, rooms_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function
 from viso.companion.faults.kinds import FAULTS
@@ -367,6 +367,10 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "trajectory_formats": (("--format", "a record", "who writes it"), _trajectory_formats),
     "forms": (("--as", "what is sent"), _forms),
     "stream_kinds": (("kind", "endings", "what it holds", "parameters from"), _stream_kinds),
+    "ekf_sources": (
+        ("parameter", "value", "what it needs", "what arming says without", "here", "what the doctor says"),
+        ekf_sources.rows,
+    ),
     "sources": (("--source", "what it is", "axes of its IMU"), _sources),
     "faults": (("kind", "what happens", "parameters", "SITL", "`at_s`"), _fault_kinds),
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),

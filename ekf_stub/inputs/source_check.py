@@ -55,9 +55,12 @@ _YAW_ROW: Final[Mapping[str, Mapping[int, str | None]]] = {
     },
 }
 
+ALLOWED: Final[Mapping[str, Mapping[int, str | None]]] = {**_POSITION_ROWS, **_YAW_ROW}
+"""What each row of a set may be, and the sensor that it takes."""
+
 
 def _rows(requires_position: bool) -> Iterator[tuple[int, str, Mapping[int, str | None]]]:
-    rows = {**(_POSITION_ROWS if requires_position else {}), **_YAW_ROW}
+    rows = ALLOWED if requires_position else _YAW_ROW
     for index in range(SETS):
         for what, allowed in rows.items():
             yield index, what, allowed

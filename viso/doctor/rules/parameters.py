@@ -10,6 +10,7 @@ import numpy as np
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
+from ekf_stub.inputs.source_check import ALLOWED
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
@@ -19,13 +20,6 @@ from viso.doctor.witness import Witness
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
 _SETS: Final = (1, 2, 3)
-_LEGAL: Final = {
-    "POSXY": (0, 3, 4, 6),
-    "VELXY": (0, 3, 5, 6, 7),
-    "POSZ": (0, 1, 2, 3, 4, 6),
-    "VELZ": (0, 3, 6),
-    "YAW": (0, 1, 2, 3, 6, 8),
-}
 _REBOOT: Final = ("VISO_TYPE", "EK3_ENABLE", "AHRS_EKF_TYPE", "EK3_IMU_MASK")
 _COMPASS: Final = 1
 _COMPASS_FALLBACK: Final = 3
@@ -179,8 +173,8 @@ def _illegal(evidence: Evidence) -> Iterator[Sighting]:
     for number in _SETS if evidence.is_concerned else ():
         for name in SOURCE_NAMES:
             value = evidence.source(name, number)
-            if value not in _LEGAL[name]:
-                legal = ", ".join(map(str, _LEGAL[name]))
+            if value not in ALLOWED[name]:
+                legal = ", ".join(str(int(one)) for one in ALLOWED[name])
                 yield Sighting(
                     f"EK3_SRC{number}_{name} is {value}; there are {legal}: PreArm: AHRS: Check EK3_SRC{number}_{name}"
                 )
