@@ -26,6 +26,7 @@ _LAGS_MS: Final = tuple(range(-100, 310, 10))
 _ROUGH_MS: Final = 30
 _AROUND_US: Final = 150_000
 _EXPLAINED: Final = 0.9
+_LEAST_SPREAD: Final = 1e-12
 _TELLS_APART: Final = 0.01  # of what is explained, both axes together
 _OF_TRUTH: Final = ("SIM", "SIM_STATE", "SIMSTATE")
 
@@ -251,7 +252,7 @@ def _at_lag(rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> _Fit 
     found = np.linalg.lstsq(wanted, rates, rcond=None)[0]
     left = ((rates - wanted @ found) ** 2).sum(axis=0)
     whole = ((rates - rates.mean(axis=0)) ** 2).sum(axis=0)
-    explained = 1 - left / np.maximum(whole, 1e-12)
+    explained = np.where(whole > _LEAST_SPREAD, 1 - left / np.maximum(whole, _LEAST_SPREAD), 0.0)
     return _Fit(
         len(rates), bool(turns), np.asarray(found[:2].T, dtype=np.float64), (float(explained[0]), float(explained[1]))
     )

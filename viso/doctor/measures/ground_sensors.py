@@ -14,7 +14,9 @@ from ap_core.dataflash_columns import LogColumns
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, Message
 from viso.doctor.measures.tracks import Bools, Floats, Ints
+from viso.estimators.series import IMPOSSIBLE_S
 from viso.logs.filter_records import table_with
+from viso.logs.recorded import table_of
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1
 
 DOWN: Final = 25
@@ -50,6 +52,7 @@ class FlowSeries:
         numbers: of the messages, from 1; empty of a log.
         units: N x 2, flow_x and flow_y as a companion sent them; None where the autopilot itself tells its rates.
         sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them, which nobody reads.
+        has_all: whether every measurement is there, as it is not in the autopilot's telemetry.
     """
 
     origin: str
@@ -60,6 +63,7 @@ class FlowSeries:
     numbers: Ints
     units: Floats | None = None
     sent_rate: Floats | None = None
+    has_all: bool = True
 
     def __len__(self) -> int:
         return len(self.time_us)
@@ -145,43 +149,70 @@ NO_GROUND_SENSORS: Final = GroundSensors()
 
 def ground_sensors_in(log: LogColumns) -> GroundSensors:
     """Return what a log has of flow and ranges."""
-    turning = _of_first(log, "IMU", "I", ("GyrX", "GyrY", "GyrZ"))
-    velocity = _of_first(log, "XKF1", "C", ("VN", "VE"))
-    check = table_with(log, "XKF5", (("NI",), ("HAGL",)))
+    check = _timed(table_with(log, "XKF5", (("NI",), ("HAGL",))))
     check[:, 1] /= 100.0
-    return GroundSensors(_logged_flow(log), _logged_ranges(log), turning, velocity, check)
+    return GroundSensors(
+        _logged_flow(log),
+        _logged_ranges(log),
+        _of_first(log, "IMU", "I", ("GyrX", "GyrY", "GyrZ")),
+        _of_first(log, "XKF1", "C", ("VN", "VE")),
+        check,
+    )
+
+
+def _timed(table: Floats) -> Floats:
+    """Return rows of us and numbers in the order of their times, without those whose time damage made up."""
+    table = table[np.isfinite(table[:, 0])]
+    if len(table):
+        table = table[np.abs(table[:, 0] - np.median(table[:, 0])) < 1e6 * IMPOSSIBLE_S]
+    return np.asarray(table[np.argsort(table[:, 0], kind="stable")], dtype=np.float64)
 
 
 def _of_first(log: LogColumns, kind: str, index: str, labels: tuple[str, ...]) -> Floats:
     """Return time and fields of the records of the first of several sensors or cores."""
-    table = table_with(log, kind, ((index,), *((label,) for label in labels)))
-    first = np.nan_to_num(table[:, 1]) == 0
-    return np.delete(table[first], 1, axis=1)
+    table = _timed(table_with(log, kind, ((index,), *((label,) for label in labels))))
+    table = np.delete(table[np.nan_to_num(table[:, 1]) == 0], 1, axis=1)
+    return np.asarray(table[np.isfinite(table).all(axis=1)], dtype=np.float64)
 
 
 def _logged_flow(log: LogColumns) -> tuple[FlowSeries, ...]:
-    rows = table_with(log, "OF", (("Qual",), ("flowX",), ("flowY",), ("bodyX",), ("bodyY",)))
+    """Return what OF records say, or else what was handed to the filter, which has the time of its measurement."""
+    origin, rows = "OF", table_with(log, "OF", (("Qual",), ("flowX",), ("flowY",), ("bodyX",), ("bodyY",)))
+    if not len(rows):
+        origin, rows = "ROFH", _handed_over(log)
+    rows = _timed(rows)
     if not len(rows):
         return ()
     quality = np.nan_to_num(rows[:, 1]).astype(np.int64)
-    return (FlowSeries("OF", rows[:, 0].astype(np.int64), rows[:, 2:4], rows[:, 4:6], quality, np.zeros(0, np.int64)),)
+    no_numbers = np.zeros(0, np.int64)
+    return (FlowSeries(origin, rows[:, 0].astype(np.int64), rows[:, 2:4], rows[:, 4:6], quality, no_numbers),)
+
+
+def _handed_over(log: LogColumns) -> Floats:
+    """Return us, quality, flow and body rates of ROFH records, which have no TimeUS."""
+    labels = ("Tms", "Qual", "FX", "FY", "GX", "GY")
+    if not log.counts.get("ROFH") or not {*labels} <= {*log.types["ROFH"].labels}:
+        return _none(len(labels))
+    rows = table_of(log, "ROFH", labels)
+    rows[:, 0] *= 1e3
+    return rows
 
 
 def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
-    labels = (("Instance",), ("Dist",), ("Stat",), ("Orient",))
-    rows = table_with(log, "RFND", labels)
-    rows = rows[np.isfinite(rows[:, 1:]).all(axis=1)]
+    """Return what RFND records say; of older logs, which tell no status, a distance above 0 is good."""
+    labels = (("Instance", "I"), ("Dist", "Dist1"), ("Stat",), ("Orient", "Orient1"))
+    rows = _timed(table_with(log, "RFND", labels))
+    rows = rows[np.isfinite(rows[:, [2, 4]]).all(axis=1)]
+    status = np.where(rows[:, 2] > 0, float(RangeStatus.GOOD), float(RangeStatus.NO_DATA))
+    rows[:, 3] = np.where(np.isfinite(rows[:, 3]), rows[:, 3], status)
+    rows[:, 1] = np.nan_to_num(rows[:, 1])
     found = []
     for instance in np.unique(rows[:, 1]).astype(int).tolist():
         mine = rows[rows[:, 1] == instance]
         unknown = np.full(len(mine), np.nan)
-        whole = mine[:, [0, 3, 4]].astype(np.int64)
+        time_us, status, orient = mine[:, [0, 3, 4]].astype(np.int64).T
         no_numbers = np.zeros(0, np.int64)
-        found.append(
-            RangeSeries(
-                "RFND", instance, whole[:, 0], mine[:, 2], unknown, unknown, whole[:, 1], whole[:, 2], no_numbers
-            )
-        )
+        found.append(RangeSeries("RFND", instance, time_us, mine[:, 2], unknown, unknown, status, orient, no_numbers))
     return tuple(found)
 
 
@@ -268,7 +299,7 @@ def _sent_flow(
     origin = f"OPTICAL_FLOW from {whose[0]}/{whose[1]}"
     if is_own:
         body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for one in said], dtype=np.float64)
-        return FlowSeries(origin, time_us, sent, body, quality, numbers)
+        return FlowSeries(origin, time_us, sent, body, quality, numbers, has_all=False)
     units = np.array([(one.flow_x, one.flow_y) for one in said], dtype=np.float64)
     unknown = np.full(units.shape, np.nan)
     return FlowSeries(origin, time_us, driven(units, time_us, params), unknown, quality, numbers, units, sent)

@@ -25,6 +25,7 @@ from viso.doctor.witness import Witness
 from viso.estimators.series import stretches_of
 
 _MAVLINK: Final = 5
+_TO_NAVIGATE: Final = 1
 _TERRAIN_ONLY: Final = 2
 _UNHEALTHY_US: Final = 500_000
 _STOPS_US: Final = 5_000_000
@@ -73,8 +74,8 @@ def _seen(text: str, flow: FlowSeries, mask: object, severity: Severity | None =
     "The filter waits for flow, and does not start to navigate by it; with FLOW_TYPE 0 arming is refused, EK3 sources "
     "require OpticalFlow.",
     _AIDING,
-    "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and reboot, and look why it says "
-    "nothing; or set EK3_SRCn_VELXY to what there is.",
+    "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and EK3_FLOW_USE 1, reboot, and look "
+    "why it says nothing; or set EK3_SRCn_VELXY to what there is.",
     witness=Witness.LOG,
 )
 def _not_there(evidence: Evidence) -> Iterator[Sighting]:
@@ -83,9 +84,11 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
         return
     names = listed([f"EK3_SRC{number}_VELXY" for number in sets])
     severity = None if sets[0] == 1 else Severity.WARNING
-    kind = told(evidence, "FLOW_TYPE")
+    kind, use = told(evidence, "FLOW_TYPE"), evidence.told.get("EK3_FLOW_USE")
     if kind == 0:
         yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
+    elif use is not None and use != _TO_NAVIGATE:
+        yield Sighting(f"{names} 5 (OptFlow), and EK3_FLOW_USE is {use:g}: it is not to navigate by", severity=severity)
     elif not evidence.ground.flows and is_recorded(evidence, FLOW_BIT):
         of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
         if evidence.vehicle_witness is Witness.TELEMETRY:
@@ -147,17 +150,18 @@ def _gaps(evidence: Evidence) -> Iterator[Sighting]:
         if len(flow) < 2:
             continue
         period_us = np.diff(flow.time_us)
-        if np.median(period_us) > _SLOW_US:
+        if np.median(period_us) > _SLOW_US and flow.has_all:
             rate = 1e6 / float(np.median(period_us))
             yield _seen(f"{rate:.1f} measurements a second", flow, np.ones(len(flow), np.bool_))
             continue
-        gap = np.append(False, period_us > _UNHEALTHY_US) & is_in_flight(evidence, flow.time_us)
+        least_us = max(_UNHEALTHY_US, 3 * float(np.median(period_us)))
+        gap = np.append(False, period_us > least_us) & is_in_flight(evidence, flow.time_us)
         if gap.any():
             longest = int(np.argmax(np.where(gap[1:], period_us, 0)))
             took_s, since_us = period_us[longest] * 1e-6, flow.time_us[longest]
             text = (
-                f"no flow for more than 0.5 s, {often(int(gap.sum()))}; the longest gap of {took_s:.1f} s from "
-                f"{at(since_us)} on"
+                f"no flow for more than {1e-6 * least_us:.1f} s, {often(int(gap.sum()))}; the longest gap of "
+                f"{took_s:.1f} s from {at(since_us)} on"
             )
             severity = None if period_us[longest] >= _STOPS_US and _asking(evidence) else Severity.WARNING
             yield _seen(text, flow, gap, severity)
@@ -169,10 +173,9 @@ def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
             yield fit
 
 
-def _moved(fit: FlowFit) -> str:
-    """Return what the vehicle did that tells, in words."""
-    moved = "its turning" if fit.by_turning else "its velocity over its distance to the ground"
-    return f"of the vehicle, by {moved} in {fit.count} measurements"
+def _witness(fit: FlowFit) -> str:
+    """Return what of the vehicle tells, in words."""
+    return "the vehicle's turning" if fit.by_turning else "the vehicle's velocity over its distance to the ground"
 
 
 def _scaler(evidence: Evidence, fit: FlowFit) -> str:
@@ -203,7 +206,8 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
         off = max(abs(x - 1), abs(y - 1))
         if off > _OFF and (fit.by_turning or any(one.looks_down for one in evidence.ground.ranges)):
             yield Sighting(
-                f"{fit.flow.origin}: flow about x is {x:.2f} times, about y {y:.2f} times that {_moved(fit)}",
+                f"{fit.flow.origin}: flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} "
+                f"makes, in {fit.count} measurements",
                 start_us=int(fit.flow.time_us[0]),
                 end_us=int(fit.flow.time_us[-1]),
                 fix=_scaler(evidence, fit),
@@ -234,9 +238,8 @@ def _axes(evidence: Evidence) -> Iterator[Sighting]:
         else:
             continue
         start, end = int(fit.flow.time_us[0]), int(fit.flow.time_us[-1])
-        yield Sighting(
-            f"{fit.flow.origin}: {what} against what was seen {_moved(fit)}", start_us=start, end_us=end, fix=fix
-        )
+        text = f"{fit.flow.origin}: {what}, as {_witness(fit)} shows in {fit.count} measurements"
+        yield Sighting(text, start_us=start, end_us=end, fix=fix)
 
 
 @warning(
@@ -282,8 +285,8 @@ def _gyro(evidence: Evidence) -> Iterator[Sighting]:
         x, y = fit.factors
         flow = fit.flow
         start, end = int(flow.time_us[0]), int(flow.time_us[-1])
-        if not np.nan_to_num(flow.body).any():
-            text = f"{flow.origin}: the sensor's body rates are always 0 while the vehicle turns"
+        if not np.ptp(np.nan_to_num(flow.body), axis=0).any():
+            text = f"{flow.origin}: the sensor's body rates are always the same while the vehicle turns"
         elif not fit.is_judged:
             continue
         elif fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF:

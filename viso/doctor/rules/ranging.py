@@ -193,7 +193,8 @@ def _missing(evidence: Evidence) -> Iterator[Sighting]:
         good_us = one.time_us[one.is_good]
         bad = ~one.is_good & is_in_flight(evidence, one.time_us)
         spans = [(int(one.time_us[a]), int(one.time_us[b - 1])) for a, b in stretches_of(bad)]
-        gaps = np.flatnonzero(np.diff(one.time_us) > _STALE_US)
+        period_us = np.diff(one.time_us)  # telemetry is slower than the sensor
+        gaps = np.flatnonzero(period_us > max(_STALE_US, 3 * float(np.median(period_us)) if len(period_us) else 0))
         gaps = gaps[is_in_flight(evidence, one.time_us[gaps])]
         spans = sorted([*spans, *((int(one.time_us[i]), int(one.time_us[i + 1])) for i in gaps)])
         spans = [span for span in spans if span[1] - span[0] >= _STALE_US and good_us[0] < span[0]]

@@ -18,6 +18,8 @@ from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, V
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
 from viso.doctor import RULES, Evidence, Severity, diagnose
+from viso.doctor.measures.flow_fit import fit_flow
+from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors, RangeSeries
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
@@ -102,6 +104,29 @@ def test_rules_and_outputs_take_whatever_comes(
         level = LevelSeries("BARO", times, ned_m[:, 2], 1.5)
         made = replace(made, position=PositionSeries("SIM", times, 5 * ned_m, 0.05), level=level)
     take(made)
+
+
+@pytest.mark.parametrize("count", [1, 2, 60])
+@pytest.mark.parametrize("number", [math.nan, math.inf, 1e30, 0.0])
+def test_rules_take_nonsense_of_flow_and_ranges(count: int, number: float) -> None:
+    time_us, nothing = START_US + np.arange(count) * 40_000, np.zeros(0, np.int64)
+    numbers, whole = np.full((count, 2), number), np.zeros(count, np.int64)
+    said = FlowSeries("OF", time_us, numbers, numbers, whole + 100, nothing)
+    sent = replace(said, numbers=whole, units=numbers, sent_rate=numbers)
+    flat = numbers[:, 0]
+    ranges = [
+        RangeSeries("RFND", status, time_us, flat, flat, flat, whole + status, whole + 25, nothing)
+        for status in (-1, 0, 4, 200)
+    ]
+    moved = np.column_stack([time_us, np.full((count, 3), number)])
+    ground = GroundSensors((said, sent), tuple(ranges), moved, moved[:, :3], moved[:, :3])
+    level = LevelSeries("BARO", time_us, flat, 1.0)
+    attitude = AttitudeSeries(time_us, np.full((count, 3), number))
+    position = PositionSeries("SIM", time_us, np.full((count, 3), number))
+    with np.errstate(all="ignore"):
+        fits = fit_flow(ground, attitude, None, position, uses_flow=False)
+    asking = {"EK3_SRC1_VELXY": 5, "EK3_SRC1_POSZ": 2, "FLOW_TYPE": 5}
+    take(evidence_of([], asking, attitude, ground=ground, flow_fits=fits, level=level, position=position))
 
 
 def take(evidence: Evidence) -> None:

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW
 from tests.places import SHARED
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
 from viso.doctor import Evidence, Finding, GatherOptions, Severity, gather
@@ -109,6 +111,7 @@ def test_what_the_fix_says_mends_it(fault: str, params: Mapping[str, float]) -> 
         ({"FLOW_TYPE": 0}, (), "XNF-02", "warning", "600 messages, and FLOW_TYPE is 0"),
         ({"EK3_SRC1_VELXY": 3}, (), "XNF-02", "note", "no EK3_SRCn_VELXY is 5"),
         ({"EK3_SRC1_VELXY": 3, "EK3_SRC2_VELXY": 5, "FLOW_TYPE": 0}, (), "XNF-01", "warning", "EK3_SRC2_VELXY 5"),
+        ({"EK3_FLOW_USE": 2}, (), "XNF-01", "error", "EK3_FLOW_USE is 2: it is not to navigate by"),
         ({"RNGFND1_TYPE": 0}, ("DISTANCE_SENSOR",), "XNF-12", "error", "no RNGFNDn_TYPE is set"),
         ({"RNGFND1_TYPE": 0, "EK3_SRC1_POSZ": 2}, (), "XNR-01", "error", "EK3_SRC1_POSZ 2, and no RNGFNDn_TYPE is set"),
         ({"EK3_SRC1_POSZ": 2}, ("DISTANCE_SENSOR",), "XNR-01", "warning", "no range was heard"),
@@ -142,20 +145,44 @@ def test_driver_multiplies_by_the_time_since_the_last_flow() -> None:
     assert rates == pytest.approx(np.array([(0, 0), (1, 1.5), (2, 3), (0, 0)]))
 
 
+def turning_seen(sound: Evidence) -> Floats:
+    """Return the vehicle's turning about x and y when its flow sensor said something."""
+    turning, time_us = sound.ground.turning, sound.ground.flows[0].time_us
+    return np.column_stack([np.interp(time_us, turning[:, 0], axis) for axis in turning[:, 1:3].T])
+
+
+def test_telemetry_of_the_autopilot_is_slower_than_its_sensors(sound: Evidence) -> None:
+    """OPTICAL_FLOW and DISTANCE_SENSOR that the autopilot itself sends, twice a second."""
+    codec = Codec(1, 1)
+    frames = flight(without=("OPTICAL_FLOW", "DISTANCE_SENSOR"))
+    (flow,), (down,), body = sound.ground.flows, sound.ground.ranges, turning_seen(sound)
+    for number in range(0, len(flow), 10):
+        (x, y), (own_x, own_y) = flow.rate[number].tolist(), body[number].tolist()
+        told = OPTICAL_FLOW(0, 0, 0, 0, x - own_x, y - own_y, 180, 1.0, x, y)
+        frames.append((int(flow.time_us[number]), codec.encode(told)))
+    for number in range(0, len(down), 5):
+        range_told = DISTANCE_SENSOR(0, 5, 3000, round(100 * down.dist_m[number]), 0, 0, 25, 0)
+        frames.append((int(down.time_us[number]), codec.encode(range_told)))
+    evidence = evidence_of(sorted(frames, key=lambda frame: frame[0]))
+    assert [finding.code for finding in findings_of(evidence)] == ["XNF-14"]
+    assert evidence.ground.flows[0].body == pytest.approx(body[::10], abs=1e-6)
+
+
 def of_log(sound: Evidence, body_factor: float = 1.0, check: Floats | None = None) -> Evidence:
     """Return the flight as a log has it, whose sensor has a gyro."""
     own = sound.own_filter
     assert own is not None
     (said,) = sound.ground.flows
-    rates = np.array([np.interp(said.time_us, sound.ground.turning[:, 0], axis) for axis in sound.ground.turning.T])
-    body = body_factor * rates[1:3].T
+    body = body_factor * turning_seen(sound)
     flow = FlowSeries("OF", said.time_us, said.rate, body, said.quality, np.zeros(0, np.int64))
     ground = replace(sound.ground, flows=(flow,), check=sound.ground.check if check is None else check)
     fits = fit_flow(ground, sound.attitude, sound.height, sound.position, uses_flow=True)
     return replace(sound, ground=ground, flow_fits=fits, own_filter=replace(own, witness=Witness.LOG))
 
 
-@pytest.mark.parametrize(("factor", "said"), [(-1.0, "turned by 180 degrees"), (1.4, "1.40 times"), (0.0, "always 0")])
+@pytest.mark.parametrize(
+    ("factor", "said"), [(-1.0, "turned by 180 degrees"), (1.4, "1.40 times"), (0.0, "always the same")]
+)
 def test_gyro_of_the_sensor_that_disagrees_is_named(sound: Evidence, factor: float, said: str) -> None:
     assert said in found_in(of_log(sound, factor))["XNF-08"].evidence
     assert findings_of(of_log(sound)) == []
