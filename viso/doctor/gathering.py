@@ -19,14 +19,14 @@ from mav_handlers.wire.codec import message_name
 from viso.doctor.evidence import Evidence, vision_of
 from viso.doctor.measures.boot_clock import by_boot_clock
 from viso.doctor.measures.compare import Comparison, compare
-from viso.doctor.measures.flow_fit import fit_flow
+from viso.doctor.measures.flow_fit import fit_flow, with_motion_of
 from viso.doctor.measures.ground_sensors import GroundSensors
 from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
 from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.refused_frames import refused_kinds
-from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
+from viso.doctor.measures.tracks import Poses, pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, is_of_simulator, listen
 from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.phrases import at
@@ -273,6 +273,13 @@ def gather(
     return replace(evidence, notes=notes, kinds=kinds, flown=flown)
 
 
+def _motion_beside(told: VehicleData, poses: Sequence[Poses]) -> tuple[GroundSensors, AttitudeSeries | None]:
+    """Return flow, ranges and motion with the attitude, of the stream's first poses if no vehicle tells its turning."""
+    if len(told.ground.turning) or not told.ground.flows or not poses:
+        return told.ground, told.attitude
+    return with_motion_of(told.ground, poses[0])
+
+
 def _uses_flow(params: Mapping[str, float]) -> bool:
     return any(params.get(f"EK3_SRC{number}_VELXY") == SourceXY.OPTFLOW for number in range(1, SETS + 1))
 
@@ -337,8 +344,7 @@ def _evidence(
         truth=told.truth,
         ground=told.ground,
         flow_fits=fit_flow(
-            told.ground,
-            told.attitude,
+            *_motion_beside(told, poses),
             told.height,
             told.position,
             uses_flow=_uses_flow({**outcome.params, **known}),

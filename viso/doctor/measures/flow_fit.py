@@ -7,15 +7,16 @@ is gyro.x - v.y / range, about y gyro.y + v.x / range. What follows the gyro tel
 from the flow itself where that is its source, and would agree with any scale.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors
-from viso.doctor.measures.tracks import Bools, Floats, Ints
+from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries
 from viso.doctor.measures.vehicle_position import PositionSeries
+from viso.estimators.turning import attitudes_of
 
 FEWEST: Final = 50
 _LEAST_TURNING: Final = 0.04  # rad/s, rms of each axis
@@ -52,7 +53,8 @@ class FlowFit:
         of: what was held against the motion, ``flow`` or its own ``gyro``.
         count: how many records could be.
         why_not: why nothing can be told; "" if it can.
-        by_turning: whether it is the vehicle's turning that tells; else its velocity over the ground.
+        by: whose motion it was held against.
+        by_turning: whether the turning tells; else the velocity over the ground.
         matrix: 2 x 2, what the sensor says of what it should say.
         explained: 0 to 1, the part of its variance, of each axis, that the motion explains.
         lag_ms: how much later the sensor is than the motion; NaN where that makes too little difference.
@@ -63,6 +65,7 @@ class FlowFit:
     of: str
     count: int = 0
     why_not: str = ""
+    by: str = ""
     by_turning: bool = True
     matrix: Floats | None = None
     explained: tuple[float, float] = (0.0, 0.0)
@@ -111,11 +114,13 @@ class _Motion:
     """What a sensor could see, by time.
 
     Attributes:
+        by: whose it is.
         gyro: M x 4, us and body rates.
         seen: M x 3, us and velocity over the ground by range: -v.y / range, v.x / range; empty if nothing tells it.
         is_free: whether that velocity does not come from the flow.
     """
 
+    by: str
     gyro: Floats
     seen: Floats
     is_free: bool
@@ -137,15 +142,36 @@ def _at(table: Floats, time_us: Floats) -> Floats:
     return np.column_stack(columns)
 
 
+def with_motion_of(ground: GroundSensors, poses: Poses) -> tuple[GroundSensors, AttitudeSeries]:
+    """Return what was said beside the motion that poses tell, where the vehicle tells none, and their attitude."""
+    time_us, quats = poses.track.arrival_us, poses.quat_wxyz
+    known = np.isfinite(quats).all(axis=1) & np.isfinite(poses.pos_m).all(axis=1)
+    found = attitudes_of(time_us[known], quats[known])
+    step_s = np.diff(found.time_s)
+    rates = found.steps_rad / step_s[:, None]
+    turning = np.column_stack([1e6 * (found.time_s[1:] - 0.5 * step_s), rates])
+    way = _speed(time_us[known].astype(np.float64), poses.pos_m[known])
+    w, x, y, z = quats[known].T
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    attitude = AttitudeSeries(time_us[known], np.column_stack([np.zeros((len(yaw), 2)), yaw]))
+    return replace(ground, turning=turning, velocity=way, by="the stream's poses"), attitude
+
+
+def _speed(time_us: Floats, pos_m: Floats) -> Floats:
+    """Return us and velocity north and east, over some time around each position."""
+    if not len(time_us):
+        return np.zeros((0, 3))
+    back, ahead = (np.clip(time_us + by, time_us[0], time_us[-1]) for by in (-_AROUND_US, _AROUND_US))
+    way = [np.interp(ahead, time_us, column) - np.interp(back, time_us, column) for column in pos_m[:, :2].T]
+    took_s = np.maximum(ahead - back, 1.0) * 1e-6
+    return np.column_stack([time_us, *(one / took_s for one in way)])
+
+
 def _velocity(ground: GroundSensors, position: PositionSeries | None, uses_flow: bool) -> tuple[Floats, bool]:
     """Return us and velocity north and east, and whether it is free of the flow."""
     if position is None or position.origin not in _OF_TRUTH:
         return ground.velocity, not uses_flow
-    time_us = position.time_us.astype(np.float64)
-    back, ahead = (np.clip(time_us + by, time_us[0], time_us[-1]) for by in (-_AROUND_US, _AROUND_US))
-    way = [np.interp(ahead, time_us, column) - np.interp(back, time_us, column) for column in position.ned_m[:, :2].T]
-    took_s = np.maximum(ahead - back, 1.0) * 1e-6
-    return np.column_stack([time_us, *(one / took_s for one in way)]), True
+    return _speed(position.time_us.astype(np.float64), position.ned_m), True
 
 
 def _motion(
@@ -158,7 +184,7 @@ def _motion(
 ) -> _Motion:
     velocity, is_free = _velocity(ground, position, uses_flow)
     if attitude is None or not len(velocity):
-        return _Motion(ground.turning, np.zeros((0, 3)), is_free)
+        return _Motion(ground.by, ground.turning, np.zeros((0, 3)), is_free)
     time_us = velocity[:, 0]
     yaw = attitude.at(time_us.astype(np.int64))[:, 2]
     dist_m = _distance(ground, height, time_us)
@@ -166,7 +192,7 @@ def _motion(
     ahead = north * np.cos(yaw) + east * np.sin(yaw)
     right = east * np.cos(yaw) - north * np.sin(yaw)
     seen = np.column_stack([time_us, -right / dist_m, ahead / dist_m])
-    return _Motion(ground.turning, seen[np.isfinite(seen).all(axis=1)], is_free)
+    return _Motion(ground.by, ground.turning, seen[np.isfinite(seen).all(axis=1)], is_free)
 
 
 def _distance(ground: GroundSensors, height: HeightSeries | None, time_us: Floats) -> Floats:
@@ -206,7 +232,7 @@ def fit_flow(
         found.append(_fitted(flow, "flow", flow.rate, seen, motion))
         told = np.asarray(np.isfinite(flow.body).all(axis=1), dtype=np.bool_)
         if told.any():
-            found.append(_fitted(flow, "gyro", flow.body, told, _Motion(motion.gyro, np.zeros((0, 3)), False)))
+            found.append(_fitted(flow, "gyro", flow.body, told, replace(motion, seen=np.zeros((0, 3)))))
     return tuple(found)
 
 
@@ -224,7 +250,9 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
     best = usable[lag_ms]
     others = [sum(one.explained) for lag, one in usable.items() if abs(lag - lag_ms) > _ROUGH_MS]
     is_timed = len(others) > 1 and sum(best.explained) - max(others) > _TELLS_APART
-    return FlowFit(flow, of, best.count, "", best.by_turning, best.matrix, best.explained, float(lag_ms), is_timed)
+    return FlowFit(
+        flow, of, best.count, "", motion.by, best.by_turning, best.matrix, best.explained, float(lag_ms), is_timed
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

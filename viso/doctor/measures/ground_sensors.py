@@ -122,6 +122,7 @@ class GroundSensors:
         flows, ranges: of all sensors.
         turning: M x 4, us and the vehicle's body rates in rad/s.
         velocity: M x 3, us and the filter's velocity north and east in m/s.
+        by: whose motion that is.
         check: M x 3, us, the filter's worse test ratio of flow, 1 at the gate, and its height above the ground in m.
     """
 
@@ -130,6 +131,7 @@ class GroundSensors:
     turning: Floats = field(default_factory=lambda: _none(4))
     velocity: Floats = field(default_factory=lambda: _none(3))
     check: Floats = field(default_factory=lambda: _none(3))
+    by: str = "the vehicle"
 
     def beside(self, other: "GroundSensors | None") -> "GroundSensors":
         """Return these sensors beside those of another recording, whose motion of the vehicle is taken if it tells."""

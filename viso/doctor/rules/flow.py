@@ -163,7 +163,8 @@ def _gaps(evidence: Evidence) -> Iterator[Sighting]:
                 f"no flow for more than {1e-6 * least_us:.1f} s, {often(int(gap.sum()))}; the longest gap of "
                 f"{took_s:.1f} s from {at(since_us)} on"
             )
-            severity = None if period_us[longest] >= _STOPS_US and _asking(evidence) else Severity.WARNING
+            stops = period_us[longest] >= _STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
+            severity = None if stops else Severity.WARNING
             yield _seen(text, flow, gap, severity)
 
 
@@ -174,8 +175,8 @@ def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
 
 
 def _witness(fit: FlowFit) -> str:
-    """Return what of the vehicle tells, in words."""
-    return "the vehicle's turning" if fit.by_turning else "the vehicle's velocity over its distance to the ground"
+    """Return what tells, in words."""
+    return f"the {'turning' if fit.by_turning else 'velocity over the distance to the ground'} of {fit.by}"
 
 
 def _scaler(evidence: Evidence, fit: FlowFit) -> str:
@@ -378,7 +379,8 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
     "XNF-12",
     "Flow without a distance to the ground",
     "Flow is an angle: velocity is flow times height above the ground. Without a good range the filter does not know "
-    "where the ground is, tells no horizontal position, and arming for a mode that needs one is refused.",
+    "where the ground is; by flow alone it then tells no horizontal position, and arming for a mode that needs one is "
+    "refused.",
     _TERRAIN,
     "Fit a range finder that looks down (RNGFND1_TYPE, RNGFND1_ORIENT 25), whose minimum is below its height on the "
     "ground.",
@@ -390,12 +392,14 @@ def _no_height(evidence: Evidence) -> Iterator[Sighting]:
     down = [one for one in evidence.ground.ranges if one.looks_down]
     if any(one.is_good.any() for one in down):
         return
+    alone = None if not evidence.source("POSXY") else Severity.WARNING
     if down:
-        yield Sighting(f"EK3_SRC1_VELXY is 5 (OptFlow), and {down[0].origin} told no good range")
+        yield Sighting(f"EK3_SRC1_VELXY is 5 (OptFlow), and {down[0].origin} told no good range", severity=alone)
     elif range_finders(evidence) == []:
-        yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no RNGFNDn_TYPE is set")
+        yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no RNGFNDn_TYPE is set", severity=alone)
     elif is_recorded(evidence, CTUN_BIT):
-        severity = None if evidence.vehicle_witness is Witness.LOG else Severity.WARNING  # it may have another link
+        # A range finder may have another link.
+        severity = alone if evidence.vehicle_witness is Witness.LOG else Severity.WARNING
         yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no range of what looks down was heard", severity=severity)
 
 

@@ -59,12 +59,21 @@ def is_recorded(evidence: Evidence, bit: int) -> bool:
 
 
 def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
-    """Return how high the vehicle is above its start, by what does not come from a range; NaN where nothing tells."""
+    """Return how high the vehicle is above its start, by what does not come from a range; NaN where nothing tells.
+
+    Where the vehicle tells no height, the stream's first poses do.
+    """
     series = evidence.level or evidence.height
-    if series is None or not len(series.time_us):
+    if series is not None:
+        known_us, down_m = series.time_us, series.down_m
+    elif evidence.poses:
+        known_us, down_m = evidence.poses[0].track.arrival_us, evidence.poses[0].pos_m[:, 2]
+    else:
         return np.full(len(time_us), np.nan)
-    start = float(np.median(series.down_m[: max(1, len(series.down_m) // 50)]))
-    down = np.interp(time_us, series.time_us, series.down_m, left=np.nan, right=np.nan)
+    if not len(known_us):
+        return np.full(len(time_us), np.nan)
+    start = float(np.median(down_m[: max(1, len(down_m) // 50)]))
+    down = np.interp(time_us, known_us, down_m, left=np.nan, right=np.nan)
     return np.asarray(start - down, dtype=np.float64)
 
 

@@ -15,10 +15,11 @@ from mav_handlers.wire.messages import (
     LOCAL_POSITION_NED,
     OPTICAL_FLOW,
     PARAM_VALUE,
+    VISION_POSITION_ESTIMATE,
     Message,
 )
 from viso.companion.faults import inject, parse_timeline
-from viso.doctor import RULES, Evidence, Finding, diagnose, gather
+from viso.doctor import RULES, Evidence, Finding, GatherOptions, diagnose, gather
 from viso.streams.stream import Stream, StreamMessage
 
 SET_UP: Final[Mapping[str, float]] = {
@@ -47,7 +48,7 @@ Timed = tuple[int, bytes]
 
 
 class State(NamedTuple):
-    """Height in m, roll, pitch and their rates, velocity ahead and to the right in m/s; the nose points north."""
+    """Height in m, roll, pitch and their rates, velocity north and east in m/s, place in m; the nose points north."""
 
     height_m: float
     roll: float
@@ -55,6 +56,7 @@ class State(NamedTuple):
     rates: tuple[float, float]
     ahead: float
     right: float
+    place: tuple[float, float] = (0.0, 0.0)
 
 
 def state_at(time_s: float) -> State:
@@ -65,7 +67,8 @@ def state_at(time_s: float) -> State:
         return State(height, 0.0, 0.0, (0.0, 0.0), 0.0, 0.0)
     roll, pitch = 0.15 * math.sin(2.1 * flown), 0.12 * math.sin(3.1 * flown) + 0.05 * math.sin(1.3 * flown)
     rates = 0.315 * math.cos(2.1 * flown), 0.372 * math.cos(3.1 * flown) + 0.065 * math.cos(1.3 * flown)
-    return State(height, roll, pitch, rates, 0.8 * math.sin(0.9 * flown), 0.6 * math.sin(0.7 * flown + 1))
+    place = 0.8 / 0.9 * (1 - math.cos(0.9 * flown)), 0.6 / 0.7 * (math.cos(1) - math.cos(0.7 * flown + 1))
+    return State(height, roll, pitch, rates, 0.8 * math.sin(0.9 * flown), 0.6 * math.sin(0.7 * flown + 1), place)
 
 
 def flow_at(time_s: float) -> OPTICAL_FLOW:
@@ -92,6 +95,9 @@ def _said(time_s: float, tick: int) -> Iterable[tuple[int, Message]]:
     yield 1, ATTITUDE(boot_ms, state.roll, state.pitch, 0.0, *state.rates, 0.0)
     if tick % 2 == 0:
         yield 197, flow_at(time_s)
+        north, east = state.place
+        angles = state.roll, state.pitch, 0.0
+        yield 197, VISION_POSITION_ESTIMATE(round(1e6 * time_s), north, east, -state.height_m, *angles)
     if tick % 5 == 0:
         yield 198, range_at(time_s)
         yield 1, LOCAL_POSITION_NED(boot_ms, 0.0, 0.0, 0.1 - state.height_m, state.ahead, state.right, 0.0)
@@ -99,7 +105,9 @@ def _said(time_s: float, tick: int) -> Iterable[tuple[int, Message]]:
         yield 1, GLOBAL_POSITION_INT(boot_ms, 0, 0, above_mm, above_mm, 0, 0, 0, 0)
 
 
-def flight(params: Mapping[str, float] | None = None, *, without: Sequence[str] = ()) -> list[Timed]:
+def flight(
+    params: Mapping[str, float] | None = None, *, without: Sequence[str] = ("VISION_POSITION_ESTIMATE",)
+) -> list[Timed]:
     """Return the frames of the flight, with their times in us; parameters come first, all of them."""
     codecs = {component: Codec(1, component) for component in (1, 197, 198)}
     told = {**SET_UP, **(params or {})}
@@ -122,7 +130,8 @@ def with_fault(frames: Sequence[Timed], fault: str) -> list[Timed]:
 
 def evidence_of(frames: Iterable[Timed]) -> Evidence:
     """Return what the doctor gathers of frames."""
-    return gather(Stream("made", tuple(StreamMessage(time_us, frame) for time_us, frame in frames)))
+    stream = Stream("made", tuple(StreamMessage(time_us, frame) for time_us, frame in frames))
+    return gather(stream, GatherOptions(is_tried=False))
 
 
 def findings_of(evidence: Evidence) -> list[Finding]:

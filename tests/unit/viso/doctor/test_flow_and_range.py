@@ -12,6 +12,7 @@ from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW
 from tests.places import SHARED
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
+from viso.companion.faults.packet import read_packet
 from viso.doctor import Evidence, Finding, GatherOptions, Severity, gather
 from viso.doctor.measures.flow_fit import fit_flow
 from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors, driven
@@ -113,6 +114,7 @@ def test_what_the_fix_says_mends_it(fault: str, params: Mapping[str, float]) -> 
         ({"EK3_SRC1_VELXY": 3, "EK3_SRC2_VELXY": 5, "FLOW_TYPE": 0}, (), "XNF-01", "warning", "EK3_SRC2_VELXY 5"),
         ({"EK3_FLOW_USE": 2}, (), "XNF-01", "error", "EK3_FLOW_USE is 2: it is not to navigate by"),
         ({"RNGFND1_TYPE": 0}, ("DISTANCE_SENSOR",), "XNF-12", "error", "no RNGFNDn_TYPE is set"),
+        ({"RNGFND1_TYPE": 0, "EK3_SRC1_POSXY": 3}, ("DISTANCE_SENSOR",), "XNF-12", "warning", "no RNGFNDn_TYPE is set"),
         ({"RNGFND1_TYPE": 0, "EK3_SRC1_POSZ": 2}, (), "XNR-01", "error", "EK3_SRC1_POSZ 2, and no RNGFNDn_TYPE is set"),
         ({"EK3_SRC1_POSZ": 2}, ("DISTANCE_SENSOR",), "XNR-01", "warning", "no range was heard"),
         ({"EK3_RNG_USE_HGT": 70, "RNGFND1_TYPE": 0}, (), "XNR-01", "warning", "EK3_RNG_USE_HGT 70"),
@@ -125,7 +127,7 @@ def test_what_the_fix_says_mends_it(fault: str, params: Mapping[str, float]) -> 
 def test_set_up_that_does_not_fit_is_named(
     params: Mapping[str, float], without: tuple[str, ...], code: str, severity: str, said: str
 ) -> None:
-    finding = found_in(evidence_of(flight(params, without=without)))[code]
+    finding = found_in(evidence_of(flight(params, without=("VISION_POSITION_ESTIMATE", *without))))[code]
     assert said in finding.evidence
     assert finding.severity == severity
 
@@ -145,6 +147,17 @@ def test_driver_multiplies_by_the_time_since_the_last_flow() -> None:
     assert rates == pytest.approx(np.array([(0, 0), (1, 1.5), (2, 3), (0, 0)]))
 
 
+def test_poses_tell_where_no_vehicle_does() -> None:
+    of_companion = [(time_us, frame) for time_us, frame in flight(without=()) if read_packet(frame).component_id != 1]
+    evidence = evidence_of(with_fault(of_companion, RBD))
+    assert found_in(evidence)["XNF-06"].evidence.endswith(
+        "turned by 90 degrees (clockwise from above), as the turning of the stream's poses shows in 513 measurements"
+    )
+    late = with_fault(of_companion, f"kind: delay, {RANGE}, delay_ms: 300")
+    assert "XNR-10" in found_in(evidence_of(late))
+    assert findings_of(evidence_of(of_companion)) == []
+
+
 def turning_seen(sound: Evidence) -> Floats:
     """Return the vehicle's turning about x and y when its flow sensor said something."""
     turning, time_us = sound.ground.turning, sound.ground.flows[0].time_us
@@ -154,7 +167,7 @@ def turning_seen(sound: Evidence) -> Floats:
 def test_telemetry_of_the_autopilot_is_slower_than_its_sensors(sound: Evidence) -> None:
     """OPTICAL_FLOW and DISTANCE_SENSOR that the autopilot itself sends, twice a second."""
     codec = Codec(1, 1)
-    frames = flight(without=("OPTICAL_FLOW", "DISTANCE_SENSOR"))
+    frames = flight(without=("OPTICAL_FLOW", "DISTANCE_SENSOR", "VISION_POSITION_ESTIMATE"))
     (flow,), (down,), body = sound.ground.flows, sound.ground.ranges, turning_seen(sound)
     for number in range(0, len(flow), 10):
         (x, y), (own_x, own_y) = flow.rate[number].tolist(), body[number].tolist()
