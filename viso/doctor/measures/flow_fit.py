@@ -27,6 +27,10 @@ _LAGS_MS: Final = tuple(range(-100, 310, 10))
 _ROUGH_MS: Final = 30
 _AROUND_US: Final = 150_000
 _EXPLAINED: Final = 0.9
+_EXPLAINED_WHOLE: Final = 0.7
+"""Where turning and velocity are both known, what is left is noise, which takes nothing from the mean."""
+
+_MOST: Final = 20_000
 _LEAST_SPREAD: Final = 1e-12
 _TELLS_APART: Final = 0.01  # of what is explained, both axes together
 _OF_TRUTH: Final = ("SIM", "SIM_STATE", "SIMSTATE")
@@ -54,6 +58,7 @@ class FlowFit:
         count: how many records could be.
         why_not: why nothing can be told; "" if it can.
         by: whose motion it was held against.
+        is_whole: whether both turning and velocity were known.
         by_turning: whether the turning tells; else the velocity over the ground.
         matrix: 2 x 2, what the sensor says of what it should say.
         explained: 0 to 1, the part of its variance, of each axis, that the motion explains.
@@ -66,6 +71,7 @@ class FlowFit:
     count: int = 0
     why_not: str = ""
     by: str = ""
+    is_whole: bool = False
     by_turning: bool = True
     matrix: Floats | None = None
     explained: tuple[float, float] = (0.0, 0.0)
@@ -75,7 +81,8 @@ class FlowFit:
     @property
     def is_judged(self) -> bool:
         """Whether the motion explains so much that scale and axes can be told."""
-        return self.matrix is not None and min(self.explained) >= _EXPLAINED
+        enough = _EXPLAINED_WHOLE if self.is_whole else _EXPLAINED
+        return self.matrix is not None and min(self.explained) >= enough
 
     @property
     def axes(self) -> str:
@@ -242,6 +249,8 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
         return FlowFit(flow, of, len(rates), f"it said {len(rates)} times that it saw something")
     if not len(motion.gyro):
         return FlowFit(flow, of, len(rates), "nothing tells how the vehicle turned")
+    every = -(-len(rates) // _MOST)
+    rates, time_us = rates[::every], time_us[::every]
     tried = {lag: _at_lag(rates, time_us, motion, lag) for lag in _LAGS_MS}
     usable = {lag: one for lag, one in tried.items() if one is not None}
     if not usable:
@@ -251,13 +260,24 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
     others = [sum(one.explained) for lag, one in usable.items() if abs(lag - lag_ms) > _ROUGH_MS]
     is_timed = len(others) > 1 and sum(best.explained) - max(others) > _TELLS_APART
     return FlowFit(
-        flow, of, best.count, "", motion.by, best.by_turning, best.matrix, best.explained, float(lag_ms), is_timed
+        flow,
+        of,
+        best.count,
+        "",
+        motion.by,
+        best.is_whole,
+        best.by_turning,
+        best.matrix,
+        best.explained,
+        float(lag_ms),
+        is_timed,
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
     count: int
+    is_whole: bool
     by_turning: bool
     matrix: Floats
     explained: tuple[float, float]
@@ -282,5 +302,9 @@ def _at_lag(rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> _Fit 
     whole = ((rates - rates.mean(axis=0)) ** 2).sum(axis=0)
     explained = np.where(whole > _LEAST_SPREAD, 1 - left / np.maximum(whole, _LEAST_SPREAD), 0.0)
     return _Fit(
-        len(rates), bool(turns), np.asarray(found[:2].T, dtype=np.float64), (float(explained[0]), float(explained[1]))
+        len(rates),
+        bool(gyro.any() and seen.any()),
+        bool(turns),
+        np.asarray(found[:2].T, dtype=np.float64),
+        (float(explained[0]), float(explained[1])),
     )

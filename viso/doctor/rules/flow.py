@@ -205,7 +205,9 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
     for fit in _fits(evidence, "flow"):
         x, y = fit.factors
         off = max(abs(x - 1), abs(y - 1))
-        if off > _OFF and (fit.by_turning or any(one.looks_down for one in evidence.ground.ranges)):
+        # Without a range the height above the start stands for it, as if the ground were level.
+        is_ranged = any(one.looks_down and one.is_good.any() for one in evidence.ground.ranges)
+        if off > (_OFF if is_ranged or not fit.is_whole else _FAR_OFF) and (fit.by_turning or is_ranged):
             yield Sighting(
                 f"{fit.flow.origin}: flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} "
                 f"makes, in {fit.count} measurements",
@@ -235,7 +237,7 @@ def _axes(evidence: Evidence) -> Iterator[Sighting]:
             now = told(evidence, "FLOW_ORIENT_YAW") or 0.0
             wanted = 100 * -round((180 - (0.01 * now + turned)) % 360 - 180)
             fix = f"Set FLOW_ORIENT_YAW to about {wanted} (0.01 degrees) if that is how it is mounted."
-            what = f"it is turned by {turned:.0f} degrees (clockwise from above)"
+            what = f"it is turned by {turned % 360:.0f} degrees (clockwise from above)"
         else:
             continue
         start, end = int(fit.flow.time_us[0]), int(fit.flow.time_us[-1])
@@ -291,7 +293,7 @@ def _gyro(evidence: Evidence) -> Iterator[Sighting]:
         elif not fit.is_judged:
             continue
         elif fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF:
-            how = fit.axes if fit.is_mirrored else f"turned by {fit.turned_deg:.0f} degrees"
+            how = fit.axes if fit.is_mirrored else f"turned by {fit.turned_deg % 360:.0f} degrees"
             text = (
                 f"{flow.origin}: against the vehicle's gyro the sensor's is {how}, {x:.2f} times as large about x and "
                 f"{y:.2f} times about y"
