@@ -179,6 +179,11 @@ def _witness(fit: FlowFit) -> str:
     return f"the {'turning' if fit.by_turning else 'velocity over the distance to the ground'} of {fit.by}"
 
 
+def _is_ranged(evidence: Evidence) -> bool:
+    """Tell whether a range is known; else the height above the start stands for it, as if the ground were level."""
+    return any(one.looks_down and one.is_good.any() for one in evidence.ground.ranges)
+
+
 def _scaler(evidence: Evidence, fit: FlowFit) -> str:
     """Return the scale parameters that would put a sensor right, in words."""
     found = []
@@ -205,9 +210,8 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
     for fit in _fits(evidence, "flow"):
         x, y = fit.factors
         off = max(abs(x - 1), abs(y - 1))
-        # Without a range the height above the start stands for it, as if the ground were level.
-        is_ranged = any(one.looks_down and one.is_good.any() for one in evidence.ground.ranges)
-        if off > (_OFF if is_ranged or not fit.is_whole else _FAR_OFF) and (fit.by_turning or is_ranged):
+        limit = _FAR_OFF if fit.is_whole and not _is_ranged(evidence) else _OFF
+        if off > limit and (fit.by_turning or _is_ranged(evidence)):
             yield Sighting(
                 f"{fit.flow.origin}: flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} "
                 f"makes, in {fit.count} measurements",
@@ -448,7 +452,10 @@ def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
             why = f"the vehicle's motion explains {100 * max(min(fit.explained), 0):.0f} % of the flow, or less"
         if why:
             yield Sighting(f"{fit.flow.origin}: scale, axes and delay: {why}")
-        elif not fit.is_timed:
+            continue
+        if not fit.is_timed:
             yield Sighting(f"{fit.flow.origin}: delay: the vehicle turned too smoothly to tell")
+        if fit.is_whole and not _is_ranged(evidence):
+            yield Sighting(f"{fit.flow.origin}: scale: no range was good, so only one that is far off is told")
     if _asking(evidence) and not evidence.ground.flows and not is_recorded(evidence, FLOW_BIT):
         yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
