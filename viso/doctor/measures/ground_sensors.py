@@ -12,7 +12,7 @@ import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from mav_handlers.wire.codec import Header
-from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, Message
+from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, SYS_STATUS, Message
 from viso.doctor.measures.tracks import Bools, Floats, Ints
 from viso.estimators.series import IMPOSSIBLE_S
 from viso.logs.filter_records import table_with
@@ -24,6 +24,11 @@ DOWN: Final = 25
 
 LONGEST_PERIOD_S: Final = 0.5
 """After a longer silence AP_OpticalFlow_MAV takes a flow for zero."""
+
+FLOW: Final = "flow sensor"
+RANGE: Final = "range finder"
+_BITS: Final = ((FLOW, 1 << 6), (RANGE, 1 << 8))
+"""Of MAV_SYS_STATUS_SENSOR: OPTICAL_FLOW and LASER_POSITION."""
 
 _IN_CM: Final = ("MIN", "MAX")
 """Which limits older releases tell in cm."""
@@ -122,8 +127,9 @@ class GroundSensors:
         flows, ranges: of all sensors.
         turning: M x 4, us and the vehicle's body rates in rad/s.
         velocity: M x 3, us and the filter's velocity north and east in m/s.
-        by: whose motion that is.
         check: M x 3, us, the filter's worse test ratio of flow, 1 at the gate, and its height above the ground in m.
+        by: whose motion that is.
+        health: of FLOW and RANGE, as far as SYS_STATUS enables them, whether it ever calls them healthy.
     """
 
     flows: tuple[FlowSeries, ...] = ()
@@ -132,6 +138,7 @@ class GroundSensors:
     velocity: Floats = field(default_factory=lambda: _none(3))
     check: Floats = field(default_factory=lambda: _none(3))
     by: str = "the vehicle"
+    health: Mapping[str, bool] = field(default_factory=dict)
 
     def beside(self, other: "GroundSensors | None") -> "GroundSensors":
         """Return these sensors beside those of another recording, whose motion of the vehicle is taken if it tells."""
@@ -143,6 +150,7 @@ class GroundSensors:
             other.turning if len(other.turning) else self.turning,
             other.velocity if len(other.velocity) else self.velocity,
             other.check if len(other.check) else self.check,
+            health=self.health,
         )
 
 
@@ -226,6 +234,7 @@ class GroundListener:
         self._ranges: dict[tuple[int, int, int, int], list[tuple[int, int, DISTANCE_SENSOR]]] = defaultdict(list)
         self._turning: dict[int, list[tuple[float, ...]]] = defaultdict(list)
         self._velocity: dict[int, list[tuple[float, ...]]] = defaultdict(list)
+        self._health: dict[int, dict[str, bool]] = defaultdict(dict)
 
     def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
         """Take a message, by its time in us since boot and its number in the stream, from 1."""
@@ -240,6 +249,12 @@ class GroundListener:
         elif isinstance(message, ATTITUDE):
             rates = message.rollspeed, message.pitchspeed, message.yawspeed
             self._turning[header.system_id].append((time_us, message.time_boot_ms * 1e3, *rates))
+        elif isinstance(message, SYS_STATUS):
+            enabled, healthy = message.onboard_control_sensors_enabled, message.onboard_control_sensors_health
+            health = self._health[header.system_id]
+            health.update(
+                {name: health.get(name, False) or bool(healthy & bit) for name, bit in _BITS if enabled & bit}
+            )
         elif isinstance(message, LOCAL_POSITION_NED):
             speeds = message.vx, message.vy
             self._velocity[header.system_id].append((time_us, message.time_boot_ms * 1e3, *speeds))
@@ -258,6 +273,7 @@ class GroundListener:
             tuple(_sent_range(who, rows, params, is_own=who[:2] == own) for who, rows in self._ranges.items()),
             _steady(self._turning[vehicle], 4),
             _steady(self._velocity[vehicle], 3),
+            health=self._health[vehicle],
         )
 
 

@@ -11,15 +11,15 @@ from ekf_stub.inputs.sources import SETS, SourceXY
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.flow_fit import FlowFit
-from viso.doctor.measures.ground_sensors import FlowSeries
+from viso.doctor.measures.ground_sensors import FLOW, RANGE, FlowSeries
 from viso.doctor.outputs.phrases import at, listed, often, share
 from viso.doctor.rules.ground_set_up import (
-    CTUN_BIT,
     FLOW_BIT,
     is_in_flight,
     is_recorded,
     range_finders,
     told,
+    unheard,
 )
 from viso.doctor.witness import Witness
 from viso.estimators.series import stretches_of
@@ -89,11 +89,9 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
     elif use is not None and use != _TO_NAVIGATE:
         yield Sighting(f"{names} 5 (OptFlow), and EK3_FLOW_USE is {use:g}: it is not to navigate by", severity=severity)
-    elif not evidence.ground.flows and is_recorded(evidence, FLOW_BIT):
+    elif not evidence.ground.flows and (found := unheard(evidence, FLOW, severity)) is not None:
         of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
-        if evidence.vehicle_witness is Witness.TELEMETRY:
-            severity = Severity.WARNING  # it may have another link
-        yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}", severity=severity)
+        yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}{found[0]}", severity=found[1])
 
 
 @warning(
@@ -403,10 +401,9 @@ def _no_height(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"EK3_SRC1_VELXY is 5 (OptFlow), and {down[0].origin} told no good range", severity=alone)
     elif range_finders(evidence) == []:
         yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no RNGFNDn_TYPE is set", severity=alone)
-    elif is_recorded(evidence, CTUN_BIT):
-        # A range finder may have another link.
-        severity = alone if evidence.vehicle_witness is Witness.LOG else Severity.WARNING
-        yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no range of what looks down was heard", severity=severity)
+    elif (found := unheard(evidence, RANGE, alone)) is not None:
+        text = f"EK3_SRC1_VELXY is 5 (OptFlow), and no range of what looks down was heard{found[0]}"
+        yield Sighting(text, severity=found[1])
 
 
 @error(
@@ -457,5 +454,8 @@ def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting(f"{fit.flow.origin}: delay: the vehicle turned too smoothly to tell")
         if fit.is_whole and not _is_ranged(evidence):
             yield Sighting(f"{fit.flow.origin}: scale: no range was good, so only one that is far off is told")
-    if _asking(evidence) and not evidence.ground.flows and not is_recorded(evidence, FLOW_BIT):
-        yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
+    if _asking(evidence) and not evidence.ground.flows:
+        if not is_recorded(evidence, FLOW_BIT):
+            yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
+        elif evidence.ground.health.get(FLOW):
+            yield Sighting("SYS_STATUS calls the flow sensor healthy, and its flow is not in the recording")

@@ -7,6 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from viso.doctor.evidence import Evidence
+from viso.doctor.findings import Severity
+from viso.doctor.measures.ground_sensors import FLOW
 from viso.doctor.measures.tracks import Bools, Floats, Ints
 from viso.doctor.witness import Witness
 
@@ -56,6 +58,23 @@ def is_recorded(evidence: Evidence, bit: int) -> bool:
     if evidence.vehicle_witness is not Witness.LOG:
         return bool(evidence.messages) or evidence.vehicle_witness is Witness.TELEMETRY
     return bool(int(evidence.told.get("LOG_BITMASK", 0.0)) >> bit & 1)
+
+
+def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple[str, Severity | None] | None:
+    """Return what SYS_STATUS says of a sensor of which nothing is heard, and how bad that is; None if it is no sign.
+
+    Args:
+        evidence: which has nothing of it.
+        sensor: FLOW or RANGE.
+        severity: how bad it is that there is none.
+    """
+    is_healthy = evidence.ground.health.get(sensor)
+    if not is_recorded(evidence, FLOW_BIT if sensor == FLOW else CTUN_BIT) or is_healthy:
+        return None
+    if is_healthy is not None:
+        return f"; SYS_STATUS calls the {sensor} unhealthy throughout", severity
+    # It may have another link than the one that was recorded.
+    return "", Severity.WARNING if evidence.vehicle_witness is Witness.TELEMETRY else severity
 
 
 def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:

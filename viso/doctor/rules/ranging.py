@@ -11,10 +11,18 @@ import numpy as np
 from ekf_stub.inputs.sources import SETS, SourceZ
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
-from viso.doctor.measures.ground_sensors import DOWN, RangeSeries, RangeStatus
+from viso.doctor.measures.ground_sensors import DOWN, RANGE, RangeSeries, RangeStatus
 from viso.doctor.measures.tracks import Bools, Floats
 from viso.doctor.outputs.phrases import at, listed, often, share
-from viso.doctor.rules.ground_set_up import CTUN_BIT, above_start_m, is_in_flight, is_recorded, range_finders, told
+from viso.doctor.rules.ground_set_up import (
+    CTUN_BIT,
+    above_start_m,
+    is_in_flight,
+    is_recorded,
+    range_finders,
+    told,
+    unheard,
+)
 from viso.doctor.witness import Witness
 from viso.estimators.series import stretches_of
 
@@ -88,10 +96,8 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if asking[0].startswith("EK3_SRC1") else Severity.WARNING
     if range_finders(evidence) == []:
         yield Sighting(f"{listed(asking)}, and no RNGFNDn_TYPE is set", severity=severity)
-    elif not evidence.ground.ranges and is_recorded(evidence, CTUN_BIT):
-        if evidence.vehicle_witness is Witness.TELEMETRY:
-            severity = Severity.WARNING  # it may have another link
-        yield Sighting(f"{listed(asking)}, and no range was heard", severity=severity)
+    elif not evidence.ground.ranges and (found := unheard(evidence, RANGE, severity)) is not None:
+        yield Sighting(f"{listed(asking)}, and no range was heard{found[0]}", severity=found[1])
 
 
 @warning(
@@ -339,5 +345,8 @@ def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
         elif found[1] <= _ALIKE:
             yield Sighting(f"{_name(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
     asks = _asking(evidence)
-    if asks and not evidence.ground.ranges and not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):
-        yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")
+    if asks and not evidence.ground.ranges:
+        if not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):
+            yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")
+        elif evidence.ground.health.get(RANGE):
+            yield Sighting("SYS_STATUS calls the range finder healthy, and its ranges are not in the recording")

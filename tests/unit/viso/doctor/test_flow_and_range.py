@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW
+from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
 from tests.places import SHARED
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
 from viso.companion.faults.packet import read_packet
@@ -130,6 +130,22 @@ def test_set_up_that_does_not_fit_is_named(
     finding = found_in(evidence_of(flight(params, without=("VISION_POSITION_ESTIMATE", *without))))[code]
     assert said in finding.evidence
     assert finding.severity == severity
+
+
+@pytest.mark.parametrize(
+    ("healthy", "found"),
+    [
+        (0x140, {"XNF-14": "calls the flow sensor healthy", "XNR-09": "calls the range finder healthy"}),
+        (0, dict.fromkeys(("XNF-01", "XNF-12", "XNR-01"), "unhealthy throughout")),
+    ],
+)
+def test_health_of_sensors_that_are_not_heard(healthy: int, found: Mapping[str, str]) -> None:
+    status = Codec(1, 1).encode(SYS_STATUS(0x140, 0x140, healthy, *(0,) * 10))
+    silent = flight({"EK3_SRC1_POSZ": 2}, without=("OPTICAL_FLOW", "DISTANCE_SENSOR", "VISION_POSITION_ESTIMATE"))
+    findings = found_in(evidence_of([*silent, (silent[-1][0], status)]))
+    assert set(findings) == set(found)
+    assert all(said in findings[code].evidence for code, said in found.items())
+    assert {finding.severity for finding in findings.values()} == {"note" if healthy else "error"}
 
 
 def test_what_is_sent_in_flow_rate_alone_is_not_read(sound: Evidence) -> None:
