@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
 from tests.places import SHARED
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
 from viso.companion.faults.packet import read_packet
-from viso.doctor import Evidence, Finding, GatherOptions, Severity, gather
+from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from viso.doctor.measures.flow_fit import fit_flow
 from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors, driven
 from viso.doctor.measures.tracks import Floats
@@ -172,6 +172,11 @@ def test_poses_tell_where_no_vehicle_does() -> None:
     late = with_fault(of_companion, f"kind: delay, {RANGE}, delay_ms: 300")
     assert "XNR-10" in found_in(evidence_of(late))
     assert findings_of(evidence_of(of_companion)) == []
+
+
+def test_companion_that_sends_flow_alone_lacks_no_poses(frames: list[Timed]) -> None:
+    alone = evidence_of([(time_us, frame) for time_us, frame in frames if read_packet(frame).component_id != 1])
+    assert {finding.code for finding in diagnose(alone, RULES)} == {"XNF-14", "XNR-09"}
 
 
 def turning_seen(sound: Evidence) -> Floats:
