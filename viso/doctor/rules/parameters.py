@@ -11,6 +11,7 @@ from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
 from ekf_stub.inputs.source_check import ALLOWED
+from ekf_stub.inputs.sources import SourceXY
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
@@ -170,13 +171,18 @@ def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def _illegal(evidence: Evidence) -> Iterator[Sighting]:
-    for number in _SETS if evidence.is_concerned else ():
+    seen = evidence.ground.flows or evidence.ground.ranges
+    by_flow = any(evidence.source(name, number) == SourceXY.OPTFLOW for name in SOURCE_NAMES for number in _SETS)
+    for number in _SETS if evidence.is_concerned or seen or by_flow else ():
         for name in SOURCE_NAMES:
             value = evidence.source(name, number)
             if value not in ALLOWED[name]:
                 legal = ", ".join(str(int(one)) for one in ALLOWED[name])
                 yield Sighting(
-                    f"EK3_SRC{number}_{name} is {value}; there are {legal}: PreArm: AHRS: Check EK3_SRC{number}_{name}"
+                    f"EK3_SRC{number}_{name} is {value}; there are {legal}: PreArm: AHRS: Check EK3_SRC{number}_{name}",
+                    fix="Set it to 0: flow tells no position."
+                    if (name, value) == ("POSXY", SourceXY.OPTFLOW)
+                    else None,
                 )
 
 

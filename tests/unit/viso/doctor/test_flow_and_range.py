@@ -179,6 +179,13 @@ def test_companion_that_sends_flow_alone_lacks_no_poses(frames: list[Timed]) -> 
     assert {finding.code for finding in diagnose(alone, RULES)} == {"XNF-14", "XNR-09"}
 
 
+def test_flow_is_no_source_of_a_position() -> None:
+    found = diagnose(evidence_of(flight({"EK3_SRC1_POSXY": 5}, without=("VISION_POSITION_ESTIMATE",))), RULES)
+    (illegal,) = [finding for finding in found if finding.code == "XN7-07"]
+    assert illegal.evidence.startswith("EK3_SRC1_POSXY is 5; there are 0, 3, 4, 6")
+    assert illegal.fix == "Set it to 0: flow tells no position."
+
+
 def turning_seen(sound: Evidence) -> Floats:
     """Return the vehicle's turning about x and y when its flow sensor said something."""
     turning, time_us = sound.ground.turning, sound.ground.flows[0].time_us
