@@ -30,6 +30,9 @@ RANGE: Final = "range finder"
 _BITS: Final = ((FLOW, 1 << 6), (RANGE, 1 << 8))
 """Of MAV_SYS_STATUS_SENSOR: OPTICAL_FLOW and LASER_POSITION."""
 
+_FRAMES: Final = 20
+"""Of a log, from one range to the next: the filter looks at them 20 times a second."""
+
 _IN_CM: Final = ("MIN", "MAX")
 """Which limits older releases tell in cm."""
 
@@ -209,9 +212,10 @@ def _handed_over(log: LogColumns) -> Floats:
 
 
 def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
-    """Return what RFND records say; of older logs, which tell no status, a distance above 0 is good."""
+    """Return what RFND records say, or else what the filter was given; without a status a distance above 0 is good."""
     labels = (("Instance", "I"), ("Dist", "Dist1"), ("Stat",), ("Orient", "Orient1"))
-    rows = _timed(table_with(log, "RFND", labels))
+    origin = "RFND" if log.counts.get("RFND") else "RRNI"
+    rows = _timed(table_with(log, "RFND", labels) if origin == "RFND" else _given(log))
     rows = rows[np.isfinite(rows[:, [2, 4]]).all(axis=1)]
     status = np.where(rows[:, 2] > 0, float(RangeStatus.GOOD), float(RangeStatus.NO_DATA))
     rows[:, 3] = np.where(np.isfinite(rows[:, 3]), rows[:, 3], status)
@@ -222,8 +226,22 @@ def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
         unknown = np.full(len(mine), np.nan)
         time_us, status, orient = mine[:, [0, 3, 4]].astype(np.int64).T
         no_numbers = np.zeros(0, np.int64)
-        found.append(RangeSeries("RFND", instance, time_us, mine[:, 2], unknown, unknown, status, orient, no_numbers))
+        found.append(RangeSeries(origin, instance, time_us, mine[:, 2], unknown, unknown, status, orient, no_numbers))
     return tuple(found)
+
+
+def _given(log: LogColumns) -> Floats:
+    """Return us, instance, distance, status and orientation of RRNI records, which are written when one changes."""
+    labels = ("I", "Dist", "Status", "Orient")
+    if not (log.counts.get("RRNI") and log.counts.get("RFRH")) or not {*labels} <= {*log.types["RRNI"].labels}:
+        return _none(1 + len(labels))
+    frames, time_us = log.offsets("RFRH")[::_FRAMES], table_of(log, "RFRH", ("TimeUS",))[::_FRAMES]
+    rows, begins, found = table_of(log, "RRNI", labels), log.offsets("RRNI"), []
+    for instance in np.unique(rows[:, 0]).tolist():
+        mine = rows[:, 0] == instance
+        latest = np.searchsorted(begins[mine], frames, side="right") - 1
+        found.append(np.column_stack([time_us, rows[mine][latest]])[latest >= 0])
+    return np.concatenate(found)
 
 
 class GroundListener:

@@ -69,7 +69,7 @@ def _seen(
 
 
 def _name(one: RangeSeries) -> str:
-    return f"{one.origin} {one.instance}" if one.origin == "RFND" else one.origin
+    return f"{one.origin} {one.instance}" if one.origin in ("RFND", "RRNI") else one.origin
 
 
 def _down(evidence: Evidence) -> Iterator[RangeSeries]:

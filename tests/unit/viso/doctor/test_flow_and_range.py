@@ -10,7 +10,7 @@ import pytest
 
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
-from tests.places import SHARED
+from tests.places import DATA, SHARED
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
 from viso.companion.faults.packet import read_packet
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
@@ -256,6 +256,15 @@ def test_what_a_log_does_not_hold_is_no_fault(sound: Evidence) -> None:
     }
     logged = replace(asking, told={**asking.told, "LOG_BITMASK": 65535.0})
     assert {"XNF-01", "XNF-12", "XNR-01"} == set(found_in(logged))
+
+
+def test_log_of_replay_records_alone_has_ranges() -> None:
+    path = DATA / "logs" / "flow_take_off.BIN.xz"
+    evidence = gather(read_whole_stream(path, 0), GatherOptions(is_tried=False).beside(vehicle_of_log(path)))
+    assert [(one.origin, one.looks_down, bool(one.is_good.any())) for one in evidence.ground.ranges] == [
+        ("RRNI", True, True)
+    ]
+    assert {finding.code for finding in findings_of(evidence)} == {"XNF-14"}
 
 
 @pytest.mark.slow
