@@ -16,6 +16,7 @@ from ap_core.param import ParamEcho, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterStatus
 from mav_handlers.channel import Channel
@@ -28,7 +29,7 @@ from mav_handlers.statustext import StatusTextQueue
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.transfers.ftp_ports import FtpFiles
 from mav_handlers.transfers.log_transfer import LogLibrary, LogTransfer
-from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
+from mav_handlers.wire.messages import DISTANCE_SENSOR, GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
 __all__ = [
     "AhrsPort",
@@ -123,6 +124,9 @@ class AhrsPort(Protocol):
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
         """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used."""
+
+    def height_above_ground(self) -> float | None:
+        """Return the height above the ground in m, or None while it is unknown."""
 
     def get_filter_status(self) -> FilterStatus | None:
         """Return what the estimator says of itself, or None while it does not run."""
@@ -232,8 +236,53 @@ class FlowPort(Protocol):
     def healthy(self) -> bool:
         """Tell whether it works."""
 
+    @property
+    def newest(self) -> FlowMeasurement:
+        """What it measured last."""
+
     def take(self, packet: OPTICAL_FLOW) -> bool:
         """Give it flow; tell whether there is one that takes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RangeReport:
+    """What a range finder says: its number, kind and orientation as DISTANCE_SENSOR has them, ranges in m.
+
+    ``quality`` is in percent, -1 unknown.
+    """
+
+    number: int
+    kind: int
+    orientation: int
+    distance: float
+    least: float
+    most: float
+    quality: int
+
+
+class RangesPort(Protocol):
+    """The range finders.
+
+    Attributes:
+        is_enabled: there was one that looks down as the vehicle booted.
+    """
+
+    is_enabled: bool
+
+    def is_present(self) -> bool:
+        """Tell whether one looks down."""
+
+    def has_data(self) -> bool:
+        """Tell whether ranges come in from that, good or not."""
+
+    def downward_m(self) -> float | None:
+        """Return its range in m; None without one."""
+
+    def reports(self) -> Sequence[RangeReport]:
+        """Return what each says from which ranges come in."""
+
+    def take(self, packet: DISTANCE_SENSOR) -> bool:
+        """Give them a range; tell whether there is one that takes it."""
 
 
 class HilPort(Protocol):
@@ -289,6 +338,10 @@ class VehiclePort(Protocol):
     @property
     def flow(self) -> FlowPort:
         """The flow sensor."""
+
+    @property
+    def ranges(self) -> RangesPort:
+        """The range finders."""
 
     @property
     def hil(self) -> HilPort | None:

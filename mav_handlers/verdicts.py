@@ -68,7 +68,9 @@ NO_PRECISION_LANDING: Final = dropped(
     "GCS_Common.cpp, GCS_MAVLINK::handle_landing_target",
 )
 NO_RANGEFINDER: Final = dropped(
-    "no_rangefinder", "neither a rangefinder nor a proximity sensor takes it", "AP_RangeFinder.cpp, handle_msg"
+    "no_rangefinder",
+    "no range finder takes it: no RNGFNDn_TYPE was 10 at boot, it is 0 now, or RNGFNDn_ORIENT is not its orientation",
+    "AP_RangeFinder_MAVLink.cpp, AP_RangeFinder_MAVLink::handle_msg",
 )
 ADSB_OFF: Final = dropped(
     "adsb_off", "aircraft are forwarded but not tracked, as ADSB_TYPE is 0", "AP_ADSB.cpp, AP_ADSB::handle_adsb_vehicle"

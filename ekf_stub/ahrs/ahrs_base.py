@@ -17,6 +17,7 @@ from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.sensors import SensorSource
 from ekf_stub.inputs.sources import EkfSources, SourceYaw
 from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
@@ -151,6 +152,22 @@ class AhrsBase:
     def pre_arm_failure(self, requires_position: bool) -> str | None:
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
         return None if self.estimator_started() else "EKF3 not started"
+
+    def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
+        """Log what a flow sensor measured at a time, then hand it to the estimator (AP_AHRS::writeOptFlowMeas).
+
+        Args:
+            measured: with the sensor's place on the vehicle, m, body (FRD).
+            time_ms: since boot.
+        """
+        self._log.flow(measured, time_ms)
+
+    def set_terrain_stable(self, *, is_stable: bool) -> None:
+        """Hear whether heights may count from the ground (AP_AHRS::set_terrain_hgt_stable)."""
+
+    def height_above_ground(self) -> float | None:
+        """Return the height above the ground in m, or None while it is unknown (AP_AHRS::get_hagl)."""
+        return None
 
     def writeExtNavData(
         self,

@@ -25,14 +25,18 @@ from ekf_stub.core.reporting import report_of, run_report_of, three
 from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.height_source import RANGE
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D
+from ekf_stub.inputs.range_reading import RangeFinders
+from ekf_stub.inputs.range_state import RangeState, from_imu
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.source_check import source_failure
 from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1
+from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, TERRAIN_STABLE, TERRAIN_UNSTABLE
 from ekf_stub.log.replay_vehicle import VehicleFrame
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
@@ -45,6 +49,11 @@ _GLITCHING, _INITIALISED = 1 << 14, 1 << 16  # of nav_filter_status
 
 PoseListener = Callable[[Vector3f, Quaternion, int, bool], None]
 """Takes the IMU's place in m NED, the attitude, when they were observed in ms since boot, and whether they jumped."""
+
+
+def _floats(place: Vector3f) -> tuple[float, float, float]:
+    x, y, z = map(float, place.to_tuple())
+    return x, y, z
 
 
 def _vector(values: tuple[float, float, float]) -> Vector3f:
@@ -89,6 +98,11 @@ class Ekf3Ahrs(AhrsBase):
         self._camera_pos: Vector3f | None = None
         self._imu_pos: Vector3f | None = None
         self._lever = (0.0, 0.0, 0.0)
+        self._has_flow = FromParams(parts.params, parts.has_flow)
+        self._ranges_said: RangeState | None = None
+        self._ranges: RangeFinders | None = None
+        self._ranges_imu_pos: Vector3f | None = None
+        self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
         self._baro_zero_m = 0.0
         self._is_set_up = self._active = self._has_camera = self._stands_still = False
@@ -161,7 +175,13 @@ class Ekf3Ahrs(AhrsBase):
         self.core = Ekf3Core(
             self._sources,
             Numbers(parts.params, "EK3_").__getitem__,
-            buffer_sizes(parts.params.get_int, self._sources, has_camera=self._has_camera, least_ms=self._buffer_ms),
+            buffer_sizes(
+                parts.params.get_int,
+                self._sources,
+                has_camera=self._has_camera,
+                has_flow=self._has_flow(),
+                least_ms=self._buffer_ms,
+            ),
             CoreTexts(parts.texts, cores),
             self.ext_nav_counts,
             self._has_compass,
@@ -193,8 +213,9 @@ class Ekf3Ahrs(AhrsBase):
             self._source_set = self._sources.active_set
             log.event(SOURCE_SET_1 + self._source_set)
         if log.start_frame(frame.time_us, frame.flying_ms):
-            log.vehicle(VehicleFrame(frame.armed, home=self._parts.home()))
+            log.vehicle(VehicleFrame(frame.armed, has_flow_sensor=self._has_flow(), home=self._parts.home()))
             log.sensors(self._with_zeroed_baro(sensors), frame.gps)
+            log.ranges(self._parts.ranges())
         if self._camera is not None:
             log.frame(self._camera)
 
@@ -221,7 +242,16 @@ class Ekf3Ahrs(AhrsBase):
             None,  # place_declination
             self._lever_arm(),
             0 if home is None else home.lat,
+            self._range_finders(),
         )
+
+    def _range_finders(self) -> RangeFinders | None:
+        """Return what the range finders say, with their places from the IMU: the same until that changes."""
+        said, imu_pos = self._parts.ranges(), self._place_of_imu()
+        if said is not self._ranges_said or imu_pos is not self._ranges_imu_pos:
+            self._ranges_said, self._ranges_imu_pos = said, imu_pos
+            self._ranges = None if said is None else said.seen_from(_floats(imu_pos))
+        return self._ranges
 
     def _lever_arm(self) -> tuple[float, float, float]:
         """Return the camera's place from the IMU, m, body (FRD)."""
@@ -329,7 +359,19 @@ class Ekf3Ahrs(AhrsBase):
         innovations = core.fusion.innovations
         ratios = innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio
         compass = max(core.yaw.ratio, float(core.yaw.field.ratios.max()))
-        return FilterStatus(self._flags(), *map(math.sqrt, (*ratios, compass)))
+        terrain = core.height.terrain.range_ratio if self._needs_terrain(core) else 0.0
+        return FilterStatus(self._flags(), *map(math.sqrt, (*ratios, compass, terrain)))
+
+    def _needs_terrain(self, core: Ekf3Core) -> bool:
+        is_height = core.height.active == RANGE and self._parts.params.get_int("EK3_RNG_USE_HGT") > 0
+        return is_height or (core.aiding.mode is AidingMode.RELATIVE and core.flow.is_valid)
+
+    def height_above_ground(self) -> float | None:
+        """Return the height above the ground in m, or None while it is unknown (NavEKF3_core::getHAGL)."""
+        core = self.core
+        if core is None or not self.healthy() or core.height.is_lost or not core.flow.ground_is_valid:
+            return None
+        return core.height.terrain.down - float(core.output.now.pos[2])
 
     def healthy(self) -> bool:
         """Tell whether the filter runs well."""
@@ -347,6 +389,15 @@ class Ekf3Ahrs(AhrsBase):
         self._origin = origin
         core.set_origin(origin)
         return True
+
+    def set_terrain_stable(self, *, is_stable: bool) -> None:
+        """Hear whether heights may count from the ground; the filter and the log hear of changes alone."""
+        if is_stable is self._terrain_is_stable:
+            return
+        self._terrain_is_stable = is_stable
+        self._replay_log.event(TERRAIN_STABLE if is_stable else TERRAIN_UNSTABLE)
+        if self.core is not None:
+            self.core.set_terrain_stable(is_stable=is_stable)
 
     def reset_height_datum(self) -> bool:
         """Let heights count from the present one, on the ground (NavEKF3::resetHeightDatum)."""
@@ -378,7 +429,14 @@ class Ekf3Ahrs(AhrsBase):
         checks = self.core.gps.checks
         return "EKF3 core 0 unhealthy" if checks.good else checks.reason or "EKF3 still initialising"
 
-    # Calls of the driver
+    # Calls of the drivers
+
+    def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
+        """Log what a flow sensor measured, then hand it to the filter."""
+        super().write_flow(measured, time_ms)
+        if self.core is not None and not self._stands_still:
+            place = from_imu(measured.offset, _floats(self._place_of_imu()))
+            self.core.write_flow(measured._replace(offset=place))
 
     def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
         if self.on_pose is not None:

@@ -12,7 +12,8 @@ from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM
+from ekf_stub.inputs.range_state import DOWNWARD, RangeState
+from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, RANGEFINDER, VISUAL_ODOM
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.replay_log import ReplayLog
 
@@ -35,6 +36,7 @@ class AhrsParts:
         flying_ms: for how long the vehicle has been flying, 0 on the ground.
         home: returns home, None while it is unset.
         release: what EKF3 does otherwise than in other releases.
+        ranges: returns what the range finders say, the same until that changes; None without any.
     """
 
     clock: Clock
@@ -50,6 +52,7 @@ class AhrsParts:
     flying_ms: Callable[[], int]
     home: Callable[[], Location | None]
     release: FilterRelease = REFERENCE
+    ranges: Callable[[], RangeState | None] = lambda: None
 
     def is_fitted(self, sensor: str) -> bool:
         """Tell whether there is a sensor that EKF sources may need, by its name in ``source_check.SENSORS``."""
@@ -57,10 +60,19 @@ class AhrsParts:
             BARO: True,
             COMPASS: self.has_compass(),
             GPS: self.params.get_int("GPS1_TYPE") != 0,
-            OPTICAL_FLOW: self.params.get_int("FLOW_TYPE") != 0,
+            OPTICAL_FLOW: self.has_flow(),
+            RANGEFINDER: self._looks_down(),
             VISUAL_ODOM: self.visual_odom_enabled(),
         }
         return fitted.get(sensor, False)
+
+    def has_flow(self) -> bool:
+        """Tell whether there is to be a flow sensor (AP_OpticalFlow::enabled)."""
+        return self.params.get_int("FLOW_TYPE") != 0
+
+    def _looks_down(self) -> bool:
+        ranges = self.ranges()
+        return ranges is not None and any(finder.orientation == DOWNWARD for finder in ranges.finders)
 
     def has_compass(self) -> bool:
         """Tell whether there is a compass, and in use."""

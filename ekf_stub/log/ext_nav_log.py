@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Logs what the estimator is given, before it decides about it (AP_DAL/AP_DAL.cpp, AP_DAL_VisualOdom.cpp)."""
+"""Logs what comes to the estimator from outside, before it decides (AP_DAL/AP_DAL.cpp, AP_DAL_VisualOdom.cpp)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,9 +14,11 @@ from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
-from ekf_stub.log.log_structure import RBOH, REPH, REVH, RVOH
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.log.log_structure import RBOH, REPH, REVH, ROFH, RVOH
 
 _UNFILLED: Final = (np.float32(0),) * 3
+_NO_HEIGHT: Final = 0.0  # FLOW_HGT_OVR, which rovers have
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class VisualOdomFrame:
 
 
 class ExtNavLog:
-    """Writes RVOH, REPH, REVH and RBOH, each only when it differs from the one before.
+    """Writes RVOH, ROFH, REPH, REVH and RBOH, each only when it differs from the one before.
 
     Nothing is written before the estimator's first frame, nor between the opening of a log and the next frame
     (AP_DAL::start_frame, AP_DAL::WriteLogMessage).
@@ -98,6 +100,12 @@ class ExtNavLog:
             self._camera = frame
             state = (u32(frame.delay_ms), int(frame.healthy), int(frame.enabled))
             self._write_changed(RVOH, (*frame.pos_offset.to_tuple(), *state), force=self._is_first)
+
+    def flow(self, measured: FlowMeasurement, time_ms: int) -> None:
+        """Log a call of writeOptFlowMeas: ms since boot; the sensor's place is on the vehicle."""
+        self._end_frame()
+        values = *measured.flow, *measured.gyro, time_ms, *measured.offset, _NO_HEIGHT, measured.quality
+        self._write_changed(ROFH, values)
 
     def pose(
         self,

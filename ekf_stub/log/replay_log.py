@@ -5,18 +5,19 @@
 As recorded logs of the reference have it:
 
 - A frame begins with RFRH; RFRF ends it, late: before the next RFRH, or before the first call from outside in the same
-  pass (REPH, REVH, RBOH, REV2, REV3). What the pass logs until then, estimates included, stands within the frame.
+  pass (ROFH, REPH, REVH, RBOH, REV2, REV3). What the pass logs until then, estimates included, stands within the frame.
   RSO2 and RSO3 do not end it.
 - The inputs come in this order, each only when it has changed: RFRN, RISH, RISI, RBRH, RBRI, RGPH, then RGPI and RGPJ
-  of each receiver, RMGH, RMGI, RVOH. The first frame of a log has all. Most frames have RISI alone, armed or not; RBRI
-  and RMGI come together, ten times a second. Arming changes RFRN and nothing else.
+  of each receiver, RMGH, RMGI, RRNH, RRNI, RVOH. The first frame of a log has all. Most frames have RISI alone, armed
+  or not; RBRI and RMGI come together, ten times a second. Arming changes RFRN and nothing else.
 - RFRF.FTypes is 5 up to and including the frame in which EKF3 gets a state, 13 in the next, and 9 from then on: EKF2
   (1), which is built in but not enabled, is tried every time. Writing estimates adds 32; where a call has ended the
   frame before, that gets an RFRF of its own. RFRF.Slow is always 0.
 - EKF2 is told of an origin again in the frame after that in which it was set.
-- Of sensors that the vehicle lacks only GPS has records, once in a log; airspeed, range finder and beacons have none.
+- Of sensors that the vehicle lacks only GPS has records, once in a log; airspeed, range finders and beacons have none.
 
-Source: AP_DAL/AP_DAL.cpp, AP_DAL_InertialSensor.cpp, AP_DAL_Baro.cpp, AP_DAL_Compass.cpp.
+Source: AP_DAL/AP_DAL.cpp, AP_DAL_InertialSensor.cpp, AP_DAL_Baro.cpp, AP_DAL_Compass.cpp,
+AP_DAL_RangeFinder.cpp.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,6 +30,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog
 from ekf_stub.log.gps_log import UNUSED, gps_values
@@ -47,6 +49,8 @@ from ekf_stub.log.replay_log_structure import (
     RISI,
     RMGH,
     RMGI,
+    RRNH,
+    RRNI,
     RSO2,
     RSO3,
 )
@@ -76,8 +80,8 @@ _NOTHING: Final = (0.0,) * 8
 class ReplayLog(ExtNavLog):
     """Writes the frames of the estimator, and the calls between them.
 
-    A pass of the main loop that has new inertial data calls ``start_frame``, ``vehicle``, ``sensors``, ``frame`` (of
-    the camera) and, once the filter has run, ``note_run``.
+    A pass of the main loop that has new inertial data calls ``start_frame``, ``vehicle``, ``sensors``, ``ranges``,
+    ``frame`` (of the camera) and, once the filter has run, ``note_run``.
 
     FIRMWARE PARITY: the first frame after LOG_REPLAY is turned on has all inputs, as that of a new log; in the firmware
     what does not change from then on is missing, and the run cannot be repeated.
@@ -108,6 +112,7 @@ class ReplayLog(ExtNavLog):
         self._mag: tuple[int, Array] | None = None
         self._declination = 0.0
         self._gps: GpsSample | None = None
+        self._ranges: RangeState | None = None
         self._origin: Place | None = None
         self._origin_again: Place | None = None
 
@@ -204,6 +209,16 @@ class ReplayLog(ExtNavLog):
         self._write_input(RMGH, (declination, int(count > 0), count, 1, count, 0, 1, 0))
         if mag is not None:
             self._write_inputs(RMGI, (u32(mag[0]), *self._fitted.compass_offsets, *mag[1].tolist(), 1, 1, 1), count)
+
+    def ranges(self, ranges: RangeState | None) -> None:
+        """Log what the range finders say in this frame, if there are any."""
+        if not self._is_wanted or ranges is None or (ranges is self._ranges and not self._is_first):
+            return
+        self._ranges = ranges
+        self._write_input(RRNH, (ranges.ground_clearance, ranges.max_distance, len(ranges.finders)))
+        for number, finder in enumerate(ranges.finders):
+            values = (*finder.place_frd, finder.distance, finder.orientation, finder.status, number)
+            self._write_input(RRNI, values, number)
 
     def note_run(self, *, was_initialised: bool) -> None:
         """Note that the filter was run in this frame, and whether it had a state before."""

@@ -45,6 +45,8 @@ RISI: Final = FrameStructure(
 )
 RBRH: Final = FrameStructure(141, "RBRH", "BB", "Primary,NumInst", "--", "--")
 RBRI: Final = FrameStructure(142, "RBRI", "IfBB", "LastUpdate,Alt,H,I", "---#", "----")
+RRNH: Final = FrameStructure(143, "RRNH", "ffB", "GCl,MaxD,NumSensors", "mm-", "00-")
+RRNI: Final = FrameStructure(144, "RRNI", "ffffBBB", "PX,PY,PZ,Dist,Orient,Status,I", "---m--#", "---0---")
 RGPH: Final = FrameStructure(145, "RGPH", "BB", "NumInst,Primary", "--", "--")
 RGPI: Final = FrameStructure(146, "RGPI", "ffffBBBB", "OX,OY,OZ,Lg,Flags,Stat,NSats,I", "-------#", "--------")
 RGPJ: Final = FrameStructure(
@@ -64,6 +66,6 @@ RMGI: Final = FrameStructure(
 
 LOG_STRUCTURE_OF_FRAMES: Final = (
     *(RFRH, RFRF, RFRN, REV2, RSO2, REV3, RSO3, RISH, RISI),
-    *(RBRH, RBRI, RGPH, RGPI, RGPJ, RMGH, RMGI),
+    *(RBRH, RBRI, RRNH, RRNI, RGPH, RGPI, RGPJ, RMGH, RMGI),
 )
-"""In the order of the firmware's table, in which RVOH, REPH, REVH and RBOH follow."""
+"""In the order of the firmware's table, in which RVOH, ROFH, REPH, REVH and RBOH follow."""

@@ -45,9 +45,9 @@ def handle_landing_target(ctx: Context, message: LANDING_TARGET) -> Verdict:
     return NO_PRECISION_LANDING
 
 
-def handle_distance_sensor(_ctx: Context, _message: DISTANCE_SENSOR) -> Verdict:
-    """Drop a distance: neither a rangefinder nor a proximity sensor takes any."""
-    return NO_RANGEFINDER
+def handle_distance_sensor(ctx: Context, message: DISTANCE_SENSOR) -> Verdict:
+    """Give a distance to the range finders that look where it is measured; there are no proximity sensors."""
+    return HANDLED if ctx.vehicle.ranges.take(message) else NO_RANGEFINDER
 
 
 def handle_adsb_vehicle(_ctx: Context, _message: ADSB_VEHICLE) -> Verdict:

@@ -21,6 +21,7 @@ SENSOR_ABSOLUTE_PRESSURE: Final = 0x8
 SENSOR_GPS: Final = 0x20
 SENSOR_OPTICAL_FLOW: Final = 0x40
 SENSOR_VISION_POSITION: Final = 0x80
+SENSOR_LASER_POSITION: Final = 0x100
 SENSOR_ANGULAR_RATE_CONTROL: Final = 0x400
 SENSOR_ATTITUDE_STABILIZATION: Final = 0x800
 SENSOR_YAW_POSITION: Final = 0x1000
@@ -89,6 +90,11 @@ def _flow_bits(vehicle: VehiclePort) -> Bits:
     return enabled, enabled, healthy
 
 
+def _range_bits(vehicle: VehiclePort) -> Bits:
+    ranges = vehicle.ranges
+    return ranges.is_present(), ranges.is_enabled, ranges.is_enabled and ranges.has_data()
+
+
 def _battery_bits(vehicle: VehiclePort) -> Bits:
     monitor = vehicle.battery_monitor
     return True, monitor != 0, monitor in (0, vehicle.params.get_int("BATT_MONITOR"))
@@ -119,6 +125,7 @@ _CHANGING: Final = {
     SENSOR_3D_MAG: _compass_bits,
     SENSOR_GPS: _gps_bits,
     SENSOR_OPTICAL_FLOW: _flow_bits,
+    SENSOR_LASER_POSITION: _range_bits,
     SENSOR_BATTERY: _battery_bits,
     SENSOR_LOGGING: _logging_bits,
     SENSOR_MOTOR_OUTPUTS: _motor_bits,

@@ -9,7 +9,7 @@ simulator's build), GCS_MAVLink/GCS_MAVLink_Parameters.cpp for the groups.
 from collections.abc import Mapping
 from typing import Final
 
-from mav_handlers.senders import attitude, available_modes, gps, inertial, parked, position, status, sys_status
+from mav_handlers.senders import attitude, available_modes, gps, ground, inertial, parked, position, status, sys_status
 from mav_handlers.senders.builder import Builder, nothing_to_report
 
 # FIRMWARE PARITY: the firmware has something to say in some of the rows that have nothing to report here.
@@ -47,8 +47,8 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "SIM_STATE": nothing_to_report,
     "HWSTATUS": parked.hwstatus,
     "WIND": nothing_to_report,
-    "RANGEFINDER": nothing_to_report,
-    "DISTANCE_SENSOR": nothing_to_report,
+    "RANGEFINDER": ground.rangefinder,
+    "DISTANCE_SENSOR": ground.distance_sensor,
     "TERRAIN_REQUEST": nothing_to_report,
     "TERRAIN_REPORT": nothing_to_report,
     "CAMERA_FEEDBACK": nothing_to_report,
@@ -61,7 +61,7 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "GIMBAL_MANAGER_INFORMATION": nothing_to_report,
     "GIMBAL_MANAGER_STATUS": nothing_to_report,
     "VIDEO_STREAM_INFORMATION": nothing_to_report,
-    "OPTICAL_FLOW": nothing_to_report,
+    "OPTICAL_FLOW": ground.optical_flow,
     "MAG_CAL_PROGRESS": nothing_to_report,
     "MAG_CAL_REPORT": nothing_to_report,
     "EKF_STATUS_REPORT": attitude.ekf_status_report,

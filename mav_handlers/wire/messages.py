@@ -900,6 +900,14 @@ class DISTANCE_SENSOR(Message):
 
 
 @message
+class RANGEFINDER(Message):
+    """The range of a range finder that looks down, m, and its voltage."""
+
+    distance: float
+    voltage: float
+
+
+@message
 class LANDING_TARGET(Message):
     """Where a landing target is: angles in rad from the image's middle, distance in m, or a position in m."""
 

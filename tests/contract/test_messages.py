@@ -61,6 +61,7 @@ IGNORED: frozenset[type[Message]] = frozenset(
         m.PARAM_ERROR,
         m.PARAM_VALUE,
         m.POWER_STATUS,
+        m.RANGEFINDER,
         m.RAW_IMU,
         m.RC_CHANNELS,
         m.RC_CHANNELS_RAW,

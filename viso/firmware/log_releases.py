@@ -29,6 +29,7 @@ GPA: Final = LogStructure(
     "s#-mmnd-ssm--",
     "F-BBBB0-CCB--",
 )
+RFND: Final = LogStructure(114, "RFND", "QBfBBb", "TimeUS,Instance,Dist,Stat,Orient,Quality", "s#m--%", "F-0---")
 OF: Final = LogStructure(180, "OF", "QBffff", "TimeUS,Qual,flowX,flowY,bodyX,bodyY", "s-EEEE", "F-0000")
 
 LOG_STRUCTURE_FROM_GPS: Final = (GPS, GPA)

@@ -16,7 +16,7 @@ from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, PARM, LogStructu
 from ap_core.param import ParamTable
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
-from viso.firmware.log_releases import LOG_STRUCTURE_FROM_GPS, OF
+from viso.firmware.log_releases import LOG_STRUCTURE_FROM_GPS, OF, RFND
 from viso.logs.files import LogStoreError
 from viso.logs.sink import LogSink
 
@@ -29,6 +29,7 @@ def _in_firmware_order() -> Iterator[LogStructure]:
         if structure is PARM:
             yield from LOG_STRUCTURE_FROM_GPS
         if structure is MODE:
+            yield RFND
             yield from LOG_STRUCTURE_FROM_EKF_STUB
         if structure is MAV:
             yield from LOG_STRUCTURE_FROM_VISUALODOM

@@ -7,11 +7,13 @@ Types, defaults and order: ArduCopter/Parameters.cpp, GCS_MAVLink/GCS_MAVLink_Pa
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
-from viso.parameters import copter
+from viso.parameters import copter, sensors
 from viso.parameters.conversion import Rename, Renames, skip_instead_of_check
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
@@ -24,6 +26,18 @@ SR_LINKS: Final = 7
 
 CHECKS_TO_SKIP: Final = (1 << 21) - 2
 """The bits of all checks in ARMING_SKIPCHK."""
+
+
+class RangeUnit(NamedTuple):
+    """What the limits of a range finder are called, and how many metres their unit is."""
+
+    least: str
+    most: str
+    metres: np.float32
+
+
+_METRES: Final = RangeUnit("MIN", "MAX", np.float32(1))
+_CENTIMETRES: Final = RangeUnit("MIN_CM", "MAX_CM", np.float32(0.01))
 
 LinkGroups = Callable[[int], list[ParamGroup]]
 """Takes the number of links, returns the groups."""
@@ -46,6 +60,8 @@ class ParameterRelease:
         more_ahrs: rows that end the AHRS_ group.
         more_stat: rows that end the STAT_ group.
         flow_limit: what the limit of optical flow rates is called in the EK3_ group.
+        range_finder: the group of a range finder.
+        range_unit: in what that is.
     """
 
     early: Sequence[ParamInfo]
@@ -60,6 +76,8 @@ class ParameterRelease:
     more_ahrs: Sequence[ParamInfo] = ()
     more_stat: Sequence[ParamInfo] = ()
     flow_limit: str = FLOW_LIMIT
+    range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
+    range_unit: RangeUnit = _METRES
 
 
 _MAV_IDS: Final = (
@@ -176,6 +194,16 @@ _FLIGHTS: Final = (
 # How what is stored is carried over
 
 
+def _metres(value: float) -> float:
+    return 0.01 * value
+
+
+def _renamed_ranges() -> Iterator[tuple[str, Rename]]:
+    for number in range(1, sensors.RANGE_FINDERS + 1):
+        for name in ("MIN", "MAX"):
+            yield f"RNGFND{number}_{name}_CM", Rename(f"RNGFND{number}_{name}", _metres)
+
+
 def _renamed_streams() -> Iterator[tuple[str, Rename]]:
     for index in range(MAX_LINKS):
         for row in STREAM_NAMES:
@@ -190,6 +218,7 @@ RENAMES_OF_4_7: Final[Renames] = {
     "SYSID_ENFORCE": Rename("MAV_OPTIONS"),
     "TELEM_DELAY": Rename("MAV_TELEM_DELAY"),
     **dict(_renamed_streams()),
+    **dict(_renamed_ranges()),
 }
 ALL_RENAMES: Final[Renames] = {
     **RENAMES_OF_4_7,
@@ -205,7 +234,17 @@ REFERENCE: Final = ParameterRelease(
 """The master of October 2025."""
 
 UP_TO_4_6: Final = ParameterRelease(
-    _SYSID, _sr_links, _SYSID_ENFORCE, _no_links, INT16, copter.ARMING, "CHECK", checks_to_make, RENAMES_OF_4_6
+    _SYSID,
+    _sr_links,
+    _SYSID_ENFORCE,
+    _no_links,
+    INT16,
+    copter.ARMING,
+    "CHECK",
+    checks_to_make,
+    RENAMES_OF_4_6,
+    range_finder=sensors.RANGE_FINDER_IN_CM,
+    range_unit=_CENTIMETRES,
 )
 
 FEBRUARY_2026: Final = ParameterRelease(

@@ -7,7 +7,7 @@ connect: QGroundControl and MAVProxy for the compasses and the accelerometer's o
 devices.
 
 Types, defaults and order: the ``var_info`` tables of Compass, AP_InertialSensor, AP_AHRS, AP_BattMonitor, AP_RTC,
-AP_GPS, AP_Scheduler and AP_OpticalFlow.
+AP_GPS, AP_Scheduler, AP_RangeFinder_Params and AP_OpticalFlow.
 """
 
 from collections.abc import Mapping
@@ -26,6 +26,7 @@ _EKF_TYPE: Final = {0: "DCM", 2: "EKF2", 3: "EKF3", 10: "Simulation", 11: "Exter
 _BATTERY: Final = {0: "Disabled", 3: "Analog voltage", 4: "Analog voltage and current"}
 _GPS_TYPE: Final = {0: "None", 1: "Auto", 2: "uBlox", 5: "NMEA", 14: "MAVLink"}
 _ORIENTATION: Final = {int(rotation): rotation.name for rotation in Rotation}
+_RANGE_TYPE: Final = {0: "None", 10: "MAVLink"}
 _FLOW_TYPE: Final = {0: "None", 5: "MAVLink", 10: "Simulation"}
 
 
@@ -99,4 +100,40 @@ SCHEDULER: Final = (
     ParamInfo("LOOP_RATE", INT16, 400, "Passes of the main loop", "Hz", (50.0, 400.0), reboot_required=True),
 )
 
-FLOW: Final = (_enabling("_TYPE", 0, "Kind of flow sensor", _FLOW_TYPE),)
+RANGE_FINDERS: Final = 2
+"""How many range finders have parameters; the firmware has ten, of which its estimator uses the first two."""
+
+
+def _range_finder(*limits: ParamInfo) -> tuple[ParamInfo, ...]:
+    return (
+        _enabling("TYPE", 0, "Kind of range finder", _RANGE_TYPE),
+        *limits,
+        ParamInfo("POS", VECTOR3F, _ZERO, "Place of the range finder on the vehicle", "m", (-5.0, 5.0)),
+        ParamInfo("ORIENT", INT8, int(Rotation.PITCH_270), "Where it looks", values=_ORIENTATION),
+    )
+
+
+RANGE_FINDER: Final = _range_finder(
+    ParamInfo("MIN", FLOAT, 0.2, "Shortest range that counts", "m"),
+    ParamInfo("MAX", FLOAT, 7.0, "Longest range that counts", "m"),
+    ParamInfo("GNDCLR", FLOAT, 0.1, "Range on the ground", "m", (0.05, 1.5)),
+)
+RANGE_FINDER_IN_CM: Final = _range_finder(
+    ParamInfo("MIN_CM", INT16, 20, "Shortest range that counts", "cm"),
+    ParamInfo("MAX_CM", INT16, 700, "Longest range that counts", "cm"),
+    ParamInfo("GNDCLR", INT8, 10, "Range on the ground", "cm", (5.0, 127.0)),
+)
+
+
+def _flow_scale(axis: str) -> ParamInfo:
+    text = f"Correction of flow about the {axis} axis, per mille"
+    return ParamInfo(f"_F{axis}SCALER", INT16, 0, text, "", (-800.0, 800.0))
+
+
+FLOW: Final = (
+    _enabling("_TYPE", 0, "Kind of flow sensor", _FLOW_TYPE),
+    _flow_scale("X"),
+    _flow_scale("Y"),
+    ParamInfo("_ORIENT_YAW", INT16, 0, "How far the sensor is turned to the right", "cdeg", (-17999.0, 18000.0)),
+    ParamInfo("_POS", VECTOR3F, _ZERO, "Place of the sensor on the vehicle", "m", (-5.0, 5.0)),
+)

@@ -96,6 +96,9 @@ def _serial(options: ParamType) -> tuple[ParamInfo, ...]:
     )
 
 
+_RANGE_FINDERS: Final = range(1, sensors.RANGE_FINDERS + 1)
+
+
 def _top_level(rows: Sequence[ParamInfo]) -> ParamGroup:
     return ParamGroup("", rows, ungrouped=True)
 
@@ -133,6 +136,7 @@ def make_groups(
         _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),
         make_ekf3_group(release.flow_limit),
+        *(_object(f"RNGFND{number}_", release.range_finder, "RNGFND") for number in _RANGE_FINDERS),
         _object("FLOW", sensors.FLOW, "FLOW"),
         _object("", (*release.second_table, *copter.FRAME_CLASS), ""),
         *(_object(f"RC{stick}_", copter.RC_CHANNEL, "") for stick in range(1, copter.NUMBER_OF_STICKS + 1)),

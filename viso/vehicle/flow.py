@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A flow sensor that OPTICAL_FLOW messages feed (AP_OpticalFlow/AP_OpticalFlow.cpp, AP_OpticalFlow_MAV.cpp)."""
 
-from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from ap_core.cint import float_of_u64, i32, u8, u16, u32
 from ap_core.clock import Clock
-from ap_core.fmath import FLT_EPSILON, f32
+from ap_core.fmath import FLT_EPSILON, M_PI, cosf, f32, sinf
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
 
@@ -27,28 +27,54 @@ _TIMEOUT_S: Final = f32(0.5)
 _MICRO: Final = f32(1.0e-6)
 _GYRO_SAMPLES: Final = 1000
 _ZERO: Final = f32(0)
+_ONE: Final = f32(1)
+_PER_MILLE: Final = f32(0.001)
+_CDEG: Final = M_PI / f32(18000)  # rad
+
+
+class Mounting(NamedTuple):
+    """How a flow sensor sits: scale of its axes, how it is turned about down, rad, place in m, body (FRD)."""
+
+    scale_x: np.float32
+    scale_y: np.float32
+    yaw_rad: np.float32
+    place_frd: tuple[float, float, float]
+
 
 Rates = tuple[np.float32, np.float32]
 """About the body's x and y axis, rad/s."""
 
 
-class MavlinkFlow:
-    """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates and logs it.
+class FlowUser(Protocol):
+    """What the flow is for."""
 
-    FIRMWARE PARITY: the estimator is not given the flow, as the stand-in for EKF3 fuses none.
+    def get_gyro(self) -> Vector3f:
+        """Return the body rates in rad/s."""
+
+    def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
+        """Take what was measured at a time since boot."""
+
+
+class MavlinkFlow:
+    """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates, hands it over and logs it.
 
     Args:
         clock: time since boot.
-        params: holds FLOW_TYPE and LOG_BITMASK. Scale factors and yaw of the sensor are 0, as by default.
-        get_gyro: returns the body rates in rad/s.
+        params: holds the sensor's FLOW_ parameters, and LOG_BITMASK.
+        ahrs: what flow is handed to.
         logger: where OF records go.
+
+    Attributes:
+        newest: what was measured last; nothing has a quality of 0.
     """
 
-    def __init__(self, clock: Clock, params: ParamTable, get_gyro: Callable[[], Vector3f], logger: RecordSink) -> None:
+    def __init__(self, clock: Clock, params: ParamTable, ahrs: FlowUser, logger: RecordSink) -> None:
         self._clock = clock
         self._params = params
-        self._get_gyro = get_gyro
+        self._ahrs = ahrs
         self._logger = logger
+        self._mounting = FromParams(params, self._find_mounting)
+        self.newest = FlowMeasurement(0, (0.0, 0.0), (0.0, 0.0))
         self._type = FromParams(params, lambda: params.get_int("FLOW_TYPE"))
         self._has_driver = self._type() == FLOW_TYPE_MAVLINK
         self._latest_frame_us = 0
@@ -99,7 +125,7 @@ class MavlinkFlow:
 
     def _update_driver(self) -> None:
         if self._gyro_count < _GYRO_SAMPLES:
-            gyro = self._get_gyro()
+            gyro = self._ahrs.get_gyro()
             self._gyro_sum = f32(self._gyro_sum[0] + gyro.x), f32(self._gyro_sum[1] + gyro.y)
             self._gyro_count += 1
         if self._count == 0:
@@ -114,10 +140,21 @@ class MavlinkFlow:
         self._reset_flow()
         self._reset_gyro()
 
+    def _find_mounting(self) -> Mounting:
+        scale_x, scale_y = (_ONE + _PER_MILLE * f32(self._params.get_int(f"FLOW_F{axis}SCALER")) for axis in "XY")
+        x, y, z = (float(self._params.get_float(f"FLOW_POS_{axis}")) for axis in "XYZ")
+        yaw_rad = f32(self._params.get_int("FLOW_ORIENT_YAW")) * _CDEG
+        return Mounting(scale_x, scale_y, yaw_rad, (x, y, z))
+
     def _flow_rates(self, dt: np.float32) -> Rates:
         # The firmware multiplies with the time that it should divide by.
-        x, y = self._flow_sum
-        return f32(f32(x) / f32(self._count) * dt), f32(f32(y) / f32(self._count) * dt)
+        (x, y), mounting = self._flow_sum, self._mounting()
+        flow_x = f32(x) / f32(self._count) * mounting.scale_x * dt
+        flow_y = f32(y) / f32(self._count) * mounting.scale_y * dt
+        if abs(mounting.yaw_rad) < FLT_EPSILON:
+            return flow_x, flow_y
+        cos, sin = cosf(mounting.yaw_rad), sinf(mounting.yaw_rad)
+        return flow_x * cos - flow_y * sin, flow_x * sin + flow_y * cos
 
     def _body_rates(self) -> Rates:
         x, y = self._gyro_sum
@@ -125,5 +162,8 @@ class MavlinkFlow:
 
     def _publish(self, quality: int, flow: Rates, body: Rates) -> None:
         self._last_update_ms = self._clock.millis()
+        (flow_x, flow_y), (body_x, body_y) = map(float, flow), map(float, body)
+        self.newest = FlowMeasurement(quality, (flow_x, flow_y), (body_x, body_y), self._mounting().place_frd)
+        self._ahrs.write_flow(self.newest, self._last_update_ms)
         if self._params.get_int("LOG_BITMASK") & MASK_LOG_OPTFLOW:
             self._logger.write(OF, (self._clock.micros64(), quality, *flow, *body))

@@ -46,6 +46,7 @@ from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp.files import VehicleFiles
 from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
+from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
 
 __all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleConfig", "bench"]
@@ -56,6 +57,7 @@ ERR_INTERNAL_ERRORS_DETECTED: Final = 1
 EV_EKF_YAW_RESET: Final = 62
 EV_SOURCE_SET_1: Final = 85
 MASK_LOG_ATTITUDE_FAST: Final = 1 << 0
+THROTTLE_PERIOD_US: Final = 20_000
 FAST_ATTITUDE_US: Final = 40_000
 LOG_AFTER_DISARM_US: Final = 15_000_000
 FIRST_SECOND_US: Final = 450_000  # phase of the reference's once-a-second checks, in all recordings
@@ -74,7 +76,7 @@ class Vehicle:
     Attributes:
         clock, params, texts, log, logger, logs, files: what all share.
         battery_monitor: BATT_MONITOR at boot, 0 for none.
-        ahrs, visual_odom, gps, flow, rtc, copter: what it is made of.
+        ahrs, visual_odom, gps, flow, ranges, rtc, copter: what it is made of.
         hil: the simulator that its sensors come from, None where they do not.
         endpoint: its end of MAVLink.
         reboot_requested: a client has asked for a restart.
@@ -108,6 +110,7 @@ class Vehicle:
         self._replay_log = ReplayLog(self.logger, wants_replay, event_order=config.firmware.event_order)
         self.rtc = Rtc(self.clock, self.params, lambda: self.copter.arming.armed, config.boot_utc_us)
         self.gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
+        self.ranges = MavlinkRanges(self.clock, self.params, self.logger, config.firmware.params.range_unit)
         parts = AhrsParts(
             self.clock,
             self.sources,
@@ -122,6 +125,7 @@ class Vehicle:
             flying_ms=lambda: self.copter.landing.flying_ms(),
             home=lambda: self.copter.home.place,
             release=config.firmware.ekf,
+            ranges=self.ranges.state,
         )
         self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
@@ -139,7 +143,7 @@ class Vehicle:
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
         self._attitude_period_us = FromParams(self.params, self._find_attitude_period_us)
         self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
-        self.flow = MavlinkFlow(self.clock, self.params, self.ahrs.get_gyro, self.logger)
+        self.flow = MavlinkFlow(self.clock, self.params, self.ahrs, self.logger)
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
         self._initialised = False
         self.copter = self._make_copter()
@@ -147,7 +151,9 @@ class Vehicle:
         self._last_location: Location | None = None
         self._internal_errors_told = 0
         self._kept_generation = 0
+        self._next_throttle_us = 0
         self._next_flow_us = 0
+        self._next_range_us = FIRST_RANGE_US
         self._next_gps_us = 0
         self._next_tenth_us = 0
         self._next_attitude_us = 0
@@ -191,6 +197,8 @@ class Vehicle:
                 ahrs=self.ahrs,
                 visual_odom=self.visual_odom,
                 internal_errors=self.internal_errors,
+                flow=self.flow,
+                ranges=self.ranges,
                 gps=self._gps_sample,
                 is_initialised=self.is_initialised,
                 is_downloading=lambda: self.endpoint.log_transfer.is_active,
@@ -265,12 +273,18 @@ class Vehicle:
         self.texts.send_text(_MAV_SEVERITY_CRITICAL, f"Internal Errors 0x{mask:x}")
 
     def _run_sensors(self, now_us: int) -> None:
+        if now_us >= self._next_throttle_us:
+            self._next_throttle_us = now_us + THROTTLE_PERIOD_US
+            self.copter.tell_terrain_stable()
         if now_us >= self._next_gps_us:
             self._next_gps_us = now_us + GPS_PERIOD_US
             self.gps.update()
         if now_us >= self._next_flow_us:
             self._next_flow_us = now_us + FLOW_PERIOD_US
             self.flow.update()
+        if now_us >= self._next_range_us:
+            self._next_range_us = now_us + RANGE_PERIOD_US
+            self.ranges.update()
 
     def _run_slow_tasks(self, now_us: int) -> None:
         if now_us >= self._next_tenth_us:

@@ -20,6 +20,7 @@ from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.filter.states import GYRO
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
@@ -76,6 +77,7 @@ class BenchRig:
         self.flying_ms = 0
         self.home: Location | None = None
         self.has_camera = True
+        self.ranges: RangeState | None = None
         self.camera_pos = Vector3f()
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
         source = BenchSource(replace(options, has_compass=lambda: has_compass))
@@ -93,6 +95,7 @@ class BenchRig:
                 on_yaw_reset=lambda: self.yaw_resets.append(self.now_ms),
                 flying_ms=lambda: self.flying_ms,
                 home=lambda: self.home,
+                ranges=lambda: self.ranges,
             ),
             source,
         )

@@ -40,6 +40,8 @@ from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA
+from viso.vehicle.flow import MavlinkFlow
+from viso.vehicle.ranges import MavlinkRanges
 from viso.vehicle.vehicle import Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
@@ -221,9 +223,13 @@ class FakeAhrs(SettableAhrs):
     place: Location | None = None
     ekf_origin: Location | None = None
     height_resets = 0
+    terrain_is_stable = True
 
     def estimator_started(self) -> bool:
         return self.started
+
+    def set_terrain_stable(self, *, is_stable: bool) -> None:
+        self.terrain_is_stable = is_stable
 
     def healthy(self) -> bool:
         return self.is_healthy
@@ -288,6 +294,7 @@ class CopterRig:
         self.logger.on_write = lambda structure, values: self.records.append(
             (structure.name, dict(zip(structure.fields, values, strict=True)))
         )
+        self.ranges = MavlinkRanges(self.clock, self.params, self.logger)
         self.copter = Copter(
             CopterParts(
                 clock=self.clock,
@@ -298,6 +305,8 @@ class CopterRig:
                 ahrs=cast(AhrsBase, self.ahrs),
                 visual_odom=cast(AP_VisualOdom, self.visual_odom),
                 internal_errors=self.errors,
+                flow=MavlinkFlow(self.clock, self.params, cast(AhrsBase, self.ahrs), self.logger),
+                ranges=self.ranges,
                 gps=lambda: self.gps,
                 is_initialised=lambda: self.initialised,
                 is_downloading=lambda: self.downloading,

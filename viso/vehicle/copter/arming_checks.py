@@ -21,6 +21,7 @@ CHECK_INS: Final = 1 << 4
 CHECK_LOGGING: Final = 1 << 10
 CHECK_SWITCH: Final = 1 << 11
 CHECK_MISSION: Final = 1 << 14
+CHECK_RANGEFINDER: Final = 1 << 15
 CHECK_VISION: Final = 1 << 18
 GPS_FIX_3D: Final = 3
 AHRS_GPS_ERROR_MAX_M: Final = 10
@@ -61,6 +62,7 @@ class ArmingChecks:
                 Check(0, self.gps),
                 Check(CHECK_LOGGING, self.logging),
                 Check(CHECK_MISSION, self.mission),
+                Check(CHECK_RANGEFINDER, self.ranges),
                 Check(ANY_CHECK, self.internal_errors),
                 Check(CHECK_VISION, self.visual_odom),
             ),
@@ -142,6 +144,10 @@ class ArmingChecks:
     def mission(self) -> str | None:
         """AUTO has a mission; there is none here (mission_checks)."""
         return "Mode requires mission" if self._mode().number == ModeNumber.AUTO else None
+
+    def ranges(self) -> str | None:
+        """All range finders work (rangefinder_checks)."""
+        return self._parts.ranges.failure()
 
     def internal_errors(self) -> str | None:
         """Nothing happened that should not be possible (system_checks)."""

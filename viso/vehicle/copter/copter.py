@@ -59,13 +59,14 @@ class Copter:
             parts.texts,
             parts.log,
             parts.clock,
+            has_flow=parts.flow.healthy,
             has_position=self.estimates.has_position,
             is_armed=self.is_armed,
             variance_texts=parts.variance_texts,
         )
 
     def _aids_relative_position(self) -> bool:
-        return self._parts.visual_odom.enabled() or self._parts.params.get_int("FLOW_TYPE") != 0
+        return self._parts.visual_odom.enabled() or self._parts.flow.enabled()
 
     def is_armed(self) -> bool:
         """Tell whether the vehicle is armed."""
@@ -92,6 +93,14 @@ class Copter:
     def check_estimator(self) -> None:
         """See whether the estimator is to be trusted; ten times a second."""
         self._ekf_check.update()
+
+    def tell_terrain_stable(self) -> None:
+        """Let heights count from the ground during take-off and landing; 50 times a second.
+
+        Source: Copter::update_ekf_terrain_height_stable.
+        """
+        climbs_or_sinks = self.landing.is_taking_off() or self.modes.current.lands
+        self._parts.ahrs.set_terrain_stable(is_stable=climbs_or_sinks and self.estimates.position_ok())
 
     def disarm_when_idle(self) -> None:
         """Disarm after DISARM_DELAY on the ground; ten times a second."""
@@ -148,7 +157,7 @@ class Copter:
         """Start a take-off to a height above home; tell whether it was accepted (Mode::do_user_takeoff)."""
         if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
             return False
-        return self.landing.take_off(must_navigate)
+        return self.landing.take_off(must_navigate, 0.01 * (altitude_cm - self._height_above_home_cm()))
 
     def _height_above_home_cm(self) -> float:
         # current_loc: above home or, while that is unset, above the origin.

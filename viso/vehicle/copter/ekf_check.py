@@ -24,11 +24,14 @@ ERR_RESOLVED: Final = 0
 _MAV_SEVERITY_CRITICAL: Final = 2
 
 
-def is_over_threshold(status: FilterStatus, threshold: float) -> bool:
-    """Tell whether too many variances are too large (Copter::ekf_over_threshold)."""
+def is_over_threshold(status: FilterStatus, threshold: float, *, has_flow: bool = False) -> bool:
+    """Tell whether too many variances are too large (Copter::ekf_over_threshold).
+
+    With a flow sensor that works a velocity far off counts as any that is off.
+    """
     # FIRMWARE PARITY: the firmware filters position and velocity first, with FS_EKF_FILT.
     over = int(status.compass_variance >= threshold)
-    if status.velocity_variance >= 2 * threshold:
+    if status.velocity_variance >= 2 * threshold and not has_flow:
         over += 2
     elif status.velocity_variance >= threshold:
         over += 1
@@ -44,6 +47,7 @@ class EkfCheck:
         texts: where it is told.
         log: where it is logged.
         clock: time since boot.
+        has_flow: tells whether a flow sensor works.
         has_position: tells whether the estimator has a position, failsafe or not.
         is_armed: tells whether the vehicle is armed.
         variance_texts: what is told as variances are over thresholds, and as the position is lost.
@@ -61,6 +65,7 @@ class EkfCheck:
         log: VehicleLog,
         clock: Clock,
         *,
+        has_flow: Callable[[], bool],
         has_position: Callable[[], bool],
         is_armed: Callable[[], bool],
         variance_texts: tuple[str, str],
@@ -70,6 +75,7 @@ class EkfCheck:
         self._texts = texts
         self._log = log
         self._clock = clock
+        self._has_flow = has_flow
         self._has_position = has_position
         self._is_armed = is_armed
         self._variance_texts = variance_texts
@@ -91,7 +97,7 @@ class EkfCheck:
             self.failed = False
             self._end_failsafe()
             return
-        is_over = is_over_threshold(status, threshold)
+        is_over = is_over_threshold(status, threshold, has_flow=self._has_flow())
         passed = self._has_position() and not is_over
         self._has_ever_passed |= passed
         if self._has_ever_passed:

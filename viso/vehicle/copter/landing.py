@@ -21,13 +21,15 @@ SPOOL_UP_US: Final = 1_279_000
 """From the acceptance of a take-off until the motors of the reference lifted it, in all recordings."""
 
 LANDED_BELOW_M: Final = 0.3
+HIGH_ENOUGH_M: Final = 0.1
 
 
 class Landing:
     """Whether the vehicle stands on the ground.
 
     FIRMWARE PARITY: there are no motors. After an accepted take-off the vehicle counts as flying, wherever external
-    navigation says that it is; in a mode that lands it counts as landed when it is not above the place of arming.
+    navigation says that it is, and as taking off until it is nearly as high as asked for; in a mode that lands it
+    counts as landed when it is not above the place of arming.
 
     Args:
         ahrs: says how high the vehicle is.
@@ -52,6 +54,7 @@ class Landing:
         self._armed_down_m = 0.0
         self._idle_since_us = 0
         self._lift_off_us: int | None = None
+        self._takeoff: tuple[Mode, float] | None = None  # the mode, and where it ends, m below the origin
         self._flying_since_us = 0
         self.landed = True
         self.is_told = False
@@ -70,11 +73,15 @@ class Landing:
 
     def note_disarmed(self) -> None:
         """Count as landed, as a disarmed vehicle does."""
-        self._lift_off_us = None
+        self._lift_off_us = self._takeoff = None
         self._set_landed(True)
 
-    def take_off(self, must_navigate: bool) -> bool:
-        """Start an armed vehicle's take-off; tell whether the mode can (Mode::do_user_takeoff)."""
+    def is_taking_off(self) -> bool:
+        """Tell whether the vehicle climbs to where it was asked to take off to (Mode::is_taking_off)."""
+        return self._takeoff is not None and self._takeoff[0] is self._mode()
+
+    def take_off(self, must_navigate: bool, climb_m: float) -> bool:
+        """Start an armed vehicle's take-off by some metres; tell whether the mode can (Mode::do_user_takeoff)."""
         takeoff = self._mode().takeoff
         able = takeoff is UserTakeoff.ALWAYS or (takeoff is UserTakeoff.BY_PILOT and not must_navigate)
         if not self.landed or not able:
@@ -82,6 +89,7 @@ class Landing:
         if self._lift_off_us is None:
             self._log.event(EV_AUTO_ARMED)
             self._lift_off_us = self._clock.micros64() + SPOOL_UP_US
+        self._takeoff = self._mode(), self._down_m() - climb_m
         return True
 
     def update(self) -> None:
@@ -91,6 +99,8 @@ class Landing:
         if self._lift_off_us is not None and self._clock.micros64() >= self._lift_off_us:
             self._lift_off_us = None
             self._set_landed(False)
+        if self._takeoff is not None and self._down_m() <= self._takeoff[1] + HIGH_ENOUGH_M:
+            self._takeoff = None
         if not self.landed and self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
             self._set_landed(True)
 

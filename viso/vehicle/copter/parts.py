@@ -15,6 +15,8 @@ from ekf_stub.inputs.gps_sample import GpsSample
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.releases import REFERENCE, ParameterRelease
+from viso.vehicle.flow import MavlinkFlow
+from viso.vehicle.ranges import MavlinkRanges
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class CopterParts:
 
     Attributes:
         gps: returns the newest solution of the GPS; None without a GPS.
+        flow: the flow sensor.
+        ranges: the range finders.
         is_initialised: tells whether booting is over.
         is_downloading: tells whether a client is downloading a log.
         on_mode: called when the mode has changed.
@@ -39,6 +43,8 @@ class CopterParts:
     ahrs: AhrsBase
     visual_odom: AP_VisualOdom
     internal_errors: InternalErrors
+    flow: MavlinkFlow
+    ranges: MavlinkRanges
     gps: Callable[[], GpsSample | None]
     is_initialised: Callable[[], bool]
     is_downloading: Callable[[], bool]

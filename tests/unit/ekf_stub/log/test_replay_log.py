@@ -15,7 +15,9 @@ from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.range_state import FinderState, RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import (
@@ -58,6 +60,7 @@ class Rig:
         self.sensors = SENSORS
         self.vehicle = VehicleFrame()
         self.gps: GpsSample | None = None
+        self.ranges: RangeState | None = None
         self.camera = VisualOdomFrame(Vector3f(), 10, True, True)
         self._now_us = START_US
 
@@ -69,6 +72,7 @@ class Rig:
         self._now_us += FRAME_US
         self.log.vehicle(self.vehicle)
         self.log.sensors(self.sensors, self.gps)
+        self.log.ranges(self.ranges)
         self.log.frame(self.camera)
         self.log.note_run(was_initialised=was_initialised)
 
@@ -86,6 +90,10 @@ class Rig:
 
     def odometry(self) -> None:
         self.log.body_odometry(f32(50), Vector3f(), Vector3f(), f32(0.02), self._now_us // 1000)
+
+    def flow(self) -> None:
+        measured = FlowMeasurement(180, (0.25, -0.5), (0.125, 0.0), (0.5, 0.0, -0.25))
+        self.log.flow(measured, self._now_us // 1000)
 
     def names(self) -> list[str]:
         names = [name for name, _ in self.records]
@@ -112,6 +120,36 @@ def rig() -> Rig:
     rig.frame()
     rig.records.clear()
     return rig
+
+
+# Range finders and flow
+
+RANGES = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, 25, 4), FinderState((0.0, 0.0, 0.0), 0.5, 24, 2)), 0.125, 30.0)
+
+
+def test_range_finders_stand_between_compass_and_camera(new: Rig) -> None:
+    new.ranges = RANGES
+    new.frame()
+    assert new.names()[-6:] == ["RMGI", "RMGI", "RRNH", "RRNI", "RRNI", "RVOH"]
+
+
+def test_range_finders_are_logged_as_they_change(rig: Rig) -> None:
+    rig.ranges = RANGES
+    rig.frame()
+    assert rig.values("RRNI") == [(0.5, 0.0, 0.25, 2.0, 25, 4, 0), (0.0, 0.0, 0.0, 0.5, 24, 2, 1)]
+    rig.ranges = RANGES._replace(finders=(RANGES.finders[0], RANGES.finders[1]._replace(distance=0.75)))
+    rig.frame()
+    assert [record for record in rig.records if record[0].startswith("RRN")] == [
+        ("RRNI", (0.0, 0.0, 0.0, 0.75, 24, 2, 1))
+    ]
+    rig.ranges = rig.ranges._replace(max_distance=20.0)
+    rig.frame()
+    assert rig.values("RRNH") == [(0.125, 20.0, 2)]
+
+
+def test_flow_is_logged_with_where_its_sensor_is(rig: Rig) -> None:
+    rig.flow()
+    assert rig.values("ROFH") == [(0.25, -0.5, 0.125, 0.0, 3460, 0.5, 0.0, -0.25, 0.0, 180)]
 
 
 # Which inputs
@@ -303,7 +341,9 @@ def test_writing_estimates_adds_a_bit(rig: Rig) -> None:
     assert types_of(rig) == [41, 9]
 
 
-@pytest.mark.parametrize(("call", "name"), [(Rig.pose, "REPH"), (Rig.velocity, "REVH"), (Rig.odometry, "RBOH")])
+@pytest.mark.parametrize(
+    ("call", "name"), [(Rig.flow, "ROFH"), (Rig.pose, "REPH"), (Rig.velocity, "REVH"), (Rig.odometry, "RBOH")]
+)
 def test_sample_comes_after_the_frame(rig: Rig, call: Callable[[Rig], None], name: str) -> None:
     call(rig)
     call(rig)

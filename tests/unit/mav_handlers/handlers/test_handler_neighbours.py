@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.verdict import Outcome, Verdict
-from mav_handlers.senders.sys_status import SENSOR_GPS, SENSOR_OPTICAL_FLOW, sensor_bits
+from mav_handlers.senders.sys_status import SENSOR_GPS, SENSOR_LASER_POSITION, SENSOR_OPTICAL_FLOW, sensor_bits
 from mav_handlers.verdicts import (
     ADSB_OFF,
     GPS_NOT_MAVLINK,
@@ -172,6 +172,27 @@ class TestOpticalFlow:
         assert sensor_bits(bench.vehicle)[2] & SENSOR_OPTICAL_FLOW
         bench.run_ms(500)
         assert not sensor_bits(bench.vehicle)[2] & SENSOR_OPTICAL_FLOW
+
+
+class TestDistanceSensor:
+    """DISTANCE_SENSOR."""
+
+    def test_range_finder_that_looks_there_takes_it(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(RNGFND1_TYPE=10)
+        assert bench.client.tell(DISTANCE) is HANDLED
+        assert bench.client.tell(replace(DISTANCE, orientation=24)) is NO_RANGEFINDER
+
+    def test_sensor_is_healthy_while_there_are_ranges_good_or_not(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(RNGFND1_TYPE=10)
+        assert [bool(bits & SENSOR_LASER_POSITION) for bits in sensor_bits(bench.vehicle)] == [True, True, False]
+        bench.client.tell(replace(DISTANCE, current_distance=5000))
+        bench.run_ms(50)
+        assert sensor_bits(bench.vehicle)[2] & SENSOR_LASER_POSITION
+        bench.run_ms(600)
+        assert not sensor_bits(bench.vehicle)[2] & SENSOR_LASER_POSITION
+
+    def test_vehicle_without_one_has_none(self, bench: "Bench") -> None:
+        assert not any(bits & SENSOR_LASER_POSITION for bits in sensor_bits(bench.vehicle))
 
 
 class TestNamedValueFloat:

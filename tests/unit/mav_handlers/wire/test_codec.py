@@ -220,9 +220,9 @@ class TestDecode:
 
     def test_message_of_the_dialect_that_is_not_ours_has_a_header_only(self) -> None:
         packer = dialect.MAVLink(None, srcSystem=3, srcComponent=4)
-        received = only(bytes(dialect.MAVLink_rangefinder_message(1.0, 2.0).pack(packer)))
+        received = only(bytes(dialect.MAVLink_rpm_message(1.0, 2.0).pack(packer)))
         assert received.message is None
-        assert (received.header.name, received.header.system_id) == ("RANGEFINDER", 3)
+        assert (received.header.name, received.header.system_id) == ("RPM", 3)
 
     @pytest.mark.parametrize(
         ("frame", "version"),

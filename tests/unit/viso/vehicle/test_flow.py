@@ -16,6 +16,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
 from viso.parameters.table import make_groups
@@ -38,8 +39,17 @@ class Rig:
             self.params.set(name, value)
         self.gyro = Vector3f()
         self.records: list[dict[str, Any]] = []
-        self.flow = MavlinkFlow(self.clock, self.params, lambda: self.gyro, self)
+        self.measured: list[tuple[FlowMeasurement, int]] = []
+        self.flow = MavlinkFlow(self.clock, self.params, self, self)
         self.clock.set_us(3_000_000)
+
+    def get_gyro(self) -> Vector3f:
+        """Return the body rates (FlowUser)."""
+        return self.gyro
+
+    def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
+        """Remember what is handed over (FlowUser)."""
+        self.measured.append((measured, time_ms))
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         assert structure is OF
@@ -53,10 +63,14 @@ class Rig:
 
     def see(self, *packets: OPTICAL_FLOW) -> dict[str, Any]:
         """Hear messages at one moment and return the record of the next update."""
+        self.see_unlogged(*packets)
+        return self.records[-1]
+
+    def see_unlogged(self, *packets: OPTICAL_FLOW) -> None:
+        """Hear messages at one moment, and update."""
         for packet in packets:
             assert self.flow.take(packet)
         self.run_us(UPDATE_US)
-        return self.records[-1]
 
 
 @pytest.mark.parametrize("flow_type", [0, 1, 10])
@@ -103,6 +117,52 @@ def test_rates_are_the_flow_times_the_interval() -> None:
     record = rig.see(flow(100, -50))
     assert (record["flowX"], record["flowY"]) == (pytest.approx(10.0), pytest.approx(-5.0))
     assert isinstance(record["flowX"], np.float32)
+
+
+@pytest.mark.parametrize(("x", "y", "interval_us", "rates"), [
+    (-3, 5, 34_986, (-0.020991599187254906, 0.034985996782779694)),
+    (-6, -1, 47_481, (-0.05697719752788544, -0.009496199898421764)),
+    (1, -47, 39_984, (0.007996799424290657, -0.37584957480430603)),
+    (-1, 120, 39_984, (-0.007996799424290657, 0.9596158862113953)),
+    (-82, 95, 39_984, (-0.655737578868866, 0.7596958875656128)),
+    (-118, 85, 42_483, (-1.0025986433029175, 0.7222108840942383)),
+    (-123, 61, 42_483, (-1.0450817346572876, 0.5182925462722778)),
+])  # fmt: skip
+def test_rates_are_those_of_a_recording(x: int, y: int, interval_us: int, rates: tuple[float, float]) -> None:
+    rig = Rig(FLOW_FXSCALER=-800, FLOW_FYSCALER=-800)
+    rig.see(flow(0))
+    rig.clock.set_us(rig.clock.micros64() + interval_us - UPDATE_US)
+    record = rig.see(flow(x, y))
+    assert (float(record["flowX"]), float(record["flowY"])) == rates
+
+
+@pytest.mark.parametrize(("yaw_cdeg", "rates"), [
+    (9000, (5.0, 10.0)),
+    (-9000, (-5.0, -10.0)),
+    (18000, (-10.0, 5.0)),
+    (4500, (15 / 2**0.5, 5 / 2**0.5)),
+])  # fmt: skip
+def test_flow_is_turned_as_the_sensor_is(yaw_cdeg: int, rates: tuple[float, float]) -> None:
+    rig = Rig(FLOW_ORIENT_YAW=yaw_cdeg)
+    rig.see(flow(0))
+    rig.gyro = Vector3f(1, 2, 3)
+    rig.run_us(95_000)
+    record = rig.see(flow(100, -50))
+    assert (record["flowX"], record["flowY"]) == pytest.approx(rates, abs=1e-5)
+    assert (record["bodyX"], record["bodyY"]) == (1, 2)
+
+
+def test_estimator_is_handed_what_is_logged() -> None:
+    rig = Rig(FLOW_POS_X=0.5, FLOW_POS_Z=-0.25, LOG_BITMASK=0)
+    rig.see_unlogged(flow(0))
+    rig.gyro = Vector3f(1, -2, 9)
+    rig.run_us(95_000)
+    rig.see_unlogged(flow(100, -50, 77))
+    _, (measured, time_ms) = rig.measured
+    assert (measured.quality, measured.gyro, measured.offset) == (77, (1, -2), (0.5, 0.0, -0.25))
+    assert measured.flow == pytest.approx((10.0, -5.0))
+    assert time_ms == 3105
+    assert rig.flow.newest is measured
 
 
 def test_body_rates_are_averaged_since_the_last_flow() -> None:

@@ -208,6 +208,13 @@ def test_mode_with_a_position_wants_a_good_one(rig: "CopterRig", status: FilterS
     assert failures(rig) == ([text] if text == "GPS glitching" else [])
 
 
+def test_range_finder_that_says_nothing_fails(rig: "CopterRig") -> None:
+    rig.params.set("RNGFND1_TYPE", 10)
+    assert failures(rig) == ["Rangefinder 1: Not Detected"]
+    rig.params.set("ARMING_CHECK", VISION)
+    assert failures(rig) == []
+
+
 # Logging
 
 

@@ -48,6 +48,11 @@ def test_two_variances_over_the_threshold_are_too_many(variances: tuple[float, f
     assert is_over_threshold(status(*variances), 0.8) is over
 
 
+def test_velocity_far_off_is_one_variance_while_a_flow_sensor_works() -> None:
+    assert not is_over_threshold(status(0, 9, 0), 0.8, has_flow=True)
+    assert is_over_threshold(status(0, 9, 0.8), 0.8, has_flow=True)
+
+
 def watch(rig: "CopterRig", duration_s: float, found: FilterStatus) -> None:
     """Let the copter look at an estimator in such a state for a while, ten times a second."""
     rig.ahrs.status = found

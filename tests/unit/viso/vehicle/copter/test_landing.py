@@ -212,3 +212,40 @@ def test_heights_of_landing_count_from_the_place_of_arming(rig: "CopterRig") -> 
     rig.ahrs.stand_at(PLACE, -20.2)
     rig.run_for(0.1)
     assert not rig.copter.is_armed()
+
+
+# While heights may count from the ground
+
+
+def stable(rig: "CopterRig") -> bool:
+    rig.copter.tell_terrain_stable()
+    return rig.ahrs.terrain_is_stable
+
+
+def test_ground_counts_during_takeoff_and_landing(rig: "CopterRig") -> None:
+    arm_in(rig, M.GUIDED)
+    assert not stable(rig)
+    assert rig.copter.take_off(500, must_navigate=True)
+    assert stable(rig)
+    rig.run_for(1.5)
+    rig.ahrs.stand_at(Location(PLACE.lat, PLACE.lng, PLACE.alt_cm + 480), -4.8)
+    rig.run_for(0.1)
+    assert stable(rig)
+    rig.ahrs.stand_at(Location(PLACE.lat, PLACE.lng, PLACE.alt_cm + 495), -4.95)
+    rig.run_for(0.1)
+    assert not stable(rig)
+    rig.copter.set_mode(M.LAND)
+    assert stable(rig)
+
+
+def test_takeoff_ends_with_its_mode(rig: "CopterRig") -> None:
+    fly(rig, height_m=2.0)
+    assert stable(rig)
+    rig.copter.set_mode(M.LOITER)
+    assert not stable(rig)
+
+
+def test_ground_does_not_count_without_a_position(rig: "CopterRig") -> None:
+    fly(rig, height_m=2.0)
+    rig.ahrs.navigate()
+    assert not stable(rig)

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What looks at the ground reaches the filter and the log."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+from ekf_stub.core.frame import Frame
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
+
+if TYPE_CHECKING:
+    from tests.unit.ekf_stub.bench_rig import BenchRig
+
+MakeBench = Callable[..., "BenchRig"]
+
+SET_UP_S = 3.5
+FLOW = FlowMeasurement(180, (0.25, -0.5), (0.125, 0.0), (0.5, 0.0, 0.25))
+GOOD = FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD)
+RANGES = RangeState((GOOD, GOOD._replace(orientation=24), GOOD._replace(status=RangeStatus.TOO_FAR)), 0.125, 30.0)
+
+
+@pytest.fixture
+def bench(make_bench: MakeBench) -> "BenchRig":
+    """Return a bench whose IMU is not where the autopilot is."""
+    return make_bench("05101", has_compass=True, FLOW_TYPE=5, INS_POS1_X=0.125)
+
+
+@pytest.fixture
+def frames(bench: "BenchRig") -> list[Frame]:
+    """Set the filter up, and return the frames that it is given from then on."""
+    bench.run_to(SET_UP_S)
+    frames: list[Frame] = []
+    bench.core.run = frames.append  # type: ignore[method-assign]
+    return frames
+
+
+def test_range_finders_stand_where_they_are_seen_from_the_imu(bench: "BenchRig", frames: list[Frame]) -> None:
+    bench.ranges = RANGES
+    bench.run_for(0.01)
+    finders = tuple(RangeFinder(2.0, is_good, (0.375, 0.0, 0.25)) for is_good in (True, False, False))
+    assert frames[-1].ranges == RangeFinders(finders, 0.125, 30.0)
+    assert frames[-1].ranges is frames[-2].ranges
+    bench.params.set("INS_POS1_X", 0.25)
+    bench.run_for(0.01)
+    assert frames[-1].ranges is not None
+    assert frames[-1].ranges.finders[0].offset == (0.25, 0.0, 0.25)
+
+
+def test_vehicle_without_range_finders_has_none_in_its_frames(bench: "BenchRig", frames: list[Frame]) -> None:
+    bench.run_for(0.01)
+    assert frames[-1].ranges is None
+
+
+def test_flow_is_handed_on_with_its_place_from_the_imu(bench: "BenchRig", frames: list[Frame]) -> None:
+    taken: list[FlowMeasurement] = []
+    bench.core.write_flow = taken.append  # type: ignore[method-assign]
+    bench.ahrs.write_flow(FLOW, bench.now_ms)
+    assert taken == [FLOW._replace(offset=(0.375, 0.0, 0.25))]
+
+
+def test_flow_and_ranges_are_logged_with_their_places_on_the_vehicle(bench: "BenchRig", frames: list[Frame]) -> None:
+    bench.is_logged = True
+    bench.ranges = RANGES
+    bench.run_for(0.01)
+    bench.ahrs.write_flow(FLOW, 3510)
+    records = dict(bench.records)
+    assert records["ROFH"][5:8] == FLOW.offset
+    assert [values[:3] for name, values in bench.records if name == "RRNI"] == [GOOD.place_frd] * 3
+    assert int(records["RFRN"][-1]) & 1 << 4
+
+
+def test_filter_and_log_hear_of_the_ground_when_that_changes(bench: "BenchRig", frames: list[Frame]) -> None:
+    told: list[bool] = []
+    bench.core.set_terrain_stable = lambda *, is_stable: told.append(is_stable)  # type: ignore[method-assign]
+    bench.is_logged = True
+    bench.run_for(0.01)
+    for is_stable in (False, False, True, True, False):
+        bench.ahrs.set_terrain_stable(is_stable=is_stable)
+    assert told == [False, True, False]
+    assert [values for name, values in bench.records if name == "REV3"] == [(10,), (9,), (10,)]
+
+
+@pytest.mark.parametrize(("sources", "params", "failure"), [
+    ("05101", {"FLOW_TYPE": 0}, "EK3 sources require OpticalFlow"),
+    ("05201", {}, "EK3 sources require RangeFinder"),
+])  # fmt: skip
+def test_sources_require_their_sensors(
+    make_bench: MakeBench, sources: str, params: dict[str, float], failure: str
+) -> None:
+    bench = make_bench(sources, has_compass=True, **{"FLOW_TYPE": 5, **params})
+    bench.run_to(4.6)
+    assert bench.ahrs.pre_arm_failure(requires_position=True) == failure
+    bench.params.set("FLOW_TYPE", 5)
+    bench.ranges = RANGES
+    assert bench.ahrs.pre_arm_failure(requires_position=True) != failure
+
+
+@pytest.mark.parametrize(("ranges", "fits"), [
+    (RANGES, True), (RangeState((GOOD._replace(orientation=24),), 0.0, 0.0), False), (None, False)
+])  # fmt: skip
+def test_only_a_range_finder_that_looks_down_is_one_for_the_filter(
+    make_bench: MakeBench, ranges: RangeState | None, fits: bool
+) -> None:
+    bench = make_bench("00200", has_compass=True)
+    bench.run_to(4.6)
+    bench.ranges = ranges
+    said = bench.ahrs.pre_arm_failure(requires_position=True)
+    assert (said != "EK3 sources require RangeFinder") is fits
+
+
+def test_height_above_the_ground_is_unknown_without_ranges(bench: "BenchRig") -> None:
+    assert bench.ahrs.height_above_ground() is None
+    bench.run_to(5)
+    assert bench.ahrs.height_above_ground() is None

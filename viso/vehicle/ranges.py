@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Range finders that DISTANCE_SENSOR messages feed (AP_RangeFinder/AP_RangeFinder.cpp, AP_RangeFinder_MAVLink.cpp)."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ap_core.cint import i8, u32
+from ap_core.clock import Clock
+from ap_core.fmath import f32
+from ap_core.param import ParamTable
+from ap_core.param_cache import FromParams
+from ap_core.sinks import RecordSink
+from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
+from ekf_stub.reports.core_report import Three
+from mav_handlers.ports import RangeReport
+from mav_handlers.wire.messages import DISTANCE_SENSOR
+from viso.firmware.log_releases import RFND
+from viso.parameters.releases import REFERENCE, RangeUnit
+from viso.parameters.sensors import RANGE_FINDERS
+
+RANGE_TYPE_NONE: Final = 0
+RANGE_TYPE_MAVLINK: Final = 10
+RANGE_PERIOD_US: Final = 50_000
+FIRST_RANGE_US: Final = 2_500_000  # phase of the reference's updates, in all recordings
+TIMEOUT_MS: Final = 500
+MASK_LOG_CTUN: Final = 1 << 4
+
+_CENTI: Final = f32(0.01)
+_UNKNOWN_QUALITY: Final = -1
+_WORST_QUALITY: Final = 0
+_HAVE_NO_DATA: Final = (RangeStatus.NOT_CONNECTED, RangeStatus.NO_DATA)
+
+
+class _Setting(NamedTuple):
+    """What parameters say of a range finder: metres; its place in body (FRD)."""
+
+    type: int
+    orientation: int
+    least: np.float32
+    most: np.float32
+    ground_clearance: np.float32
+    place_frd: Three
+
+
+class _Finder:
+    """A range finder whose type was 10 at boot."""
+
+    def __init__(self, number: int, params: ParamTable, unit: RangeUnit) -> None:
+        self._prefix = f"RNGFND{number}_"
+        self._params = params
+        self._unit = unit
+        self.setting = FromParams(params, self._read)
+        self._heard_ms = 0
+        self._heard: DISTANCE_SENSOR | None = None
+        self._status = RangeStatus.NOT_CONNECTED
+        self.kind = 0
+        self.distance = f32(0)
+        self.quality = _UNKNOWN_QUALITY
+
+    def _read(self) -> _Setting:
+        params, prefix, unit = self._params, self._prefix, self._unit
+        least, most, clearance = (
+            f32(params.get_number(prefix + name)) * unit.metres for name in (unit.least, unit.most, "GNDCLR")
+        )
+        x, y, z = (float(params.get_float(f"{prefix}POS_{axis}")) for axis in "XYZ")
+        kind, orientation = (params.get_int(prefix + name) for name in ("TYPE", "ORIENT"))
+        return _Setting(kind, orientation, least, most, clearance, (x, y, z))
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it has not been switched off since boot."""
+        return self.setting().type != RANGE_TYPE_NONE
+
+    @property
+    def status(self) -> RangeStatus:
+        """What its range is worth."""
+        return self._status if self.is_there else RangeStatus.NOT_CONNECTED
+
+    @property
+    def has_data(self) -> bool:
+        """Whether ranges come in, good or not."""
+        return self._status not in _HAVE_NO_DATA
+
+    def take(self, packet: DISTANCE_SENSOR, now_ms: int) -> bool:
+        """Hear of a range; tell whether it is measured where this one looks."""
+        if not self.is_there or packet.orientation != self.setting().orientation:
+            return False
+        self._heard, self._heard_ms = packet, now_ms
+        self.kind = packet.type
+        return True
+
+    def update(self, now_ms: int) -> None:
+        """Make what was heard last known."""
+        if not self.is_there:
+            self._status = RangeStatus.NOT_CONNECTED
+        elif self._heard is None or u32(now_ms - self._heard_ms) > TIMEOUT_MS:
+            self._status, self.distance, self.quality = RangeStatus.NO_DATA, f32(0), _UNKNOWN_QUALITY
+        else:
+            self.distance = f32(self._heard.current_distance) * _CENTI
+            self.quality = _quality(self._heard.signal_quality)
+            least, most = self.limits()
+            is_near, is_far = self.distance < least, self.distance > most
+            near_or_good = RangeStatus.TOO_NEAR if is_near else RangeStatus.GOOD
+            self._status = RangeStatus.TOO_FAR if is_far else near_or_good
+
+    def limits(self) -> tuple[np.float32, np.float32]:
+        """Return the shortest and the longest range that counts, m: the closer of its own and those of messages."""
+        setting, heard = self.setting(), self._heard
+        if heard is None or heard.min_distance == heard.max_distance == 0:
+            return setting.least, setting.most
+        least, most = (f32(limit) * _CENTI for limit in (heard.min_distance, heard.max_distance))
+        return max(setting.least, least), min(setting.most, most)
+
+
+def _quality(signal_quality: int) -> int:
+    # A message has 0 for unknown and 1 for the worst.
+    return {0: _UNKNOWN_QUALITY, 1: _WORST_QUALITY}.get(signal_quality, i8(signal_quality))
+
+
+def _report(number: int, finder: _Finder) -> RangeReport:
+    (least, most), setting = map(float, finder.limits()), finder.setting()
+    distance = float(finder.distance)
+    return RangeReport(number - 1, finder.kind, setting.orientation, distance, least, most, finder.quality)
+
+
+class MavlinkRanges:
+    """The range finders, each if its RNGFNDn_TYPE was 10 at boot.
+
+    Args:
+        clock: time since boot.
+        params: holds their RNGFNDn_ parameters, and LOG_BITMASK.
+        logger: where RFND records go.
+        unit: in what the parameters of a release are.
+    """
+
+    def __init__(
+        self, clock: Clock, params: ParamTable, logger: RecordSink, unit: RangeUnit = REFERENCE.range_unit
+    ) -> None:
+        self._clock = clock
+        self._params = params
+        self._logger = logger
+        numbers = range(1, RANGE_FINDERS + 1)
+        at_boot = (number for number in numbers if params.get_int(f"RNGFND{number}_TYPE") == RANGE_TYPE_MAVLINK)
+        self._finders = {number: _Finder(number, params, unit) for number in at_boot}
+        self._told: dict[int, FinderState] = {}
+        self._state = self._find_state()
+        self.is_enabled = self._downward() is not None
+
+    def _present(self) -> dict[int, _Finder]:
+        return {number: finder for number, finder in self._finders.items() if finder.is_there}
+
+    def _downward(self) -> _Finder | None:
+        """Return the first that looks down and has a good range, else the first that looks down (find_instance)."""
+        down = [finder for finder in self._present().values() if finder.setting().orientation == DOWNWARD]
+        good = (finder for finder in down if finder.status is RangeStatus.GOOD)
+        return next(good, down[0] if down else None)
+
+    def take(self, packet: DISTANCE_SENSOR) -> bool:
+        """Hear of a range; tell whether a range finder looks where it is measured (RangeFinder::handle_msg)."""
+        now_ms = self._clock.millis()
+        takers = [finder for finder in self._finders.values() if finder.take(packet, now_ms)]
+        return bool(takers)
+
+    def update(self) -> None:
+        """Make what was heard known, 20 times a second (RangeFinder::update)."""
+        if not self._finders:
+            return
+        for finder in self._finders.values():
+            finder.update(self._clock.millis())
+        state = self._find_state()
+        if state != self._state:
+            self._state = state
+        if self._params.get_int("LOG_BITMASK") & MASK_LOG_CTUN:
+            for number, finder in self._present().items():
+                reading = finder.distance, finder.status, finder.setting().orientation, finder.quality
+                self._logger.write(RFND, (self._clock.micros64(), number - 1, *reading))
+
+    def state(self) -> RangeState | None:
+        """Return what the estimator is told, the same until that changes; None without range finders."""
+        return self._state
+
+    def _find_state(self) -> RangeState | None:
+        if not self._finders:
+            return None
+        # Of one that is switched off the estimator keeps what it was told last; what lies between is not connected.
+        for number, finder in self._present().items():
+            setting = finder.setting()
+            self._told[number] = FinderState(
+                setting.place_frd, float(finder.distance), setting.orientation, finder.status
+            )
+        down = self._downward()
+        clearance = 0.0 if down is None else float(down.setting().ground_clearance)
+        most = 0.0 if down is None else float(down.limits()[1])
+        count = max(self._finders)
+        finders = (self._told.get(number, _ABSENT) for number in range(1, count + 1))
+        return RangeState(tuple(finders), clearance, most)
+
+    # What the vehicle tells
+
+    def is_present(self) -> bool:
+        """Tell whether one looks down (RangeFinder::has_orientation)."""
+        return self._downward() is not None
+
+    def has_data(self) -> bool:
+        """Tell whether ranges come in from the one that looks down (RangeFinder::has_data_orient)."""
+        down = self._downward()
+        return down is not None and down.has_data
+
+    def downward_m(self) -> float | None:
+        """Return the range of the one that looks down, m; None without any."""
+        down = self._downward()
+        return None if down is None else float(down.distance)
+
+    def reports(self) -> list[RangeReport]:
+        """Return what each that has data says."""
+        return [_report(number, finder) for number, finder in self._present().items() if finder.has_data]
+
+    def failure(self) -> str | None:
+        """Return what is wrong with the first that does not work, or None (RangeFinder::prearm_healthy)."""
+        for number in range(1, RANGE_FINDERS + 1):
+            finder = self._finders.get(number)
+            if self._params.get_int(f"RNGFND{number}_TYPE") == RANGE_TYPE_NONE:
+                continue
+            what = "Not Detected" if finder is None else _FAILURES.get(finder.status)
+            if what is not None:
+                return f"Rangefinder {number:X}: {what}"
+        return None
+
+
+_ABSENT: Final = FinderState((0.0, 0.0, 0.0), 0.0, 0, RangeStatus.NOT_CONNECTED)
+_FAILURES: Final = {RangeStatus.NO_DATA: "No Data", RangeStatus.NOT_CONNECTED: "Not Connected"}
