@@ -30,11 +30,11 @@ def bench(make_bench: MakeBench) -> "BenchRig":
 
 
 @pytest.fixture
-def frames(bench: "BenchRig") -> list[Frame]:
+def frames(bench: "BenchRig", monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
     """Set the filter up, and return the frames that it is given from then on."""
     bench.run_to(SET_UP_S)
     frames: list[Frame] = []
-    bench.core.run = frames.append  # type: ignore[method-assign]
+    monkeypatch.setattr(bench.core, "run", frames.append)
     return frames
 
 
@@ -55,9 +55,10 @@ def test_vehicle_without_range_finders_has_none_in_its_frames(bench: "BenchRig",
     assert frames[-1].ranges is None
 
 
-def test_flow_is_handed_on_with_its_place_from_the_imu(bench: "BenchRig", frames: list[Frame]) -> None:
+def test_flow_is_handed_on_with_its_place_from_the_imu(bench: "BenchRig", monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.run_to(SET_UP_S)
     taken: list[FlowMeasurement] = []
-    bench.core.write_flow = taken.append  # type: ignore[method-assign]
+    monkeypatch.setattr(bench.core, "write_flow", taken.append)
     bench.ahrs.write_flow(FLOW, bench.now_ms)
     assert taken == [FLOW._replace(offset=(0.375, 0.0, 0.25))]
 
@@ -73,9 +74,12 @@ def test_flow_and_ranges_are_logged_with_their_places_on_the_vehicle(bench: "Ben
     assert int(records["RFRN"][-1]) & 1 << 4
 
 
-def test_filter_and_log_hear_of_the_ground_when_that_changes(bench: "BenchRig", frames: list[Frame]) -> None:
+def test_filter_and_log_hear_of_the_ground_when_that_changes(
+    bench: "BenchRig", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.run_to(SET_UP_S)
     told: list[bool] = []
-    bench.core.set_terrain_stable = lambda *, is_stable: told.append(is_stable)  # type: ignore[method-assign]
+    monkeypatch.setattr(bench.core, "set_terrain_stable", lambda *, is_stable: told.append(is_stable))
     bench.is_logged = True
     bench.run_for(0.01)
     for is_stable in (False, False, True, True, False):

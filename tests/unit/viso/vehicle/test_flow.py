@@ -32,7 +32,7 @@ def flow(x: int, y: int = 0, quality: int = 100) -> OPTICAL_FLOW:
 class Rig:
     """A flow sensor that is updated every 5 ms, on a vehicle with given body rates."""
 
-    def __init__(self, flow_type: int = 5, **params: int) -> None:
+    def __init__(self, flow_type: int = 5, **params: float) -> None:
         self.clock = VirtualClock()
         self.params = ParamTable(make_groups(1, make_params()))
         for name, value in {"FLOW_TYPE": flow_type, **params}.items():
