@@ -27,6 +27,11 @@ def same_value(value: float) -> float:
     return value
 
 
+def metres_of_centimetres(value: float) -> float:
+    """Return the value in metres, of one in centimetres."""
+    return 0.01 * value
+
+
 def skip_instead_of_check(value: float) -> float:
     """Return the ARMING_SKIPCHK of an ARMING_CHECK: what was not asked for is skipped, and without any, all there is.
 

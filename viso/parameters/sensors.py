@@ -27,6 +27,8 @@ _BATTERY: Final = {0: "Disabled", 3: "Analog voltage", 4: "Analog voltage and cu
 _GPS_TYPE: Final = {0: "None", 1: "Auto", 2: "uBlox", 5: "NMEA", 14: "MAVLink"}
 _ORIENTATION: Final = {int(rotation): rotation.name for rotation in Rotation}
 _RANGE_TYPE: Final = {0: "None", 10: "MAVLink"}
+_SIDES: Final = ("Forward", "Forward-Right", "Right", "Back-Right", "Back", "Back-Left", "Left", "Forward-Left")
+_DIRECTIONS: Final = {**dict(enumerate(_SIDES)), int(Rotation.PITCH_90): "Up", int(Rotation.PITCH_270): "Down"}
 _FLOW_TYPE: Final = {0: "None", 5: "MAVLink", 10: "Simulation"}
 
 
@@ -109,7 +111,7 @@ def _range_finder(*limits: ParamInfo) -> tuple[ParamInfo, ...]:
         _enabling("TYPE", 0, "Kind of range finder", _RANGE_TYPE),
         *limits,
         ParamInfo("POS", VECTOR3F, _ZERO, "Place of the range finder on the vehicle", "m", (-5.0, 5.0)),
-        ParamInfo("ORIENT", INT8, int(Rotation.PITCH_270), "Where it looks", values=_ORIENTATION),
+        ParamInfo("ORIENT", INT8, int(Rotation.PITCH_270), "Where it looks", values=_DIRECTIONS),
     )
 
 
