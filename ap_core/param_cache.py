@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What follows from parameters, kept until one of them changes: for code that asks in every pass of the main loop."""
 
-from collections.abc import Callable
-from typing import Generic, TypeVar
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Final, Generic, TypeVar
 
 from ap_core.param import ParamTable
 
 T = TypeVar("T")
+NOTHING_RENAMED: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 class FromParams(Generic[T]):
@@ -40,10 +42,12 @@ class Numbers(dict[str, float]):
     Args:
         params: all parameters.
         prefix: what precedes each of the names that are asked for.
+        renamed: what some of the names that are asked for are called instead.
     """
 
-    def __init__(self, params: ParamTable, prefix: str = "") -> None:
+    def __init__(self, params: ParamTable, prefix: str = "", renamed: Mapping[str, str] = NOTHING_RENAMED) -> None:
         super().__init__()
+        self._renamed = renamed
         self._params = params
         self._prefix = prefix
         params.on_change.append(self._forget)
@@ -53,5 +57,5 @@ class Numbers(dict[str, float]):
 
     def __missing__(self, name: str) -> float:
         """Look a parameter up by its name after the prefix; ValueError when there is none."""
-        number = self[name] = self._params.get_number(self._prefix + name)
+        number = self[name] = self._params.get_number(self._prefix + self._renamed.get(name, name))
         return number

@@ -174,7 +174,7 @@ class Ekf3Ahrs(AhrsBase):
             return
         self.core = Ekf3Core(
             self._sources,
-            Numbers(parts.params, "EK3_").__getitem__,
+            Numbers(parts.params, "EK3_", {"MAX_FLOW": parts.release.flow_limit}).__getitem__,
             buffer_sizes(
                 parts.params.get_int,
                 self._sources,

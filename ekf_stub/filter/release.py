@@ -24,6 +24,7 @@ class FilterRelease:
             (controlFilterModes).
         learns_field_on_ground: EK3_MAG_CAL has 7, which estimates magnetic fields on the ground and in flight
             (setWindMagStateLearningMode).
+        flow_limit: what the parameter is called, after ``EK3_``, that the filter asks for as MAX_FLOW.
     """
 
     gsf_asks_load: bool = False
@@ -32,10 +33,11 @@ class FilterRelease:
     refuses_early_origin: bool = False
     relative_needs_no_yaw: bool = False
     learns_field_on_ground: bool = False
+    flow_limit: str = "MAX_FLOW"
 
 
 REFERENCE: Final = FilterRelease()
 """The filter of October 2025, and of 4.6."""
 
-FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True)
-APRIL_2026: Final = FilterRelease(True, True, True, True, True, True)
+FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, flow_limit="FLOW_MAX")
+APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, "FLOW_MAX")

@@ -64,6 +64,10 @@ def test_numbers_of_a_group_are_asked_for_without_its_prefix() -> None:
     assert numbers["HALF"] == 0.25
 
 
+def test_number_may_be_asked_for_by_another_name() -> None:
+    assert Numbers(table(), "G_", {"QUARTERS": "HALF"})["QUARTERS"] == 0.5
+
+
 def test_unknown_number_is_an_error() -> None:
     with pytest.raises(ValueError, match="NO_SUCH"):
         Numbers(table())["NO_SUCH"]

@@ -39,8 +39,8 @@ from viso.running.virtual_time import Scheduler
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
-from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA
 from viso.vehicle.flow import MavlinkFlow
+from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA
 from viso.vehicle.ranges import MavlinkRanges
 from viso.vehicle.vehicle import Vehicle, VehicleConfig, bench
 

@@ -24,6 +24,7 @@ from mav_handlers.wire.messages import (
 )
 from tests.unit.viso.conftest import read_log
 from viso.ekf_runs.run import EkfRun
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -68,9 +69,9 @@ GUIDED, ARM, TAKE_OFF = 4, 400, 22
 class Parked:
     """A vehicle from boot on, above which nothing moves; its sensors are heard 25 times a second."""
 
-    def __init__(self, params: Mapping[str, float]) -> None:
+    def __init__(self, params: Mapping[str, float], firmware: Firmware = REFERENCE) -> None:
         self.log = MemoryLog()
-        self.vehicle = Vehicle(VehicleConfig(defaults=params, open_log=lambda: self.log))
+        self.vehicle = Vehicle(VehicleConfig(defaults=params, open_log=lambda: self.log, firmware=firmware))
         self.texts: list[str] = []
         self.vehicle.texts.on_text.append(lambda _severity, text: self.texts.append(text))
         self._has_camera = "VISO_TYPE" in params
@@ -120,6 +121,19 @@ def test_flow_and_ranges_give_the_recorded_flags(by_flow: Parked) -> None:
     assert report.flags == RELATIVE_FLAGS
     assert 0 < report.terrain_alt_variance < 0.1
     assert by_flow.vehicle.ahrs.height_above_ground() == pytest.approx(0.18 - 0.03, abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("firmware", [*PROFILES.values()], ids=[*PROFILES])
+def test_every_release_navigates_by_flow(firmware: Firmware) -> None:
+    limits = {name: value for name, value in FLOW.items() if not name.startswith("RNGFND1_M")}
+    parked = Parked(limits, firmware)
+    unit = firmware.params.range_unit
+    parked.vehicle.params.set(f"RNGFND1_{unit.least}", 0.05 / float(unit.metres))
+    parked.run_to(5.6)
+    assert "EKF3 IMU0 started relative aiding" in parked.said()
+    flags = parked.vehicle.ahrs.get_filter_status().flags  # type: ignore[union-attr]
+    assert int(flags) == RELATIVE_FLAGS
 
 
 @pytest.fixture(scope="module")
