@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every stand-in for the AHRS shares: settling time, yaw source, origin, and logging of what it is given.
+"""What every AHRS shares: settling time, yaw source, origin, and logging of what it is given.
 
 Source: AP_AHRS/AP_AHRS.cpp.
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -50,7 +51,7 @@ class AhrsBase:
         self._start_us = start_us
         self._estimator_start_us = start_us + ESTIMATOR_STARTUP_DELAY_US
         self._origin: Location | None = None
-        self._ingest: ExtNavIngest | None = None
+        self._ingests: Sequence[ExtNavIngest] = ()
         self.source: SensorSource | None = None
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
@@ -142,6 +143,12 @@ class AhrsBase:
         """Let heights count from the present one; tell whether the estimator did (AP_AHRS::resetHeightDatum)."""
         return False
 
+    def request_yaw_reset(self) -> None:
+        """Ask the estimator to reset its yaw if it knows better (AP_AHRS::request_yaw_reset)."""
+
+    def check_lane_switch(self) -> None:
+        """Let a better core take over, if there is one (AP_AHRS::check_lane_switch)."""
+
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
         """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used.
 
@@ -179,20 +186,20 @@ class AhrsBase:
         delay_ms: int,
         resetTime_ms: int,
     ) -> None:
-        """Log a position and attitude sample, then hand it to the estimator, if there is one."""
+        """Log a position and attitude sample, then hand it to all cores."""
         self._log.pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
-        if self._ingest is not None:
-            self._ingest.write_pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
+        for ingest in self._ingests:
+            ingest.write_pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
         self._tell_pose(pos, quat, u32(timeStamp_ms - delay_ms), resetTime_ms)
 
     def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
         """Tell who listens of a pose at the time of its observation."""
 
     def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
-        """Log a velocity sample, then hand it to the estimator, if there is one."""
+        """Log a velocity sample, then hand it to all cores."""
         self._log.velocity(vel, err, timeStamp_ms, delay_ms)
-        if self._ingest is not None:
-            self._ingest.write_velocity(vel, err, timeStamp_ms, delay_ms)
+        for ingest in self._ingests:
+            ingest.write_velocity(vel, err, timeStamp_ms, delay_ms)
 
     def writeBodyFrameOdom(
         self,
@@ -204,12 +211,12 @@ class AhrsBase:
         delay_ms: int,
         posOffset: Vector3f,
     ) -> None:
-        """Log a body odometry sample, then hand it to the estimator, if there is one."""
+        """Log a body odometry sample, then hand it to all cores."""
         self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms)
-        if self._ingest is not None:
-            place = self._from_imu(posOffset)
-            self._ingest.write_odometry(quality, (delPos, delAng, delTime), timeStamp_ms, delay_ms, place)
+        for lane, ingest in enumerate(self._ingests):
+            place = self._from_imu(posOffset, lane)
+            ingest.write_odometry(quality, (delPos, delAng, delTime), timeStamp_ms, delay_ms, place)
 
-    def _from_imu(self, place: Vector3f) -> Vector3f:
-        """Return a place on the vehicle as counted from the IMU."""
+    def _from_imu(self, place: Vector3f, lane: int) -> Vector3f:
+        """Return a place on the vehicle as counted from a core's IMU."""
         return place

@@ -2,26 +2,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The AHRS of a vehicle that estimates its state by EKF3 (AP_AHRS/AP_AHRS.cpp).
 
-FIRMWARE PARITY: there is one filter for all cores. Before it runs, the attitude is level with the sensors' true
-heading, where the firmware has its simple estimate (DCM).
+All that it tells is the primary core's.
+
+FIRMWARE PARITY: before the filter runs, the attitude is level with the sensors' true heading, where the firmware has
+its simple estimate (DCM).
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from ap_core.fmath import f32
 from ap_core.location import Location
-from ap_core.param_cache import FromParams, Numbers
+from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.ahrs.cores import Cores, imus_of_cores
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
-from ekf_stub.core.reporting import report_of, run_report_of, three
+from ekf_stub.core.reporting import three
 from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
@@ -34,12 +39,18 @@ from ekf_stub.inputs.range_state import RangeState, from_imu
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.source_check import source_failure
 from ekf_stub.inputs.sources import SourceYaw
-from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, SOURCE_SET_1, TERRAIN_STABLE, TERRAIN_UNSTABLE
+from ekf_stub.log.replay_log import (
+    CHECK_LANE_SWITCH,
+    REQUEST_YAW_RESET,
+    RESET_HEIGHT_DATUM,
+    SOURCE_SET_1,
+    TERRAIN_STABLE,
+    TERRAIN_UNSTABLE,
+)
 from ekf_stub.log.replay_vehicle import VehicleFrame
 from ekf_stub.reports.core_report import CoreReport
-from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, CoreTexts, cores_of_mask
+from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 
 _OLD_EXTERNAL_YAW: Final = (5, 6)  # of EK3_MAG_CAL
@@ -61,7 +72,7 @@ def _vector(values: tuple[float, float, float]) -> Vector3f:
 
 
 class Ekf3Ahrs(AhrsBase):
-    """The AHRS with the filter in it.
+    """The AHRS with the cores in it.
 
     Args:
         parts: the vehicle around it.
@@ -71,7 +82,8 @@ class Ekf3Ahrs(AhrsBase):
         buffer_ms: a delay for which the filter's buffers are long enough in any case.
 
     Attributes:
-        core: the filter, once it has been set up; None also when no core is wanted.
+        cores: the cores, once they have been set up; None also when none is wanted.
+        core: the filter of the primary one.
         on_pose: hears of each pose that external navigation gives.
     """
 
@@ -90,8 +102,6 @@ class Ekf3Ahrs(AhrsBase):
         self.source = self._source = source
         self._has_compass = FromParams(parts.params, parts.has_compass)
         self._place_of_imu = FromParams(parts.params, parts.imu_pos)
-        get_int = parts.params.get_int
-        self._estimates = EkfLog(parts.logger, get_int, lambda: cores_of_mask(get_int("EK3_IMU_MASK")))
         self._kernel = kernel
         self._buffer_ms = buffer_ms
         self._camera: VisualOdomFrame | None = None
@@ -106,14 +116,15 @@ class Ekf3Ahrs(AhrsBase):
         self._sensors: Sensors | None = None
         self._baro_zero_m = 0.0
         self._is_set_up = self._active = self._has_camera = self._stands_still = False
-        self._yaw_resets = 0
+        self._yaw_reset_ms = self._primary = 0
         self._source_set = parts.sources.active_set
         self._quat: Quaternion | None = None
         self._reset_ms = 0
+        self.cores: Cores | None = None
         self.core: Ekf3Core | None = None
         self.on_pose: PoseListener | None = None
         self._on_filter_outcome: Callable[[FilterOutcome], None] | None = None
-        self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))  # refuses all until the filter is set up
+        self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))  # refuses all until the cores are set up
 
     # Frames
 
@@ -140,61 +151,65 @@ class Ekf3Ahrs(AhrsBase):
 
     def _run_frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> None:
         if not self._is_set_up:
-            self._set_up()
+            self._set_up(len(sensors.imus))
         frame = self._frame(sensors, now_us, armed=armed)
         self._log_frame(sensors, frame)
-        core = self.core
-        if core is None:
+        cores, core = self.cores, self.core
+        if cores is None or core is None:
             return
         was_initialised = core.initialised
         if was_initialised and not self._active:
             self._active = True
             self._parts.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
-        core.run(frame)
+        cores.run(frame, sensors.imus)
         self._replay_log.note_run(was_initialised=was_initialised)
-        self._log_tests(core, now_us)
-        if core.yaw_resets != self._yaw_resets:
-            self._yaw_resets = core.yaw_resets
+        cores.log_run(now_us)
+        self._follow_primary(cores)
+        if self._origin is None:
+            self._origin = cores.lanes.origin
+
+    def _follow_primary(self, cores: Cores) -> None:
+        """Tell what jumps and who is primary (Copter::check_ekf_reset)."""
+        lanes = cores.lanes
+        if self.core is not lanes.cores[lanes.primary]:
+            self.core = lanes.cores[lanes.primary]
+            self._hand_to(*(core.ingest for core in lanes.cores))
+        if lanes.yaw_reset_ms != self._yaw_reset_ms:
+            self._yaw_reset_ms = lanes.yaw_reset_ms
             self._parts.on_yaw_reset()
-        if self._origin is None and core.origin is not None:
-            self._origin = core.origin
+        if self._active and cores.primary != self._primary:
+            self._primary = cores.primary
+            self._parts.on_primary(self._primary)
 
-    def _log_tests(self, core: Ekf3Core, now_us: int) -> None:
-        still = core.is_still() if core.initialised else None
-        if self._estimates.is_due(now_us, still, is_step=core.stepped):
-            self._estimates.update(run_report_of(core), now_us, is_step=core.stepped)
-
-    def _set_up(self) -> None:
+    def _set_up(self, differing_imus: int) -> None:
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
         self._is_set_up = True
         parts = self._parts
         self._has_camera = parts.visual_odom_enabled()
-        cores = cores_of_mask(parts.imu_mask())
-        if not cores:
+        imus = imus_of_cores(parts, differing_imus)
+        if not imus:
             return
-        self.core = Ekf3Core(
+        sizes = buffer_sizes(
+            parts.params.get_int,
             self._sources,
-            Numbers(parts.params, "EK3_", {"MAX_FLOW": parts.release.flow_limit}).__getitem__,
-            buffer_sizes(
-                parts.params.get_int,
-                self._sources,
-                has_camera=self._has_camera,
-                has_flow=self._has_flow(),
-                least_ms=self._buffer_ms,
-            ),
-            CoreTexts(parts.texts, cores),
-            self.ext_nav_counts,
-            self._has_compass,
-            self._kernel,
-            release=parts.release,
+            has_camera=self._has_camera,
+            has_flow=self._has_flow(),
+            least_ms=self._buffer_ms,
         )
-        self._hand_to(self.core.ingest)
+        self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0)
+        lanes = self.cores.lanes
+        self.core = lanes.cores[lanes.primary]
+        self._hand_to(*(core.ingest for core in lanes.cores))
         if self._origin is not None:
-            self.core.set_origin(self._origin)
+            lanes.set_origin(self._origin)
 
-    def _hand_to(self, ingest: ExtNavIngest) -> None:
-        self._ingest = ingest
-        ingest.on_outcome = self._on_filter_outcome
+    def _hand_to(self, *ingests: ExtNavIngest) -> None:
+        """Hand samples to these from now on; what becomes of them counts and is told of the primary core alone."""
+        self._ingests = ingests
+        told = self.core.ingest if self.core is not None and self.core.ingest in ingests else ingests[0]
+        for ingest in ingests:
+            ingest.counts = self.ext_nav_counts if ingest is told else Counter()
+            ingest.on_outcome = self._on_filter_outcome if ingest is told else None
 
     @property
     def on_filter_outcome(self) -> Callable[[FilterOutcome], None] | None:
@@ -204,8 +219,7 @@ class Ekf3Ahrs(AhrsBase):
     @on_filter_outcome.setter
     def on_filter_outcome(self, on_filter_outcome: Callable[[FilterOutcome], None] | None) -> None:
         self._on_filter_outcome = on_filter_outcome
-        if self._ingest is not None:
-            self._hand_to(self._ingest)
+        self._hand_to(*self._ingests)
 
     def _log_frame(self, sensors: Sensors, frame: Frame) -> None:
         log = self._replay_log
@@ -223,7 +237,7 @@ class Ekf3Ahrs(AhrsBase):
         if not self._baro_zero_m or sensors.baro is None:
             return sensors
         height = float(np.float32(sensors.baro[1] - self._baro_zero_m))
-        return Sensors(sensors.delta, (sensors.baro[0], height), sensors.mag, sensors.declination)
+        return replace(sensors, baro=(sensors.baro[0], height))
 
     def _frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> Frame:
         parts = self._parts
@@ -268,15 +282,15 @@ class Ekf3Ahrs(AhrsBase):
     # What the filter says
 
     def log_estimates(self) -> None:
-        """Log what the filter says at the moment."""
-        if self.core is not None:
-            self._estimates.write_streaming(self.report() or UNINITIALISED, self._clock.micros64())
+        """Log what the filters say at the moment."""
+        if self.cores is not None:
+            self.cores.log_estimates(self._clock.micros64())
             self._replay_log.note_logged()
 
     def report(self) -> CoreReport | None:
-        """Return what the filter says of itself; None before it has a state."""
-        core = self.core
-        return report_of(core, self._now_ms()) if core is not None and core.initialised else None
+        """Return what the primary core says of itself; None before it has a state."""
+        lanes = None if self.cores is None else self.cores.lanes
+        return None if lanes is None or not lanes.cores[lanes.primary].initialised else lanes.report(lanes.primary)
 
     def _attitude(self) -> Quaternion:
         if self._active and self.core is not None:
@@ -383,11 +397,11 @@ class Ekf3Ahrs(AhrsBase):
         """Set the origin, once, and not before the estimator runs; tell whether it was set."""
         core = self.core
         is_early = core is None or (core.release.refuses_early_origin and not core.initialised)
-        if self._origin is not None or core is None or is_early:
+        if self._origin is not None or self.cores is None or is_early:
             return False
         self._replay_log.origin(origin)
         self._origin = origin
-        core.set_origin(origin)
+        self.cores.lanes.set_origin(origin)
         return True
 
     def set_terrain_stable(self, *, is_stable: bool) -> None:
@@ -396,47 +410,57 @@ class Ekf3Ahrs(AhrsBase):
             return
         self._terrain_is_stable = is_stable
         self._replay_log.event(TERRAIN_STABLE if is_stable else TERRAIN_UNSTABLE)
-        if self.core is not None:
-            self.core.set_terrain_stable(is_stable=is_stable)
+        for core in () if self.cores is None else self.cores.lanes.cores:
+            core.set_terrain_stable(is_stable=is_stable)
 
     def reset_height_datum(self) -> bool:
         """Let heights count from the present one, on the ground (NavEKF3::resetHeightDatum)."""
-        if self.core is None:
+        if self.cores is None:
             return False
         self._replay_log.event(RESET_HEIGHT_DATUM)
-        was_reset = self.core.reset_height_datum()
+        was_reset = self.cores.lanes.reset_height_datum()
         is_zeroed_here = was_reset and not self._source.has_recorded_heights
         if is_zeroed_here and self._sensors is not None and self._sensors.baro is not None:
             self._baro_zero_m = self._sensors.baro[1]
         return was_reset
 
+    def request_yaw_reset(self) -> None:
+        """Ask all cores to reset yaw by the velocity of GPS (NavEKF3::requestYawReset)."""
+        if self.cores is not None:
+            self._replay_log.event(REQUEST_YAW_RESET)
+            self.cores.lanes.request_yaw_reset()
+
+    def check_lane_switch(self) -> None:
+        """Go over to a core that is much better, if there is one (NavEKF3::checkLaneSwitch)."""
+        if self.cores is not None:
+            self._replay_log.event(CHECK_LANE_SWITCH)
+            self.cores.lanes.check_lane_switch()
+            self._follow_primary(self.cores)
+
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
         """Put the vehicle somewhere while it navigates without a position; tell whether it was."""
-        core = self.core
-        return core is not None and core.initialised and core.set_place(location, float(accuracy_m), time_ms)
+        return self.cores is not None and self.cores.lanes.set_place(location, float(accuracy_m), time_ms)
 
     def pre_arm_failure(self, requires_position: bool) -> str | None:
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
-        if not self._active or self.core is None:
+        if not self._active or self.cores is None or self.core is None:
             return "not using configured AHRS type" if self._has_compass() else "EKF3 not started"
         failure = source_failure(self._sources, self._parts.is_fitted, requires_position=requires_position)
         if failure is not None:
             return failure
         if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
-        if self.healthy():
-            return None
-        checks = self.core.gps.checks
-        return "EKF3 core 0 unhealthy" if checks.good else checks.reason or "EKF3 still initialising"
+        return self.cores.lanes.unhealthy_reason()
 
     # Calls of the drivers
 
     def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
         """Log what a flow sensor measured, then hand it to the filter."""
         super().write_flow(measured, time_ms)
-        if self.core is not None and not self._stands_still:
+        if self.cores is not None and not self._stands_still:
             place = from_imu(measured.offset, _floats(self._place_of_imu()))
-            self.core.write_flow(measured._replace(offset=place))
+            for core in self.cores.lanes.cores:
+                core.write_flow(measured._replace(offset=place))
 
     def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
         if self.on_pose is not None:
@@ -446,5 +470,6 @@ class Ekf3Ahrs(AhrsBase):
             place = pos - quat.rotate_vector(Vector3f(*lever)) if any(lever) else pos
             self.on_pose(place, quat, time_ms, is_reset)
 
-    def _from_imu(self, place: Vector3f) -> Vector3f:
-        return place - self._place_of_imu()
+    def _from_imu(self, place: Vector3f, lane: int) -> Vector3f:
+        from_first = place - self._place_of_imu()
+        return from_first if self.cores is None else self.cores.from_imu(from_first, lane)

@@ -32,7 +32,8 @@ class AhrsParts:
         gps: returns the newest solution of the GPS.
         is_armed: tells whether the vehicle is armed.
         visual_odom_enabled: tells whether there is visual odometry.
-        on_yaw_reset: is called as the estimator has aligned its yaw.
+        on_yaw_reset: is called as the estimator's yaw has jumped.
+        on_primary: is called with the number of the primary core as another has become that.
         flying_ms: for how long the vehicle has been flying, 0 on the ground.
         home: returns home, None while it is unset.
         release: what EKF3 does otherwise than in other releases.
@@ -49,6 +50,7 @@ class AhrsParts:
     is_armed: Callable[[], bool]
     visual_odom_enabled: Callable[[], bool]
     on_yaw_reset: Callable[[], None]
+    on_primary: Callable[[int], None]
     flying_ms: Callable[[], int]
     home: Callable[[], Location | None]
     release: FilterRelease = REFERENCE
@@ -78,10 +80,15 @@ class AhrsParts:
         """Tell whether there is a compass, and in use."""
         return self.params.get_int("COMPASS_ENABLE") != 0 and self.params.get_int("COMPASS_USE") != 0
 
-    def imu_pos(self) -> Vector3f:
-        """Return the place of the first IMU on the vehicle, m, body (FRD)."""
-        return Vector3f(*(self.params.get_float(f"INS_POS1_{axis}") for axis in "XYZ"))
+    def imu_pos(self, imu: int = 0) -> Vector3f:
+        """Return the place of an IMU on the vehicle, m, body (FRD)."""
+        return Vector3f(*(self.params.get_float(f"INS_POS{imu + 1}_{axis}") for axis in "XYZ"))
 
     def imu_mask(self) -> int:
         """Return which IMUs get a core; none when EK3_ENABLE is off."""
         return self.params.get_int("EK3_IMU_MASK") if self.params.get_int("EK3_ENABLE") else 0
+
+    def primary_core(self, cores: int) -> int:
+        """Return the number of the core that EK3_PRIMARY chooses among so many."""
+        wanted = self.params.get_int("EK3_PRIMARY")
+        return wanted if 0 <= wanted < cores else 0

@@ -95,6 +95,7 @@ class Ekf3Core:
         kernel: what its arithmetic runs on.
         common: the origin that it shares with other cores.
         release: what the firmware's release does otherwise than others.
+        number: of the core.
         imu: whose data it uses at first.
 
     Attributes:
@@ -119,6 +120,7 @@ class Ekf3Core:
         kernel: Kernel = PLAIN,
         *,
         common: CommonOrigin | None = None,
+        number: int = 0,
         imu: int = 0,
         release: FilterRelease = REFERENCE,
     ) -> None:
@@ -129,6 +131,7 @@ class Ekf3Core:
         self._has_compass = has_compass
         self._kernel = kernel
         self._common = common or CommonOrigin()
+        self._number = number
         self._imu = imu
         self.release = release
         self.ingest = ExtNavIngest(counts, self._get_single)
@@ -233,6 +236,7 @@ class Ekf3Core:
             has_compass=self._has_compass,
             ring_size=self._sizes.slow,
             release=self.release,
+            core=self._number,
         )
         self.resets = Resets(parts)
         terrain = Terrain(parts, self.ranges, now_ms)

@@ -12,7 +12,10 @@ from ap_core.location import Location
 from ap_core.sinks import TextSink
 from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.inertial import limited
+from ekf_stub.log.ekf_log import UNINITIALISED
+from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_CRITICAL, MAV_SEVERITY_WARNING
 
 SETTLED_US: Final = 10_000_000
@@ -23,6 +26,7 @@ MIN_THRESHOLD: Final = 0.05
 BAD_SCORE: Final = 1.0
 GOOD_SCORE: Final = 0.9
 BETWEEN_CHECKS_MS: Final = 5000
+_INITIALISING: Final = "EKF3 still initialising"
 _MANUAL_LANE_SWITCH: Final = 1 << 1  # of EK3_OPTIONS
 
 
@@ -75,29 +79,51 @@ class Lanes:
             core.run(frame)
             if core.yaw_resets != self._yaw_resets[i]:
                 self._yaw_resets[i], self._yaw_reset_ms[i] = core.yaw_resets, frame.time_us // 1000
-        if len(self.cores) > 1:
-            self._select(armed=frames[0].armed)
+        self._select(armed=frames[0].armed)
+
+    def report(self, i: int) -> CoreReport:
+        """Return what a core says as of the last frame."""
+        core = self.cores[i]
+        if not core.initialised:
+            return UNINITIALISED
+        report = report_of(core, self._now_us // 1000)
+        report.error_score, report.relative_error = self.error_scores[i], self.relative_errors[i]
+        return report
 
     def _is_healthy(self, i: int) -> bool:
         core = self.cores[i]
         return core.initialised and core.control.healthy(self._now_us // 1000)
 
+    def unhealthy_reason(self) -> str | None:
+        """Return what is wrong with the first core that does not run well, None while all do (pre_arm_check)."""
+        for i, core in enumerate(self.cores):
+            if not self._is_healthy(i):
+                return f"EKF3 core {i} unhealthy" if core.gps.checks.good else core.gps.checks.reason or _INITIALISING
+        return None
+
     def _select(self, *, armed: bool) -> None:
-        is_healthy = self._is_healthy(self.primary)
         if not self._selects:
-            if not is_healthy or not self._unhealthy_us:
-                self._unhealthy_us = self._now_us
-            self._selects = self._now_us - self._unhealthy_us > SETTLED_US
+            self._settle()
+        if len(self.cores) > 1:
+            self._select_one(armed=armed)
+        elif armed and self._selects and self.cores[0].stepped:
+            self.error_scores[0] = self.cores[0].error_score()
+
+    def _settle(self) -> None:
+        if not self._unhealthy_us or not self._is_healthy(self.primary):
+            self._unhealthy_us = self._now_us
+        self._selects = self._now_us - self._unhealthy_us > SETTLED_US
+
+    def _select_one(self, *, armed: bool) -> None:
         by_user = self._chosen_by_user()
-        is_manual = bool(int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH)
-        if is_manual:
+        if int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH:
             self._switch(by_user)
         elif armed and self._selects:
-            self._select_in_flight(is_healthy=is_healthy)
+            self._select_in_flight()
         if not armed and self.primary != by_user and self._is_healthy(by_user):
             self.primary = by_user
 
-    def _select_in_flight(self, *, is_healthy: bool) -> None:
+    def _select_in_flight(self) -> None:
         self.error_scores = [core.error_score() for core in self.cores]
         self._update_relative_errors()
         primary, best, is_better = self.primary, self.primary, False
@@ -107,7 +133,9 @@ class Lanes:
                 is_better = self.relative_errors[i] <= -BETTER_BY
                 is_better |= core.yaw.aligned and not self.cores[primary].yaw.aligned
                 best = i
-        if best != primary and (is_better or not is_healthy or self.error_scores[primary] > BAD_SCORE):
+        if best == primary:
+            return
+        if is_better or self.error_scores[primary] > BAD_SCORE or not self._is_healthy(primary):
             self._switch(best)
             self.relative_errors = [0.0] * len(self.cores)
             self._last_primary_us[self.primary] = self._now_us
@@ -155,6 +183,11 @@ class Lanes:
 
     # What goes to all cores
 
+    @property
+    def origin(self) -> Location | None:
+        """Where told positions count from, None until any core has an origin."""
+        return self._common.place
+
     def set_origin(self, origin: Location) -> bool:
         """Set the origin, once; tell whether it was set (setOriginLLH)."""
         if self._common.place is not None:
@@ -163,7 +196,17 @@ class Lanes:
         were_set = [core.set_origin(origin) for core in self.cores]
         return any(were_set)
 
-    def reset_height_datum(self) -> None:
-        """Count heights from the present one, on the ground (resetHeightDatum)."""
+    def set_place(self, place: Location, accuracy_m: float, time_ms: int) -> bool:
+        """Put the vehicle somewhere while it navigates without a position; tell whether it was (setLatLng)."""
+        were_put = [core.initialised and core.set_place(place, accuracy_m, time_ms) for core in self.cores]
+        return any(were_put)
+
+    def reset_height_datum(self) -> bool:
+        """Count heights from the present one, on the ground; tell whether all do (resetHeightDatum)."""
+        were_reset = [core.reset_height_datum() for core in self.cores]
+        return all(were_reset)
+
+    def request_yaw_reset(self) -> None:
+        """Ask for yaw to be reset by the velocity of GPS, within 5 s (requestYawReset)."""
         for core in self.cores:
-            core.reset_height_datum()
+            core.request_yaw_reset()

@@ -27,7 +27,7 @@ def run_report_of(core: Ekf3Core) -> RunReport:
 
 
 def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
-    """Return what a core that has a state knows at a time."""
+    """Return what a core that has a state knows at a time; not how it compares with others (see ``Lanes``)."""
     output, state, innovations, yaw = core.output, core.state, core.fusion.innovations, core.yaw
     now, moved = output.now, core.resets.moved_ne
     quat = now.quat
@@ -69,7 +69,6 @@ def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
         stillness=core.stillness.report,
         source_set=core.sources.active_set,
         gsf=yaw.by_gps.report(),
-        error_score=max(0.5 * (innovations.vel_ratio + innovations.pos_ratio), innovations.height_ratio),
     )
 
 

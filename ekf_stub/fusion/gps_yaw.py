@@ -22,7 +22,6 @@ STEADY: Final = 5
 REQUEST_MS: Final = 5000
 MIN_SPEED_M_S: Final = 1.0
 BAD_YAW: Final = 0.7854
-_THE_CORE: Final = 1 << 0  # of the masks
 
 _ABSOLUTE: Final = AidingMode.ABSOLUTE
 _XY_GPS: Final = SourceXY.GPS
@@ -47,6 +46,7 @@ class GpsYaw(Fusion):
     def __init__(self, parts: FilterParts) -> None:
         super().__init__(parts)
         self._gsf = GsfYaw(parts.release)
+        self._core_bit = 1 << parts.core  # of the masks
         self.report = self._gsf.report
         self._exists: bool | None = None
         self._runs = False
@@ -67,7 +67,7 @@ class GpsYaw(Fusion):
 
     def _is_there(self) -> bool:
         if self._exists is None:
-            self._exists = bool(int(self._get_float("GSF_RUN_MASK")) & _THE_CORE)
+            self._exists = bool(int(self._get_float("GSF_RUN_MASK")) & self._core_bit)
         return self._exists
 
     def _uses_gps(self) -> bool:
@@ -114,7 +114,7 @@ class GpsYaw(Fusion):
 
     def for_reset(self) -> tuple[float, float] | None:
         """Return what to reset yaw to and its variance, and note it; None if the GSF may not or cannot say."""
-        if not self._is_there() or not int(self._get_float("GSF_USE_MASK")) & _THE_CORE:
+        if not self._is_there() or not int(self._get_float("GSF_USE_MASK")) & self._core_bit:
             return None
         estimate = self.estimate()
         if estimate is not None:

@@ -35,6 +35,7 @@ class FilterParts:
         has_compass: tells whether a compass is in use.
         ring_size: how many barometric heights, and how many magnetic fields, wait.
         release: what the firmware's release does otherwise than others.
+        core: the number of the core.
     """
 
     state: ErrorState
@@ -50,6 +51,7 @@ class FilterParts:
     has_compass: Callable[[], bool]
     ring_size: int
     release: FilterRelease = REFERENCE
+    core: int = 0
 
 
 class Fusion:

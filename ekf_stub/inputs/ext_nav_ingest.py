@@ -96,6 +96,7 @@ class ExtNavIngest:
         get_float: returns a parameter by its name.
 
     Attributes:
+        counts: see above.
         initialised: whether the estimator has a state.
         horizon_ms: the time of the oldest inertial data, to which later measurements are compared.
         have_pose, have_odometry: whether one has ever been taken.
@@ -108,7 +109,7 @@ class ExtNavIngest:
     """
 
     def __init__(self, counts: Counter[tuple[str, str]], get_float: Callable[[str], np.float32]) -> None:
-        self._counts = counts
+        self.counts = counts
         self._get_float = get_float
         self.on_outcome: Callable[[FilterOutcome], None] | None = None
         self._is_set_up = False
@@ -295,7 +296,7 @@ class ExtNavIngest:
             time_ms: when it was observed.
             ratio: of its innovation to the gate, where it was tested.
         """
-        self._counts[kind, rule.code] += 1
+        self.counts[kind, rule.code] += 1
         if self.on_outcome is not None:
             self.on_outcome(FilterOutcome(kind, rule, time_ms, ratio))
         return rule

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.imus import ImuReading
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,15 +15,18 @@ class Sensors:
 
     Attributes:
         delta: inertial data since the last pass; exact in single precision, as the firmware's and a log's are.
+            All IMUs say so, unless ``imus`` says otherwise.
         baro: time of the last reading in ms since boot, and height in m; exact in single precision.
         mag: time of the last reading in us since boot, and the field in mGauss, body (FRD).
         declination: of the magnetic field, rad.
+        imus: what each of several IMUs says that differ, the first one ``delta``; from the first pass on, or never.
     """
 
     delta: InertialDelta
     baro: tuple[int, float] | None = None
     mag: tuple[int, Array] | None = None
     declination: float = 0.0
+    imus: tuple[ImuReading, ...] = ()
 
 
 class SensorSource(Protocol):

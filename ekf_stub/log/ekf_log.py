@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Logs what the filter estimates: the XKF records (AP_NavEKF3/AP_NavEKF3_Logging.cpp).
+"""Logs what a filter estimates: the XKF records (AP_NavEKF3/AP_NavEKF3_Logging.cpp).
 
-What a filter says is written for each core that it stands for. What it does not estimate is 0: wind, airspeed.
+They are written for each core that it stands for. What it does not estimate is 0: wind, airspeed.
 """
 
 import math
@@ -58,27 +58,26 @@ Values = tuple[LogValue, ...]
 
 
 class EkfLog:
-    """Writes the records of all cores, each core's after the other's.
+    """Writes the records of a filter's cores, each core's after the other's.
 
     Args:
         logger: where the records go.
         get_int: returns an integer parameter by its full name.
-        cores: returns the numbers of the cores, 0 first.
-        primary: returns the number of the primary core; unless given that is the one of EK3_PRIMARY.
+        cores: the numbers of the cores that the filter stands for.
+        primary: returns the number of the primary core.
     """
 
     def __init__(
         self,
         logger: RecordSink,
         get_int: Callable[[str], int],
-        cores: Callable[[], tuple[int, ...]],
-        primary: Callable[[], int] | None = None,
+        cores: tuple[int, ...],
+        primary: Callable[[], int],
     ) -> None:
         self._logger = logger
         self._get_int = get_int
-        self._get_cores = cores
-        self._primary = primary or self._chosen_by_user
-        self._set_up: tuple[int, ...] = ()
+        self._cores = cores
+        self._primary = primary
         self._covariance_ms = self._tilt_ms = self._stillness_ms = 0
         self._was_still = False
         self._odometry_recalled = 0
@@ -114,11 +113,6 @@ class EkfLog:
             self._tilt_ms = now_ms
             self._write_all(XKTV, now_us, (report.tilt_error_rad**2,) * 2)
 
-    def _cores(self) -> tuple[int, ...]:
-        # What EK3_IMU_MASK says later counts from the next boot on.
-        self._set_up = self._set_up or self._get_cores() or (0,)
-        return self._set_up
-
     def _stillness_is_due(self, now_ms: int, is_still: bool) -> bool:
         return is_still != self._was_still or (now_ms - self._stillness_ms) & _U32 > STILLNESS_INTERVAL_MS
 
@@ -126,7 +120,7 @@ class EkfLog:
         return (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS
 
     def _write_all(self, structure: LogStructure, now_us: int, values: Values) -> None:
-        for core in self._cores():
+        for core in self._cores:
             self._logger.write(structure, (now_us, core, *values))
 
     # As EK3_LOG_LEVEL says
@@ -136,7 +130,7 @@ class EkfLog:
         level = self._get_int("EK3_LOG_LEVEL")
         if level >= _NOTHING:
             return
-        primary, cores = self._primary(), self._cores()
+        primary, cores = self._primary(), self._cores
         with np.errstate(over="ignore", invalid="ignore"):
             records = [(XKF4, _xkf4(report, primary), False)]
             if level != _ONLY_XKF4 and report.gsf is not None:
@@ -147,10 +141,6 @@ class EkfLog:
             for structure, values, is_of_primary in records:
                 if core == primary or not is_of_primary:
                     self._logger.write(structure, (now_us, core, *values))
-
-    def _chosen_by_user(self) -> int:
-        primary, cores = self._get_int("EK3_PRIMARY"), self._cores()
-        return primary if primary in cores else cores[0]
 
     def _further_records(
         self, report: CoreReport, now_ms: int, *, of_primary: bool

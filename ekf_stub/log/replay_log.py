@@ -30,6 +30,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.imus import MAX_IMUS, first_usable
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog
@@ -65,14 +66,13 @@ REQUEST_YAW_RESET: Final = 11
 CHECK_LANE_SWITCH: Final = 12
 SOURCE_SET_1: Final = 13
 
-MAX_IMUS: Final = 3
-
 _EKF2_INITIALISES, _EKF3_INITIALISES, _EKF3_UPDATES, _EKF3_LOGS = 1, 4, 8, 32  # of RFRF.FTypes
 _FOR_BOTH: Final = frozenset((RESET_GYRO_BIAS, RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE))
 EKF2_BEFORE_EKF3: Final = (REV2, REV3)
 """In which order an event is logged for the two filters, in releases up to 2025."""
 EKF3_BEFORE_EKF2: Final = (REV3, REV2)
 """The same in the master of February 2026."""
+_NO_ACCEL, _NO_GYRO = 1 << 0, 1 << 1
 _ALL_GOOD: Final = 15  # RISI.Flags: accelerometer and gyro are used, and both gave data
 _NOTHING: Final = (0.0,) * 8
 
@@ -169,7 +169,7 @@ class ReplayLog(ExtNavLog):
         """Log what the sensors say in this frame."""
         if not self._is_wanted:
             return
-        self._write_inertial(sensors.delta)
+        self._write_inertial(sensors)
         if self._is_first or sensors.baro != self._baro:
             self._write_baro(sensors.baro)
         if self._is_first or (gps is not self._gps and gps != self._gps):
@@ -177,15 +177,20 @@ class ReplayLog(ExtNavLog):
         if self._is_first or sensors.mag is not self._mag or sensors.declination != self._declination:
             self._write_compass(sensors.mag, sensors.declination)
 
-    def _write_inertial(self, delta: InertialDelta) -> None:
+    def _write_inertial(self, sensors: Sensors) -> None:
         fitted, is_first = self._fitted, self._is_first
-        if is_first:
+        imus = len(sensors.imus) or fitted.imus
+        if is_first or sensors.imus:
             rate_hz = fitted.loop_rate_hz
-            self._write_input(RISH, (rate_hz, 0, 0, 1 / rate_hz, fitted.imus, fitted.imus))
-        values = (*delta.del_vel.tolist(), *delta.del_ang.tolist(), delta.del_vel_dt, delta.del_ang_dt, _ALL_GOOD)
-        self._write_inputs(RISI, values, fitted.imus)
+            self._write_input(RISH, (rate_hz, *first_usable(sensors.imus), 1 / rate_hz, imus, imus))
+        if sensors.imus:
+            for imu, (delta, has_gyro, has_accel) in enumerate(sensors.imus):
+                flags = _ALL_GOOD & ~(_NO_GYRO * (not has_gyro) | _NO_ACCEL * (not has_accel))
+                self._write_input(RISI, (*_inertial_values(delta), flags, imu), imu)
+        else:
+            self._write_inputs(RISI, (*_inertial_values(sensors.delta), _ALL_GOOD), imus)
         if is_first:
-            for imu in range(fitted.imus, MAX_IMUS):
+            for imu in range(imus, MAX_IMUS):
                 self._write_input(RISI, (*_NOTHING, 0, imu), imu)
 
     def _write_baro(self, baro: tuple[int, float] | None) -> None:
@@ -254,3 +259,7 @@ class ReplayLog(ExtNavLog):
         self._origin = place_values(place)
         self._write(RSO2, self._origin)
         self._write(RSO3, self._origin)
+
+
+def _inertial_values(delta: InertialDelta) -> tuple[float, ...]:
+    return (*delta.del_vel.tolist(), *delta.del_ang.tolist(), delta.del_vel_dt, delta.del_ang_dt)

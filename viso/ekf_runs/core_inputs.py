@@ -3,7 +3,6 @@
 """Which of several sensors a core uses (AP_NavEKF3/AP_NavEKF3_Measurements.cpp, update_sensor_selection)."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from ekf_stub.core.ekf3_core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
 from ekf_stub.filter.inactive_biases import ImuRates
@@ -33,31 +32,22 @@ class CoreInputs:
         self._said, self._own_said = NO_COMPASS, NO_COMPASS
 
     @property
-    def gyro(self) -> int:
-        """The number of the gyro."""
-        return self._imu if self._inputs.uses_gyro(self._imu) else self._inputs.first_gyro
-
-    @property
     def accel(self) -> int:
         """The number of the accelerometer."""
-        return self._imu if self._inputs.uses_accel(self._imu) else self._inputs.first_accel
+        return self._inputs.imus.accel_of(self._imu)
 
     @property
     def has_data(self) -> bool:
         """Whether there are inertial data."""
-        return {self.gyro, self.accel} <= self._inputs.deltas.keys()
+        return self._inputs.imus.has_data_of(self._imu)
 
     def delta(self) -> InertialDelta:
         """Return the inertial data."""
-        gyro, accel = self._inputs.deltas[self.gyro], self._inputs.deltas[self.accel]
-        if gyro is accel:
-            return gyro
-        return replace(gyro, del_vel=accel.del_vel, del_vel_dt=accel.del_vel_dt)
+        return self._inputs.imus.delta_of(self._imu)
 
     def imu_rates(self) -> ImuRates | None:
         """Return what all IMUs say, None where there is but one."""
-        inputs = self._inputs
-        return ImuRates(self.gyro, self.accel, inputs.gyros, inputs.accels) if len(inputs.deltas) > 1 else None
+        return self._inputs.imus.rates_of(self._imu)
 
     def baro(self) -> tuple[int, float] | None:
         """Return the barometer's reading (update_baro_selection)."""

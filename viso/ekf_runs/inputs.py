@@ -13,12 +13,11 @@ import numpy as np
 from ap_core.cint import i32
 from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.filter.inertial_pass import LOOP_DT
-from ekf_stub.filter.stillness import Filtered
 from ekf_stub.inputs.compasses import NO_COMPASS, CompassReading
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
-from ekf_stub.reports.core_report import Three
 from viso.ekf_runs.gps import GpsRecords
 from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
 
@@ -28,7 +27,6 @@ TAKEOFF_EXPECTED: Final = 1 << 6
 TOUCHDOWN_EXPECTED: Final = 1 << 7
 _USE_ACCEL: Final = 1 << 0  # of RISI.Flags
 _USE_GYRO: Final = 1 << 1
-_MAX_IMUS: Final = 3
 
 T = TypeVar("T")
 
@@ -60,9 +58,7 @@ class ReplayInputs:
         flags: of the frame: ``ARMED``, ``HAS_FLOW``, ``TAKEOFF_EXPECTED``, ``TOUCHDOWN_EXPECTED`` and others.
         home_lat: latitude of home, 1e-7 deg.
         imu_count: how many IMUs there are.
-        deltas: inertial data, by IMU.
-        gyros, accels: what each IMU measures, rad/s and m/s/s, body, filtered; None for a sensor not to be used.
-        first_gyro, first_accel: the first ones that can be used.
+        imus: what they say.
         baros: time of the reading in ms, and height in m, by barometer.
         primary_baro: the one in use.
         compasses: what the compasses say; the same until that changes.
@@ -76,11 +72,9 @@ class ReplayInputs:
 
     def __init__(self) -> None:
         self.time_us = self.flying_ms = self.flags = self.home_lat = 0
-        self.imu_count = _MAX_IMUS
-        self.deltas: dict[int, InertialDelta] = {}
-        self.gyros: list[Three | None] = [None] * _MAX_IMUS
-        self.accels: list[Three | None] = [None] * _MAX_IMUS
-        self.first_gyro = self.first_accel = self.primary_baro = 0
+        self.imu_count = MAX_IMUS
+        self.imus = Imus()
+        self.primary_baro = 0
         self.baros: dict[int, Reading[tuple[int, float]]] = {}
         self.compasses = NO_COMPASS
         self._compasses: dict[int, CompassReading] = {}
@@ -91,8 +85,6 @@ class ReplayInputs:
         self.ranges: RangeFinders | None = None
         self.gps: GpsSample | None = None
         self.gps_lag_s: float | None = None
-        self._uses = [0] * _MAX_IMUS
-        self._filters = [(Filtered(), Filtered()) for _ in range(_MAX_IMUS)]
         self._loop_dt = LOOP_DT
         self._filtered_us = 0
         self._gps_records = GpsRecords()
@@ -129,36 +121,22 @@ class ReplayInputs:
         self.home_lat = i32(home_lat)
 
     def _take_rish(self, record: Any) -> None:
-        self.first_gyro, self.first_accel, count = whole(record, "PG", "PA", "AC")
-        self.imu_count = min(count, _MAX_IMUS)
+        self.imus.first_gyro, self.imus.first_accel, count = whole(record, "PG", "PA", "AC")
+        self.imu_count = min(count, MAX_IMUS)
         (self._loop_dt,) = finite(record, "LD")
 
     def _take_risi(self, record: Any) -> None:
         imu, (uses,) = instance(record), whole(record, "Flags")
         if 0 <= imu < self.imu_count:
             values = finite(record, "DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
-            self.deltas[imu] = InertialDelta(np.array(values[:3]), np.array(values[3:6]), values[6], values[7])
-            self._uses[imu] = uses
-
-    def uses_gyro(self, imu: int) -> bool:
-        """Tell whether a gyro can be used."""
-        return bool(self._uses[imu] & _USE_GYRO)
-
-    def uses_accel(self, imu: int) -> bool:
-        """Tell whether an accelerometer can be used."""
-        return bool(self._uses[imu] & _USE_ACCEL)
+            delta = InertialDelta(np.array(values[:3]), np.array(values[3:6]), values[6], values[7])
+            self.imus.readings[imu] = ImuReading(delta, bool(uses & _USE_GYRO), bool(uses & _USE_ACCEL))
 
     def filter_rates(self) -> None:
-        """Filter what the IMUs measure, once a frame (AP_DAL_InertialSensor::update_filtered)."""
-        if self._filtered_us == self.time_us:
-            return
-        self._filtered_us = self.time_us
-        for imu, delta in self.deltas.items():
-            gyro, accel = self._filters[imu]
-            gyro.add(delta.gyro, self._loop_dt)
-            accel.add(delta.accel, self._loop_dt)
-            self.gyros[imu] = gyro.value if self.uses_gyro(imu) else None
-            self.accels[imu] = accel.value if self.uses_accel(imu) else None
+        """Filter what the IMUs measure, once a frame."""
+        if self._filtered_us != self.time_us:
+            self._filtered_us = self.time_us
+            self.imus.filter_rates(self._loop_dt)
 
     def _take_rbrh(self, record: Any) -> None:
         (self.primary_baro,) = whole(record, "Primary")

@@ -35,7 +35,7 @@ class EkfOutput:
 
     def _estimates_of(self, number: int) -> EkfLog:
         if number not in self._estimates:
-            self._estimates[number] = EkfLog(self, _ALWAYS.__getitem__, lambda: (number,), self._primary)
+            self._estimates[number] = EkfLog(self, _ALWAYS.__getitem__, (number,), self._primary)
         return self._estimates[number]
 
     @property

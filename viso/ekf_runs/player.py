@@ -22,7 +22,6 @@ from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
-from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.release import REFERENCE
 from ekf_stub.inputs.gps_sample import GpsSample
@@ -133,14 +132,7 @@ class EkfPlayer:
 
     def report(self, number: int) -> CoreReport:
         """Return what a core says at present."""
-        core = self.cores.get(number)
-        if core is None or self.lanes is None or not core.initialised:
-            return UNINITIALISED
-        place = self.lanes.cores.index(core)
-        report = report_of(core, self.time_us // 1000)
-        report.error_score = self.lanes.error_scores[place]
-        report.relative_error = self.lanes.relative_errors[place]
-        return report
+        return UNINITIALISED if self.lanes is None else self.lanes.report(list(self.imus).index(number))
 
     def take(self, record: Any) -> None:
         """Take the next record of the log, whatever it is. Raises RecordError if the filter cannot go on with it."""
@@ -269,10 +261,11 @@ class EkfPlayer:
                 lambda: bool(self.inputs.compasses.readings),
                 kernel,
                 common=common,
+                number=number,
                 imu=imu,
                 release=self.release,
             )
-            for imu in self.imus.values()
+            for number, imu in self.imus.items()
         ]
         self.lanes = Lanes(cores, common, self._ekf_param, self._events)
 
@@ -340,7 +333,6 @@ class EkfPlayer:
             for core in self.lanes.cores:
                 core.set_terrain_stable(is_stable=event == _TERRAIN_STABLE)
         elif event == _REQUEST_YAW_RESET and self.lanes is not None:
-            for core in self.lanes.cores:
-                core.request_yaw_reset()
+            self.lanes.request_yaw_reset()
         elif event == _CHECK_LANE_SWITCH and self.lanes is not None:
             self.lanes.check_lane_switch()

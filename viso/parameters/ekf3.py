@@ -90,6 +90,10 @@ _AFTER_FLOW: Final = (
     _boot("GSF_RUN_MASK", INT8, 3, "Which cores estimate yaw by GPS (GSF), a bit each"),
     ParamInfo("GSF_USE_MASK", INT8, 3, "Which of them use it, a bit each"),
     ParamInfo("GSF_RST_MAX", INT8, 2, "How often yaw may be reset by it in a flight", "", (1.0, 10.0)),
+    ParamInfo("ERR_THRESH", FLOAT, 0.2, "By how much a core must be better than the one in use", "", (0.05, 1.0)),
+    _boot(
+        "AFFINITY", INT32, 0, "Of which sensors each core has its own: bits 0 GPS, 1 barometer, 2 compass, 3 airspeed"
+    ),
 )
 
 _AFTER_SOURCES: Final = (

@@ -4,12 +4,13 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
 
 from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.inputs.imus import MAX_IMUS, ImuReading
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.vectors import Three
@@ -18,6 +19,8 @@ MAX_ERROR: Final = 1000.0
 
 _NONE: Final = (0.0, 0.0, 0.0)
 _OPTION: Final = "--imu-error"
+_IMU, _BARO, _COMPASS = range(3)  # each with a random sequence of its own
+_LIMITS: Final = {"imus": (1.0, float(MAX_IMUS))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,8 @@ class SensorErrors:
         gyro_scale_percent, accel_scale_percent: by how much too large all axes read.
         baro_bias_m, baro_noise_m: added to the height; the noise is of each reading.
         compass_noise_mgauss: of each axis of each reading.
+        imus: how many IMUs err, each in its own way: noise and, beyond the first one, biases are drawn for each, the
+            biases as large as those given.
     """
 
     gyro_bias_deg_s: Three = _NONE
@@ -42,6 +47,7 @@ class SensorErrors:
     baro_bias_m: float = 0.0
     baro_noise_m: float = 0.0
     compass_noise_mgauss: float = 0.0
+    imus: float = 1.0
 
 
 NO_ERRORS: Final = SensorErrors()
@@ -59,6 +65,29 @@ def exact_delta(del_vel: Iterable[float], del_ang: Iterable[float], dt: float) -
     return InertialDelta(six[:3], six[3:], dt_single, dt_single)
 
 
+class _ImuErrors:
+    """What is wrong with one IMU."""
+
+    def __init__(self, errors: SensorErrors, seed: int, imu: int) -> None:
+        self._errors = errors
+        self._noise = np.random.default_rng([seed, _IMU, imu] if imu else [seed, _IMU])
+        self._gyro_noise = math.radians(errors.gyro_noise_deg_s_rthz)
+        signs = self._noise.choice((-1.0, 1.0), (2, 3)) if imu else np.ones((2, 3))
+        self._gyro_bias = signs[0] * np.radians(errors.gyro_bias_deg_s)
+        self._accel_bias = signs[1] * np.array(errors.accel_bias_m_s2)
+
+    def spoil(self, delta: InertialDelta) -> InertialDelta:
+        """Return inertial data with the errors."""
+        errors, vel_dt, ang_dt = self._errors, delta.del_vel_dt, delta.del_ang_dt
+        del_vel = delta.del_vel * (1.0 + 0.01 * errors.accel_scale_percent) + self._accel_bias * vel_dt
+        del_ang = delta.del_ang * (1.0 + 0.01 * errors.gyro_scale_percent) + self._gyro_bias * ang_dt
+        if errors.accel_noise_m_s2_rthz or errors.gyro_noise_deg_s_rthz:
+            noise = self._noise.standard_normal(6)
+            del_vel += errors.accel_noise_m_s2_rthz * math.sqrt(max(vel_dt, 0.0)) * noise[:3]
+            del_ang += self._gyro_noise * math.sqrt(max(ang_dt, 0.0)) * noise[3:]
+        return InertialDelta(to_single(del_vel), to_single(del_ang), vel_dt, ang_dt)
+
+
 class ErrorModel:
     """Adds errors to what ideal sensors say; the same seed gives the same errors.
 
@@ -67,11 +96,9 @@ class ErrorModel:
 
     def __init__(self, errors: SensorErrors, seed: int = 0) -> None:
         self._errors = errors
-        self.is_ideal = errors == NO_ERRORS
-        self._imu, self._baro, self._compass = (np.random.default_rng([seed, sensor]) for sensor in range(3))
-        self._gyro_bias = np.radians(errors.gyro_bias_deg_s)
-        self._gyro_noise = math.radians(errors.gyro_noise_deg_s_rthz)
-        self._accel_bias = np.array(errors.accel_bias_m_s2)
+        self.is_ideal = replace(errors, imus=1.0) == NO_ERRORS
+        self._imus = [_ImuErrors(errors, seed, imu) for imu in range(MAX_IMUS)]
+        self._baro, self._compass = (np.random.default_rng([seed, sensor]) for sensor in (_BARO, _COMPASS))
         self._last_baro: tuple[int, float] = (-1, 0.0)
         self._last_mag: tuple[int, Array] = (-1, np.zeros(3))
 
@@ -82,22 +109,20 @@ class ErrorModel:
         """
         if self.is_ideal:
             return sensors
+        imus = sensors.imus
+        if not imus and self._errors.imus > 1:
+            imus = (ImuReading(sensors.delta),) * int(self._errors.imus)
+        if imus:
+            imus = tuple(
+                one._replace(delta=errors.spoil(one.delta)) for one, errors in zip(imus, self._imus, strict=False)
+            )
         return Sensors(
-            self._spoil_delta(sensors.delta),
+            imus[0].delta if imus else self._imus[0].spoil(sensors.delta),
             None if sensors.baro is None else self._spoil_baro(*sensors.baro),
             None if sensors.mag is None else self._spoil_mag(*sensors.mag),
             sensors.declination,
+            imus,
         )
-
-    def _spoil_delta(self, delta: InertialDelta) -> InertialDelta:
-        errors, vel_dt, ang_dt = self._errors, delta.del_vel_dt, delta.del_ang_dt
-        del_vel = delta.del_vel * (1.0 + 0.01 * errors.accel_scale_percent) + self._accel_bias * vel_dt
-        del_ang = delta.del_ang * (1.0 + 0.01 * errors.gyro_scale_percent) + self._gyro_bias * ang_dt
-        if errors.accel_noise_m_s2_rthz or errors.gyro_noise_deg_s_rthz:
-            noise = self._imu.standard_normal(6)
-            del_vel += errors.accel_noise_m_s2_rthz * math.sqrt(max(vel_dt, 0.0)) * noise[:3]
-            del_ang += self._gyro_noise * math.sqrt(max(ang_dt, 0.0)) * noise[3:]
-        return InertialDelta(to_single(del_vel), to_single(del_ang), vel_dt, ang_dt)
 
     def _spoil_baro(self, time_ms: int, height: float) -> tuple[int, float]:
         if time_ms != self._last_baro[0]:
@@ -133,9 +158,9 @@ def _parse_error(text: str) -> tuple[str, float | Three]:
     has_axes = known[name] == _NONE
     if len(numbers) not in ((1, 3) if has_axes else (1,)):
         raise InputError(f"{_OPTION} {text!r}: not NAME=NUMBER{' or NAME=X,Y,Z' if has_axes else ''}")
-    lowest = 0.0 if "_noise_" in name else -MAX_ERROR
-    if not all(lowest <= number <= MAX_ERROR for number in numbers):
-        raise InputError(f"{_OPTION} {text!r}: not from {lowest:g} to {MAX_ERROR:g}")
+    lowest, highest = _LIMITS.get(name, (0.0 if "_noise_" in name else -MAX_ERROR, MAX_ERROR))
+    if not all(lowest <= number <= highest for number in numbers):
+        raise InputError(f"{_OPTION} {text!r}: not from {lowest:g} to {highest:g}")
     if not has_axes:
         return name, numbers[0]
     x, y, z = numbers if len(numbers) == 3 else 3 * numbers

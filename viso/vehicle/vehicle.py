@@ -122,6 +122,7 @@ class Vehicle:
             is_armed=lambda: self.copter.arming.armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
+            on_primary=lambda core: self.copter.note_primary(core),
             flying_ms=lambda: self.copter.landing.flying_ms(),
             home=lambda: self.copter.home.place,
             release=config.firmware.ekf,

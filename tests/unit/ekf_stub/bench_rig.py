@@ -50,6 +50,7 @@ class BenchRig:
         texts: time in ms, severity and text of all that was said.
         statuses: time in ms and flags, whenever they changed.
         yaw_resets: the times in ms at which yaw was aligned.
+        primaries: the primary cores, one after the other.
         records: name and values of what was logged for a replay, while ``is_logged``.
         place: where it stands.
         gps: the GPS's newest solution.
@@ -69,6 +70,7 @@ class BenchRig:
         self.texts: list[tuple[int, int, str]] = []
         self.statuses: list[tuple[int, int | None]] = []
         self.yaw_resets: list[int] = []
+        self.primaries: list[int] = []
         self.records: list[tuple[str, tuple[LogValue, ...]]] = []
         self.is_logged = False
         self.place = HOME
@@ -93,6 +95,7 @@ class BenchRig:
                 is_armed=lambda: self.armed,
                 visual_odom_enabled=lambda: self.has_camera,
                 on_yaw_reset=lambda: self.yaw_resets.append(self.now_ms),
+                on_primary=self.primaries.append,
                 flying_ms=lambda: self.flying_ms,
                 home=lambda: self.home,
                 ranges=lambda: self.ranges,

@@ -225,6 +225,16 @@ class FakeAhrs(SettableAhrs):
     height_resets = 0
     terrain_is_stable = True
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[str] = []
+
+    def request_yaw_reset(self) -> None:
+        self.asked.append("yaw reset")
+
+    def check_lane_switch(self) -> None:
+        self.asked.append("lane switch")
+
     def estimator_started(self) -> bool:
         return self.started
 

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, Generic, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +65,14 @@ def readings(values: Sequence[T], keys: npt.ArrayLike, of_passes: npt.ArrayLike)
     return Readings(values, np.searchsorted(growing_keys, np.asarray(of_passes)) - 1)
 
 
+class FlownImu(NamedTuple):
+    """What one of several IMUs said: see ``Flight.deltas``; and whether gyro and accelerometer were used, [passes]."""
+
+    deltas: Array
+    has_gyro: npt.NDArray[np.bool_]
+    has_accel: npt.NDArray[np.bool_]
+
+
 class Happening(Enum):
     """What happens to a vehicle that its sensors do not tell."""
 
@@ -102,6 +110,7 @@ class Flight:
         track: where the log's own filter says it was, while it knew: time in us and NED in m, [N, 4].
         notes: how it was made, a line each.
         ahrs_start_us: when the AHRS started, since boot.
+        imus: what all IMUs said, of a log that tells of several.
     """
 
     basis: Basis
@@ -116,6 +125,7 @@ class Flight:
     track: Array
     notes: tuple[str, ...] = ()
     ahrs_start_us: int = AHRS_START_US
+    imus: tuple[FlownImu, ...] = ()
 
     @property
     def tells_flying(self) -> bool:

@@ -6,25 +6,34 @@ It has each pass (RFRH to RFRF), and inertial data (RISI), height (RBRI), magnet
 where they differ from the pass before.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
+from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.imus import MAX_IMUS
 from viso.logs.recorded import valid_positions
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
-from viso.sensors.flown.flight import Basis, Flight, Ints, Readings, chosen, growing, imu_of, readings
+from viso.sensors.flown.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings
 from viso.sensors.flown.slow_sensors import slow_sensors
 
+_USE_ACCEL, _USE_GYRO = 1 << 0, 1 << 1  # of RISI.Flags
 _DELTA: Final = ("DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
 
 
 def replay_records(log: LogColumns, lane: int) -> Flight | None:
-    """Return the flight of a log with replay records of a lane's IMU; None for one without."""
+    """Return the flight of a log with replay records; None for one without.
+
+    Of a log with the records of all IMUs it has them all; of one with those of the lane's IMU alone it has these.
+    """
     times, begins = chosen(log, "RFRH", ["TimeUS"])
-    deltas, of_deltas = chosen(log, "RISI", _DELTA, imu_of(log, lane))
+    imus = [chosen(log, "RISI", (*_DELTA, "Flags"), imu) for imu in _imus_in(log)]
+    lane_imu = imu_of(log, lane)
+    deltas, of_deltas = imus[0] if len(imus) > 1 else chosen(log, "RISI", (*_DELTA, "Flags"), lane_imu)
     if not len(deltas):
-        deltas, of_deltas = chosen(log, "RISI", _DELTA, 0)
+        deltas, of_deltas = chosen(log, "RISI", (*_DELTA, "Flags"), 0)
     ends = log.offsets("RFRF")
     of_time, of_delta = (np.searchsorted(places, ends) - 1 for places in (begins, of_deltas))
     known = (of_time >= 0) & (of_delta >= 0)
@@ -39,7 +48,7 @@ def replay_records(log: LogColumns, lane: int) -> Flight | None:
     return Flight(
         Basis.REPLAY,
         time_us,
-        deltas[of_delta[known][kept]],
+        deltas[of_delta[known][kept], :-1],
         readings([(int(time_ms), height) for time_ms, height in baro.tolist()], of_baro, ends),
         readings([(int(row[0]), row[1:]) for row in mag], of_mag, ends),
         _declination(log, ends) or slow.declination,
@@ -47,7 +56,23 @@ def replay_records(log: LogColumns, lane: int) -> Flight | None:
         gps_of(log, time_us),
         events_of(log),
         valid_positions(log, lane),
+        imus=_flown(imus, ends) if len(imus) > 1 else (),
         ahrs_start_us=ahrs_start_us(log),
+    )
+
+
+def _imus_in(log: LogColumns) -> list[int]:
+    """Return the IMUs whose data a log has, where they are of use and it has them from the first frame on."""
+    counts = [np.count_nonzero(chosen(log, "RISI", ["DVDT"], imu)[0]) for imu in range(MAX_IMUS)]
+    return [imu for imu, count in enumerate(counts) if count and all(counts[:imu])]
+
+
+def _flown(imus: Sequence[tuple[Array, Ints]], ends: Ints) -> tuple[FlownImu, ...]:
+    newest = [table[np.maximum(np.searchsorted(begins, ends) - 1, 0)] for table, begins in imus]
+    flags = [table[:, -1].astype(int) for table in newest]
+    return tuple(
+        FlownImu(table[:, :-1], uses & _USE_GYRO > 0, uses & _USE_ACCEL > 0)
+        for table, uses in zip(newest, flags, strict=True)
     )
 
 

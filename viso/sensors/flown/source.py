@@ -13,6 +13,7 @@ from ap_core.dataflash_columns import LogColumns
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
 from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.imus import ImuReading
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.logs.recorded import read_columns
@@ -87,7 +88,12 @@ class RecordedSource(UnmovedSource):
             self._yaw_rad = yaw_rad
         mag = flight.mag.at(newest) if self._options.has_compass() else None
         declination = flight.declination.at(newest) or 0.0
-        return self._model.apply(Sensors(_sum_of(flight.deltas[start:end]), flight.baro.at(newest), mag, declination))
+        imus = tuple(
+            ImuReading(_sum_of(deltas[start:end]), bool(has_gyro[newest]), bool(has_accel[newest]))
+            for deltas, has_gyro, has_accel in flight.imus
+        )
+        delta = imus[0].delta if imus else _sum_of(flight.deltas[start:end])
+        return self._model.apply(Sensors(delta, flight.baro.at(newest), mag, declination, imus))
 
     def is_at_rest(self, until_us: int) -> bool:
         """Tell whether the log says nothing from now until a time since boot."""

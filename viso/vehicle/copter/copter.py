@@ -19,6 +19,9 @@ from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeReason
 from viso.vehicle.copter.parts import CopterParts
 
 EV_EKF_ALT_RESET: Final = 60
+ERR_SUBSYSTEM_EKF_PRIMARY: Final = 24
+
+_MAV_SEVERITY_WARNING: Final = 4
 
 
 class Copter:
@@ -101,6 +104,11 @@ class Copter:
         """
         climbs_or_sinks = self.landing.is_taking_off() or self.modes.current.lands
         self._parts.ahrs.set_terrain_stable(is_stable=climbs_or_sinks and self.estimates.position_ok())
+
+    def note_primary(self, core: int) -> None:
+        """Log and tell by which core of the estimator the vehicle flies from now on (Copter::check_ekf_reset)."""
+        self._parts.log.error(ERR_SUBSYSTEM_EKF_PRIMARY, core)
+        self._parts.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{core}")
 
     def disarm_when_idle(self) -> None:
         """Disarm after DISARM_DELAY on the ground; ten times a second."""

@@ -39,7 +39,7 @@ def is_over_threshold(status: FilterStatus, threshold: float, *, has_flow: bool 
 
 
 class EkfCheck:
-    """Counts failures, ten times a second; after a second of them it warns.
+    """Counts failures, ten times a second; it asks the estimator for help, and after a second of them it warns.
 
     Args:
         ahrs: whose estimator it is.
@@ -101,11 +101,15 @@ class EkfCheck:
         passed = self._has_position() and not is_over
         self._has_ever_passed |= passed
         if self._has_ever_passed:
-            self._count(passed, is_over)
+            self._count(passed=passed, is_over=is_over)
 
-    def _count(self, passed: bool, is_over: bool) -> None:
+    def _count(self, *, passed: bool, is_over: bool) -> None:
         if not passed and not self.failed:
             self._failures += 1
+            if self._failures == ITERATIONS_MAX - 2 and is_over:
+                self._ahrs.request_yaw_reset()
+            if self._failures == ITERATIONS_MAX - 1:
+                self._ahrs.check_lane_switch()
             if self._failures == ITERATIONS_MAX:
                 self._fail(is_over)
         elif passed and self._failures > 0:

@@ -28,7 +28,7 @@ def inputs() -> ReplayInputs:
 
 
 def test_nothing_is_known_at_first(inputs: ReplayInputs) -> None:
-    assert (inputs.deltas, inputs.baros, inputs.compasses.readings) == ({}, {}, ())
+    assert (inputs.imus.readings, inputs.baros, inputs.compasses.readings) == ({}, {}, ())
     assert (inputs.camera_frd, inputs.gps) == (None, None)
 
 
@@ -42,17 +42,17 @@ def test_frame_has_time_and_flags(inputs: ReplayInputs) -> None:
 def test_inertial_data_are_kept_by_imu(inputs: ReplayInputs) -> None:
     inputs.take(inertial(0, 1.0))
     inputs.take(inertial(1, 9.0))
-    delta = inputs.deltas[0]
+    delta = inputs.imus.readings[0].delta
     assert (delta.del_vel.tolist(), delta.del_ang.tolist()) == ([1, 2, 3], [4, 5, 6])
     assert (delta.del_vel_dt, delta.del_ang_dt) == (0.0025, 0.0024)
-    assert inputs.deltas[1].del_vel.tolist() == [9, 2, 3]
+    assert inputs.imus.readings[1].delta.del_vel.tolist() == [9, 2, 3]
 
 
 def test_values_stand_until_they_change(inputs: ReplayInputs) -> None:
     inputs.take(inertial(0, 1.0))
-    before = inputs.deltas[0]
+    before = inputs.imus.readings[0].delta
     inputs.take(record("RFRH", TimeUS=1, TF=0))
-    assert inputs.deltas[0] is before
+    assert inputs.imus.readings[0].delta is before
 
 
 def test_heights_are_kept_by_barometer(inputs: ReplayInputs) -> None:

@@ -3,11 +3,13 @@
 """Sensors err as they are told to, the same way for the same seed, and read single precision."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.inputs.imus import ImuReading
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors, exact_delta, parse_errors
@@ -18,7 +20,7 @@ FOUR_SIGMA = 4.0
 
 NAMES = (
     "gyro_bias_deg_s, gyro_noise_deg_s_rthz, gyro_scale_percent, accel_bias_m_s2, accel_noise_m_s2_rthz, "
-    "accel_scale_percent, baro_bias_m, baro_noise_m, compass_noise_mgauss"
+    "accel_scale_percent, baro_bias_m, baro_noise_m, compass_noise_mgauss, imus"
 )
 
 
@@ -145,9 +147,39 @@ def test_errors_are_read_from_assignments() -> None:
     assert parse_errors([]) == NO_ERRORS
 
 
+def test_several_imus_err_each_in_its_own_way() -> None:
+    errors = SensorErrors(gyro_bias_deg_s=(1.0, 2.0, 3.0), accel_noise_m_s2_rthz=0.1)
+    alone = run(errors, passes=20)
+    several = run(replace(errors, imus=3.0), passes=20)
+    assert [len(one.imus) for one in alone] == [0] * 20
+    assert [one.imus[0].delta.del_vel.tolist() for one in several] == [one.delta.del_vel.tolist() for one in alone]
+    turned = [np.degrees(imu.delta.del_ang / DT) - [math.degrees(0.1), 0.0, 0.0] for imu in several[0].imus]
+    assert turned[0] == pytest.approx([1.0, 2.0, 3.0], abs=1e-4)
+    assert np.abs(turned) == pytest.approx(np.tile([1.0, 2.0, 3.0], (3, 1)), abs=1e-4)
+    assert len({tuple(imu.delta.del_vel.tolist()) for one in several for imu in one.imus}) == 60
+
+
+def test_imus_that_differ_already_err_each_for_itself() -> None:
+    one = sensors()
+    slower = replace(one.delta, del_ang=0.5 * one.delta.del_ang)
+    spoilt = ErrorModel(SensorErrors(gyro_bias_deg_s=(1.0, 0.0, 0.0))).apply(
+        replace(one, imus=(ImuReading(one.delta), ImuReading(slower, has_accel=False)))
+    )
+    first, second = (abs(imu.delta.del_ang[0] / DT - rate) for imu, rate in zip(spoilt.imus, (0.1, 0.05), strict=True))
+    assert (first, second) == (pytest.approx(math.radians(1)), pytest.approx(math.radians(1)))
+    assert spoilt.delta is spoilt.imus[0].delta
+    assert not spoilt.imus[1].has_accel
+
+
+def test_ideal_imus_are_left_alone_however_many() -> None:
+    given = sensors()
+    assert ErrorModel(SensorErrors(imus=2.0)).apply(given) is given
+
+
 @pytest.mark.parametrize(("text", "error"), [
     ("gyro_bias=1", f"no such error; there are {NAMES}"),
     ("", f"no such error; there are {NAMES}"),
+    ("imus=4", "not from 1 to 3"),
     ("baro_bias_m", "not NAME=NUMBER"),
     ("baro_bias_m=", "not NAME=NUMBER"),
     ("baro_bias_m=high", "not NAME=NUMBER"),

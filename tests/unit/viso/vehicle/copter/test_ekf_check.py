@@ -88,6 +88,20 @@ def test_second_of_failures_is_told_and_a_second_without_resolves_it(watched: "C
     assert not watched.copter.is_in_failsafe()
 
 
+def test_estimator_is_asked_for_help_before_it_counts_as_failed(watched: "CopterRig") -> None:
+    found = []
+    for _ in range(10):
+        watch(watched, 0.1, ILL)
+        found.append(len(watched.ahrs.asked))
+    assert found == [0] * 7 + [1, 2, 2]
+    assert watched.ahrs.asked == ["yaw reset", "lane switch"]
+
+
+def test_lost_position_asks_for_no_yaw_reset(watched: "CopterRig") -> None:
+    watch(watched, 1.0, FilterStatus(FilterFlag(0)))
+    assert watched.ahrs.asked == ["lane switch"]
+
+
 def test_second_warning_waits_for_30_s(watched: "CopterRig") -> None:
     for _ in range(2):
         watch(watched, 1.0, ILL)

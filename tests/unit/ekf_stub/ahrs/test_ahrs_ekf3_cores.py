@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cores whose IMUs differ: each has a filter of its own, and the vehicle is told what the primary one says."""
+
+from collections.abc import Callable
+
+import pytest
+
+from ekf_stub.ahrs.cores import Cores
+from tests.unit.ekf_stub.bench_rig import BenchRig
+from viso.sensors.errors import SensorErrors
+
+MakeBench = Callable[..., BenchRig]
+
+DIFFERING = SensorErrors(accel_bias_m_s2=(0.1, 0.1, 0.2), gyro_noise_deg_s_rthz=0.01, imus=2.0)
+
+
+@pytest.fixture
+def bench(make_bench: MakeBench) -> BenchRig:
+    """Return a vehicle with two IMUs that differ, which navigates by external navigation."""
+    return make_bench("66666", errors=DIFFERING, run_s=5.6)
+
+
+def cores_of(bench: BenchRig) -> Cores:
+    assert bench.ahrs.cores is not None
+    return bench.ahrs.cores
+
+
+def let_first_be_bad(bench: BenchRig) -> None:
+    first, second = cores_of(bench).lanes.cores
+    first.fusion.innovations.height_ratio, second.fusion.innovations.height_ratio = 2.0, 0.1
+    for core in (first, second):
+        core.yaw.aligned = core.control.tilt_aligned = True
+    bench.ahrs.check_lane_switch()
+
+
+def test_cores_that_are_given_the_same_share_a_filter(make_bench: MakeBench) -> None:
+    bench = make_bench("66666", run_s=3.5)
+    assert len(cores_of(bench).lanes.cores) == 1
+
+
+def test_each_core_has_a_state_and_texts_of_its_own(bench: BenchRig) -> None:
+    first, second = cores_of(bench).lanes.cores
+    assert first.state.vel.tolist() != second.state.vel.tolist()
+    assert [bench.said().count(f"EKF3 IMU{imu} initialised") for imu in (0, 1)] == [1, 1]
+    assert bench.said().count("AHRS: EKF3 active") == 1
+
+
+def test_mask_chooses_among_the_imus_that_differ(make_bench: MakeBench) -> None:
+    bench = make_bench("66666", errors=SensorErrors(gyro_noise_deg_s_rthz=0.01, imus=3.0), EK3_IMU_MASK=4, run_s=4.5)
+    assert len(cores_of(bench).lanes.cores) == 1
+    assert bench.said()[0] == "EKF3 IMU2 initialised"
+
+
+def test_sample_goes_to_all_cores_and_counts_once(bench: BenchRig) -> None:
+    before = bench.ahrs.ext_nav_counts["pose", "taken"]
+    bench.pose()
+    assert bench.ahrs.ext_nav_counts["pose", "taken"] == before + 1
+    assert all(core.ingest.pose_stamp_ms == bench.now_ms for core in cores_of(bench).lanes.cores)
+
+
+def test_inputs_of_all_imus_are_logged(bench: BenchRig) -> None:
+    bench.is_logged = True
+    bench.run_for(0.01)
+    imus = [values[-1] for name, values in bench.records if name == "RISI"]
+    assert imus == [0, 1, 2, 0, 1, 0, 1, 0, 1][: len(imus)]
+    assert len({values[:6] for name, values in bench.records if name == "RISI"}) == len(imus)
+
+
+def test_better_core_takes_over_and_the_vehicle_is_told(bench: BenchRig) -> None:
+    let_first_be_bad(bench)
+    assert bench.said()[-1] == "EKF3 lane switch 1"
+    assert bench.primaries == [1]
+    assert bench.yaw_resets[-1] == bench.now_ms
+    assert bench.core is cores_of(bench).lanes.cores[1]
+
+
+def test_all_that_is_told_is_the_primary_cores(bench: BenchRig) -> None:
+    let_first_be_bad(bench)
+    second = cores_of(bench).lanes.cores[1]
+    second.output.now.vel[:] = 3.0, 2.0, 1.0
+    assert bench.velocity == (3.0, 2.0, 1.0)
+    assert bench.report.vel_ned == (3.0, 2.0, 1.0)
+    heard: list[str] = []
+    bench.ahrs.on_filter_outcome = lambda outcome: heard.append(outcome.kind)
+    bench.pose()
+    assert heard == ["pose", "yaw"]
+
+
+def test_vehicle_goes_back_to_the_chosen_core_on_the_ground(bench: BenchRig) -> None:
+    let_first_be_bad(bench)
+    bench.run_for(0.1)
+    assert bench.primaries == [1, 0]
+    assert bench.said().count("EKF3 lane switch 0") == 0
+    assert bench.core is cores_of(bench).lanes.cores[0]
+
+
+def test_help_that_the_vehicle_asks_for_is_logged(bench: BenchRig) -> None:
+    bench.is_logged = True
+    bench.run_for(0.01)
+    bench.records.clear()
+    bench.ahrs.request_yaw_reset()
+    bench.ahrs.check_lane_switch()
+    assert [record for record in bench.records if record[0] == "REV3"] == [("REV3", (11,)), ("REV3", (12,))]
+
+
+def test_core_that_is_not_well_keeps_the_vehicle_from_arming(bench: BenchRig) -> None:
+    _, second = cores_of(bench).lanes.cores
+
+    second.fusion.innovations.vel_ratio = second.fusion.innovations.pos_ratio = 2.0
+    second.fusion.innovations.height_ratio = 2.0
+    assert bench.ahrs.healthy()
+    assert cores_of(bench).lanes.unhealthy_reason() is not None
