@@ -194,6 +194,7 @@ class Ekf3Ahrs(AhrsBase):
             self._sources,
             has_camera=self._has_camera,
             has_flow=self._has_flow(),
+            gps_lag_s=parts.gps_lag_s(),
             least_ms=self._buffer_ms,
         )
         self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0)
@@ -228,7 +229,7 @@ class Ekf3Ahrs(AhrsBase):
             log.event(SOURCE_SET_1 + self._source_set)
         if log.start_frame(frame.time_us, frame.flying_ms):
             log.vehicle(VehicleFrame(frame.armed, has_flow_sensor=self._has_flow(), home=self._parts.home()))
-            log.sensors(self._with_zeroed_baro(sensors), frame.gps)
+            log.sensors(self._with_zeroed_baro(sensors), frame.gps, self._parts.gps_lag_s())
             log.ranges(self._parts.ranges())
         if self._camera is not None:
             log.frame(self._camera)

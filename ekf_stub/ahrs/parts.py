@@ -30,6 +30,7 @@ class AhrsParts:
         params: all parameters.
         texts: where texts for the ground station go.
         gps: returns the newest solution of the GPS.
+        gps_lag_s: returns how late the GPS is said to be, s.
         is_armed: tells whether the vehicle is armed.
         visual_odom_enabled: tells whether there is visual odometry.
         on_yaw_reset: is called as the estimator's yaw has jumped.
@@ -47,6 +48,7 @@ class AhrsParts:
     params: ParamTable
     texts: TextSink
     gps: Callable[[], GpsSample | None]
+    gps_lag_s: Callable[[], float]
     is_armed: Callable[[], bool]
     visual_odom_enabled: Callable[[], bool]
     on_yaw_reset: Callable[[], None]

@@ -16,22 +16,19 @@ _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for b
 _NOWHERE: Final = (0.0, 0.0, 0.0)
 
 
-def _absent(instance: int, flags: int, hdop: int) -> tuple[Values, Values]:
-    slow = (*_NOWHERE, 0.0, flags, 0, 0, instance)
+def _absent(instance: int, flags: int, hdop: int, lag_s: float = 0.0) -> tuple[Values, Values]:
+    slow = (*_NOWHERE, lag_s, flags, 0, 0, instance)
     return slow, (0, *_NOWHERE, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0.0, 0.0, hdop, instance)
 
-
-NO_GPS: Final = (0, 0), _absent(0, _LAG, _UNKNOWN_DOP)
-"""RGPH, and RGPI with RGPJ of the first receiver, when there is none."""
 
 UNUSED: Final = (_absent(1, _LAG, _UNKNOWN_DOP), _absent(2, 0, 0))
 """RGPI and RGPJ of the second receiver, and of what the firmware would blend of the two."""
 
 
-def gps_values(gps: GpsSample | None) -> tuple[Values, tuple[Values, Values]]:
-    """Return RGPH, and RGPI with RGPJ of the first receiver."""
+def gps_values(gps: GpsSample | None, lag_s: float = 0.0) -> tuple[Values, tuple[Values, Values]]:
+    """Return RGPH, and RGPI with RGPJ of the first receiver; ``lag_s`` is of one that is not there."""
     if gps is None:
-        return NO_GPS
+        return (0, 0), _absent(0, _LAG, _UNKNOWN_DOP, lag_s)
     known = (
         (_VERTICAL_VELOCITY, gps.has_vertical_velocity),
         (_HORIZONTAL, gps.horizontal_accuracy is not None),

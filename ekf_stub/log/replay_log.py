@@ -165,15 +165,15 @@ class ReplayLog(ExtNavLog):
         if self._is_first or before is None or vehicle != before or vehicle.trim_rad is not before.trim_rad:
             self._write_input(RFRN, vehicle_values(vehicle))
 
-    def sensors(self, sensors: Sensors, gps: GpsSample | None = None) -> None:
-        """Log what the sensors say in this frame."""
+    def sensors(self, sensors: Sensors, gps: GpsSample | None = None, gps_lag_s: float = 0.0) -> None:
+        """Log what the sensors say in this frame; ``gps_lag_s`` is how late a GPS that says nothing would be."""
         if not self._is_wanted:
             return
         self._write_inertial(sensors)
         if self._is_first or sensors.baro != self._baro:
             self._write_baro(sensors.baro)
         if self._is_first or (gps is not self._gps and gps != self._gps):
-            self._write_gps(gps)
+            self._write_gps(gps, gps_lag_s)
         if self._is_first or sensors.mag is not self._mag or sensors.declination != self._declination:
             self._write_compass(sensors.mag, sensors.declination)
 
@@ -200,9 +200,9 @@ class ReplayLog(ExtNavLog):
         if baro is not None:
             self._write_inputs(RBRI, (u32(baro[0]), baro[1], 1), count)
 
-    def _write_gps(self, gps: GpsSample | None) -> None:
+    def _write_gps(self, gps: GpsSample | None, lag_s: float) -> None:
         self._gps = gps
-        header, receiver = gps_values(gps)
+        header, receiver = gps_values(gps, lag_s)
         self._write_input(RGPH, header)
         for instance, (slow, fast) in enumerate((receiver, *UNUSED)):
             self._write_input(RGPI, slow, instance)

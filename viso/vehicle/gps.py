@@ -12,12 +12,13 @@ from ap_core.clock import Clock
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_core.sinks import RecordSink, TextSink
-from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
+from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS
 from viso.vehicle.gps_driver import UNKNOWN_DOP, GpsState, MavlinkGpsDriver
 
 GPS_TYPE_NONE: Final = 0
+GPS_TYPE_AUTO: Final = 1
 GPS_TYPE_MAV: Final = 14
 NO_GPS: Final = 0
 NO_FIX: Final = 1
@@ -29,6 +30,7 @@ SPECIFIED_TEXT: Final = "GPS 1: specified as MAV"
 DETECTED_TEXT: Final = "GPS 1: detected MAV"
 
 _MAV_SEVERITY_INFO: Final = 6
+_LAG_S_WITHOUT_DRIVER: Final = {GPS_TYPE_NONE: 0.0, GPS_TYPE_AUTO: 0.1}
 _MAX_DELTA_MS: Final = 245
 _MAX_AVERAGE_DELTA_MS: Final = f32(215)
 _MAX_DELAYED: Final = 2
@@ -97,6 +99,14 @@ class MavlinkGps:
         if self._sample is None:
             self._sample = self._make_sample()
         return self._sample
+
+    def lag_s(self) -> float:
+        """Return how late solutions are taken to be (AP_GPS::get_lag).
+
+        FIRMWARE PARITY: of a receiver that has to be configured first, and is not, the firmware does not know this, and
+        its estimator waits; here such a receiver counts as configured.
+        """
+        return _LAG_S_WITHOUT_DRIVER.get(self._type(), USUAL_LAG_S) if self._driver is None else USUAL_LAG_S
 
     def _make_sample(self) -> GpsSample:
         state = self._state

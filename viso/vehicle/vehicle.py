@@ -119,6 +119,7 @@ class Vehicle:
             self.params,
             self.texts,
             gps=self._gps_sample,
+            gps_lag_s=self._gps_lag_s,
             is_armed=lambda: self.copter.arming.armed,
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
@@ -243,6 +244,10 @@ class Vehicle:
 
     def _gps_sample(self) -> GpsSample | None:
         return (self.flown and self.flown.gps()) or self.gps.sample()
+
+    def _gps_lag_s(self) -> float:
+        sample = self._gps_sample()
+        return self.gps.lag_s() if sample is None else sample.lag_s
 
     def _let_happen(self, event: Event) -> None:
         """Do what the vehicle of a log did, if it is not so already."""

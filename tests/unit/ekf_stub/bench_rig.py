@@ -19,7 +19,7 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.filter.states import GYRO
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.gps_sample import USUAL_LAG_S, GpsSample
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -92,6 +92,7 @@ class BenchRig:
                 params=self.params,
                 texts=self,
                 gps=lambda: self.gps,
+                gps_lag_s=lambda: USUAL_LAG_S,
                 is_armed=lambda: self.armed,
                 visual_odom_enabled=lambda: self.has_camera,
                 on_yaw_reset=lambda: self.yaw_resets.append(self.now_ms),

@@ -62,6 +62,8 @@ def _switches(log: LogColumns, begun_us: int) -> Iterator[Event]:
 
 
 def _origins(log: LogColumns) -> Iterator[Event]:
+    if has(log, "RFRH", "TimeUS") and not log.counts.get("RSO3"):
+        return  # nobody set it: the filter did, by GPS
     for row in chosen(log, "ORGN", ["Type", "TimeUS", "Lat", "Lng", "Alt"])[0].tolist():
         place = _place(row[2:])
         if row[0] == _EKF_ORIGIN and place.is_valid():

@@ -56,19 +56,22 @@ def replay_records(log: LogColumns, lane: int) -> Flight | None:
         gps_of(log, time_us),
         events_of(log),
         valid_positions(log, lane),
-        imus=_flown(imus, ends) if len(imus) > 1 else (),
+        imus=_flown(imus, ends),
         ahrs_start_us=ahrs_start_us(log),
     )
 
 
 def _imus_in(log: LogColumns) -> list[int]:
-    """Return the IMUs whose data a log has, where they are of use and it has them from the first frame on."""
-    counts = [np.count_nonzero(chosen(log, "RISI", ["DVDT"], imu)[0]) for imu in range(MAX_IMUS)]
-    return [imu for imu, count in enumerate(counts) if count and all(counts[:imu])]
+    """Return the IMUs of which a log has data, as far as it has those of all before them."""
+    has_data = [bool(chosen(log, "RISI", ["DVDT"], imu)[0].any()) for imu in range(MAX_IMUS)]
+    return [imu for imu in range(MAX_IMUS) if all(has_data[: imu + 1])]
 
 
 def _flown(imus: Sequence[tuple[Array, Ints]], ends: Ints) -> tuple[FlownImu, ...]:
+    """Return what each IMU said in each pass; nothing where all said the same."""
     newest = [table[np.maximum(np.searchsorted(begins, ends) - 1, 0)] for table, begins in imus]
+    if all(np.array_equal(newest[0], table) for table in newest[1:]):
+        return ()
     flags = [table[:, -1].astype(int) for table in newest]
     return tuple(
         FlownImu(table[:, :-1], uses & _USE_GYRO > 0, uses & _USE_ACCEL > 0)

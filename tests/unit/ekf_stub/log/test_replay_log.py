@@ -17,9 +17,9 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.range_state import FinderState, RangeState
-from ekf_stub.inputs.sensors import Sensors
+bafrom ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
+from ekf_stub.log.gps_log import gps_values
 from ekf_stub.log.replay_log import (
     CHECK_LANE_SWITCH,
     EKF2_BEFORE_EKF3,
@@ -176,6 +176,19 @@ def test_inertial_data_are_logged_for_each_imu(rig: Rig) -> None:
     assert rig.values("RISI") == [(1, 2, 3, 4, 5, 6, 7, 8, 15, 0), (1, 2, 3, 4, 5, 6, 7, 8, 15, 1)]
 
 
+def test_imus_that_differ_are_logged_each_with_what_may_be_used(rig: Rig) -> None:
+    some, other = SENSORS.delta, InertialDelta(np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), 7.0, 8.0)
+    imus = ImuReading(some), ImuReading(other, has_gyro=False), ImuReading(other, has_accel=False)
+    rig.sensors = replace(SENSORS, imus=imus)
+    rig.frame()
+    assert [name for name, _ in rig.records if name.startswith("RIS")] == ["RISH", "RISI", "RISI"]
+    assert [values[-2:] for name, values in rig.records if name == "RISI"] == [(13, 1), (14, 2)]
+    rig.records.clear()
+    rig.sensors = replace(SENSORS, imus=(imus[2], *imus[1:]))
+    rig.frame()
+    assert [values[1:3] for values in rig.values("RISH")] == [(0, 1)]
+
+
 def test_inertial_data_that_differ_in_a_sign_of_zero_are_logged(rig: Rig) -> None:
     delta = InertialDelta(np.array([-0.0, 0.25, -0.5]), np.zeros(3), 0.0025, 0.0025)
     assert rig.frames_with(replace(SENSORS, delta=delta)) == ["RFRF", "RFRH", "RISI", "RISI"]
@@ -280,6 +293,11 @@ def test_without_gps_there_are_three_empty_places(new: Rig) -> None:
         (0, 0, 0, 0, 0, 0, 0, 2),
     ]
     assert [values[-2:] for name, values in records if name == "RGPJ"] == [(65535, 0), (65535, 1), (0, 2)]
+
+
+def test_lag_of_a_gps_that_is_not_there_is_logged() -> None:
+    header, (slow, _) = gps_values(None, 0.1)
+    assert (header, slow) == ((0, 0), (0, 0, 0, 0.1, 8, 0, 0, 0))
 
 
 def test_solution_of_a_gps_is_logged(rig: Rig) -> None:

@@ -334,6 +334,11 @@ def test_time_of_day_needs_a_week_and_a_3d_fix(packet: GPS_INPUT) -> None:
     assert rig.told_us == []
 
 
+@pytest.mark.parametrize(("gps_type", "lag_s"), [(0, 0.0), (1, 0.1), (14, 0.2), (2, 0.2)])
+def test_lag_is_the_drivers_or_what_the_firmware_takes_without_one(gps_type: int, lag_s: float) -> None:
+    assert Rig(gps_type).gps.lag_s() == lag_s
+
+
 # In the vehicle
 
 

@@ -32,6 +32,8 @@ _LAYOUTS = {
     "GPS": ("TimeUS,I,Status,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ", "QBBBcLLefff"),
     "GPA": ("TimeUS,I,VDop,HAcc,VAcc,SAcc,VV,SMS", "QBCCCCBI"),
     "RGPI": ("Lg,I", "fB"),
+    "RFRH": ("TimeUS", "Q"),
+    "RSO3": ("Lat,Lng,Alt", "LLe"),
     "MSG": ("TimeUS,Message", "QZ"),
 }
 

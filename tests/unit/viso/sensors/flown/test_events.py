@@ -50,6 +50,12 @@ def test_without_arm_records_events_tell() -> None:
     assert events_of(log_of()) == ()
 
 
+@pytest.mark.parametrize(("set_by_somebody", "events"), [([], 0), ([[PLACE.lat, PLACE.lng, PLACE.alt_cm]], 1)])
+def test_origin_of_replay_records_is_one_that_somebody_set(set_by_somebody: list[Any], events: int) -> None:
+    log = log_of(RFRH=[[3e6]], ORGN=[[6e6, 0, PLACE.lat, PLACE.lng, PLACE.alt_cm]], RSO3=set_by_somebody)
+    assert len(events_of(log)) == events
+
+
 def test_origin_that_is_nowhere_is_none() -> None:
     assert events_of(log_of(ORGN=[[6e6, 0, 2_000_000_000, 0, 0]])) == ()
 

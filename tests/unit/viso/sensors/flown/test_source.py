@@ -136,6 +136,18 @@ def test_gap_in_the_log_brings_nothing(path: Path) -> None:
     assert got == [True, False, False, False, True, False]
 
 
+def test_imus_that_differ_are_played_each_and_others_not(path: Path) -> None:
+    both = one_pass(100_000, risi(1, 0, 0, 0, 0, 0), risi(2, 0, 0, 0, 0, 0, imu=1))
+    worse = "RISI", (4, 0, 0, 0, 0, 0, DT, DT, 13, 1)
+    source = play(path, both, one_pass(102_500, risi(3, 0, 0, 0, 0, 0), worse))
+    first, second = (sense(source, now_us) for now_us in (100_000, 102_500))
+    assert [imu.delta.del_vel[0] for imu in (*first.imus, *second.imus)] == [1, 2, 3, 4]
+    assert [(imu.has_gyro, imu.has_accel) for imu in second.imus] == [(True, True), (False, True)]
+    assert second.delta is second.imus[0].delta
+    same = play(path, one_pass(100_000, still(), risi(0, 0, -9.80665 * DT, 0, 0, 0, imu=1)))
+    assert sense(same, 100_000).imus == ()
+
+
 def test_what_was_before_the_first_pass_is_over(path: Path) -> None:
     source = play(path, *[one_pass(time_us, still()) for time_us in range(100_000, 200_000, LOOP_US)])
     assert sense(source, 150_000).delta.del_vel_dt == np.float32(DT)
