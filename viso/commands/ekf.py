@@ -60,6 +60,8 @@ def ekf(
     chosen = None if firmware is None else firmware_of(firmware)
     run = EkfRun(log, until_s=math.inf if until is None else until, core=core, firmware=chosen)
     _run(run, output)
+    for note in run.notes:
+        err.print(f"note: {note}")
     comparisons = _compared(run, log) if with_comparison or check else {}
     if not comparisons:
         if check:

@@ -25,6 +25,7 @@ from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import Firmware
 from viso.logs.record_fields import RecordError, finite, text, whole
 from viso.logs.recorded import read_log
+from viso.parameters.left_out import left_out
 
 LABELS: Final = (
     *("Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"),
@@ -97,6 +98,7 @@ class EkfRun:
     Attributes:
         firmware: the release; None before it is known.
         output: the log that comes of it.
+        notes: what the log's parameters ask for in vain, a line each.
         our_lanes, recorded_lanes: the texts of changes of the primary core.
     """
 
@@ -117,6 +119,7 @@ class EkfRun:
         self._rows: defaultdict[int, list[_Row]] = defaultdict(list)
         self._our_texts: defaultdict[int, Texts] = defaultdict(list)
         self._recorded_texts: defaultdict[int, Texts] = defaultdict(list)
+        self.notes: tuple[str, ...] = ()
         self.our_lanes: Texts = []
         self.recorded_lanes: Texts = []
         self._yaw_reset_ms = 0
@@ -206,6 +209,9 @@ class EkfRun:
             params = self._player.params
             rows = ((name, value, self._defaults[name]) for name, value in params.items())
             self.output.begin(rows, self._player.time_us)
+            self.notes = left_out(params)
+            for note in self.notes:
+                self.output.write(MSG, (self._player.time_us, note))
 
     def _end_frame(self, *, has_estimates: bool) -> None:
         cores, now_us = self._player.cores, self._player.time_us

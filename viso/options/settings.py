@@ -15,6 +15,7 @@ from viso.errors import InputError, told_errors
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
+from viso.parameters.left_out import may_ask
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 
@@ -40,6 +41,8 @@ def load_parm_file(
 ) -> dict[str, float]:
     """Return the values of a .parm file by name; those of an earlier release are converted, and that is logged.
 
+    Names that ask for what the filter here does not do are kept, so that the vehicle can tell.
+
     A file that a ground station has saved holds hundreds of names that no parameter here has: they are passed over, and
     that is logged in one line. In a shorter file, which somebody wrote, such a name is a slip.
 
@@ -57,7 +60,7 @@ def load_parm_file(
         lines = parse_parm(text, str(path))
     values, foreign = {}, list[str]()
     for line in lines:
-        if table.find(line.name) is not None or line.name in renames:
+        if table.find(line.name) is not None or line.name in renames or may_ask(line.name):
             values[line.name] = float(line.value)
         elif len(lines) >= WHOLE_VEHICLE:
             foreign.append(line.name)

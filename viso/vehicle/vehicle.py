@@ -34,6 +34,7 @@ from viso.logs.library import NoLogs, StoredLogs
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
 from viso.parameters.conversion import carry_over
+from viso.parameters.left_out import left_out
 from viso.parameters.table import make_groups
 from viso.sensors.flown.flight import Event, Happening
 from viso.sensors.flown.source import RecordedSource
@@ -63,6 +64,7 @@ LOG_AFTER_DISARM_US: Final = 15_000_000
 FIRST_SECOND_US: Final = 450_000  # phase of the reference's once-a-second checks, in all recordings
 
 _MAV_SEVERITY_CRITICAL: Final = 2
+_MAV_SEVERITY_WARNING: Final = 4
 _MAV_SEVERITY_INFO: Final = 6
 _TENTH_US: Final = 100_000
 _SECOND_US: Final = 1_000_000
@@ -241,6 +243,8 @@ class Vehicle:
         self.logger.update(self._log_wanted(), self.params)
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
         self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
+        for line in left_out({**self._config.defaults, **{param.name: float(param.value) for param in self.params}}):
+            self.texts.send_text(_MAV_SEVERITY_WARNING, line)
 
     def _gps_sample(self) -> GpsSample | None:
         return (self.flown and self.flown.gps()) or self.gps.sample()

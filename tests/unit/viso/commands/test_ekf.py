@@ -54,7 +54,7 @@ def known(ran: EkfRun, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Let the command know what comes of the run; return what it knows."""
     replay, lanes = ran.comparison(), [(5.2, "EKF3 lane switch 1")]
     known = SimpleNamespace(run=lambda _on_progress: None, output=ran.output, comparison=lambda _core: replay)
-    known.imus, known.our_lanes, known.recorded_lanes = {0: 0, 1: 2}, lanes, lanes
+    known.imus, known.our_lanes, known.recorded_lanes, known.notes = {0: 0, 1: 2}, lanes, lanes, ()
 
     def make(_log: Path, until_s: float, core: int | None, firmware: Firmware | None) -> SimpleNamespace:
         known.core, known.firmware = core, firmware or REFERENCE
@@ -130,6 +130,11 @@ def test_core_alone_has_none_to_change_with(viso: Viso, known: SimpleNamespace) 
     assert "core 1 (IMU 2)" in outcome.out
     assert "primary" not in outcome.out
     assert json.loads(viso(LOG, "--core", "1", "--json").out)["lanes"] is None
+
+
+def test_what_parameters_ask_for_in_vain_is_noted(viso: Viso, known: SimpleNamespace) -> None:
+    known.notes = ("ARSPD_TYPE is 1: airspeed is not fused here",)
+    assert viso(LOG).err == "note: ARSPD_TYPE is 1: airspeed is not fused here\n"
 
 
 @pytest.mark.usefixtures("known")

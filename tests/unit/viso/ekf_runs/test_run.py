@@ -255,6 +255,12 @@ def test_same_log_gives_the_same_bytes(rig: Rig, tmp_path: Path) -> None:
     assert (tmp_path / "out.BIN").read_bytes() == first
 
 
+@pytest.mark.slow
+def test_what_parameters_ask_for_in_vain_is_in_the_log(rig: Rig) -> None:
+    ours = rig.run(params(EK3_SRC2_POSXY=4), until_s=3.5)
+    assert "EK3_SRC2_POSXY is 4: range beacons are not fused here" in [text for _, text in texts(ours)]
+
+
 # What is fed
 
 

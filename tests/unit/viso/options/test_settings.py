@@ -81,6 +81,10 @@ def test_unknown_name_is_passed_over_when_allowed(tmp_path: Path) -> None:
     assert load_settings([path], [], links=1, allow_unknown=True) == {"VISO_TYPE": 2.0}
 
 
+def test_name_that_asks_for_what_the_filter_does_not_do_is_kept(tmp_path: Path) -> None:
+    assert load_settings([parm(tmp_path, "ARSPD_TYPE 1\n")], [], links=1) == {"ARSPD_TYPE": 1.0}
+
+
 FORMS = {
     "MAVProxy": "{name:<16} {value:.6f}",
     "Mission Planner": "{name},{value:g}",

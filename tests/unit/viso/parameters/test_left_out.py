@@ -1,0 +1,35 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A parameter that asks for what the filter does not do is told of, others not."""
+
+import pytest
+
+from viso.parameters.left_out import left_out
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
+
+
+@pytest.mark.parametrize(("name", "value", "line"), [
+    ("EK3_SRC1_POSXY", 4, "EK3_SRC1_POSXY is 4: range beacons are not fused here"),
+    ("EK3_SRC3_VELZ", 4, "EK3_SRC3_VELZ is 4: range beacons are not fused here"),
+    ("BCN_TYPE", 1, "BCN_TYPE is 1: range beacons are not fused here"),
+    ("EK3_DRAG_MCOEF", 0.25, "EK3_DRAG_MCOEF is 0.25: drag is not fused, and wind not estimated here"),
+    ("ARSPD_TYPE", 2, "ARSPD_TYPE is 2: airspeed is not fused here"),
+])  # fmt: skip
+def test_what_asks_in_vain_is_told(name: str, value: float, line: str) -> None:
+    assert left_out({"VISO_TYPE": 1.0, name: value}) == (line,)
+
+
+def test_nothing_is_told_of_what_asks_for_nothing() -> None:
+    assert left_out({"EK3_SRC1_POSXY": 6.0, "BCN_TYPE": 0.0, "EK3_DRAG_BCOEF_X": 0.0, "ARSPD_TYPE": 0.0}) == ()
+
+
+def test_vehicle_says_so_as_it_boots() -> None:
+    vehicle = Vehicle(VehicleConfig(defaults={"EK3_SRC2_POSZ": 4, "ARSPD_TYPE": 1}))
+    said: list[tuple[int, str]] = []
+    vehicle.texts.on_text.append(lambda severity, text: said.append((severity, text)))
+    vehicle.clock.set_us(2_455_000)
+    vehicle.loop()
+    assert [text for severity, text in said if severity == 4] == [
+        "EK3_SRC2_POSZ is 4: range beacons are not fused here",
+        "ARSPD_TYPE is 1: airspeed is not fused here",
+    ]
