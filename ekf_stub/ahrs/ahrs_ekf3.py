@@ -446,7 +446,9 @@ class Ekf3Ahrs(AhrsBase):
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
         if not self._active or self.cores is None or self.core is None:
             return "not using configured AHRS type" if self._has_compass() else "EKF3 not started"
-        failure = source_failure(self._sources, self._parts.is_fitted, requires_position=requires_position)
+        failure = self.cores.disagreement(checks_yaw=self._has_compass()) or source_failure(
+            self._sources, self._parts.is_fitted, requires_position=requires_position
+        )
         if failure is not None:
             return failure
         if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:

@@ -5,10 +5,13 @@
 Cores that are given the same say the same: where all IMUs do so, one filter stands for all cores.
 """
 
+import math
 from collections import Counter
 from typing import Final
 
+from ap_core.internal_error import InternalErrors
 from ap_core.param_cache import FromParams, Numbers
+from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.common_origin import CommonOrigin
@@ -26,6 +29,8 @@ from ekf_stub.log.replay_vehicle import SensorSet
 from ekf_stub.reports.core_report import Three
 from ekf_stub.reports.core_texts import NUMBER_OF_IMUS, CoreTexts, cores_of_mask
 
+MOST_LEAN_APART: Final = math.radians(10.0)
+MOST_YAW_APART: Final = math.radians(20.0)
 _COMPASSES: Final = SensorSet().compasses
 
 
@@ -134,6 +139,21 @@ class Cores:
             return place
         return place + Vector3f(*self._from_first()[self._imus.accel_of(self._imu_of_core[lane])])
 
+    def disagreement(self, *, checks_yaw: bool) -> str | None:
+        """Return by what the attitude of a core differs from the primary one's, None while all agree.
+
+        Source: AP_AHRS::attitudes_consistent.
+        """
+        lanes = self.lanes
+        primary = _attitude_of(lanes.cores[lanes.primary])
+        for quat in map(_attitude_of, lanes.cores if len(lanes.cores) > 1 else ()):
+            lean = float(primary.roll_pitch_difference(quat, InternalErrors()))
+            turn = abs(float(primary.angular_difference(quat).to_axis_angle().z)) if checks_yaw else 0.0
+            for axis, apart, most in (("Roll/Pitch", lean, MOST_LEAN_APART), ("Yaw", turn, MOST_YAW_APART)):
+                if apart > most:
+                    return f"EKF3 {axis} inconsistent {int(math.degrees(apart))} deg. Wait or reboot"
+        return None
+
     def log_run(self, now_us: int) -> None:
         """Log what the filters write by themselves after a frame."""
         for core, log in zip(self.lanes.cores, self._logs, strict=True):
@@ -145,6 +165,11 @@ class Cores:
         """Log what they say at the moment."""
         for i, log in enumerate(self._logs):
             log.write_streaming(self.lanes.report(i), now_us)
+
+
+def _attitude_of(core: Ekf3Core) -> Quaternion:
+    quat = core.output.now.quat
+    return Quaternion(quat.w, quat.x, quat.y, quat.z)
 
 
 def _from_first(parts: AhrsParts) -> list[Three]:

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cores whose IMUs differ: each has a filter of its own, and the vehicle is told what the primary one says."""
 
+import math
 from collections.abc import Callable
 
 import pytest
 
 from ekf_stub.ahrs.cores import Cores
+from ekf_stub.filter.attitude import quat_of_euler
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.sensors.errors import SensorErrors
 
@@ -111,3 +113,19 @@ def test_core_that_is_not_well_keeps_the_vehicle_from_arming(bench: BenchRig) ->
     second.fusion.innovations.height_ratio = 2.0
     assert bench.ahrs.healthy()
     assert cores_of(bench).lanes.unhealthy_reason() is not None
+
+
+@pytest.mark.parametrize(("rpy_deg", "failure"), [
+    ((9.0, 0.0, 0.0), None),
+    ((0.0, -11.5, 0.0), "EKF3 Roll/Pitch inconsistent 11 deg. Wait or reboot"),
+    ((0.0, 0.0, 19.0), None),
+    ((0.0, 0.0, -23.5), "EKF3 Yaw inconsistent 23 deg. Wait or reboot"),
+])  # fmt: skip
+def test_cores_that_disagree_keep_the_vehicle_from_arming(
+    bench: BenchRig, monkeypatch: pytest.MonkeyPatch, rpy_deg: tuple[float, float, float], failure: str | None
+) -> None:
+    for core, angles_deg in zip(cores_of(bench).lanes.cores, ((0.0, 0.0, 0.0), rpy_deg), strict=True):
+        quat = quat_of_euler(*map(math.radians, angles_deg))
+        monkeypatch.setattr(core.output, "now", core.output.now._replace(quat=quat))
+    assert cores_of(bench).disagreement(checks_yaw=True) == failure
+    assert cores_of(bench).disagreement(checks_yaw=False) == (failure if rpy_deg[1] else None)
