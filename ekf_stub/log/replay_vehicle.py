@@ -42,7 +42,7 @@ class VehicleFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SensorSet:
-    """How many sensors of a kind there are; those of a kind all say the same.
+    """How many sensors of a kind there are; those of a kind all say the same, except IMUs that differ.
 
     Attributes:
         imus: 1..3.

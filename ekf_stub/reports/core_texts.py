@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the estimator's cores tell the ground station: each core for itself, the same."""
+"""What a filter tells the ground station, for each core that it stands for."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -14,7 +14,7 @@ NUMBER_OF_IMUS: Final = 2
 
 
 def cores_of_mask(imu_mask: int, imus: int = NUMBER_OF_IMUS) -> tuple[int, ...]:
-    """Return the IMUs that get a core by EK3_IMU_MASK, of as many as there are."""
+    """Return the IMU of each core by EK3_IMU_MASK, of as many as there are."""
     return tuple(imu for imu in range(imus) if imu_mask >> imu & 1)
 
 
@@ -23,7 +23,7 @@ class CoreTexts:
 
     Args:
         texts: where they go.
-        cores: the IMU of each core.
+        cores: the IMU of each core that the filter stands for.
 
     Attributes:
         waiting: the lines, each with its severity.
