@@ -114,7 +114,7 @@ class Ekf3Ahrs(AhrsBase):
         self._ranges_imu_pos: Vector3f | None = None
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
-        self._baro_zero_m = 0.0
+        self._baro_zero_m = self._gps_lag_s = 0.0
         self._is_set_up = self._active = self._has_camera = self._stands_still = False
         self._yaw_reset_ms = self._primary = 0
         self._source_set = parts.sources.active_set
@@ -185,7 +185,7 @@ class Ekf3Ahrs(AhrsBase):
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
         self._is_set_up = True
         parts = self._parts
-        self._has_camera = parts.visual_odom_enabled()
+        self._has_camera, self._gps_lag_s = parts.visual_odom_enabled(), parts.gps_lag_s()
         imus = imus_of_cores(parts, differing_imus)
         if not imus:
             return
@@ -194,7 +194,7 @@ class Ekf3Ahrs(AhrsBase):
             self._sources,
             has_camera=self._has_camera,
             has_flow=self._has_flow(),
-            gps_lag_s=parts.gps_lag_s(),
+            gps_lag_s=self._gps_lag_s,
             least_ms=self._buffer_ms,
         )
         self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0)
@@ -229,7 +229,7 @@ class Ekf3Ahrs(AhrsBase):
             log.event(SOURCE_SET_1 + self._source_set)
         if log.start_frame(frame.time_us, frame.flying_ms):
             log.vehicle(VehicleFrame(frame.armed, has_flow_sensor=self._has_flow(), home=self._parts.home()))
-            log.sensors(self._with_zeroed_baro(sensors), frame.gps, self._parts.gps_lag_s())
+            log.sensors(self._with_zeroed_baro(sensors), frame.gps, self._gps_lag_s)
             log.ranges(self._parts.ranges())
         if self._camera is not None:
             log.frame(self._camera)

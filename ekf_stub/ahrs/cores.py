@@ -80,7 +80,8 @@ class Cores:
             parts.texts,
         )
         self._chosen_by_user = FromParams(parts.params, lambda: parts.primary_core(len(imus)))
-        self._logs = [EkfLog(parts.logger, parts.params.get_int, group, lambda: self.primary) for group in groups]
+        logs = [EkfLog(parts.logger, parts.params.get_int, group, lambda: self.primary) for group in groups]
+        self._logged = list(zip(self.lanes.cores, logs, strict=True))
         self._imus = Imus()
         self._has_own_compass = FromParams(
             parts.params, lambda: bool(parts.params.get_int("EK3_AFFINITY") & AFFINITY_MAG)
@@ -156,14 +157,14 @@ class Cores:
 
     def log_run(self, now_us: int) -> None:
         """Log what the filters write by themselves after a frame."""
-        for core, log in zip(self.lanes.cores, self._logs, strict=True):
+        for core, log in self._logged:
             still = core.is_still() if core.initialised else None
             if log.is_due(now_us, still, is_step=core.stepped):
                 log.update(run_report_of(core), now_us, is_step=core.stepped)
 
     def log_estimates(self, now_us: int) -> None:
         """Log what they say at the moment."""
-        for i, log in enumerate(self._logs):
+        for i, (_, log) in enumerate(self._logged):
             log.write_streaming(self.lanes.report(i), now_us)
 
 

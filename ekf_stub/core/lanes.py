@@ -74,12 +74,18 @@ class Lanes:
 
     def run(self, frames: Sequence[Frame]) -> None:
         """Run one frame of each core, and choose the primary one (UpdateFilter)."""
-        self._now_us = frames[0].time_us
-        for i, (core, frame) in enumerate(zip(self.cores, frames, strict=True)):
-            core.run(frame)
+        now_us = self._now_us = frames[0].time_us
+        for i, core in enumerate(self.cores):
+            core.run(frames[i])
             if core.yaw_resets != self._yaw_resets[i]:
-                self._yaw_resets[i], self._yaw_reset_ms[i] = core.yaw_resets, frame.time_us // 1000
-        self._select(armed=frames[0].armed)
+                self._yaw_resets[i], self._yaw_reset_ms[i] = core.yaw_resets, now_us // 1000
+        if not self._selects:
+            self._settle()
+        armed = frames[0].armed
+        if len(self.cores) > 1:
+            self._select(armed=armed)
+        elif armed and self._selects and self.cores[0].stepped:
+            self.error_scores[0] = self.cores[0].error_score()
 
     def report(self, i: int) -> CoreReport:
         """Return what a core says as of the last frame."""
@@ -101,20 +107,12 @@ class Lanes:
                 return f"EKF3 core {i} unhealthy" if core.gps.checks.good else core.gps.checks.reason or _INITIALISING
         return None
 
-    def _select(self, *, armed: bool) -> None:
-        if not self._selects:
-            self._settle()
-        if len(self.cores) > 1:
-            self._select_one(armed=armed)
-        elif armed and self._selects and self.cores[0].stepped:
-            self.error_scores[0] = self.cores[0].error_score()
-
     def _settle(self) -> None:
         if not self._unhealthy_us or not self._is_healthy(self.primary):
             self._unhealthy_us = self._now_us
         self._selects = self._now_us - self._unhealthy_us > SETTLED_US
 
-    def _select_one(self, *, armed: bool) -> None:
+    def _select(self, *, armed: bool) -> None:
         by_user = self._chosen_by_user()
         if int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH:
             self._switch(by_user)

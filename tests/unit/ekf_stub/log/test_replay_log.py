@@ -17,7 +17,9 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
-bafrom ekf_stub.inputs.sensors import Sensors
+from ekf_stub.inputs.imus import ImuReading
+from ekf_stub.inputs.range_state import FinderState, RangeState
+from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.gps_log import gps_values
 from ekf_stub.log.replay_log import (
