@@ -3,13 +3,11 @@
 """What follows from parameters, kept until one of them changes: for code that asks in every pass of the main loop."""
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Final, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from ap_core.param import ParamTable
 
 T = TypeVar("T")
-NOTHING_RENAMED: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 class FromParams(Generic[T]):
@@ -45,9 +43,9 @@ class Numbers(dict[str, float]):
         renamed: what some of the names that are asked for are called instead.
     """
 
-    def __init__(self, params: ParamTable, prefix: str = "", renamed: Mapping[str, str] = NOTHING_RENAMED) -> None:
+    def __init__(self, params: ParamTable, prefix: str = "", renamed: Mapping[str, str] | None = None) -> None:
         super().__init__()
-        self._renamed = renamed
+        self._renamed = dict(renamed or {})
         self._params = params
         self._prefix = prefix
         params.on_change.append(self._forget)

@@ -453,7 +453,7 @@ class Ekf3Ahrs(AhrsBase):
             return failure
         if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
-        return self.cores.lanes.unhealthy_reason()
+        return self.cores.lanes.unhealthy_reason(self._now_ms())
 
     # Calls of the drivers
 

@@ -100,10 +100,10 @@ class Lanes:
         core = self.cores[i]
         return core.initialised and core.control.healthy(self._now_us // 1000)
 
-    def unhealthy_reason(self) -> str | None:
+    def unhealthy_reason(self, now_ms: int) -> str | None:
         """Return what is wrong with the first core that does not run well, None while all do (pre_arm_check)."""
         for i, core in enumerate(self.cores):
-            if not self._is_healthy(i):
+            if not (core.initialised and core.control.healthy(now_ms)):
                 return f"EKF3 core {i} unhealthy" if core.gps.checks.good else core.gps.checks.reason or _INITIALISING
         return None
 
