@@ -6,6 +6,9 @@ from typing import Final, Protocol
 
 from ap_core.cint import u64
 
+NEVER: Final = 1 << 62
+"""A time that does not come, in any unit."""
+
 _U32: Final = 0xFFFFFFFF
 _U64: Final = 0xFFFFFFFFFFFFFFFF
 

@@ -273,6 +273,14 @@ class MavEndpoint:
         self._polled_generation = generation
         self._send_due(last_us, now_us)
 
+    def quiet_until_us(self) -> int:
+        """Return before when polls have nothing to do as things are; 0 if the next one may."""
+        return self._rest.until_us if self._vehicle.params.generation == self._polled_generation else 0
+
+    def poll_quietly(self, now_us: int) -> None:
+        """Poll at a time at which there is nothing to do."""
+        self._polled_us = now_us
+
     def _send_due(self, last_us: int, now_us: int) -> None:
         system_id = self._system_id()
         if system_id != self._told_system_id:

@@ -6,7 +6,7 @@ Source: AP_AHRS/AP_AHRS.cpp.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -106,6 +106,20 @@ class AhrsBase:
         """Run one frame of the estimator, once a pass of the main loop; it is told of the camera."""
         if self.estimator_started():
             self._log.frame(camera)
+
+    def quiet_until_us(self) -> int:
+        """Return before when frames may be run like the last one, since boot; 0 if the next may not."""
+        return 0
+
+    def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
+        """Run frames like the last one, up to one that may bring more than steps of the filter; return how many.
+
+        Args:
+            times_us: of the frames.
+            set_us: sets the clock to the time of one that is run.
+            is_quiet: tells whether nothing beside the estimator has to do with what came of the frame at a time.
+        """
+        return 0
 
     def log_estimates(self) -> None:
         """Log what the estimator says at the moment."""

@@ -28,6 +28,7 @@ from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import three
 from ekf_stub.filter.attitude import euler_of
+from ekf_stub.filter.inertial import Array, are_usable, row_of
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import RANGE
@@ -53,6 +54,7 @@ from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 
+_NO_ROWS: Final[Array] = np.zeros((0, 8))
 _OLD_EXTERNAL_YAW: Final = (5, 6)  # of EK3_MAG_CAL
 _HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL
 _REPORTED: Final = (1 << 10) - 1  # flags that EKF_STATUS_REPORT has as they are
@@ -114,8 +116,10 @@ class Ekf3Ahrs(AhrsBase):
         self._ranges_imu_pos: Vector3f | None = None
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
+        self._sensed: Sensors | None = None  # for the next frame, which would not be quiet
+        self._was_still: bool | None = None
         self._baro_zero_m = self._gps_lag_s = 0.0
-        self._is_set_up = self._active = self._has_camera = self._stands_still = False
+        self._is_stirred = self._is_set_up = self._active = self._has_camera = self._stands_still = False
         self._yaw_reset_ms = self._primary = 0
         self._source_set = parts.sources.active_set
         self._quat: Quaternion | None = None
@@ -139,15 +143,78 @@ class Ekf3Ahrs(AhrsBase):
         if self._stands_still:
             return
         self._camera = camera
+        self._is_stirred = False
         now_us = self._clock.micros64()
         armed = self._parts.is_armed()
         self._source.set_armed(armed)
-        sensors = self._source.sense(now_us)
+        sensors, self._sensed = self._sensed or self._source.sense(now_us), None
         if sensors is not None:
             self._sensors = sensors
             if self._is_set_up or self.estimator_started():
                 self._run_frame(sensors, now_us, armed=armed)
         self._quat = None
+
+    def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
+        """Run frames like the last one, up to one that may bring more than steps of the filter; return how many."""
+        core, cores, sensors, until_us = self.core, self.cores, self._sensors, self.quiet_until_us()
+        if core is None or cores is None or sensors is None:
+            return 0
+        done, ran_us = 0, -1
+        rows, left_from = _NO_ROWS, 0  # what passes from ``left_from`` on get
+        while done < len(times_us) and times_us[done] < until_us:
+            if done - left_from >= len(rows):
+                rows, left_from = self._source.ahead(times_us[done:]), done
+            if len(rows):
+                ahead = times_us[done : left_from + len(rows)]
+                if ahead[-1] >= until_us:
+                    ahead = ahead[: len(range(ahead.start, until_us, ahead.step))]
+                count = cores.lanes.run_alike(rows[done - left_from :], ahead, set_us)
+                self._source.pass_over(ahead[:count])
+                done += count
+                ran_us = ahead[count - 1]
+            else:
+                found = self._source.sense(times_us[done])
+                done += 1
+                if found is None:
+                    continue
+                row = row_of(found.delta)[np.newaxis]
+                if not (self._brings_nothing(found, sensors) and are_usable(row)[0]):
+                    self._sensed, done = found, done - 1
+                    break
+                self._sensors = sensors = found
+                ran_us = times_us[done - 1]
+                cores.lanes.run_alike(row, times_us[done - 1 : done], set_us)
+            if core.stepped or core.is_still() != self._was_still:
+                self._note_run(cores, ran_us)
+                if not is_quiet(ran_us):
+                    break
+                until_us = self._next_event_us(cores)
+        if ran_us >= 0:
+            log = self._replay_log
+            log.start_frame(ran_us, 0)
+            if self._camera is not None:
+                log.frame(self._camera)
+            log.note_run(was_initialised=True)
+        self._quat = None
+        return done
+
+    def quiet_until_us(self) -> int:
+        """Return before when frames may be run like the last one, 0 if the next may not."""
+        cores, may = self.cores, self._active and not (self._is_stirred or self._stands_still)
+        if cores is None or not may or self._sensed is not None or self._replay_log.is_wanted:
+            return 0
+        is_same = self._sources.active_set == self._source_set and self._parts.ranges() is self._ranges_said
+        return self._next_event_us(cores) if is_same else 0
+
+    def _next_event_us(self, cores: Cores) -> int:
+        until_ms = cores.quiet_until_ms(self._parts.gps())
+        return 0 if until_ms is None else until_ms * 1000 + 1000
+
+    def _brings_nothing(self, found: Sensors, before: Sensors) -> bool:
+        """Tell whether sensors say what they said before, but for inertial data that the filter takes as they are."""
+        is_same = found.baro is before.baro and found.mag is before.mag and found.declination == before.declination
+        core = self.core
+        return is_same and core is not None and core.fix is self._parts.gps()
 
     def _run_frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> None:
         if not self._is_set_up:
@@ -163,6 +230,11 @@ class Ekf3Ahrs(AhrsBase):
             self._parts.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
         cores.run(frame, sensors.imus)
         self._replay_log.note_run(was_initialised=was_initialised)
+        self._note_run(cores, now_us)
+
+    def _note_run(self, cores: Cores, now_us: int) -> None:
+        core = cores.lanes.cores[0]
+        self._was_still = core.is_still() if core.initialised else None
         cores.log_run(now_us)
         self._follow_primary(cores)
         if self._origin is None:
@@ -400,6 +472,7 @@ class Ekf3Ahrs(AhrsBase):
         is_early = core is None or (core.release.refuses_early_origin and not core.initialised)
         if self._origin is not None or self.cores is None or is_early:
             return False
+        self._is_stirred = True
         self._replay_log.origin(origin)
         self._origin = origin
         self.cores.lanes.set_origin(origin)
@@ -410,6 +483,7 @@ class Ekf3Ahrs(AhrsBase):
         if is_stable is self._terrain_is_stable:
             return
         self._terrain_is_stable = is_stable
+        self._is_stirred = True
         self._replay_log.event(TERRAIN_STABLE if is_stable else TERRAIN_UNSTABLE)
         for core in () if self.cores is None else self.cores.lanes.cores:
             core.set_terrain_stable(is_stable=is_stable)
@@ -418,6 +492,7 @@ class Ekf3Ahrs(AhrsBase):
         """Let heights count from the present one, on the ground (NavEKF3::resetHeightDatum)."""
         if self.cores is None:
             return False
+        self._is_stirred = True
         self._replay_log.event(RESET_HEIGHT_DATUM)
         was_reset = self.cores.lanes.reset_height_datum()
         is_zeroed_here = was_reset and not self._source.has_recorded_heights
@@ -428,18 +503,21 @@ class Ekf3Ahrs(AhrsBase):
     def request_yaw_reset(self) -> None:
         """Ask all cores to reset yaw by the velocity of GPS (NavEKF3::requestYawReset)."""
         if self.cores is not None:
+            self._is_stirred = True
             self._replay_log.event(REQUEST_YAW_RESET)
             self.cores.lanes.request_yaw_reset()
 
     def check_lane_switch(self) -> None:
         """Go over to a core that is much better, if there is one (NavEKF3::checkLaneSwitch)."""
         if self.cores is not None:
+            self._is_stirred = True
             self._replay_log.event(CHECK_LANE_SWITCH)
             self.cores.lanes.check_lane_switch()
             self._follow_primary(self.cores)
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
         """Put the vehicle somewhere while it navigates without a position; tell whether it was."""
+        self._is_stirred = True
         return self.cores is not None and self.cores.lanes.set_place(location, float(accuracy_m), time_ms)
 
     def pre_arm_failure(self, requires_position: bool) -> str | None:

@@ -22,6 +22,7 @@ from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.inertial_pass import LOOP_DT
 from ekf_stub.filter.kernel import Kernel
 from ekf_stub.inputs.compasses import Compasses, CompassReading
+from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.log.ekf_log import EkfLog
@@ -99,6 +100,19 @@ class Cores:
     def run(self, frame: Frame, imus: tuple[ImuReading, ...]) -> None:
         """Run a frame of the first IMU; what others say comes beside it."""
         self.lanes.run(self._frames(frame, imus) if self._differ else (frame,))
+
+    def quiet_until_ms(self, gps: GpsSample | None) -> int | None:
+        """Return until when, included, the only filter may be run as of ``Lanes.run_alike``, None if it may not.
+
+        Args:
+            gps: the newest solution.
+        """
+        if self._differ or len(self._logged) > 1:
+            return None
+        ((core, log),) = self._logged
+        until_ms = core.quiet_until_ms(gps)
+        record_ms = log.quiet_until_ms(core.is_still() if core.initialised else None)
+        return None if until_ms is None or record_ms is None else min(until_ms, record_ms)
 
     def _frames(self, frame: Frame, imus: tuple[ImuReading, ...]) -> list[Frame]:
         self._imus.update(imus, LOOP_DT)

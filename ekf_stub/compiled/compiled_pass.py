@@ -201,9 +201,30 @@ class CompiledPass(InertialPass):
             height_filter_hz,
             may_step,
         )
+        return self._note(known, now_ms)
+
+    def advance_all(
+        self, rows: Array, times_us: range, state: ErrorState, *, scale: float | None, height_filter_hz: float
+    ) -> tuple[int, InertialStep | None]:
+        """Take the sound data of several passes, until a step is complete or the test's answer changes."""
+        count, known = kernel.advance_all(
+            self._mem,
+            rows,
+            LOOP_DT,
+            state.states,
+            self._answer.known,
+            scale is not None,
+            0.0 if scale is None else scale,
+            height_filter_hz,
+            len(times_us),
+        )
+        return count, self._note(known, times_us[count - 1] // 1000)
+
+    def _note(self, known: int, now_ms: int) -> InertialStep | None:
+        """Note what is known after a pass; return the step that it completes, if it does."""
         is_step = known & kernel.IS_STEP
-        if known - is_step != answer.known:
-            answer.note(known - is_step)
+        if known - is_step != self._answer.known:
+            self._answer.note(known - is_step)
         if not is_step:
             return None
         self._dt_ekf_avg = self._mem.item(kernel.DT_EKF_AVG)

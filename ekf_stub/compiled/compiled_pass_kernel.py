@@ -230,6 +230,30 @@ def advance(
 
 
 @compiled
+def advance_all(
+    mem: Array,
+    rows: Array,
+    loop_dt: float,
+    states: Array,
+    known: int,
+    is_tested: bool,
+    scale: float,
+    height_filter_hz: float,
+    count: int,
+) -> tuple[int, int]:
+    """Take the data of several passes (InertialPass.advance_all); return of how many, and what is known."""
+    after = known
+    for row in range(count):
+        del_vel, del_ang, vel_dt, ang_dt = rows[row, :3], rows[row, 3:6], rows[row, 6], rows[row, 7]
+        after = advance(
+            mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt, states, known, is_tested, scale, height_filter_hz, True
+        )
+        if after != known:
+            return row + 1, after
+    return count, after
+
+
+@compiled
 def follow(
     mem: Array,
     history: Array,

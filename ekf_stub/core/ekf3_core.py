@@ -27,11 +27,11 @@ from ap_core.location import Location
 from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.frame import Frame as Frame
 from ekf_stub.core.frame_door import FrameDoor
-from ekf_stub.core.mode_control import ModeControl
+from ekf_stub.core.mode_control import FLYING_MS, ModeControl
 from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inactive_biases import ImuRates, InactiveBiases, with_biases
-from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, limited
+from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, delta_of, limited
 from ekf_stub.filter.inertial_pass import LOOP_DT, StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
@@ -152,6 +152,7 @@ class Ekf3Core:
         self._had_flags_ms = self._now_ms = self._frames_of_step = 0
         self._fix: GpsSample | None = None
         self.initialised = self.stepped = self._has_begun = False
+        self._frame: Frame | None = None
 
     def _get_single(self, name: str) -> np.float32:
         return np.float32(self._get_float(name.removeprefix("EK3_")))
@@ -161,16 +162,67 @@ class Ekf3Core:
 
         The filter's own times, in ms, do not wrap; stamps of samples and the horizon do, at 2^32.
         """
-        frame = self._door.admit(frame)
+        frame = self._frame = self._door.admit(frame)
         now_ms = self._now_ms = frame.time_us // 1000
         self._fix = frame.gps
         if not self.initialised:
             self._pass.sense(frame.delta)
             self._bootstrap(frame, now_ms)
+            if self._texts.waiting:
+                self._texts.flush()
         else:
             self._update(frame, now_ms)
-        if self._texts.waiting:
-            self._texts.flush()
+
+    # Frames like the last one
+
+    def quiet_until_ms(self, gps: GpsSample | None) -> int | None:
+        """Return until when, included, `run_alike` will do for frames like the last one; None if it does not now.
+
+        Args:
+            gps: the newest solution.
+        """
+        frame = self._frame
+        if frame is None or not self.initialised or gps is not frame.gps:
+            return None
+        is_settled = (frame.flying_ms == 0 or frame.flying_ms > FLYING_MS) and self._door.is_open
+        if not is_settled or frame.is_late or frame.imu_rates is not None:
+            return None
+        return self.control.quiet_until_ms() if self.control.flags or not self._had_flags_ms else None
+
+    def run_alike(self, rows: Array, times_us: range, set_us: Callable[[int], None]) -> int:
+        """Run frames like the last one, up to one that makes a step or changes the answer of `is_still`.
+
+        What comes of them is what comes of :meth:`run` for each.
+
+        Args:
+            rows: their inertial data, usable, shape (n, 8), a row a frame (`ekf_stub.filter.inertial.row_of`).
+            times_us: of the frames, up to ``quiet_until_ms``.
+            set_us: sets the clock to the time of the last one that is run.
+
+        Returns:
+            How many frames were run.
+        """
+        control, get, frame = self.control, self._get_float, self._frame
+        assert frame is not None
+        if self.stepped:
+            control.update(frame, times_us[0] // 1000, self._pass.dt_ekf_avg, get, self._texts)
+        count, step = self._pass.advance_all(
+            rows,
+            times_us,
+            self.state,
+            scale=get("OGNM_TEST_SF") if control.tests_stillness else None,
+            height_filter_hz=get("HRT_FILT"),
+        )
+        if count > 1 and control.flags:
+            self._had_flags_ms = times_us[count - 2] // 1000
+        now_ms = self._now_ms = times_us[count - 1] // 1000
+        control.pass_quietly(now_ms)
+        self._frames_of_step += count - 1
+        delta = delta_of(rows[count - 1])
+        self._door.note(delta)
+        set_us(times_us[count - 1])
+        self._finish(frame, delta, step, now_ms)
+        return count
 
     # Starting up
 
@@ -264,7 +316,6 @@ class Ekf3Core:
         self.yaw.compass.select(self._compasses(frame), now_ms, armed=frame.armed)
         self.control.update(frame, now_ms, self._pass.dt_ekf_avg, get, self._texts)
         scale = get("OGNM_TEST_SF") if self.control.tests_stillness else None
-        height_filter_hz = get("HRT_FILT")
         if self._has_begun:
             # The firmware reads the frame's data once to see that its buffer is full, and once more to run.
             self._has_begun = False
@@ -273,21 +324,28 @@ class Ekf3Core:
             self._follow_imus(frame.imu_rates)
         may_step = not frame.is_late or self._frames_of_step >= MOST_FRAMES_OF_STEP
         step = self._pass.advance(
-            frame.delta, now_ms, self.state, scale=scale, height_filter_hz=height_filter_hz, may_step=may_step
+            frame.delta, now_ms, self.state, scale=scale, height_filter_hz=get("HRT_FILT"), may_step=may_step
         )
+        self._finish(frame, frame.delta, step, now_ms)
+
+    def _finish(self, frame: Frame, delta: InertialDelta, step: InertialStep | None, now_ms: int) -> None:
+        """Make the step that a frame has completed, if it has, and look what has come of it."""
         self.stepped = step is not None
         self._frames_of_step = 0 if self.stepped else self._frames_of_step + 1
         if step is not None:
             self._steps.append(step)
             self._run_step(frame, now_ms, self._due())
+            get = self._get_float
             self._pass.follow(
-                frame.delta,
+                delta,
                 self.state,
                 delay_s=1e-3 * u32(now_ms - self.ingest.horizon_ms),
                 tau_s=limited(0.01 * get("TAU_OUTPUT"), 0.1, 0.5),
-                height_filter_hz=height_filter_hz,
+                height_filter_hz=get("HRT_FILT"),
             )
         self._check_stuck(frame, now_ms)
+        if self._texts.waiting:
+            self._texts.flush()
 
     def _follow_imus(self, rates: ImuRates) -> None:
         dt = self._pass.dt_ekf_avg
@@ -492,6 +550,11 @@ class Ekf3Core:
     def inertial(self) -> InertialDelta | None:
         """The inertial data of the last frame, as the filter used them; None before the first."""
         return self._door.delta
+
+    @property
+    def fix(self) -> GpsSample | None:
+        """The solution of the GPS that came with the last frame."""
+        return self._fix
 
     @property
     def stillness(self) -> StillnessAnswer:

@@ -97,6 +97,15 @@ class FrameDoor:
         self._seen: Any = (_NOTHING_SEEN,) * len(Frame._fields[_SLOW_FIELDS])
         self._stand_ins: dict[str, Any] = {}
 
+    @property
+    def is_open(self) -> bool:
+        """Whether nothing had to stand in for what came with the last frame but inertial data."""
+        return not self._stand_ins
+
+    def note(self, delta: InertialDelta) -> None:
+        """Note sound inertial data that have come in."""
+        self.delta = self._inertial.sound(delta)
+
     def admit(self, frame: Frame) -> Frame:
         """Return the frame with something else in place of what is refused."""
         if not self._has_been_seen(frame):

@@ -13,7 +13,7 @@ from ap_core.sinks import TextSink
 from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of
-from ekf_stub.filter.inertial import limited
+from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.log.ekf_log import UNINITIALISED
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_CRITICAL, MAV_SEVERITY_WARNING
@@ -61,7 +61,7 @@ class Lanes:
         self._yaw_reset_ms = [0] * len(self.cores)
         self._last_primary_us = [0] * len(self.cores)
         self._switched_ms = self._now_us = self._unhealthy_us = 0
-        self._selects = False
+        self._selects = self._armed = False
 
     def _chosen_by_user(self) -> int:
         wanted = int(self._get_float("PRIMARY"))
@@ -79,13 +79,33 @@ class Lanes:
             core.run(frames[i])
             if core.yaw_resets != self._yaw_resets[i]:
                 self._yaw_resets[i], self._yaw_reset_ms[i] = core.yaw_resets, now_us // 1000
+        armed = self._armed = frames[0].armed
         if not self._selects:
             self._settle()
-        armed = frames[0].armed
         if len(self.cores) > 1:
             self._select(armed=armed)
         elif armed and self._selects and self.cores[0].stepped:
             self.error_scores[0] = self.cores[0].error_score()
+
+    def run_alike(self, rows: Array, times_us: range, set_us: Callable[[int], None]) -> int:
+        """Run frames of the only filter as of ``Ekf3Core.run_alike``; return how many."""
+
+        def begin_last(now_us: int) -> None:
+            if now_us != times_us[0] and not self._selects:
+                self._now_us = now_us - times_us.step
+                self._settle()
+            set_us(now_us)
+
+        (core,) = self.cores
+        count = core.run_alike(rows, times_us, begin_last)
+        now_us = self._now_us = times_us[count - 1]
+        if core.yaw_resets != self._yaw_resets[0]:
+            self._yaw_resets[0], self._yaw_reset_ms[0] = core.yaw_resets, now_us // 1000
+        if not self._selects:
+            self._settle()
+        if self._armed and self._selects and core.stepped:
+            self.error_scores[0] = core.error_score()
+        return count
 
     def report(self, i: int) -> CoreReport:
         """Return what a core says as of the last frame."""

@@ -157,6 +157,20 @@ class ModeControl:
             core.gps.is_in_use = False
         self._now_ms = now_ms
 
+    def quiet_until_ms(self) -> int | None:
+        """Return until when, included, frames without a step bring about nothing here; None if the next one may."""
+        core = self._core
+        awaits_motion = core.ingest.have_odometry or core.flow_ingest.received_ms is not None
+        if not self._learns_biases or (self._no_yaw_on_ground and core.aiding.mode is not _NO_AIDING):
+            return None
+        if awaits_motion and core.aiding.mode is _NO_AIDING:  # which counts from the frame after it on
+            return None
+        return core.aiding.quiet_until_ms(self._ready)
+
+    def pass_quietly(self, now_ms: int) -> None:
+        """Go on to the time of a frame that brings about nothing here."""
+        self._now_ms = now_ms
+
     def _forget_flight(self, now_ms: int) -> None:
         """Begin anew with what was known by a yaw that the vehicle has lost as it was disarmed."""
         core = self._core

@@ -123,6 +123,24 @@ def is_sound(inertial: InertialDelta | InertialStep) -> bool:
     )
 
 
+def row_of(delta: InertialDelta) -> Array:
+    """Return inertial data as eight numbers: change of velocity, rotation, and the seconds of either."""
+    return np.array((*delta.del_vel.tolist(), *delta.del_ang.tolist(), delta.del_vel_dt, delta.del_ang_dt))
+
+
+def delta_of(row: Array) -> InertialDelta:
+    """Return the inertial data that eight numbers are."""
+    return InertialDelta(row[:3], row[3:6], row.item(6), row.item(7))
+
+
+def are_usable(rows: Array) -> npt.NDArray[np.bool_]:
+    """Tell of rows of inertial data which are sound, and of intervals that are long enough."""
+    sizes, dt = np.abs(rows[:, :6]), rows[:, 6:]
+    vel, ang = sizes[:, 0] + sizes[:, 1] + sizes[:, 2], sizes[:, 3] + sizes[:, 4] + sizes[:, 5]
+    usable: npt.NDArray[np.bool_] = (vel <= MAX_DEL_VEL) & (ang <= MAX_DEL_ANG)
+    return usable & ((dt >= MIN_DT) & (dt <= MAX_DT)).all(axis=1)
+
+
 class InertialGuard:
     """Keeps unsound inertial data from the filter, which goes on with what was last sound; level rest at first.
 

@@ -9,7 +9,7 @@ because that is what a kernel compiles as one: see `ekf_stub.compiled.compiled_p
 from typing import Final, Protocol
 
 from ekf_stub.filter.error_state import ErrorState
-from ekf_stub.filter.inertial import DownSampler, InertialDelta, InertialStep
+from ekf_stub.filter.inertial import Array, DownSampler, InertialDelta, InertialStep, delta_of
 from ekf_stub.filter.output_predictor import OutputPredictor, OutputState
 from ekf_stub.filter.stillness import Stillness
 from ekf_stub.reports.core_report import StillnessReport, Three
@@ -49,6 +49,8 @@ class InertialPass:
         self.stillness = self._stillness = Stillness()
         self._sampler = DownSampler()
         self._bias_rates = NO_RATES
+        self._row = b""
+        self._delta: InertialDelta
 
     @property
     def dt_ekf_avg(self) -> float:
@@ -111,6 +113,36 @@ class InertialPass:
         if step is None:
             self._output.integrate(delta, state, self._sampler.dt_ekf_avg, height_filter_hz=height_filter_hz)
         return step
+
+    def advance_all(
+        self, rows: Array, times_us: range, state: ErrorState, *, scale: float | None, height_filter_hz: float
+    ) -> tuple[int, InertialStep | None]:
+        """Take the sound data of several passes, until a step is complete or the test's answer changes.
+
+        Args:
+            rows: the data, shape (n, 8), a row a pass (`ekf_stub.filter.inertial.row_of`).
+            times_us: of the passes.
+            state: the filter.
+            scale: of the limits of the test for standing still, or None, as for ``advance``.
+            height_filter_hz: EK3_HRT_FILT.
+
+        Returns:
+            How many passes have taken theirs, and the step that the last of them has completed, if it has.
+        """
+        stillness = self.stillness
+        before = stillness.is_still, stillness.is_tested
+        for count, now_us in enumerate(times_us, 1):
+            delta = self._delta_of(rows[count - 1])
+            step = self.advance(delta, now_us // 1000, state, scale=scale, height_filter_hz=height_filter_hz)
+            if step is not None or (stillness.is_still, stillness.is_tested) != before:
+                return count, step
+        return len(times_us), None
+
+    def _delta_of(self, row: Array) -> InertialDelta:
+        data = row.tobytes()
+        if data != self._row:  # a vehicle at rest has the same ones, pass by pass
+            self._row, self._delta = data, delta_of(row)
+        return self._delta
 
     def follow(
         self, delta: InertialDelta, state: ErrorState, *, delay_s: float, tau_s: float, height_filter_hz: float

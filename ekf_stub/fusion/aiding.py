@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
+from ap_core.clock import NEVER
+
 IN_USE_MS: Final = 7000
 POSITION_LOST_MS: Final = 7000
 POSITION_LOST_WITH_VELOCITY_MS: Final = 10_000
@@ -94,6 +96,12 @@ class Aiding:
             return False
         self._enter(now_ms, by_flow=self.mode is _RELATIVE and ready().flow)
         return True
+
+    def quiet_until_ms(self, ready: Callable[[], Ready]) -> int | None:
+        """Return until when, included, nothing changes unless a measurement comes; None if it may at any time."""
+        if self.mode is _ABSOLUTE:
+            return self.times.pos + IN_USE_MS
+        return None if self.mode is _RELATIVE or any(ready()) else NEVER
 
     def _start(self, ready: Ready) -> None:
         if ready.gps or ready.ext_nav:

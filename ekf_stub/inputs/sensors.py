@@ -44,6 +44,19 @@ class SensorSource(Protocol):
         Called once a pass of the main loop, with times that grow. Without data the filter skips the frame.
         """
 
+    def ahead(self, times_us: range) -> Array:
+        """Return what the next passes get, as far as that is sound inertial data and else what the last one got.
+
+        Args:
+            times_us: of the passes.
+
+        Returns:
+            Shape (n, 8), n up to their number: a pass's ``del_vel``, ``del_ang``, ``del_vel_dt`` and ``del_ang_dt``.
+        """
+
+    def pass_over(self, times_us: range) -> None:
+        """Leave out passes that got what ``ahead`` had said."""
+
     def set_armed(self, armed: bool) -> None:
         """Hear, before each pass, whether the vehicle is armed."""
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import int_of_float
+from ap_core.clock import NEVER
 from ap_core.fmath import RAD_TO_DEG, f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
@@ -97,6 +98,15 @@ class EkfLog:
         elif self._stillness_is_due(now_us // 1000, is_still):
             return True
         return is_step and self._tilt_is_due(now_us // 1000)
+
+    def quiet_until_ms(self, is_still: bool | None) -> int | None:
+        """Return until when, included, nothing is due in frames without a step that answer as the last one did.
+
+        None if something is due in the next.
+        """
+        if is_still is None:
+            return NEVER
+        return self._stillness_ms + STILLNESS_INTERVAL_MS if is_still == self._was_still else None
 
     def update(self, report: CoreReport | RunReport, now_us: int, *, is_step: bool = True) -> None:
         """Write what the filter itself writes as it runs; called after it, in any frame in which something is due.

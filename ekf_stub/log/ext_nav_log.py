@@ -52,6 +52,11 @@ class ExtNavLog:
         self._camera: VisualOdomFrame | None = None
         self._has_camera: bool | None = None
 
+    @property
+    def is_wanted(self) -> bool:
+        """Whether replay records are wanted, of every frame."""
+        return self._enabled()
+
     def new_log(self) -> None:
         """Begin anew with the next frame, as another log begins."""
         self._in_frames = False

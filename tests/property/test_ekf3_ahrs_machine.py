@@ -204,7 +204,9 @@ PARAMETERS = (
     *("VISO_POS_X", "VISO_DELAY_MS", "VISO_SCALE", "VISO_ORIENT", "VISO_POS_M_NSE", "INS_POS1_X", "EK3_IMU_MASK"),
 )
 RANGES = {"int8_t": (-128, 127), "uint8_t": (0, 255), "uint16_t": (0, 65535), "uint32_t": (0, (1 << 32) - 1)}
-RANGES |= {"int32_t": (-(1 << 31), (1 << 31) - 1), "uint64_t": (0, (1 << 64) - 1)}
+RANGES |= {f"int{bits}_t": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (16, 32)} | {
+    "uint64_t": (0, (1 << 64) - 1)
+}
 
 
 def any_message(draw: random.Random, cls: type[Message]) -> Message:

@@ -9,6 +9,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from ap_core.clock import NEVER
 from mav_handlers.wire.codec import Codec
 from tools.bench.odometry import PERIOD_US, odometry_at
 from viso.running.virtual_time import Scheduler
@@ -25,6 +26,7 @@ class CountedLog:
         self.size = 0
         self.dropped = 0
         self.reason: str | None = None
+        self.flush_due_us = NEVER
 
     def write(self, data: bytes) -> bool:
         """Count whole records."""

@@ -40,6 +40,7 @@ class LogFile:
         size: bytes handed in so far, written or waiting.
         dropped: calls of :meth:`write` whose records are lost.
         reason: one line naming the file, once writing has failed.
+        flush_due_us: when ``flush_if_due`` writes next, in us since boot.
     """
 
     def __init__(self, path: Path, number: int, descriptor: int) -> None:
@@ -52,6 +53,7 @@ class LogFile:
         self._waiting = bytearray()
         self._waiting_calls = 0
         self._flushed_us = 0
+        self.flush_due_us = FLUSH_INTERVAL_US
 
     @property
     def closed(self) -> bool:
@@ -79,6 +81,7 @@ class LogFile:
         if 0 <= now_us - self._flushed_us < FLUSH_INTERVAL_US:
             return self.reason is None
         self._flushed_us = now_us
+        self.flush_due_us = now_us + FLUSH_INTERVAL_US
         return self.flush()
 
     def flush(self) -> bool:

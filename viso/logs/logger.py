@@ -4,12 +4,12 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from typing import Final
 
 import numpy as np
 
-from ap_core.clock import Clock
+from ap_core.clock import NEVER, Clock
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, PARM, LogStructure
@@ -56,6 +56,8 @@ class Logger:
     Attributes:
         failure: why there is no log, or the last one is not whole, in one line; None while all is well.
         losses: how many records are lost for which reason, though a log was wanted.
+        on_write: hears of each record.
+        wanted_by_listener: the names of those that it wants; None for all.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Logger:
         self._wanted = False
         self._retry_us = 0
         self.on_write: Callable[[LogStructure, Sequence[LogValue]], None] | None = None
+        self.wanted_by_listener: Container[str] | None = None
         self.failure: str | None = None
         self.losses: Counter[str] = Counter()
         self.records = 0
@@ -95,6 +98,12 @@ class Logger:
         """Return how many records are lost because no log could be written."""
         return self.losses.total()
 
+    def takes(self, structure: LogStructure) -> bool:
+        """Tell whether there is, or may come to be, anybody who wants records of a fixed type."""
+        wanted = self.wanted_by_listener
+        is_heard = self.on_write is not None and (wanted is None or structure.name in wanted)
+        return is_heard or self._open_sink is not None
+
     def update(self, wanted: bool, params: ParamTable) -> None:
         """Open or close the log as wanted, and let waiting bytes out when they are due."""
         now_us = self._clock.micros64()
@@ -106,6 +115,12 @@ class Logger:
                 self._open(self._open_sink, params, now_us)
         if self._sink is not None and not self._sink.flush_if_due(now_us):
             self._give_up()
+
+    def quiet_until_us(self, wanted: bool) -> int:
+        """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
+        if self._sink is not None:
+            return self._sink.flush_due_us if wanted else 0
+        return NEVER if not wanted or self._open_sink is None else self._retry_us
 
     def _open(self, open_sink: Callable[[], LogSink], params: ParamTable, now_us: int) -> None:
         try:

@@ -4,6 +4,8 @@
 
 from typing import Protocol
 
+from ap_core.clock import NEVER
+
 
 class LogSink(Protocol):
     """An open log: a file, or memory in tests.
@@ -11,10 +13,12 @@ class LogSink(Protocol):
     Attributes:
         dropped: how many records are lost.
         reason: why, in one line, once the log takes no more.
+        flush_due_us: before when, since boot, there is nothing to do for ``flush_if_due``.
     """
 
     dropped: int
     reason: str | None
+    flush_due_us: int
 
     def write(self, data: bytes) -> bool:
         """Append whole records; False if they are lost."""
@@ -33,6 +37,7 @@ class MemoryLog:
         self.data = bytearray()
         self.dropped = 0
         self.reason: str | None = None
+        self.flush_due_us = NEVER
 
     def write(self, data: bytes) -> bool:
         """Append whole records."""

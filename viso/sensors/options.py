@@ -4,8 +4,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
+import numpy as np
+
+from ekf_stub.filter.inertial import Array
 from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors
+
+_NOTHING_AHEAD: Final[Array] = np.zeros((0, 8))
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +39,13 @@ class UnmovedSource:
     def __init__(self, options: ImuOptions) -> None:
         self._options = options
         self._model = ErrorModel(options.errors, options.seed)
+
+    def ahead(self, times_us: range) -> Array:
+        """Say nothing beforehand."""
+        return _NOTHING_AHEAD
+
+    def pass_over(self, times_us: range) -> None:
+        """Do nothing: nothing was said beforehand."""
 
     def set_armed(self, armed: bool) -> None:
         """Go on as before, armed or not."""

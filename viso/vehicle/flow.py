@@ -115,6 +115,11 @@ class MavlinkFlow:
         self._count = u16(self._count + 1)
         return True
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether ``update`` brings about nothing."""
+        return not self._has_driver
+
     def update(self) -> None:
         """Make the flow since the last update known, 200 times a second (AP_OpticalFlow::update)."""
         if self._type() == FLOW_TYPE_NONE:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import int_of_float, u8, u16, u32
-from ap_core.clock import Clock
+from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_core.sinks import RecordSink, TextSink
@@ -134,18 +134,31 @@ class MavlinkGps:
     def update(self) -> None:
         """Look for the driver, then for what it has got, 50 times a second (AP_GPS::update_instance)."""
         if self._type() == GPS_TYPE_NONE:
+            self._sample = None
             self._state.status = NO_GPS
             self._state.hdop = self._state.vdop = UNKNOWN_DOP
         elif self._driver is None:
             self._detect()
         else:
             self._update_instance(self._driver)
-        self._sample = None
+
+    def quiet_until_us(self) -> int:
+        """Return before when ``update`` changes nothing, since boot, as long as neither messages nor parameters do."""
+        if self._type() == GPS_TYPE_NONE:
+            return NEVER if self._state.status == NO_GPS else 0
+        if self._driver is None:
+            return 0 if self._type() == GPS_TYPE_MAV else NEVER
+        if self._driver.has_news or self._state.status >= FIX_3D:  # which tells the time
+            return 0
+        now_us = self._clock.micros64()
+        silent_ms = u32(now_us // 1000 - self._last_message_ms)
+        return (now_us // 1000 + max(0, GPS_TIMEOUT_MS + 1 - silent_ms)) * 1000
 
     def _detect(self) -> None:
         if self._type() != GPS_TYPE_MAV:
             return
         self._driver = MavlinkGpsDriver()
+        self._sample = None
         self._state.status = NO_FIX
         self._last_message_ms = self._clock.millis()
         self._delta_ms = GPS_TIMEOUT_MS
@@ -160,6 +173,7 @@ class MavlinkGps:
         else:
             self._tell_time()
             return
+        self._sample = None
         self._watch_rate()
         if self._params.get_int("LOG_BITMASK") & MASK_LOG_GPS:
             self._log()

@@ -66,16 +66,19 @@ class GpsState:
 
 
 class MavlinkGpsDriver:
-    """The driver of GPS1_TYPE 14: takes messages, and tells once that there are new ones."""
+    """The driver of GPS1_TYPE 14: takes messages, and tells once that there are new ones.
+
+    ``has_news`` tells whether there are some of which ``read`` has not told.
+    """
 
     def __init__(self) -> None:
-        self._new_data = False
+        self.has_news = False
         self._first_week = 0
         self._jitter = JitterCorrection(MAX_LAG_MS)
 
     def read(self) -> bool:
         """Tell, once, that there is new data (AP_GPS_MAV::read)."""
-        new_data, self._new_data = self._new_data, False
+        new_data, self.has_news = self.has_news, False
         return new_data
 
     def handle(self, packet: GPS_INPUT, state: GpsState, now_ms: int) -> None:
@@ -96,7 +99,7 @@ class MavlinkGpsDriver:
         if packet.fix_type >= FIX_3D and packet.time_week > 0:
             self._correct_time(packet, state, now_ms)
         state.num_sats = packet.satellites_visible
-        self._new_data = True
+        self.has_news = True
 
     def _correct_time(self, packet: GPS_INPUT, state: GpsState, now_ms: int) -> None:
         if self._first_week == 0:

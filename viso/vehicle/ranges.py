@@ -163,6 +163,11 @@ class MavlinkRanges:
         takers = [finder for finder in self._finders.values() if finder.take(packet, now_ms)]
         return bool(takers)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether ``update`` brings about nothing."""
+        return not self._finders
+
     def update(self) -> None:
         """Make what was heard known, 20 times a second (RangeFinder::update)."""
         if not self._finders:

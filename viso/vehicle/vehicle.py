@@ -15,7 +15,7 @@ endpoint sees it (``mav_handlers.ports``), and for the most part passes on.
 from typing import Final
 
 from ap_core.cint import i16
-from ap_core.clock import VirtualClock
+from ap_core.clock import NEVER, VirtualClock
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
@@ -24,8 +24,10 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.log.ekf_log_structure import XKF1
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
+from ekf_stub.log.replay_log_structure import RFRH
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
 from mav_handlers.ports import Location, OriginResult
@@ -70,6 +72,20 @@ _TENTH_US: Final = 100_000
 _SECOND_US: Final = 1_000_000
 
 
+def _next_of(due_us: int, period_us: int, times_us: range) -> int:
+    """Return when a task is due next that has run in each of some passes in which it was due."""
+    while due_us <= times_us[-1]:
+        late = max(0, -((times_us.start - due_us) // times_us.step))
+        due_us = times_us[late] + period_us
+    return due_us
+
+
+def _log_end_us(disarmed_us: int, now_us: int) -> int:
+    """Return when the log ends after disarming, if that is to come."""
+    end_us = disarmed_us + LOG_AFTER_DISARM_US
+    return end_us if end_us > now_us else NEVER
+
+
 class Vehicle:
     """A vehicle without motors: its parameters, external navigation, log, checks and MAVLink endpoint.
 
@@ -108,8 +124,10 @@ class Vehicle:
         self.texts = StatusTextQueue(self.clock.micros64)
         self.texts.on_text.append(lambda _severity, text: self.log.text(text[:TEXT_FIELD_LEN]))
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
-        wants_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
-        self._replay_log = ReplayLog(self.logger, wants_replay, event_order=config.firmware.event_order)
+        logs_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
+        self._replay_log = ReplayLog(
+            self.logger, lambda: logs_replay() and self.logger.takes(RFRH), event_order=config.firmware.event_order
+        )
         self.rtc = Rtc(self.clock, self.params, lambda: self.copter.arming.armed, config.boot_utc_us)
         self.gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
         self.ranges = MavlinkRanges(self.clock, self.params, self.logger, config.firmware.params.range_unit)
@@ -162,6 +180,7 @@ class Vehicle:
         self._next_tenth_us = 0
         self._next_attitude_us = 0
         self._next_second_us = FIRST_SECOND_US
+        self._seen: tuple[object, ...] = ()
         self.reboot_requested = False
         self.signing_store = config.signing_store
         self.files = VehicleFiles(
@@ -223,7 +242,12 @@ class Vehicle:
         if self.flown is not None and self._initialised:
             for event in self.flown.events_until(now_us):
                 self._let_happen(event)
+        self._seen = self._situation()
         self._run_estimator_frame()
+        self._end_pass(now_us)
+
+    def _end_pass(self, now_us: int) -> None:
+        """Do what a pass does once the estimator has run."""
         self.copter.update()
         if self.internal_errors.mask != self._internal_errors_told:
             self._tell_internal_errors()
@@ -232,6 +256,80 @@ class Vehicle:
         self._run_slow_tasks(now_us)
         self.endpoint.poll(now_us)
         self.logger.update(self._log_wanted(), self.params)
+
+    def loop_quietly(self, times_us: range) -> int:
+        """Run passes of which nothing comes but what the filter makes of its inertial data.
+
+        What ``loop`` would have done is done for many at once; and for one of which something came, to its end.
+
+        Args:
+            times_us: of the next passes, since boot.
+
+        Returns:
+            How many were run: all, or until ``loop`` is to run the next.
+        """
+        quiet = times_us and times_us[: max(0, -((times_us.start - self.quiet_until_us()) // times_us.step))]
+        count = self.ahrs.run_quietly(quiet, self.clock.set_us, self._is_quiet) if quiet else 0
+        if not count:
+            return 0
+        now_us = quiet[count - 1]
+        is_quiet = self._is_quiet(now_us)
+        over = quiet[: count if is_quiet else count - 1]
+        if over:
+            self._next_gps_us = _next_of(self._next_gps_us, GPS_PERIOD_US, over)
+            self._next_flow_us = _next_of(self._next_flow_us, FLOW_PERIOD_US, over)
+            self._next_range_us = _next_of(self._next_range_us, RANGE_PERIOD_US, over)
+            self._next_throttle_us = _next_of(self._next_throttle_us, THROTTLE_PERIOD_US, over)
+            self._next_attitude_us = _next_of(self._next_attitude_us, self._attitude_period_us(), over)
+            self.endpoint.poll_quietly(over[-1])
+        self.clock.set_us(now_us)
+        self._align_camera()
+        if not is_quiet:
+            self._end_pass(now_us)
+        return count
+
+    def quiet_until_us(self) -> int:
+        """Return before when nothing comes of passes but what the filter makes of its data; 0 if of the next one."""
+        if not self._initialised or self._situation() != self._seen:
+            return 0
+        until_us = self.ahrs.quiet_until_us()
+        return until_us and min(until_us, self._next_task_us())
+
+    def _is_quiet(self, now_us: int) -> bool:
+        """Tell whether nothing but the estimator has to do anything in a pass."""
+        return self.endpoint.quiet_until_us() > now_us and self.copter.quiet_until_us() > now_us
+
+    def _next_task_us(self) -> int:
+        """Return when something is to be done next, as things are, beside running the filter; 0 if at once."""
+        if self.internal_errors.mask != self._internal_errors_told:
+            return 0
+        wanted = self._log_wanted()
+        disarmed_us = self.copter.disarmed_us if wanted else None
+        return min(
+            self._next_tenth_us,
+            self._next_attitude_us if self.logger.takes(XKF1) else NEVER,
+            self._next_second_us,
+            max(self._next_gps_us, self.gps.quiet_until_us()),
+            NEVER if self.flow.is_idle else self._next_flow_us,
+            NEVER if self.ranges.is_idle else self._next_range_us,
+            self._next_throttle_us if self.copter.tells_of_terrain else NEVER,
+            NEVER if self.flown is None else self.flown.next_event_us(),
+            NEVER if disarmed_us is None else _log_end_us(disarmed_us, self.clock.micros64()),
+            self.copter.quiet_until_us(),
+            self.endpoint.quiet_until_us(),
+            self.logger.quiet_until_us(wanted),
+        )
+
+    def _situation(self) -> tuple[object, ...]:
+        """Return what may change in the course of a pass, and then counts from the next one on."""
+        copter = self.copter
+        return (
+            self.params.generation,
+            self.sources.active_set,
+            copter.arming.armed,
+            copter.landing.landed,
+            copter.home.place,
+        )
 
     def receive_bytes(self, channel: Channel, data: bytes, read_us: int | None = None) -> None:
         """Handle what a link delivered; ``read_us`` since boot if it was read earlier than now."""
@@ -266,9 +364,11 @@ class Vehicle:
                 self.set_origin(place)
 
     def _run_estimator_frame(self) -> None:
-        camera = self._camera_frames()[self.visual_odom.healthy()]
-        self.ahrs.update(camera)
-        if camera.enabled and self.ahrs.estimator_started():
+        self.ahrs.update(self._camera_frames()[self.visual_odom.healthy()])
+        self._align_camera()
+
+    def _align_camera(self) -> None:
+        if self.visual_odom.enabled() and self.ahrs.estimator_started():
             self.visual_odom.align_position_to_ahrs(*self.sources.position_alignment())
 
     def _make_camera_frames(self) -> tuple[VisualOdomFrame, VisualOdomFrame]:
@@ -303,8 +403,9 @@ class Vehicle:
             self.copter.check_estimator()
         if now_us >= self._next_attitude_us:
             self._next_attitude_us = now_us + self._attitude_period_us()
-            self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
-            self.ahrs.log_estimates()
+            if self.logger.takes(XKF1):
+                self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
+                self.ahrs.log_estimates()
         if now_us >= self._next_second_us:
             self._next_second_us = now_us + _SECOND_US
             self.copter.arming.update()

@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from ap_core.clock import NEVER
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.inertial import Array, InertialDelta, quat_of_rotation, rotation_of_quat
+from ekf_stub.filter.inertial import Array, InertialDelta, are_usable, quat_of_rotation, rotation_of_quat
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import ImuReading
 from ekf_stub.inputs.sensors import Sensors
@@ -70,6 +71,8 @@ class RecordedSource(UnmovedSource):
         self._next_event = 0
         self._yaw_rad = options.heading_rad
         self._gps: GpsSample | None = None
+        newest = np.array([one.newest for one in (flight.baro, flight.mag, flight.declination, flight.gps)])
+        self._alike = are_usable(flight.deltas) & (np.diff(newest, axis=1, prepend=-2) == 0).all(axis=0)
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what the sensors said since the last pass, or None if the log has nothing."""
@@ -95,6 +98,26 @@ class RecordedSource(UnmovedSource):
         delta = imus[0].delta if imus else _sum_of(flight.deltas[start:end])
         return self._model.apply(Sensors(delta, flight.baro.at(newest), mag, declination, imus))
 
+    def ahead(self, times_us: range) -> Array:
+        """Return what passes get of which each has one of the log's, up to a reading that differs."""
+        start = self._next
+        if start is None or self.flight.imus or not self._model.is_ideal:
+            return super().ahead(times_us)
+        log_us = self.flight.time_us[start : start + len(times_us) + 1]
+        count = min(len(log_us) - 1, len(times_us))
+        if count <= 0:
+            return super().ahead(times_us)
+        now_us = np.arange(times_us.start, times_us[count - 1] + 1, times_us.step)
+        alike = (log_us[:count] <= now_us) & (log_us[1 : count + 1] > now_us) & self._alike[start : start + count]
+        return self.flight.deltas[start : start + (count if alike.all() else int(alike.argmin()))]
+
+    def pass_over(self, times_us: range) -> None:
+        """Leave out passes that got what ``ahead`` had said."""
+        self._next = (self._next or 0) + len(times_us)
+        yaw_rad = self.flight.yaw_rad.at(self._next - 1)
+        if yaw_rad is not None:
+            self._yaw_rad = yaw_rad
+
     def is_at_rest(self, until_us: int) -> bool:
         """Tell whether the log says nothing from now until a time since boot."""
         times_us = self._times_us
@@ -107,6 +130,11 @@ class RecordedSource(UnmovedSource):
     def gps(self) -> GpsSample | None:
         """Return the newest solution of the log's GPS; None without one."""
         return self._gps
+
+    def next_event_us(self) -> int:
+        """Return when something happens next, in us since boot."""
+        events = self.flight.events
+        return events[self._next_event].time_us if self._next_event < len(events) else NEVER
 
     def events_until(self, now_us: int) -> Iterator[Event]:
         """Yield what has happened since the last call, up to a time."""

@@ -53,6 +53,7 @@ class Copter:
         group = parts.params.group("ARMING_")
         self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
         self.disarmed_us: int | None = None
+        self._was_stable = True
 
     def _make_ekf_check(self) -> EkfCheck:
         parts = self._parts
@@ -93,16 +94,29 @@ class Copter:
             if self.landing.has_landed_by_itself():
                 self._disarm(ArmMethod.LANDED)
 
+    def quiet_until_us(self) -> int:
+        """Return until when ``update`` has nothing to do as things are; 0 if it may."""
+        home_us = self.home.quiet_until_us()
+        return min(home_us, self.landing.quiet_until_us()) if self.arming.armed else home_us
+
     def check_estimator(self) -> None:
         """See whether the estimator is to be trusted; ten times a second."""
         self._ekf_check.update()
+
+    def _climbs_or_sinks(self) -> bool:
+        return self.landing.is_taking_off() or self.modes.current.lands
+
+    @property
+    def tells_of_terrain(self) -> bool:
+        """Whether ``tell_terrain_stable`` may have anything new to tell."""
+        return self._was_stable or self._climbs_or_sinks()
 
     def tell_terrain_stable(self) -> None:
         """Let heights count from the ground during take-off and landing; 50 times a second.
 
         Source: Copter::update_ekf_terrain_height_stable.
         """
-        climbs_or_sinks = self.landing.is_taking_off() or self.modes.current.lands
+        climbs_or_sinks = self._was_stable = self._climbs_or_sinks()
         self._parts.ahrs.set_terrain_stable(is_stable=climbs_or_sinks and self.estimates.position_ok())
 
     def note_primary(self, core: int) -> None:

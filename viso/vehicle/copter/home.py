@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from ap_core.cint import u32
-from ap_core.clock import Clock
+from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
 from ap_core.sinks import TextSink
@@ -72,6 +72,17 @@ class Home:
             self._set_from_ekf(origin)
         if not self._has_field_elevation and not self._is_armed():
             self._update_field_elevation(origin)
+
+    def quiet_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do as things are, and nobody is to be told of home; 0 if not."""
+        if self._changed:
+            return 0
+        if self._ahrs.origin() is None or (self.place is not None and (self._has_field_elevation or self._is_armed())):
+            return NEVER
+        if self.place is None:
+            return 0
+        since_ms = u32(self._clock.millis() - self._field_elevation_ms)
+        return (self._clock.micros64() // 1000 - since_ms + FIELD_ELEVATION_PERIOD_MS) * 1000
 
     def _set_from_ekf(self, origin: Location) -> None:
         # Copter::update_home_from_EKF: in flight, home is level with the origin.

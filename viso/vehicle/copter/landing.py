@@ -8,7 +8,7 @@ Source: ArduCopter/motors.cpp (auto_disarm_check), ArduCopter/takeoff.cpp, ArduC
 from collections.abc import Callable
 from typing import Final
 
-from ap_core.clock import Clock
+from ap_core.clock import NEVER, Clock
 from ap_core.param import ParamTable
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.logs.vehicle_log import VehicleLog
@@ -103,6 +103,14 @@ class Landing:
             self._takeoff = None
         if not self.landed and self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
             self._set_landed(True)
+
+    def quiet_until_us(self) -> int:
+        """Return until when ``update`` has nothing to do for an armed vehicle as things are; 0 if it may."""
+        if self.is_told:
+            return NEVER
+        if self._mode().lands or self._takeoff is not None:
+            return 0
+        return NEVER if self._lift_off_us is None else self._lift_off_us
 
     def _set_landed(self, landed: bool) -> None:
         if landed != self.landed:

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ekf_stub.filter.inertial import InertialDelta
+from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 
 REST = InertialDelta(np.array([0.0, 0.0, -0.0245]), np.zeros(3), 0.0025, 0.0025)
@@ -20,6 +20,11 @@ class Rest:
 
     def sense(self, now_us: int) -> Sensors | None:
         return Sensors(REST) if now_us else None
+
+    def ahead(self, times_us: range) -> Array:
+        return np.zeros((0, 8))
+
+    def pass_over(self, times_us: range) -> None: ...
 
     def set_armed(self, armed: bool) -> None: ...
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from mav_handlers.channel import Channel
+from tests.unit.viso.conftest import Bench
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -80,3 +81,17 @@ def test_bytes_come_at_the_present_time(vehicle: Vehicle, monkeypatch: pytest.Mo
     scheduler.deliver(channel, b"bytes", read_us=read_us)
     assert got == [(channel, b"bytes", read_us)]
     assert vehicle.clock.micros64() == 4321
+
+
+def test_passes_of_which_nothing_comes_are_made_many_at_once(
+    make_bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # tests/property/test_quiet_passes.py has all sensors, and much that happens.
+    one, other = (make_bench(LOG_DISARMED=1) for _ in range(2))
+    monkeypatch.setattr(other.vehicle, "loop_quietly", lambda _times_us: 0)
+    times = loops_of(one.vehicle, monkeypatch)
+    for bench in (one, other):
+        bench.scheduler.run_until(bench.scheduler.now_us + 1_000_000)
+    assert len(times) < 60
+    assert one.records == other.records
+    assert one.vehicle.endpoint.bytes_to_send(one.channel) == other.vehicle.endpoint.bytes_to_send(other.channel)

@@ -1,0 +1,167 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Passes of the main loop that are run many at once: the same comes of them as of each by itself.
+
+The same happens to two vehicles, of which one makes every pass. They send and log the same bytes, and say the same of
+all messages and samples, whatever their sensors' data come from, and on both kernels.
+"""
+
+import random
+from collections import Counter
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+from ap_core.location import Location
+from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, OPTICAL_FLOW, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
+from tests.property import test_ekf3_ahrs_machine as machine
+from viso.running.virtual_time import Scheduler
+from viso.sensors.errors import SensorErrors
+from viso.sensors.flown.flight import PASS_US, Basis, Event, Flight, Happening, readings
+from viso.sensors.flown.source import RecordedSource
+from viso.sensors.hil.source import HilSource
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
+
+PLACE: Final = Location(-353632610, 1491652300, 58400)
+NOISY: Final = ImuOptions(errors=SensorErrors(gyro_noise_deg_s_rthz=0.02, baro_noise_m=0.1, compass_noise_mgauss=2.0))
+PARAMETERS: Final = (
+    *("LOG_REPLAY", "LOG_DISARMED", "EK3_SRC1_YAW", "EK3_SRC1_POSXY", "GPS1_TYPE", "COMPASS_USE"),
+    *("LOG_BITMASK", "EK3_MAG_CAL", "VISO_DELAY_MS", "EK3_OGNM_TEST_SF"),
+)
+
+
+def flown() -> Flight:
+    """Return a flight whose log has noise, readings and things that happen."""
+    draw = np.random.default_rng(1)
+    times_us = np.arange(2_450_000, 20_000_000, PASS_US)
+    deltas = np.tile([0.0, 0.0, -9.80665 * 1e-6 * PASS_US, 0.0, 0.0, 0.0, 1e-6 * PASS_US, 1e-6 * PASS_US], (7020, 1))
+    deltas[:, :6] += 1e-4 * draw.standard_normal((len(deltas), 6)).astype(np.float32)
+    happens = (
+        Event(7_000_000, Happening.ARMED),
+        Event(7_501_000, Happening.LIFTED_OFF),
+        Event(13_000_000, Happening.LANDED),
+        Event(13_800_000, Happening.DISARMED),
+    )
+    read_us = np.arange(2_500_000, 20_000_000, 100_000)
+    return Flight(
+        Basis.IMU,
+        times_us,
+        deltas.astype(np.float32).astype(np.float64),
+        baro=readings([(int(time_us) // 1000, 0.0) for time_us in read_us], read_us, times_us),
+        mag=readings([(int(time_us), np.array([238.0, 0.0, -529.0])) for time_us in read_us], read_us, times_us),
+        declination=readings([0.2], [2_500_000], times_us),
+        yaw_rad=readings([], [], times_us),
+        gps=readings([], [], times_us),
+        events=happens,
+        track=np.zeros((0, 4)),
+    )
+
+
+machine.MAKERS.update(
+    noisy=by_ekf3(BenchSource, NOISY),
+    hil=by_ekf3(HilSource, ImuOptions()),
+    log=by_ekf3(lambda options: RecordedSource(options, flown()), ImuOptions()),
+)
+
+
+class Trip(machine.Trip):
+    """A vehicle and its camera; ``in_one`` tells whether passes are run many at once."""
+
+    def __init__(self, kind: str, *, in_one: bool, **defaults: float) -> None:
+        super().__init__(kind, 0, LOG_REPLAY=0, **defaults)
+        self._kind = kind
+        self._scheduler = Scheduler(self.vehicle)
+        self._next_hil_us = 0
+        self.records: list[Any] = []
+        self.verdicts: Counter[Any] = Counter()
+        self.vehicle.logger.on_write = lambda structure, values: self.records.append((structure.name, str(values)))
+        self.vehicle.endpoint.on_event = lambda event: self.verdicts.update([(event.now_us, event.verdict.rule.code)])
+        if not in_one:
+            self.vehicle.loop_quietly = lambda times_us: 0  # type: ignore[method-assign]
+
+    def run(self, seconds: float) -> None:
+        """Let time pass, up to each message from without."""
+        end_us = self.now_us + round(1e6 * seconds)
+        while self.now_us < end_us:
+            due = [end_us, *([self._next_us] if self.is_seen else []), *([self._next_hil_us] * (self._kind == "hil"))]
+            self.now_us = max(min(due), self.now_us)
+            self._scheduler.run_until(self.now_us)
+            if self.is_seen and self.now_us >= self._next_us:
+                self._next_us = self.now_us + machine.PERIOD_US
+                self.send(self.seen())
+            if self._kind == "hil" and self.now_us >= self._next_hil_us:
+                self._next_hil_us = self.now_us + 4_100
+                fields = (0.0, 0.0, -9.80665, 0.0, 0.0, 0.0, 0.238, 0.0, -0.529, 1013.25, 0.0, 0.0, 20.0)
+                self.send(HIL_SENSOR(self.now_us, *fields, 0, 0))
+            self._read()
+
+    def outcome(self) -> tuple[Any, ...]:
+        """Return what the vehicle has sent, logged and said."""
+        return (
+            self.fingerprint(),
+            self.texts,
+            self.verdicts,
+            self.vehicle.ahrs.ext_nav_counts,
+            self.vehicle.endpoint.verdict_counts(),
+        )
+
+
+def happen(trip: Trip, draw: random.Random) -> None:
+    """Do something to a vehicle, and let some time pass."""
+    kind = draw.choice(("param", "arm", "takeoff", "mode", "source", "origin", "gps", "flow", "blind", "sense", "odd"))
+    if kind == "param":
+        trip.send(PARAM_SET(1, 1, draw.choice(PARAMETERS), float(draw.randint(0, 6)), 9))
+    elif kind == "arm":
+        trip.command(machine.ARM_DISARM, float(draw.randint(0, 1)), machine.BY_FORCE)
+    elif kind == "takeoff":
+        trip.command(machine.TAKEOFF, *[0.0] * 6, 5.0)
+    elif kind == "mode":
+        trip.command(176, 1.0, float(draw.choice((0, 2, 4, 9))))
+    elif kind == "source":
+        trip.command(machine.SOURCE_SET, float(draw.randint(1, 3)))
+    elif kind == "origin":
+        trip.send(SET_GPS_GLOBAL_ORIGIN(1, PLACE.lat, PLACE.lng, draw.choice((0, 584_000))))
+    elif kind == "gps":
+        gps = replace(
+            machine.any_message(draw, GPS_INPUT), gps_id=0, fix_type=3, lat=PLACE.lat, lon=PLACE.lng, alt=584.0
+        )
+        trip.send(gps)
+    elif kind == "flow":
+        trip.send(machine.any_message(draw, OPTICAL_FLOW))
+    elif kind == "sense":
+        machine.tell_sense(trip, draw)
+    elif kind == "odd":
+        trip.send(machine.any_vision(draw, trip.now_us))
+    trip.is_seen = kind != "blind"
+    trip.run(draw.uniform(0.0, 2.0 if kind != "blind" else 9.0))
+
+
+def check_twins(kind: str, seed: int, times: int, **defaults: float) -> None:
+    trips = [Trip(kind, in_one=in_one, **defaults) for in_one in (True, False)]
+    for trip in trips:
+        draw = random.Random(seed)
+        trip.run(5.5)
+        for _ in range(times):
+            happen(trip, draw)
+    one, other = trips
+    differing = [pair for pair in zip(one.records, other.records, strict=False) if pair[0] != pair[1]]
+    assert (differing[:4], len(one.records)) == ([], len(other.records))
+    assert one.outcome() == other.outcome()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kernel", [PLAIN, NUMBA])
+@pytest.mark.parametrize("kind", sorted(machine.MAKERS))
+def test_same_comes_of_passes_in_one_and_of_each_by_itself(
+    kind: str, kernel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KERNEL_VARIABLE, kernel)
+    for seed in range(6):
+        check_twins(
+            kind, seed, 12, GPS1_TYPE=14.0 * (seed % 2), FLOW_TYPE=5.0 * (seed == 5), COMPASS_USE=float(seed % 3)
+        )
