@@ -17,6 +17,8 @@ NOW_S: Final = time.monotonic
 MAX_ROUNDS: Final = 64
 READ_BYTES: Final = 1024
 """What a link may hand in before the next link's turn: some 30 messages at most, which take a few milliseconds."""
+MOST_SLEPT_OVER: Final = 20
+"""So many passes may come at once: what comes of them unforeseen, such as a text, is told no later than 50 ms."""
 READ_BUDGET_S: Final = 0.01
 """How long the links may hand in by turns before the main loop's turn."""
 
@@ -59,23 +61,45 @@ class Pacer:
     def run(self, stop: Callable[[], bool], *, until_us: int | None = None) -> None:
         """Run until ``stop`` says so, or until the vehicle has run for ``until_us``, restarts included."""
         while not stop() and (until_us is None or self._ran_us() < until_us):
-            self.step()
+            self.step(until_us)
 
-    def step(self) -> None:
-        """Wait for bytes or for the next pass of the main loop, then deal with them."""
-        wait_us = self._next_loop_us - self._now_us()
+    def step(self, until_us: int | None = None) -> None:
+        """Wait for bytes, or for a pass of which something may come, then deal with them."""
+        due_us = self._due_us()
+        if until_us is not None:
+            due_us = max(self._next_loop_us, min(due_us, until_us - self._before_restart_us))
+        wait_us = due_us - self._now_us()
         if wait_us > 0:
             wait_readable(self._links, wait_us / 1e6 / self._speedup)
+        self._make_up(min(self._now_us(), due_us - 1))
         self._read()
         now_us = self._now_us()
         if now_us >= self._next_loop_us:
-            self._powered.vehicle.clock.set_us(now_us)
+            clock = self._powered.vehicle.clock
+            is_late = now_us - self._next_loop_us >= LOOP_PERIOD_US
+            clock.set_us(now_us if is_late else max(self._next_loop_us, clock.micros64()))
             self._powered.vehicle.loop()
             # A pass that comes late is not made up for, as on the real vehicle.
             self._next_loop_us = max(self._next_loop_us + LOOP_PERIOD_US, now_us)
             self._powered.vehicle.keep_set_parameters()
             self._write()
             self._restart_if_asked()
+
+    def _due_us(self) -> int:
+        """Return the time of the next pass of which something may come; until then there is nothing to get up for."""
+        passes = -((self._next_loop_us - self._powered.vehicle.quiet_until_us()) // LOOP_PERIOD_US)
+        return self._next_loop_us + max(0, min(passes, MOST_SLEPT_OVER)) * LOOP_PERIOD_US
+
+    def _make_up(self, until_us: int) -> None:
+        """Run the passes that were slept over, each for its own time."""
+        vehicle = self._powered.vehicle
+        while self._next_loop_us <= until_us:
+            count = vehicle.loop_quietly(range(self._next_loop_us, until_us + 1, LOOP_PERIOD_US))
+            if not count:
+                vehicle.clock.set_us(self._next_loop_us)
+                vehicle.loop()
+            self._next_loop_us += LOOP_PERIOD_US * max(1, count)
+            self._write()
 
     def _restart_if_asked(self) -> None:
         ran_us = self._ran_us()

@@ -16,6 +16,7 @@ from viso.parameters.memory import MemoryParamStore
 from viso.running import real_time as realtime
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer
+from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
@@ -247,3 +248,25 @@ def test_restarted_vehicle_counts_its_time_from_zero_and_keeps_its_links(make: C
     rig.clients[0].receive()
     rig.run_to(5_100_000)
     assert [beat for beat in messages(rig.clients[0]) if isinstance(beat, HEARTBEAT)]
+
+
+def records_of(vehicle: Vehicle) -> list[tuple[str, str]]:
+    """Return a list to which the records of a vehicle are appended."""
+    records: list[tuple[str, str]] = []
+    vehicle.logger.on_write = lambda structure, values: records.append((structure.name, str(values)))
+    return records
+
+
+def test_pacer_sleeps_over_passes_of_which_nothing_comes(make: Callable[..., Rig]) -> None:
+    rig = make(defaults={"LOG_DISARMED": 1.0})
+    records = records_of(rig.vehicle)
+    rig.run_to(6_000_000)
+    rig.clock.waits.clear()
+    rig.run_to(6_200_000)
+    assert len(rig.clock.waits) < 20
+    other = Vehicle(VehicleConfig(links=2, defaults={"LOG_DISARMED": 1.0}))
+    for client in rig.clients:
+        other.endpoint.open_channel(client.name)
+    expected = records_of(other)
+    Scheduler(other).run_until(6_150_000)
+    assert records[: len(expected)] == expected
