@@ -90,6 +90,7 @@ class Channel:
         ftp_is_busy: file transfers slow down everything else.
         params_sent_us: when parameters were last sent on this link's turn.
         times_full: how often a message did not fit.
+        has_reader: whether anybody wants to know what is sent; else it is gone.
     """
 
     index: int
@@ -119,6 +120,7 @@ class Channel:
     packets_dropped: int = 0
     frames_not_sent: int = 0
     times_full: int = 0
+    has_reader: bool = True
     bytes_sent: int = 0
     _output: bytearray = field(default_factory=bytearray)
 
@@ -189,8 +191,9 @@ class Channel:
         if not self.has_room():
             self.frames_not_sent += len(messages)
             return False
-        for message in messages:
-            self._output += self.codec.encode(message)
+        if self.has_reader:
+            for message in messages:
+                self._output += self.codec.encode(message)
         return True
 
     def forward(self, frame: bytes) -> bool:

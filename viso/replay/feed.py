@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.log_field import LogValue
-from ap_core.log_structure import LogStructure
+from ap_core.log_structure import MAV, LogStructure
 from ap_core.verdict import Verdict
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from mav_handlers.channel import Channel
@@ -95,16 +95,19 @@ class Replay:
         self._watch = watch
         self._filter_until_us = math.inf if filter_until_us is None else filter_until_us
         self._fates = SampleFates()
-        if watch is not None:
-            watch.listeners.append(self._fates.take)
         self._stream = stream
         self._scheduler = Scheduler(vehicle)
+        if watch is not None:
+            watch.listeners.append(self._fates.take)
+            self._scheduler.on_pass = watch.look
         self._channel: Channel = vehicle.endpoint.open_channel(stream.name, baud=baud)
         self._records: list[tuple[str, tuple[LogValue, ...]]] = []
         self._handled: deque[_Handled] = deque()
         self._arrival_us: int | None = None
         self._silences_us: list[tuple[int, int]] = []
         vehicle.logger.on_write = self._take_record
+        vehicle.logger.wanted_by_listener = _VISUAL_ODOM_RECORDS
+        self._channel.has_reader = vehicle.logger.takes(MAV)  # a log counts what was sent
         vehicle.endpoint.on_event = self._take_event
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
@@ -150,7 +153,6 @@ class Replay:
         self._wait_until(max(time_us, self._scheduler.now_us))
         read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
         self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
-        self._vehicle.endpoint.bytes_to_send(self._channel)
 
     def _wait_until(self, time_us: int) -> None:
         """Run until a message comes; of a long silence in which nothing moves, only its begin and its end."""
@@ -169,12 +171,12 @@ class Replay:
 
     def _run_until(self, time_us: int) -> None:
         if self._watch is not None and self._scheduler.period_us == LOOP_PERIOD_US:
-            first_us = self._scheduler.now_us // LOOP_PERIOD_US * LOOP_PERIOD_US + LOOP_PERIOD_US
-            for loop_us in range(first_us, int(min(time_us, self._filter_until_us)) + 1, LOOP_PERIOD_US):
+            loop_us = int(min(time_us, self._filter_until_us)) // LOOP_PERIOD_US * LOOP_PERIOD_US
+            if loop_us > self._scheduler.now_us:
                 self._scheduler.run_until(loop_us)
-                self._watch.look()
             if time_us > self._filter_until_us:
                 self._watch.end()
+                self._scheduler.on_pass = None
                 self._scheduler.period_us = _PERIOD_WITHOUT_FILTER_US
         self._scheduler.run_until(time_us)
 
