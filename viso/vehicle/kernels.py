@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the filter's arithmetic runs on: plain Python with numpy, or functions compiled by numba.
 
-Plain is the definition and the default. The environment variable VISO_KERNEL chooses for every command and worker.
+Plain is the definition. What numba compiles is used where numba is installed; the environment variable VISO_KERNEL says
+otherwise, for every command and worker.
 """
 
 import logging
 import os
 from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.util import find_spec
 from typing import Final
 
 from ekf_stub.filter.kernel import PLAIN as PLAIN_KERNEL
@@ -26,12 +29,24 @@ def _plain() -> Kernel:
     return PLAIN_KERNEL
 
 
+def _tell_compiled(number: int, count: int) -> None:
+    _log.warning("compiling the filter, once on this machine: %d of %d", number, count)
+
+
+@cache
+def _warm_up_once() -> None:
+    from ekf_stub.compiled.warm_up import warm_up
+
+    warm_up(_tell_compiled)
+
+
 def _compiled() -> Kernel:
     try:
         from ekf_stub.compiled.compiled_pass import COMPILED
-    except ModuleNotFoundError as error:
+    except (ImportError, RuntimeError) as error:  # the latter where numba finds no folder to keep anything in
         _log.warning("%s: %s; going on with %s; %s", NUMBA, error, PLAIN, pip_install("numba"))
         return PLAIN_KERNEL
+    _warm_up_once()
     return COMPILED
 
 
@@ -47,5 +62,5 @@ def kernel_of(name: str) -> Kernel:
 
 
 def chosen_kernel() -> str:
-    """Return the name of the kernel that the environment asks for."""
-    return os.environ.get(KERNEL_VARIABLE) or PLAIN
+    """Return the name of the kernel that the environment asks for, or else of the fastest that is installed."""
+    return os.environ.get(KERNEL_VARIABLE) or (NUMBA if find_spec("numba") else PLAIN)

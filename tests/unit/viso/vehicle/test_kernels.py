@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which arithmetic the filter runs on, and who says so."""
 
+import itertools
 import logging
 import sys
 
 import pytest
 
+from ekf_stub.compiled import warm_up
 from ekf_stub.compiled.compiled_state import CompiledErrorState
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.kernel import PLAIN
 from viso.errors import InputError
 from viso.running.virtual_time import Scheduler
+from viso.vehicle import kernels
 from viso.vehicle.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, kernel_of
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -24,15 +27,19 @@ def kind_of_state_in_a_vehicle() -> type:
     return type(vehicle.ahrs.core.state)  # type: ignore[attr-defined]  # the vehicle on the bench has a filter
 
 
-def test_plain_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("installed", "name"), [(None, "plain"), (object(), "numba")])
+def test_compiled_one_is_used_where_numba_is_installed(
+    installed: object, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv(KERNEL_VARIABLE, raising=False)
-    assert chosen_kernel() == "plain"
-    assert kind_of_state_in_a_vehicle() is ErrorState
+    monkeypatch.setattr(kernels, "find_spec", {"numba": installed}.__getitem__)
+    assert chosen_kernel() == name
 
 
-def test_environment_chooses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(KERNEL_VARIABLE, "numba")
-    assert kind_of_state_in_a_vehicle() is CompiledErrorState
+@pytest.mark.parametrize(("name", "kind"), [("plain", ErrorState), ("numba", CompiledErrorState)])
+def test_environment_chooses(name: str, kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(KERNEL_VARIABLE, name)
+    assert kind_of_state_in_a_vehicle() is kind
 
 
 def test_unknown_kernel_is_refused_and_the_known_ones_named() -> None:
@@ -49,3 +56,21 @@ def test_without_the_extra_it_goes_on_plain_and_says_what_to_install(
         assert kernel_of("numba") is PLAIN
     assert "pip install 'ardupilot-viso[numba]'" in caplog.text
     assert len(caplog.records) == 1
+
+
+def test_who_waits_for_the_compiler_is_told_how_long_it_takes(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(warm_up, "_compiled", itertools.count().__next__)  # as if there always was something to do
+    with caplog.at_level(logging.WARNING):
+        warm_up.warm_up(kernels._tell_compiled)
+    told = [record.getMessage() for record in caplog.records]
+    assert told[0] == f"compiling the filter, once on this machine: 1 of {len(told)}"
+    assert told[-1].endswith(f"{len(told)} of {len(told)}")
+
+
+def test_what_is_compiled_is_not_compiled_again() -> None:
+    warm_up.warm_up(lambda _number, _count: None)
+    told: list[int] = []
+    warm_up.warm_up(lambda number, _count: told.append(number))
+    assert told == []
