@@ -38,6 +38,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "faults": "viso.commands.faults",
     "report": "viso.commands.report",
     "ekf": "viso.commands.ekf",
+    "compare": "viso.commands.compare",
     "vectors": "viso.commands.vectors",
     "sweep": "viso.commands.sweep",
 }

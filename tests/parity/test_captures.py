@@ -3,16 +3,21 @@
 """The firmware's answers to recorded streams are ours as well, release by release: records, texts, acknowledgements."""
 
 import copy
-import math
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
+from tests.places import DATA
+from viso.comparing.agreement import Difference
+from viso.comparing.captures import Capture, ack_differences, is_close, record_differences, text_differences
+from viso.comparing.recordings import kind_of
+from viso.comparing.rules import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
+from viso.firmware.releases import REFERENCE
 
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
@@ -37,88 +42,9 @@ CAPTURES = {
 }
 
 FIELDS = {structure.name: structure.fields for structure in LOG_STRUCTURE_FROM_VISUALODOM}
-TIME_TOLERANCE_MS = 3
-# Of the T265 and VOXL backends only: these depend on the attitude of the AHRS at that instant.
-LINEAR_TOLERANCE = 2e-3
-ANGLE_TOLERANCE_DEG = 0.2
-LINEAR_FIELDS = {"PX", "PY", "PZ", "VX", "VY", "VZ"}
-ANGLE_FIELDS = {"R", "P", "Y"}
-
-# Texts of the firmware that we do not send, and texts of ours that it does not send.
-TEXT_EXCEPTIONS: dict[str, tuple[list[str], list[str]]] = {
-    # The firmware's inertial sensors disagree in this recording, so its checks do not pass for a moment and fail
-    # again, which would show the failure unasked; ours do at 20 s, and 26 s in place of the firmware's 25 s. The last
-    # two commands came 1.5 and 3.6 s after the stream ended, but carry its last time: a command makes no record.
-    "prearm": (
-        [
-            "PreArm: VisOdom: yaw diff 22.9 deg (>10)",
-            "PreArm: VisOdom: not healthy",
-            "Arm: VisOdom: not healthy",
-        ],
-        [
-            "PreArm: VisOdom: yaw diff 30.0 deg (>10)",
-            "PreArm: VisOdom: yaw diff 22.6 deg (>10)",
-            "PreArm: VisOdom: yaw diff 17.4 deg (>10)",
-            "Arm: VisOdom: yaw diff 17.4 deg (>10)",
-        ],
-    ),
-    # Another check had failed before in the firmware, so that this failure was no news there.
-    "2026-04/voxl": ([], ["PreArm: VisOdom: yaw diff 22.5 deg (>10)"]),
-}
 
 Replays = Callable[[str], "Replayed"]
 Line = dict[str, Any]
-
-
-def float_of(bits: str) -> float:
-    value: float = struct.unpack(">f", bytes.fromhex(bits))[0]
-    return value
-
-
-def is_close(field: str, recorded: object, ours: object, *, aligned: bool) -> bool:
-    if field == "CTimeMS" and isinstance(recorded, int) and isinstance(ours, int):
-        return abs(recorded - ours) <= TIME_TOLERANCE_MS
-    if aligned and isinstance(recorded, str) and isinstance(ours, str):
-        difference = float_of(recorded) - float_of(ours)
-        if field in LINEAR_FIELDS:
-            return abs(difference) <= LINEAR_TOLERANCE
-        if field in ANGLE_FIELDS:
-            return abs(math.remainder(difference, 360)) <= ANGLE_TOLERANCE_DEG
-    return recorded == ours
-
-
-def record_differences(recorded: list[Any], ours: list[Any], *, aligned: bool) -> Iterator[str]:
-    if recorded[0] != ours[0] or len(recorded) != len(ours):
-        yield f"{recorded} is not {ours}"
-        return
-    for field, theirs, value in zip(FIELDS[recorded[0]], recorded[1:], ours[1:], strict=True):
-        if not is_close(field, theirs, value, aligned=aligned):
-            yield f"{recorded[0]}.{field}: {theirs} is not {value}"
-
-
-def differences(recorded: list[Line], ours: list[Line], *, aligned: bool) -> list[str]:
-    found = [] if len(recorded) == len(ours) else [f"{len(recorded)} messages, {len(ours)} of ours"]
-    for number, (theirs, line) in enumerate(zip(recorded, ours, strict=False), 2):
-        for key in ("arrival_us", "type"):
-            if theirs[key] != line[key]:
-                found.append(f"line {number}: {key} {theirs[key]} is not {line[key]}")
-        if len(theirs["out"]) != len(line["out"]):
-            found.append(f"line {number}: {len(theirs['out'])} records, {len(line['out'])} of ours")
-        for before, after in zip(theirs["out"], line["out"], strict=False):
-            found += [f"line {number}: {text}" for text in record_differences(before, after, aligned=aligned)]
-    return found
-
-
-def is_about_visual_odom(text: str) -> bool:
-    return text.startswith(("VisOdom: ", "PreArm: VisOdom: ", "Arm: VisOdom: "))
-
-
-def without(texts: list[str], exceptions: list[str]) -> list[str]:
-    """Leave out each exception once, the last of its kind; all of them must be there."""
-    left = list(reversed(texts))
-    for exception in exceptions:
-        left.remove(exception)
-    return left[::-1]
 
 
 USUAL = {"mav", "t265", "voxl", "2026-02/t265", "2026-04/speedcov"}
@@ -134,27 +60,20 @@ def run(request: pytest.FixtureRequest, replayed: Replays) -> "Replayed":
 
 
 def test_capture_is_complete(run: "Replayed") -> None:
-    records = sum(len(line["out"]) for line in run.recorded)
-    assert (len(run.recorded), records) == CAPTURES[run.name]
+    records = sum(len(line["out"]) for line in run.recorded.lines)
+    assert (len(run.recorded.lines), records) == CAPTURES[run.name]
 
 
 def test_every_record_is_the_firmwares(run: "Replayed") -> None:
-    assert differences(run.recorded, run.ours, aligned=run.aligned) == []
+    assert list(record_differences(run.recorded.lines, run.ours.lines, run.recorded.backend)) == []
 
 
-def test_texts_about_visual_odometry_are_the_firmwares(run: "Replayed") -> None:
-    theirs = [text for _, text in run.header["statustext"] if is_about_visual_odom(text)]
-    ours = [text for _, _, text in run.texts if is_about_visual_odom(text)]
-    only_theirs, only_ours = TEXT_EXCEPTIONS.get(run.name, ([], []))
-    assert without(ours, only_ours) == without(theirs, only_theirs)
+def test_texts_are_the_firmwares(run: "Replayed") -> None:
+    assert any(text.startswith(ABOUT_VISUAL_ODOM) for _, text in run.ours.texts) or run.recorded.backend == 1
+    assert list(text_differences(run.recorded, run.ours.texts)) == []
 
 
-def test_texts_have_the_firmwares_severity(run: "Replayed") -> None:
-    theirs = {text: severity for severity, text in run.header["statustext"]}
-    assert [(severity, text) for _, severity, text in run.texts if severity != theirs.get(text, severity)] == []
-
-
-def commands_of(recorded: list[Line]) -> list[int]:
+def commands_of(recorded: Sequence[Line]) -> list[int]:
     """Return the numbers of the commands of a capture."""
     frames = b"".join(bytes.fromhex(line["msg"]) for line in recorded if line["type"] == "COMMAND_LONG")
     messages = ardupilotmega.MAVLink(None).parse_buffer(frames) or []
@@ -162,27 +81,35 @@ def commands_of(recorded: list[Line]) -> list[int]:
 
 
 def test_commands_are_acknowledged_in_order(run: "Replayed") -> None:
-    theirs = [command for command, _ in run.header["command_ack"]]
-    assert [command for command, _ in run.acks] == theirs == commands_of(run.recorded)
+    theirs = [command for command, _ in run.recorded.header["command_ack"]]
+    assert [command for command, _ in run.ours.acks] == theirs == commands_of(run.recorded.lines)
 
 
 def test_results_of_commands_are_the_firmwares(run: "Replayed") -> None:
-    assert [tuple(ack) for ack in run.acks] == [tuple(ack) for ack in run.header["command_ack"]]
+    assert list(ack_differences(run.recorded.header["command_ack"], run.ours.acks)) == []
+
+
+def test_release_is_told_by_the_capture_or_the_log_beside_it(run: "Replayed") -> None:
+    release, _, stem = run.name.rpartition("/")
+    path = DATA / release / "captures" / f"{stem}.jsonl.gz"
+    told = kind_of(path).told(path)
+    assert told is not None
+    assert told.name == (release or REFERENCE.name)
 
 
 def test_every_message_has_a_verdict_with_a_reason(run: "Replayed") -> None:
-    assert all(line["verdict"]["outcome"] and line["verdict"]["reason"] for line in run.ours)
+    assert all(line["verdict"]["outcome"] and line["verdict"]["reason"] for line in run.ours.lines)
 
 
 def test_verdict_of_recorded_samples_says_whether_they_were_withheld(run: "Replayed") -> None:
-    made = [line for line in run.ours if line["out"]]
+    made = [line for line in run.ours.lines if line["out"]]
     withheld = [bool(line["out"][0][FIELDS[line["out"][0][0]].index("Ign") + 1]) for line in made]
     assert [line["verdict"]["outcome"] == "ignored" for line in made] == withheld
 
 
 def test_verdict_of_samples_without_a_record_is_dropped(run: "Replayed") -> None:
     outcomes = Counter(
-        line["verdict"]["outcome"] for line in run.ours if line["type"] == "ODOMETRY" and not line["out"]
+        line["verdict"]["outcome"] for line in run.ours.lines if line["type"] == "ODOMETRY" and not line["out"]
     )
     assert set(outcomes) <= {"dropped"}
 
@@ -194,27 +121,37 @@ def flipped(bits: str) -> str:
     return f"{int(bits, 16) ^ 1:08x}"
 
 
+def float_of(bits: str) -> float:
+    value: float = struct.unpack(">f", bytes.fromhex(bits))[0]
+    return value
+
+
 def bits_of(value: float) -> str:
     return struct.pack(">f", value).hex()
 
 
-def first_pose(lines: list[Line]) -> list[Any]:
+def first_pose(lines: Sequence[Line]) -> list[Any]:
     pose: list[Any] = next(out for line in lines for out in line["out"] if out[0] == "VISP")
     return pose
 
 
-def mutated(run: "Replayed", field: str, change: Callable[[Any], Any]) -> list[str]:
+def differences(run: "Replayed", recorded: Sequence[Line]) -> list[Difference]:
+    """Return the differences of what we made of a capture from what may have been recorded."""
+    return list(record_differences(recorded, run.ours.lines, run.recorded.backend))
+
+
+def mutated(run: "Replayed", field: str, change: Callable[[Any], Any]) -> list[Difference]:
     """Return the differences after one field of the first VISP record has changed."""
-    recorded = copy.deepcopy(run.recorded)
+    recorded = copy.deepcopy(run.recorded.lines)
     pose = first_pose(recorded)
     index = FIELDS["VISP"].index(field) + 1
-    pose[index] = change(first_pose(run.ours)[index])
-    return differences(recorded, run.ours, aligned=run.aligned)
+    pose[index] = change(first_pose(run.ours.lines)[index])
+    return differences(run, recorded)
 
 
 @pytest.mark.parametrize("field", ["PX", "R", "PErr", "AErr"])
 def test_one_wrong_bit_is_one_difference(replayed: Replays, field: str) -> None:
-    assert len(mutated(replayed("mav"), field, flipped)) == 1
+    assert [one.field for one in mutated(replayed("mav"), field, flipped)] == [f"VISP.{field}"]
 
 
 @pytest.mark.parametrize("name", ["mav", "t265"])
@@ -238,16 +175,56 @@ def test_errors_of_an_aligned_pose_are_exact(replayed: Replays) -> None:
 
 
 def test_yaw_is_compared_across_north() -> None:
-    assert is_close("Y", bits_of(359.95), bits_of(0.05), aligned=True)
-    assert not is_close("Y", bits_of(359.95), bits_of(0.25), aligned=True)
+    yaw = tolerances_of(CAPTURE, backend=2)["VISP.Y"]
+    assert is_close(bits_of(359.95), bits_of(0.05), yaw)
+    assert not is_close(bits_of(359.95), bits_of(0.25), yaw)
+
+
+def test_pose_of_the_mav_backend_has_no_tolerance_but_in_time() -> None:
+    assert set(tolerances_of(CAPTURE, backend=1)) == {"VISP.CTimeMS", "VISV.CTimeMS"}
 
 
 def test_missing_record_is_a_difference(replayed: Replays) -> None:
     run = replayed("mav")
-    recorded = [{**run.recorded[0], "out": []}, *run.recorded[1:]]
-    assert len(differences(recorded, run.ours, aligned=False)) == 1
+    lines = run.recorded.lines
+    assert len(differences(run, [{**lines[0], "out": []}, *lines[1:]])) == 1
 
 
 def test_missing_message_is_a_difference(replayed: Replays) -> None:
     run = replayed("mav")
-    assert differences(run.recorded[:-1], run.ours, aligned=False) == ["1449 messages, 1450 of ours"]
+    assert differences(run, run.recorded.lines[:-1]) == [Difference("end", "messages", "1449", "1450")]
+
+
+def test_difference_names_line_field_values_and_unit(replayed: Replays) -> None:
+    [found] = mutated(replayed("mav"), "PX", lambda _bits: bits_of(7.25))
+    assert (found.field, found.recorded, found.unit) == ("VISP.PX", "7.25", "m")
+    assert found.place.startswith("line ")
+
+
+def changed_text(run: "Replayed", texts: list[list[Any]]) -> list[Difference]:
+    header = {**run.recorded.header, "statustext": texts}
+    return list(text_differences(Capture(header, ()), run.ours.texts))
+
+
+def test_changed_missing_and_graver_text_are_differences(replayed: Replays) -> None:
+    run = replayed("voxl")
+    texts = run.recorded.header["statustext"]
+    index = next(index for index, (_, text) in enumerate(texts) if text == "VisOdom: reset")
+    severity, text = texts[index]
+    other = [*texts[:index], [severity, "VisOdom: other"], *texts[index + 1 :]]
+    assert changed_text(run, other) == [Difference("texts", "STATUSTEXT.text", "VisOdom: other", text)]
+    assert changed_text(run, texts[:index] + texts[index + 1 :]) == [
+        Difference("texts", "STATUSTEXT.text", "nothing", text)
+    ]
+    graver = [[0, said] if said == text else [level, said] for level, said in texts]
+    assert [one.field for one in changed_text(run, graver)] == ["STATUSTEXT.severity"]
+
+
+def test_changed_and_missing_acknowledgement_are_differences(replayed: Replays) -> None:
+    acks = replayed("t265").ours.acks
+    assert list(ack_differences(acks, acks)) == []
+    [(command, result)] = acks
+    assert [one.recorded for one in ack_differences([(command, result + 1)], acks)] == [
+        f"command {command} result {result + 1}"
+    ]
+    assert [one.recorded for one in ack_differences([], acks)] == ["nothing"]

@@ -171,8 +171,8 @@ def test_difference_of_a_log_record_is_found(replayed: Replays) -> None:
 def test_replay_records_follow_log_replay(replayed: Replays, name: str) -> None:
     run = replayed(name)
     rows = rows_of(run.log)
-    assert run.header["params"]["LOG_REPLAY"] == 1
-    given = [line for line in run.ours if any(out[0] == "VISP" for out in line["out"])]
+    assert run.recorded.header["params"]["LOG_REPLAY"] == 1
+    given = [line for line in run.ours.lines if any(out[0] == "VISP" for out in line["out"])]
     assert len(rows["REPH"]) == len(given)
 
 
@@ -201,7 +201,7 @@ def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
     command = [sys.executable, str(script), "--types", "VISP", "--format", "csv", "--csv_sep", ",", str(run.log)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     header, *rows = csv.reader(io.StringIO(result.stdout))
-    poses = [out for line in run.ours for out in line["out"] if out[0] == "VISP"]
+    poses = [out for line in run.ours.lines for out in line["out"] if out[0] == "VISP"]
     assert header[-3:] == ["Rst", "Ign", "Q"]
     assert len(rows) == len(poses)
 
@@ -210,6 +210,6 @@ def test_log_reader_gives_frames_of_visual_odometry(replayed: Replays, monkeypat
     monkeypatch.setenv("MAVLINK20", "1")  # the reader sets it, for good
     run = replayed("t265")
     parsed = Ardupilot.parse(str(run.log), types=["VISP", "VISV"])
-    poses = [out for line in run.ours for out in line["out"] if out[0] == "VISP"]
+    poses = [out for line in run.ours.lines for out in line["out"] if out[0] == "VISP"]
     assert len(parsed.dfs["VISP"]) == len(parsed.dfs["VISV"]) == len(poses)
     assert list(parsed.dfs["VISP"]["Q"])[:3] == [pose[-1] for pose in poses[:3]]

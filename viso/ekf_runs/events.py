@@ -64,7 +64,7 @@ def changes(time_s: Array, values: Sequence[T], *, with_first: bool = False) -> 
 
 def compare_texts(ours: Sequence[tuple[float, str]], recorded: Sequence[tuple[float, str]]) -> Differences:
     """Compare texts: the same words in the same order, the same numbers but for rounding, at the same times."""
-    return _compare(list(map(_text_event, ours)), list(map(_text_event, recorded)), PRINTED_STEP)
+    return _compare(text_events(ours), text_events(recorded), PRINTED_STEP)
 
 
 def compare_values(
@@ -86,33 +86,51 @@ def compare_moves(
     return _compare(first, second, step=MOVED_STEP_M)
 
 
-def _text_event(timed: tuple[float, str]) -> Event:
-    time_s, text = timed
-    return Event(time_s, _NUMBER.sub("#", text), repr(text), tuple(map(float, _NUMBER.findall(text))))
+def text_events(texts: Sequence[tuple[float, str]]) -> list[Event]:
+    """Return texts as events: the numbers in a text may differ a little."""
+    return [
+        Event(time_s, _NUMBER.sub("#", text), repr(text), tuple(map(float, _NUMBER.findall(text))))
+        for time_s, text in texts
+    ]
 
 
-def _compare(ours: Sequence[Event], recorded: Sequence[Event], step: float) -> Differences:
-    """Match events by their keys, then compare their times, and their numbers to within a step."""
+def matched(
+    ours: Sequence[Event], recorded: Sequence[Event]
+) -> tuple[list[tuple[Event, Event]], list[tuple[Event | None, Event | None]]]:
+    """Return which of our events are which of the recorded ones, and those that only one side has, ours first."""
     keys = [event.key for event in ours], [event.key for event in recorded]
     matcher = difflib.SequenceMatcher(None, keys[0], keys[1], autojunk=False)
-    lines: list[str] = []
     pairs: list[tuple[Event, Event]] = []
+    alone: list[tuple[Event | None, Event | None]] = []
     for kind, our_start, our_end, start, end in matcher.get_opcodes():
         if kind == "equal":
             pairs += zip(ours[our_start:our_end], recorded[start:end], strict=True)
         else:
-            lines += [f"{event.time_s:.3f} s: only ours: {event.text}" for event in ours[our_start:our_end]]
-            lines += [f"{event.time_s:.3f} s: only the log's: {event.text}" for event in recorded[start:end]]
+            alone += [(event, None) for event in ours[our_start:our_end]]
+            alone += [(None, event) for event in recorded[start:end]]
+    return pairs, alone
+
+
+def _compare(ours: Sequence[Event], recorded: Sequence[Event], step: float) -> Differences:
+    """Match events by their keys, then compare their times, and their numbers to within a step."""
+    pairs, alone = matched(ours, recorded)
+    lines = [
+        f"{event.time_s:.3f} s: only {whose}: {event.text}"
+        for both in alone
+        for whose, event in zip(("ours", "the log's"), both, strict=True)
+        if event is not None
+    ]
     lines += [
         f"{theirs.time_s:.3f} s: {theirs.text}; ours at {our.time_s:.3f} s: {our.text}"
         for our, theirs in pairs
-        if not _agree(our, theirs, step)
+        if not agree(our, theirs, step, WITHIN_S)
     ]
     worst_s = max((abs(our.time_s - theirs.time_s) for our, theirs in pairs), default=0.0)
     return Differences(tuple(lines), len(pairs), worst_s)
 
 
-def _agree(our: Event, theirs: Event, step: float) -> bool:
+def agree(our: Event, theirs: Event, step: float, within_s: float) -> bool:
+    """Tell whether two events are the same: their numbers to within a step, their times to within some seconds."""
     numbers = zip(our.numbers, theirs.numbers, strict=True)
     is_near = all(abs(mine - other) <= step + _ROUNDING for mine, other in numbers)
-    return is_near and abs(our.time_s - theirs.time_s) <= WITHIN_S
+    return is_near and abs(our.time_s - theirs.time_s) <= within_s

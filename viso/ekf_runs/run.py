@@ -22,7 +22,7 @@ from viso.ekf_runs.place import declination_of, field_of
 from viso.ekf_runs.player import EkfPlayer
 from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
-from viso.firmware.releases import Firmware
+from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.record_fields import RecordError, finite, text, whole
 from viso.logs.recorded import read_log
 from viso.parameters.left_out import left_out
@@ -76,6 +76,10 @@ class EkfReplay:
 def until(texts: Texts, end_s: float) -> Texts:
     """Return the texts up to a time."""
     return [entry for entry in texts if entry[0] <= end_s]
+
+
+class NothingToCompare(InputError):
+    """A log has no replay records, or no estimates."""
 
 
 class _Row(NamedTuple):
@@ -144,15 +148,16 @@ class EkfRun:
             on_progress: told the frames that have been, and how many there are, a few times a second.
 
         Raises:
+            NothingToCompare: the log has no replay records.
             InputError: the log cannot be read, or the filter cannot be run over it.
         """
 
         def play(log: Any) -> Exception | None:
             has_estimates, frames = (log.counts[log.name_to_id.get(name, 0)] for name in ("XKF4", "RFRH"))
             if not frames:
-                raise InputError(f"{self._path}: {_NO_REPLAY}")
+                raise NothingToCompare(f"{self._path}: {_NO_REPLAY}")
             try:
-                self.firmware = self.firmware or _firmware(log)
+                self.firmware = self.firmware or recorded_firmware(log) or REFERENCE
                 self._player.release = self.firmware.ekf
                 self._player.place_declination = declination_of(log)
                 self._player.place_field = field_of(log, self._player.place_declination)
@@ -286,14 +291,16 @@ class EkfRun:
         self.output.write(ORGN, (self._player.time_us, _ORGN_EKF, place.lat, place.lng, place.alt_cm))
 
 
-def _firmware(log: Any) -> Firmware:
-    """Return the release that is nearest to what the log was written by."""
+def recorded_firmware(log: Any) -> Firmware | None:
+    """Return the profile that is nearest to what a log was written by; None if it does not tell."""
     flown = None
     while flown is None and (record := log.recv_match(type="MSG")) is not None:
         flown = version_in(text(record, "Message"))
     log.rewind()
+    if flown is None:
+        return None
     names = set()
-    while flown is not None and (record := log.recv_match(type="PARM")) is not None:
+    while (record := log.recv_match(type="PARM")) is not None:
         names.add(text(record, "Name"))
     log.rewind()
     return profile_for(flown, names)

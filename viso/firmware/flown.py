@@ -12,7 +12,7 @@ from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 COPTER: Final = "Copter"
 # Up to 3.5 it was APM:Copter V3.5.4, of rovers APMrover2 V3.5.0; of those who build their own, CubeCopter V4.5.7.
 _BANNER: Final = re.compile(
-    r"\S*?(copter|plane|rover|sub|blimp|tracker)2? +v(\d+)\.(\d+)[^(]*(?:\(([0-9a-f]{8})\w*\))?",
+    r"\S*?(copter|plane|rover|sub|blimp|tracker)2? +v?(\d+)\.(\d+)[^(]*(?:\(([0-9a-f]{8})\w*\))?",
     re.IGNORECASE,
 )
 _LAST_WITHOUT_SOURCES: Final = (4, 0)

@@ -81,6 +81,7 @@ class Replay:
         baud: rate of the link's transport-time model; None for a link without delay.
         watch: of the vehicle's filter; with it the vehicle runs on after the last message until the filter is done.
         filter_until_us: since boot; the filter, which takes most of the time, runs no further. None for all the way.
+        on_sent: told what the vehicle sends; None if nobody wants to know.
     """
 
     def __init__(
@@ -90,8 +91,10 @@ class Replay:
         baud: int | None,
         watch: FilterWatch | None = None,
         filter_until_us: int | None = None,
+        on_sent: Callable[[bytes], None] | None = None,
     ) -> None:
         self._vehicle = vehicle
+        self._on_sent = on_sent
         self._watch = watch
         self._filter_until_us = math.inf if filter_until_us is None else filter_until_us
         self._fates = SampleFates()
@@ -107,7 +110,7 @@ class Replay:
         self._silences_us: list[tuple[int, int]] = []
         vehicle.logger.on_write = self._take_record
         vehicle.logger.wanted_by_listener = _VISUAL_ODOM_RECORDS
-        self._channel.has_reader = vehicle.logger.takes(MAV)  # a log counts what was sent
+        self._channel.has_reader = on_sent is not None or vehicle.logger.takes(MAV)  # a log counts what was sent
         vehicle.endpoint.on_event = self._take_event
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
@@ -153,6 +156,8 @@ class Replay:
         self._wait_until(max(time_us, self._scheduler.now_us))
         read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
         self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
+        if self._on_sent is not None:
+            self._on_sent(self._vehicle.endpoint.bytes_to_send(self._channel))
 
     def _wait_until(self, time_us: int) -> None:
         """Run until a message comes; of a long silence in which nothing moves, only its begin and its end."""

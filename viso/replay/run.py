@@ -80,6 +80,7 @@ def run_replay(
     on_progress: Callable[[int], None] = lambda _count: None,
     keep_messages: bool = False,
     on_start: Callable[[Vehicle, FilterWatch | None], None] = lambda _vehicle, _watch: None,
+    on_sent: Callable[[bytes], None] | None = None,
 ) -> ReplayOutcome:
     """Replay a stream into a fresh vehicle.
 
@@ -92,6 +93,7 @@ def run_replay(
         on_progress: told how many messages have been fed.
         keep_messages: whether the outcome has the messages.
         on_start: told of the vehicle, and of who watches its filter, before anything is fed.
+        on_sent: told what the vehicle sends; None if nobody wants to know.
     """
     config = VehicleConfig(setup.make_ahrs, defaults=settings, open_log=open_log, firmware=setup.firmware)
     vehicle = Vehicle(config)
@@ -103,7 +105,7 @@ def run_replay(
     kept: list[ReplayedMessage] = []
     on_start(vehicle, watch)
     try:
-        replay = Replay(vehicle, stream, setup.baud, watch)
+        replay = Replay(vehicle, stream, setup.baud, watch, on_sent=on_sent)
         for message in replay.run(on_progress):
             if on_message is not None:
                 on_message(message)

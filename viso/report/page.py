@@ -36,7 +36,6 @@ def make_page(
         drawn: each figure as an SVG element; None where the log has nothing for it.
         version: of the program.
     """
-    css = resources.files("viso.report").joinpath("style.css").read_text(encoding="utf-8")
     name = escape(material.name)
     body = [
         f"<h1>External navigation in {name}</h1>",
@@ -49,11 +48,22 @@ def make_page(
         _parameters(facts),
         _about(material, summary, version),
     ]
+    return document(f"{material.name}: external navigation", body)
+
+
+def document(title: str, body: Iterable[str]) -> str:
+    """Return a page.
+
+    Args:
+        title: of the page, as it is to be read.
+        body: what is on it, as HTML.
+    """
+    css = resources.files("viso.report").joinpath("style.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{name}: external navigation</title>\n<style>\n{css}</style>\n</head>\n<body>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{css}</style>\n</head>\n<body>\n"
         + "\n".join(body)
         + "\n</body>\n</html>\n"
     )
@@ -113,12 +123,21 @@ def _figure(kind: FigureKind, svg: str | None) -> str:
     return f'{heading}\n<figure><div class="scroll">{svg}</div>{caption}</figure>'
 
 
-def _table(
+def table(
     head: Sequence[str],
     rows: Iterable[Sequence[str]],
     numeric: Sequence[int] = (),
     classes: Iterable[str] | None = None,
 ) -> str:
+    """Return a table as HTML.
+
+    Args:
+        head: of its columns.
+        rows: texts as they are to be read.
+        numeric: which columns hold numbers.
+        classes: of each row, if they have any.
+    """
+
     def cell(tag: str, column: int, text: str) -> str:
         kind = ' class="number"' if column in numeric else ""
         return f"<{tag}{kind}>{escape(text)}</{tag}>"
@@ -146,10 +165,10 @@ def _verdicts(facts: Facts) -> str:
         )
         for kind in facts.kinds
     ]
-    resets = _table(("time, s", "by", "what"), [(f"{one.time_s:.3f}", one.by, one.what) for one in facts.resets], (0,))
+    resets = table(("time, s", "by", "what"), [(f"{one.time_s:.3f}", one.by, one.what) for one in facts.resets], (0,))
     return (
         '<h2 id="verdicts">What became of it</h2>\n'
-        + _table(head, rows, (2, 3, 4, 5, 6, 7))
+        + table(head, rows, (2, 3, 4, 5, 6, 7))
         + '\n<p class="soft">A record is a message that the driver took. Messages that were dropped before, for their '
         "frames or their checksum, are in no log. Given is what went to the EKF, which may pass it over when it comes "
         "within 20 ms of the one before, or reject it: the test ratios tell.</p>\n"
@@ -163,8 +182,8 @@ def _texts(material: Material) -> str:
         return f'{head}<p class="soft">None.</p>'
     rows = ((f"{one.time_s:.3f}", one.kind, one.text) for one in told)
     classes = ("trouble" if one.is_trouble else one.kind for one in told)
-    table = _table(("time, s", "kind", "what"), rows, (0,), classes)
-    return f"{head}<details open><summary>{len(told)} of them</summary>{table}</details>"
+    listed = table(("time, s", "kind", "what"), rows, (0,), classes)
+    return f"{head}<details open><summary>{len(told)} of them</summary>{listed}</details>"
 
 
 def _parameters(facts: Facts) -> str:
@@ -189,12 +208,12 @@ def _parameter_table(rows: Sequence[ChangedParameter]) -> str:
         return one.name, f"{one.value:.7g}", *defaults, changes
 
     head = ("parameter", "value", "default in the log", "of the firmware", "set while logging")
-    return _table(head, map(cells, rows), (1, 2, 3))
+    return table(head, map(cells, rows), (1, 2, 3))
 
 
 def _about(material: Material, summary: Summary, version: str) -> str:
     absent = "".join(f"<li>{escape(text)}</li>" for text in summary.absent)
-    counts = _table(("record", "count"), [(name, str(count)) for name, count in material.counts.items()], (1,))
+    counts = table(("record", "count"), [(name, str(count)) for name, count in material.counts.items()], (1,))
     return (
         f'<h2 id="about">What is not here</h2>\n<ul>{absent}</ul>\n'
         f"<details><summary>All records of the log</summary>{counts}</details>\n"

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``viso compare``: recordings of an autopilot held against viso."""
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.table import Column, Table
+from rich.text import Text
+
+from viso.comparing.agreement import Comparison
+from viso.comparing.page import FIELDS_HEAD, field_rows, make_page, summary_row
+from viso.comparing.page import HEAD as SUMMARY_HEAD
+from viso.comparing.recordings import compare_recording, compare_with_all, most_like, recordings_in
+from viso.ekf_runs.run import NothingToCompare
+from viso.errors import InputError
+from viso.extras import installed_version
+from viso.files.text_files import write_text
+from viso.firmware.releases import PROFILES, Firmware
+from viso.options.firmware import firmware_of
+from viso.options.outputs import Output
+from viso.terminal.console import err, out, progress
+
+_FINDINGS: Final = 1
+
+Found = Mapping[str, Comparison]
+"""Comparisons of a recording, by the profile that viso was."""
+
+
+def compare(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Captures, conversations and vectors (.jsonl, .jsonl.gz), logs with replay records (.BIN, .BIN.xz), "
+            "or folders of them.",
+            metavar="RECORDING...",
+        ),
+    ],
+    firmware: Annotated[
+        str | None,
+        typer.Option(
+            help=f"The firmware to be: {', '.join(PROFILES)}; default the one that a recording names, else that which "
+            "it is most like.",
+            metavar="PROFILE",
+        ),
+    ] = None,
+    which: Annotated[
+        bool, typer.Option("--which", help="Tell which firmware the recordings are most like, by trying all.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the comparisons as JSON.")] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write a page here.", metavar="FILE.html"), Output.FILE
+    ] = None,
+) -> None:
+    """Play recordings of an autopilot through viso, and tell which fields differ: does it behave as viso says?
+
+    What a recording holds beside its messages is compared: records, texts, acknowledgements, answers, or what the
+    filter estimated. Floats have to be equal bit by bit, but for the tolerances that docs/parity.md lists with their
+    reasons. A capture whose backend aligns to the AHRS takes the attitude from the log of the same name beside it.
+
+    The exit code is 1 if anything differs; with --which, if no firmware makes all recordings equal.
+
+    Example: echo '["wrap_360", ["43b48000"], ["3f800000"]]' > calls.jsonl && viso compare calls.jsonl
+    """
+    if which and firmware is not None:
+        raise InputError("--which and --firmware: one of them tells which firmware to be")
+    chosen = None if firmware is None else firmware_of(firmware)
+    paths = list(recordings_in(recordings))
+    found: list[Found] = []
+    for number, (path, of_folder) in enumerate(paths, 1):
+        try:
+            found.append(_compared(path, chosen, f"{number} of {len(paths)}: {path.name}", which=which))
+        except NothingToCompare as error:
+            if not of_folder:
+                raise
+            err.print(f"note: passed over: {error}")
+    if not found:
+        raise InputError(f"{recordings[0]}: nothing to compare with")
+    nearest = most_like(found) if which else []
+    told = [one for comparisons in found for one in _of_interest(comparisons, nearest)]
+    if as_json:
+        rows = [one.as_dict() for comparisons in found for one in comparisons.values()]
+        like = {"most_like": nearest} if which else {}
+        out.print_json(data={"passed": all(one.passed for one in told), "comparisons": rows, **like})
+    else:
+        _tell(told)
+        if which:
+            _tell_which(found, nearest)
+    if output is not None:
+        with write_text(output) as file:
+            file.write(make_page([one for comparisons in found for one in comparisons.values()], installed_version()))
+    if not all(one.passed for one in told):
+        raise typer.Exit(_FINDINGS)
+
+
+def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -> Found:
+    with progress(title, None) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.update(bar.task_ids[0], completed=done, total=total)
+
+        if which:
+            return compare_with_all(path, show)
+        comparison = compare_recording(path, chosen, show)
+        return {comparison.firmware: comparison}
+
+
+def _of_interest(comparisons: Found, nearest: list[str]) -> Iterator[Comparison]:
+    """Yield the only comparison of a recording, or that under the profile which is nearest to all recordings."""
+    yield comparisons[nearest[0]] if nearest else next(iter(comparisons.values()))
+
+
+def _short_names(paths: list[Path]) -> dict[Path, str]:
+    """Return the names of files from the folder on that all are in."""
+    folder = os.path.commonpath([path.absolute().parent for path in paths])
+    return {path: str(path.absolute().relative_to(folder)) for path in paths}
+
+
+def _tell(comparisons: list[Comparison]) -> None:
+    numbers = (Column(name, justify="right") for name in SUMMARY_HEAD[3:])
+    summary = Table(
+        Column(SUMMARY_HEAD[0], overflow="fold"), *SUMMARY_HEAD[1:3], *numbers, title="Recordings against viso"
+    )
+    names = _short_names([one.path for one in comparisons])
+    for one in comparisons:
+        _, *cells, differ = summary_row(one)
+        summary.add_row(names[one.path], *cells, Text(differ, "green" if one.passed else "red"))
+    out.print(summary)
+    for one in comparisons:
+        for note in one.notes:
+            err.print(f"note: {one.path}: {note}")
+        if not one.passed:
+            fields = Table(*FIELDS_HEAD, title=f"{one.path} as {one.firmware}")
+            for row in field_rows(one):
+                fields.add_row(*row)
+            out.print(fields)
+
+
+def _tell_which(found: list[Found], nearest: list[str]) -> None:
+    names = _short_names([one.path for comparisons in found for one in comparisons.values()])
+    table = Table(
+        Column("differ", overflow="fold"), *(Column(name, justify="right") for name in PROFILES), title="By firmware"
+    )
+    for comparisons in found:
+        table.add_row(
+            names[next(iter(comparisons.values())).path], *(str(len(one.differences)) for one in comparisons.values())
+        )
+    out.print(table)
+    named = dict.fromkeys(one.named for comparisons in found for one in comparisons.values() if one.named)
+    says = f" (they say that they are of {', '.join(named)})" if named else ""
+    out.print(f"most like {' and '.join(nearest)}{says}")

@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Conversations: what a client asks, asked again of a vehicle, and the answers beside those that were recorded."""
+
+import dataclasses
+import json
+import math
+import struct
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import MESSAGES, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
+from viso.comparing.agreement import Comparison, Difference
+from viso.comparing.rules import CONVERSATION, UNASKED, tolerances_of
+from viso.documents import parsed_json
+from viso.errors import InputError
+from viso.files.text_files import read_lines
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
+
+WAIT_MS: Final = 150
+"""For how long answers are waited for, where an exchange does not say."""
+_SHARE: Final = tolerances_of(CONVERSATION)["float"].within
+_LEAST: Final = 1e-12
+_PAYLOAD_BYTES: Final = 251
+_NUMBERS: Final = {"nan": math.nan, "inf": math.inf}
+_HEAD: Final = {"params": dict, "begins_s": (int, float), "camera_hz": (int, float)}
+
+Exchange = Mapping[str, Any]
+
+
+def read_conversation(path: Path) -> tuple[Exchange, list[Exchange]]:
+    """Return what a conversation begins with, and its exchanges. Raises InputError that names file, line and field."""
+    head: Exchange = {}
+    exchanges: list[Exchange] = []
+    for number, text in read_lines(path):
+        try:
+            line = parsed_json(text)
+            if not head:
+                _check(line, _HEAD)
+                head = line
+            else:
+                _check(line, {"name": str, "send": list, "answers": list})
+                _check_answers(line)
+                build(*line["send"])
+                exchanges.append(line)
+        except (ValueError, TypeError) as error:
+            raise InputError(f"{path}:{number}: {error}") from error
+    return head, exchanges
+
+
+def _check(line: Any, fields: Mapping[str, Any]) -> None:
+    for field, kind in fields.items():
+        if not isinstance(line, dict) or not isinstance(line.get(field), kind):
+            raise ValueError(f"{field!r} is missing or of another kind")
+
+
+def _check_answers(line: Exchange) -> None:
+    others = line.get("answers of", {})
+    if not isinstance(others, dict):
+        raise ValueError("'answers of' is not an object")
+    for answers in (line["answers"], *others.values()):
+        pairs = isinstance(answers, list) and all(isinstance(one, list) and len(one) == 2 for one in answers)
+        if not pairs or not all(isinstance(name, str) and isinstance(fields, dict) for name, fields in answers):
+            raise ValueError("'answers' is not a list of pairs of a message's name and its fields")
+
+
+def _number(value: Any) -> Any:
+    return _NUMBERS.get(value, value) if isinstance(value, str) else value
+
+
+def build(name: str, given: Mapping[str, Any]) -> Message:
+    """Return a message; fields that are not given are zero or empty.
+
+    Raises:
+        ValueError: there is no such message, or it has no such field.
+    """
+    kind = MESSAGES.get(name)
+    if kind is None:
+        raise ValueError(f"'send' has no message that is known here: {name!r}")
+    fields = dataclasses.fields(kind)
+    if unknown := given.keys() - {field.name for field in fields}:
+        raise ValueError(f"{name} has no field {min(unknown)!r}")
+    values = {}
+    for field in fields:
+        if field.name in given:
+            values[field.name] = _sendable(field.name, given[field.name])
+        elif field.default is dataclasses.MISSING:
+            values[field.name] = "" if field.type in (str, "str") else 0
+    return kind(**values)
+
+
+def _sendable(field: str, value: Any) -> Any:
+    if field == "payload":
+        return tuple(bytes.fromhex(value).ljust(_PAYLOAD_BYTES, b"\0"))
+    return tuple(map(_number, value)) if isinstance(value, list) else _number(value)
+
+
+def is_equal(wanted: Any, got: Any) -> bool:
+    """Tell whether a field holds what is wanted: bytes that begin with some, or numbers of float32."""
+    if isinstance(got, tuple) and isinstance(wanted, str):
+        return bytes(got).hex().startswith(wanted.lower())
+    if isinstance(got, tuple):
+        return isinstance(wanted, list) and len(got) == len(wanted) and all(map(is_equal, wanted, got))
+    wanted = _number(wanted)
+    if isinstance(got, float) and isinstance(wanted, int | float):
+        is_near = math.isclose(wanted, got, rel_tol=_SHARE, abs_tol=_LEAST)
+        return is_near or (math.isnan(wanted) and math.isnan(got))
+    return bool(wanted == got)
+
+
+class Conversation:
+    """A vehicle of a release, and a client that talks to it in virtual time.
+
+    Args:
+        head: what the conversation begins with.
+        firmware: what the vehicle is.
+        specified: the releases that the exchanges name, if they say what each release answers: the reference, and
+            others where they answer otherwise. Later ones answer as these but for their version. Empty for exchanges
+            that say what one release has answered.
+    """
+
+    def __init__(self, head: Exchange, firmware: Firmware, specified: Collection[str] = ()) -> None:
+        self._firmware = self._specified = firmware
+        if specified:
+            up_to = list(PROFILES.values())[: list(PROFILES).index(firmware.name) + 1]
+            self._specified = [firmware, *(one for one in up_to if one.name in specified)][-1]
+        vehicle = Vehicle(VehicleConfig(defaults=head["params"], firmware=firmware))
+        self._channel = vehicle.endpoint.open_channel("client")
+        self._scheduler = Scheduler(vehicle)
+        self._sender, self._reader = Codec(255, 190), Codec(255, 190)
+        self._period_us = round(1e6 / head["camera_hz"]) if head["camera_hz"] else 0
+        self._scheduler.run_until(round(head["begins_s"] * 1e6))
+        self._channel.take_output()
+
+    def _send(self, message: Message) -> None:
+        self._scheduler.deliver(self._channel, self._sender.encode(message))
+
+    def _wait(self, duration_ms: int) -> None:
+        end_us = self._scheduler.now_us + duration_ms * 1000
+        while self._period_us and self._scheduler.now_us + self._period_us <= end_us:
+            now_us = self._scheduler.now_us + self._period_us
+            self._scheduler.run_until(now_us)
+            self._send(VISION_POSITION_ESTIMATE(now_us, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0))
+            self._send(VISION_SPEED_ESTIMATE(now_us, 0.0, 0.0, 0.0))
+        self._scheduler.run_until(end_us)
+
+    def _received(self) -> Iterator[Message]:
+        self._reader.feed(self._channel.take_output())
+        while (received := self._reader.next_received()) is not None:
+            if isinstance(received, Received) and received.message is not None:
+                yield received.message
+
+    def _wanted(self, exchange: Exchange) -> Any:
+        own, before = self._firmware, self._specified
+        wanted = exchange.get("answers of", {}).get(before.name, exchange["answers"])
+        if before is own:
+            return wanted
+        text = json.dumps(wanted)
+        text = text.replace(str(before.sw_version), str(own.sw_version)).replace(before.banner, own.banner)
+        old_hash, own_hash = (json.dumps(list(one.source_hash.encode())) for one in (before, own))
+        return json.loads(text.replace(old_hash, own_hash))
+
+    def ask(self, exchange: Exchange) -> tuple[Sequence[tuple[str, Mapping[str, Any]]], Sequence[Message]]:
+        """Send what an exchange says; return the answers that it wants, and those that came."""
+        self._send(build(*exchange["send"]))
+        self._wait(exchange.get("wait_ms", WAIT_MS))
+        hidden = UNASKED - set(exchange.get("also show", ())) | set(exchange.get("hide", ()))
+        return self._wanted(exchange), [one for one in self._received() if type(one).__name__ not in hidden]
+
+
+def answer_differences(
+    place: str, wanted: Sequence[tuple[str, Mapping[str, Any]]], got: Sequence[Message]
+) -> Iterator[Difference]:
+    """Yield what differs in the answers of an exchange."""
+    names = [name for name, _ in wanted], [type(message).__name__ for message in got]
+    if names[0] != names[1]:
+        yield Difference(place, "answers", *(", ".join(one) or "none" for one in names))
+        return
+    for (name, fields), message in zip(wanted, got, strict=True):
+        for field, value in fields.items():
+            ours = getattr(message, field, None)
+            if not is_equal(value, ours):
+                yield Difference(place, f"{name}.{field}", str(value), str(ours))
+
+
+def specified_in(exchanges: Sequence[Exchange]) -> set[str]:
+    """Return the releases whose answers exchanges say; none of exchanges that were recorded."""
+    others = {name for exchange in exchanges for name in exchange.get("answers of", ())}
+    return others and others | {REFERENCE.name}
+
+
+def compare_conversation(
+    path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]
+) -> Comparison:
+    """Hold a conversation with a vehicle and compare.
+
+    Args:
+        path: the conversation.
+        firmware: the profile to be.
+        named: the profile that the recording names; empty for none.
+        on_progress: told how many exchanges were held, and how many there are.
+
+    Raises:
+        InputError: the conversation cannot be used.
+    """
+    head, exchanges = read_conversation(path)
+    conversation = Conversation(head, firmware, specified_in(exchanges))
+    differences: list[Difference] = []
+    answers = fields = 0
+    for done, exchange in enumerate(exchanges, 1):
+        try:
+            wanted, got = conversation.ask(exchange)
+        except (struct.error, ValueError, TypeError) as error:
+            raise InputError(
+                f"{path}: exchange {exchange['name']!r}: 'send' does not fit its message: {error}"
+            ) from error
+        differences += answer_differences(exchange["name"], wanted, got)
+        answers += len(wanted)
+        fields += sum(len(one) for _, one in wanted)
+        on_progress(done, len(exchanges))
+    return Comparison(
+        path, CONVERSATION, firmware.name, named, len(exchanges), answers, answers + fields, tuple(differences)
+    )
