@@ -41,6 +41,8 @@ from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
+from viso.comparing.recordings import RECORDING_KINDS
+from viso.comparing.rules import TEXT_EXCEPTIONS, TOLERANCES
 from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.rules import RULES as DOCTOR_RULES
 from viso.doctor.witness import Witness
@@ -118,6 +120,24 @@ def _filter_verdicts() -> Iterator[tuple[str, ...]]:
 def _backends() -> Iterator[tuple[str, ...]]:
     for kind, cls in BACKENDS.items():
         yield str(int(kind)), kind.name, f"`{getattr(cls, '__name__', '')}`", first_line(cls)
+
+
+def _recording_kinds() -> Iterator[tuple[str, ...]]:
+    for name, kind in RECORDING_KINDS.items():
+        yield name, ", ".join(f"`{ending}`" for ending in kind.endings), kind.content
+
+
+def _tolerances() -> Iterator[tuple[str, ...]]:
+    for row in TOLERANCES:
+        fields = ", ".join(f"`{field}`" for field in row.fields)
+        backends = ", ".join(map(str, row.backends)) or "all"
+        yield row.kind, fields, backends, f"{row.within:g} {row.unit}{' rms' if row.is_rms else ''}".strip(), row.reason
+
+
+def _text_exceptions() -> Iterator[tuple[str, ...]]:
+    for one in TEXT_EXCEPTIONS:
+        texts = ("<br>".join(f"`{text}`" for text in side) for side in (one.recorded, one.ours))
+        yield f"`{one.name}`, {one.messages} messages", *texts, one.reason
 
 
 def _links() -> Iterator[tuple[str, ...]]:
@@ -374,6 +394,9 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "sources": (("--source", "what it is", "axes of its IMU"), _sources),
     "faults": (("kind", "what happens", "parameters", "SITL", "`at_s`"), _fault_kinds),
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),
+    "recording_kinds": (("kind", "endings", "what it holds"), _recording_kinds),
+    "tolerances": (("kind", "fields", "VISO_TYPE", "may differ by", "why"), _tolerances),
+    "text_exceptions": (("capture", "only recorded", "only ours", "why"), _text_exceptions),
     "rooms": (("room", "what it holds"), _rooms),
     "objectives": (("column", "unit", "what it is"), _objectives),
     "doctor_codes": (("code", "at worst", "witness", "what is wrong"), _doctor_codes),
