@@ -286,6 +286,8 @@ def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Cal
         for field in ("statustext", "command_ack")
         if field not in capture.header
     ]
+    if capture.header.get("complete") is False:
+        notes.append("the recording is not complete")
     if capture.backend > _MAV_BACKEND and log_beside(path) is None:
         notes.append(
             "no log beside it: VISO_TYPE 2 and 3 align to the AHRS of a vehicle that stands still, facing north"

@@ -130,5 +130,8 @@ TEXT_EXCEPTIONS: Final = (
     ),
 )
 
+TIMES: Final = frozenset({"time_boot_ms", "time_usec"})
+"""Fields of answers that are not compared: when they were made, which no two runs share."""
+
 UNASKED: Final = frozenset({"HEARTBEAT", "TIMESYNC"})
 """What comes all the time, and counts in a conversation only where an exchange has it in ``also show``."""
