@@ -327,14 +327,3 @@ def parse_line(text: str) -> object:
         return parsed_json(text)
     except ValueError as error:
         raise VectorError(str(error)) from error
-
-
-def count_differences(recorded: object, ours: object) -> tuple[int, int]:
-    """Return how many outputs a recorded line holds, and how many of them differ from ours."""
-    if isinstance(recorded, list) and isinstance(ours, list):
-        return 1, int(recorded != ours)
-    if not isinstance(recorded, dict) or not isinstance(ours, dict):
-        raise VectorError("neither a scenario, a jitter sequence nor a maths call")
-    key = "steps" if "steps" in recorded else "samples"
-    pairs = list(zip(recorded[key], ours[key], strict=True))
-    return len(pairs), sum(before != after for before, after in pairs)

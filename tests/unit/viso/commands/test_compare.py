@@ -131,6 +131,8 @@ def test_equal_answer_is_exit_code_0(viso: Viso, tmp_path: Path) -> None:
     ("line", "field"),
     [
         (["wrap_360", ["43b48000"], ["3f800001"]], "wrap_360"),
+        (CALL[:2], "wrap_360"),
+        ({"samples": [[1000, 2000]], "max_lag_ms": 500, "convergence_loops": 100}, "corrected_us"),
         ({"samples": [[1000, 2000, 7]], "max_lag_ms": 500, "convergence_loops": 100}, "corrected_us"),
         ({"params": {"TYPE": 1}, "steps": [["status", {"out": [["status", True, True, 1]]}]]}, "status.quality"),
         ({"params": {"TYPE": 1}, "steps": [["status", {"out": []}]]}, "out"),
