@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 from viso.comparing.agreement import Comparison
-from viso.report.page import document, table
+from viso.report.html import document, table
 
 HEAD = ("recording", "kind", "firmware", "messages", "records", "fields", "differ")
 FIELDS_HEAD = ("field", "differs", "first in", "recorded", "ours", "unit")

@@ -53,6 +53,11 @@ def test_filter_computes_the_same_without_what_makes_it_fast(tmp_path: Path) -> 
     assert (tmp_path / "without.BIN").read_bytes() == (tmp_path / "with.BIN").read_bytes()
 
 
+def test_recording_is_compared_and_told_on_a_page(tmp_path: Path) -> None:
+    recording = str(DATA / "vectors" / "jitter_correction.jsonl.gz")
+    assert viso("compare", recording, "--firmware", "4.7-dev", "-o", "page.html", cwd=tmp_path) == (0, "")
+
+
 def test_trajectory_is_played(tmp_path: Path) -> None:
     assert viso("play", str(FLIGHT), "--until", "1", "-o", "out.tlog", cwd=tmp_path) == (0, "")
 
