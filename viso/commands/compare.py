@@ -133,7 +133,9 @@ def _tell(comparisons: list[Comparison]) -> None:
         for note in one.notes:
             err.print(f"note: {one.path}: {note}")
         if not one.passed:
-            fields = Table(*FIELDS_HEAD, title=f"{one.path} as {one.firmware}")
+            fields = Table(
+                *(Column(name, overflow="fold") for name in FIELDS_HEAD), title=f"{one.path} as {one.firmware}"
+            )
             for row in field_rows(one):
                 fields.add_row(*row)
             out.print(fields)

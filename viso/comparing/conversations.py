@@ -7,6 +7,7 @@ import json
 import math
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
@@ -178,13 +179,18 @@ def answer_differences(
     """Yield what differs in the answers of an exchange."""
     names = [name for name, _ in wanted], [type(message).__name__ for message in got]
     if names[0] != names[1]:
-        yield Difference(place, "answers", *(", ".join(one) or "none" for one in names))
+        yield Difference(place, "answers", *map(_listed, names))
         return
     for (name, fields), message in zip(wanted, got, strict=True):
         for field, value in fields.items():
             ours = getattr(message, field, None)
             if field not in TIMES and not is_equal(value, ours):
                 yield Difference(place, f"{name}.{field}", str(value), str(ours))
+
+
+def _listed(names: Sequence[str]) -> str:
+    runs = ((name, len(list(run))) for name, run in groupby(names))
+    return ", ".join(name if count == 1 else f"{count} {name}" for name, count in runs) or "none"
 
 
 def specified_in(exchanges: Sequence[Exchange]) -> set[str]:

@@ -16,6 +16,7 @@ from viso.comparing.conversations import compare_conversation, read_conversation
 from viso.comparing.logs import compare_log, told_by_log
 from viso.comparing.vectors import compare_vectors
 from viso.documents import parsed_json
+from viso.ekf_runs.run import NothingToCompare
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.flown import profile_for, version_in
@@ -120,18 +121,23 @@ RECORDING_KINDS: Final[Mapping[str, RecordingKind]] = MappingProxyType(
 
 
 def kind_of(path: Path) -> RecordingKind:
-    """Return the kind of a recording, by its ending and first line. Raises InputError if it has none."""
+    """Return the kind of a recording, by its ending and first line.
+
+    Raises:
+        NothingToCompare: it is of no such kind.
+        InputError: it cannot be read.
+    """
     fitting = [kind for kind in RECORDING_KINDS.values() if path.name.lower().endswith(kind.endings)]
     if not fitting:
         endings = ", ".join(dict.fromkeys(one for kind in RECORDING_KINDS.values() for one in kind.endings))
-        raise InputError(f"{path}: by its ending no recording that can be compared; there are {endings}")
+        raise NothingToCompare(f"{path}: by its ending no recording that can be compared; there are {endings}")
     if len(fitting) == 1:
         return fitting[0]
     line = _first_line(path)
     for kind in fitting:
         if kind.begins is not None and kind.begins(line):
             return kind
-    raise InputError(f"{path}:1: neither a capture ('params'), a conversation ('begins_s') nor vectors")
+    raise NothingToCompare(f"{path}:1: neither a capture ('params'), a conversation ('begins_s') nor vectors")
 
 
 def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:

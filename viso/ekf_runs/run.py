@@ -79,7 +79,7 @@ def until(texts: Texts, end_s: float) -> Texts:
 
 
 class NothingToCompare(InputError):
-    """A log has no replay records, or no estimates."""
+    """A file is no recording whose outputs can be compared: a log without replay records or estimates, for one."""
 
 
 class _Row(NamedTuple):

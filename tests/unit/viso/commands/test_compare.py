@@ -292,7 +292,10 @@ def test_log_without_replay_records_is_passed_over_in_a_folder(viso: Viso, tmp_p
     path = write(folder / "calls.jsonl", [CALL])
     log = folder / "ordinary.BIN.xz"
     log.symlink_to(DATA / "real" / "depth_drone_gz_00000006_set_up.BIN.xz")
+    other = write(folder / "verdicts.jsonl", [{"verdict": 1}])
     outcome = viso("compare", folder, "--json")
     assert [one["recording"] for one in json.loads(outcome.out)["comparisons"]] == [str(path)]
-    assert outcome.err.startswith(f"note: passed over: {log}: no replay records")
+    notes = outcome.err.splitlines()
+    assert notes[0].startswith(f"note: passed over: {log}: no replay records")
+    assert notes[1].startswith(f"note: passed over: {other}:1: neither a capture")
     assert viso("compare", log).code == 2
