@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Logs with replay records: the filter again over what the autopilot's had, and each estimate beside the log's."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -85,30 +86,27 @@ def compare_log(path: Path, firmware: Firmware, named: str, on_progress: Callabl
         InputError: it cannot be read.
     """
     run = EkfRun(path, until_s=targets.end_s(path), firmware=firmware)
-    frames = 0
-
-    def show(done: int, total: int) -> None:
-        nonlocal frames
-        frames = done
-        on_progress(done, total)
-
-    run.run(show)
+    run.run(on_progress)
     found = {core: run.comparison(core) for core in run.imus}
     replays = {core: replay.until(targets.end_s(path)) for core, replay in found.items() if replay is not None}
     if not replays:
         raise NothingToCompare(f"{path}: no XKF records to compare with")
     differences = [one for core, replay in replays.items() for one in estimate_differences(replay, core)]
     our_lanes, lanes = (until(texts, targets.end_s(path)) for texts in (run.our_lanes, run.recorded_lanes))
-    differences += text_differences(our_lanes, lanes, "MSG of the lanes")
+    notes = [] if targets.end_s(path) == math.inf else [f"compared up to {targets.end_s(path):g} s"]
+    if len(replays) < len(run.imus):
+        notes.append("not all cores have estimates in it: changes of the primary core are not compared")
+        lanes = []
+    else:
+        differences += text_differences(our_lanes, lanes, "MSG of the lanes")
     records = sum(len(replay.time_s) for replay in replays.values())
     texts = sum(len(replay.recorded_texts) for replay in replays.values()) + len(lanes)
-    notes = [] if targets.end_s(path) == float("inf") else [f"compared up to {targets.end_s(path):g} s"]
     return Comparison(
         path,
         LOG,
         firmware.name,
         named,
-        frames,
+        run.frames,
         records,
         records * len(LABELS) + texts,
         tuple(differences),

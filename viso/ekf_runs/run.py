@@ -101,6 +101,7 @@ class EkfRun:
 
     Attributes:
         firmware: the release; None before it is known.
+        frames: how many have been run.
         output: the log that comes of it.
         notes: what the log's parameters ask for in vain, a line each.
         our_lanes, recorded_lanes: the texts of changes of the primary core.
@@ -129,7 +130,7 @@ class EkfRun:
         self._yaw_reset_ms = 0
         self._primary: int | None = None
         self._next_us = 0
-        self._frames = 0
+        self.frames = 0
 
     @property
     def imus(self) -> dict[int, int]:
@@ -164,8 +165,8 @@ class EkfRun:
                 for record, slow in _records(log, self._until_s):
                     self._player.slow = slow
                     self._take(record, has_estimates=has_estimates > 0)
-                    if record.get_type() == "RFRH" and self._frames % 100 == 0:
-                        on_progress(self._frames, frames)
+                    if record.get_type() == "RFRH" and self.frames % 100 == 0:
+                        on_progress(self.frames, frames)
             except RecordError as error:
                 raise InputError(f"{self._path}: {error} (at {self.time_s:.3f} s)") from error
             except Exception as error:  # ours, and not the log's fault, which the reader would take it for
@@ -209,7 +210,7 @@ class EkfRun:
             self._take_estimates(record)
 
     def _begin_frame(self) -> None:
-        self._frames += 1
+        self.frames += 1
         if self.output.is_empty:
             params = self._player.params
             rows = ((name, value, self._defaults[name]) for name, value in params.items())
