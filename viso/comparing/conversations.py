@@ -20,6 +20,7 @@ from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.running.virtual_time import Scheduler
+from viso.streams.capture import MAX_PARAMETER
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 WAIT_MS: Final = 150
@@ -28,7 +29,6 @@ _SHARE: Final = tolerances_of(CONVERSATION)["float"].within
 _LEAST: Final = 1e-12
 _PAYLOAD_BYTES: Final = 251
 _NUMBERS: Final = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
-_HEAD: Final = {"params": dict, "begins_s": (int, float), "camera_hz": (int, float)}
 
 Exchange = Mapping[str, Any]
 
@@ -41,14 +41,21 @@ def read_conversation(path: Path) -> tuple[Exchange, list[Exchange]]:
         try:
             line = parsed_json(text)
             if not head:
-                _check(line, _HEAD)
+                _check(line, {"params": dict})
+                _check_number(line, "begins_s", 86_400)
+                _check_number(line, "camera_hz", 1000)
+                for name in line["params"]:
+                    _check_number(line["params"], name, MAX_PARAMETER, least=-MAX_PARAMETER)
                 head = line
             else:
                 _check(line, {"name": str, "send": list, "answers": list})
                 _check_answers(line)
-                build(*line["send"])
+                _check_number({"wait_ms": WAIT_MS} | line, "wait_ms", 3_600_000)
+                for field in ("also show", "hide"):
+                    _check({field: []} | line, {field: list})
+                _check_sendable(line["send"])
                 exchanges.append(line)
-        except (ValueError, TypeError) as error:
+        except ValueError as error:
             raise InputError(f"{path}:{number}: {error}") from error
     return head, exchanges
 
@@ -57,6 +64,21 @@ def _check(line: Any, fields: Mapping[str, Any]) -> None:
     for field, kind in fields.items():
         if not isinstance(line, dict) or not isinstance(line.get(field), kind):
             raise ValueError(f"{field!r} is missing or of another kind")
+
+
+def _check_number(line: Any, field: str, most: float, least: float = 0.0) -> None:
+    value = line.get(field)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ValueError(f"{field!r} is no number from {least:g} to {most:g}: {value!r}")
+
+
+def _check_sendable(send: Any) -> None:
+    if len(send) != 2 or not isinstance(send[0], str) or not isinstance(send[1], dict):
+        raise ValueError("'send' is not a message's name and its fields")
+    try:
+        Codec(0, 0).encode(build(*send))
+    except (struct.error, TypeError, AttributeError) as error:
+        raise ValueError(f"'send' does not fit {send[0]}: {error}") from error
 
 
 def _check_answers(line: Exchange) -> None:
@@ -169,7 +191,7 @@ class Conversation:
         """Send what an exchange says; return the answers that it wants, and those that came."""
         self._send(build(*exchange["send"]))
         self._wait(exchange.get("wait_ms", WAIT_MS))
-        hidden = UNASKED - set(exchange.get("also show", ())) | set(exchange.get("hide", ()))
+        hidden = [*exchange.get("hide", ()), *(name for name in UNASKED if name not in exchange.get("also show", ()))]
         return self._wanted(exchange), [one for one in self._received() if type(one).__name__ not in hidden]
 
 
@@ -218,12 +240,7 @@ def compare_conversation(
     differences: list[Difference] = []
     answers = fields = 0
     for done, exchange in enumerate(exchanges, 1):
-        try:
-            wanted, got = conversation.ask(exchange)
-        except (struct.error, ValueError, TypeError) as error:
-            raise InputError(
-                f"{path}: exchange {exchange['name']!r}: 'send' does not fit its message: {error}"
-            ) from error
+        wanted, got = conversation.ask(exchange)
         differences += answer_differences(exchange["name"], wanted, got)
         answers += len(wanted)
         fields += sum(len(one.keys() - TIMES) for _, one in wanted)
