@@ -34,6 +34,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "doctor": "viso.commands.doctor",
     "vio": "viso.commands.vio",
     "play": "viso.commands.play",
+    "record": "viso.commands.record",
     "landmarks": "viso.commands.landmarks",
     "faults": "viso.commands.faults",
     "report": "viso.commands.report",

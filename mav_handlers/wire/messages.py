@@ -651,6 +651,26 @@ class AHRS2(Message):
 
 
 @message
+class SET_POSITION_TARGET_LOCAL_NED(_Targeted):
+    """Where to fly: m, m/s, m/s/s NED, rad, rad/s; the mask says what to ignore."""
+
+    time_boot_ms: int
+    coordinate_frame: int
+    type_mask: int
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    afx: float
+    afy: float
+    afz: float
+    yaw: float
+    yaw_rate: float
+
+
+@message
 class AUTOPILOT_VERSION_REQUEST(_Targeted):
     """Request for AUTOPILOT_VERSION."""
 

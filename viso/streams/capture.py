@@ -10,7 +10,7 @@ from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
-# The recording simulator applied this rate to its TCP port.
+# The recording simulator applied this rate to its TCP port; a capture that knows its own says so.
 CAPTURE_BAUD: Final = 115200
 MAX_PARAMETER: Final = 3.4e38  # of binary32
 
@@ -21,11 +21,14 @@ def _number(value: object) -> float:
     return float(value)
 
 
-def _header(line: object) -> tuple[str, dict[str, float]]:
+def _header(line: object) -> tuple[str, dict[str, float], int | None]:
     if not isinstance(line, dict) or not isinstance(line.get("params"), dict):
         raise ValueError("the first line of a capture is an object with 'name' and 'params'")
     params = {str(name): _number(value) for name, value in line["params"].items()}
-    return str(line.get("name", "")), params
+    baud = line.get("baud", CAPTURE_BAUD)
+    if baud is not None and (type(baud) is not int or baud <= 0):
+        raise ValueError(f"'baud' is not a rate: {baud!r}")
+    return str(line.get("name", "")), params, baud
 
 
 def _message(line: object) -> StreamMessage:
@@ -44,7 +47,7 @@ def read_capture(path: Path) -> Stream:
 
     Raises InputError that names the file, the line and what is wrong with it.
     """
-    header: tuple[str, dict[str, float]] | None = None
+    header: tuple[str, dict[str, float], int | None] | None = None
     messages: list[StreamMessage] = []
     latest_us = 0
     for number, text in read_lines(path):
@@ -65,4 +68,5 @@ def read_capture(path: Path) -> Stream:
             raise InputError(f"{path}:{number}: {error}") from error
     if header is None:
         raise InputError(f"{path}: an empty capture")
-    return Stream(header[0], tuple(messages), header[1], CAPTURE_BAUD, shared_arrival=True)
+    name, params, baud = header
+    return Stream(name, tuple(messages), params, baud, shared_arrival=True)

@@ -30,7 +30,7 @@ MAV_AUTOPILOT_INVALID: Final = 8
 _MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
 _OF_AN_AUTOPILOT: Final = "AHRS_EKF_TYPE"
 _LARGEST_FILE: Final = 1 << 20  # of parameters; logs are larger
-_VEHICLES: Final = {
+VEHICLES: Final = {
     kind: vehicle
     for vehicle, kinds in (
         ("Plane", (1, *range(19, 26))),
@@ -70,7 +70,7 @@ def version_heard(stream: Stream) -> FlownVersion | None:
         return None
     number = numbers[beat[0]]
     source_hash = bytes(number.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")
-    return version_of_number(number.flight_sw_version, source_hash, _VEHICLES.get(beat[1].type, ""))
+    return version_of_number(number.flight_sw_version, source_hash, VEHICLES.get(beat[1].type, ""))
 
 
 class HeardValue(NamedTuple):

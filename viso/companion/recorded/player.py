@@ -28,6 +28,27 @@ class Text(NamedTuple):
     text: str
 
 
+class TextPieces:
+    """Long texts, which come in chunks."""
+
+    def __init__(self) -> None:
+        self._open_id = 0
+        self._pieces: list[str] = []
+
+    def take(self, chunk: STATUSTEXT) -> list[Text]:
+        """Return the text that a chunk ends; nothing while more is to come."""
+        clean = "".join(character if character.isprintable() else "?" for character in chunk.text)
+        if chunk.id == 0:
+            return [Text(chunk.severity, clean)]
+        if chunk.chunk_seq == 0 or chunk.id != self._open_id:
+            self._open_id, self._pieces = chunk.id, []  # what a lost chunk has left open is forgotten
+        self._pieces.append(clean)
+        if len(clean) == CHUNK_LENGTH and len(self._pieces) < MAX_CHUNKS:
+            return []
+        text, self._pieces = "".join(self._pieces), []
+        return [Text(chunk.severity, text)]
+
+
 class Player:
     """Sends a heartbeat once a second and what the engine reports, and listens to texts.
 
@@ -44,8 +65,7 @@ class Player:
         self._engine = engine
         self._codec = Codec(system_id, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
         self._next_heartbeat_us = 0
-        self._open_id = 0
-        self._pieces: list[str] = []
+        self._texts = TextPieces()
         self.sent: Counter[str] = Counter()
         self.heard = False
 
@@ -84,18 +104,5 @@ class Player:
         while (received := self._codec.next_received()) is not None:
             self.heard |= isinstance(received, Received)
             if isinstance(received, Received) and isinstance(received.message, STATUSTEXT):
-                texts += self._whole(received.message)
+                texts += self._texts.take(received.message)
         return texts
-
-    def _whole(self, chunk: STATUSTEXT) -> list[Text]:
-        """Return the text that a chunk ends; nothing while more is to come."""
-        clean = "".join(character if character.isprintable() else "?" for character in chunk.text)
-        if chunk.id == 0:
-            return [Text(chunk.severity, clean)]
-        if chunk.chunk_seq == 0 or chunk.id != self._open_id:
-            self._open_id, self._pieces = chunk.id, []  # what a lost chunk has left open is forgotten
-        self._pieces.append(clean)
-        if len(clean) == CHUNK_LENGTH and len(self._pieces) < MAX_CHUNKS:
-            return []
-        text, self._pieces = "".join(self._pieces), []
-        return [Text(chunk.severity, text)]

@@ -1,0 +1,126 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drivers of a recorder: on a link in real time, or with a viso vehicle in virtual time."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from mav_handlers.links import wait_readable
+from mav_handlers.links.base import Link
+from viso.firmware.releases import Firmware
+from viso.logs.files import LogStore
+from viso.options.ahrs import AhrsChoice, ahrs_maker
+from viso.recording.recorder import Recorder
+from viso.running.power import Port, PoweredVehicle
+from viso.running.virtual_time import Scheduler
+from viso.vehicle.vehicle import LOOP_PERIOD_US, VehicleConfig
+
+LONGEST_WAIT_S: Final = 0.1
+"""How long to wait at once, so that a signal is heeded soon."""
+SIMULATOR_BAUD: Final = 115_200
+"""Of the UART whose transport time the firmware's simulator models on its first port."""
+
+
+class RealDriver:
+    """Drives a recorder over a link, by the wall clock; a simulator that runs faster is followed.
+
+    Args:
+        recorder: fresh.
+        link: to the autopilot.
+        stop: how often somebody has asked to end.
+        speedup: seconds of the autopilot in one of the wall clock; None to take it from the autopilot's clock.
+        now_s: a monotonic clock in seconds.
+    """
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        link: Link,
+        stop: Callable[[], int],
+        *,
+        speedup: float | None = None,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._recorder = recorder
+        self._link = link
+        self._stop = stop
+        self._stops = 0
+        self._wants_rate = speedup is None
+        self._rate = speedup or 1.0
+        self._now_s = now_s
+        self._since_s = now_s()
+        self._since_us = 0
+
+    def run(self) -> None:
+        """Drive the recorder until it is over."""
+        recorder, link = self._recorder, self._link
+        while not recorder.is_over:
+            data = recorder.advance(self._now_us())
+            if data:
+                link.send(data)
+            if recorder.is_over:
+                break
+            wait_s = (recorder.next_due_us - self._now_us()) * 1e-6 / self._rate
+            if wait_s > 0:
+                wait_readable([link], min(wait_s, LONGEST_WAIT_S))
+            while received := link.receive():
+                now_us = self._now_us()
+                late = recorder.advance(now_us)
+                if late:
+                    link.send(late)
+                recorder.receive(now_us, received)
+            if self._wants_rate and (rate := recorder.clock.take_rate()) is not None:
+                self._wants_rate = False
+                self._since_us, self._since_s, self._rate = self._now_us(), self._now_s(), rate * self._rate
+            if self._stop() > self._stops:
+                self._stops = self._stop()
+                recorder.stop("interrupted")
+
+    def _now_us(self) -> int:
+        return self._since_us + int((self._now_s() - self._since_s) * 1e6 * self._rate)
+
+
+def record_viso(recorder: Recorder, firmware: Firmware, stop: Callable[[], int] = lambda: 0) -> None:
+    """Drive a recorder with a vehicle of viso in virtual time: it stands level, heading north.
+
+    Args:
+        recorder: fresh.
+        firmware: what the vehicle is.
+        stop: how often somebody has asked to end.
+    """
+    with tempfile.TemporaryDirectory(prefix="viso-record-") as folder:
+        config = VehicleConfig(
+            ahrs_maker(AhrsChoice(None, None, None, 0, 0.0)),
+            log_store=LogStore(Path(folder)),
+            firmware=firmware,
+        )
+        powered = PoweredVehicle(config, [Port("viso", SIMULATOR_BAUD)])
+        try:
+            _run_virtual(recorder, powered, stop)
+        finally:
+            powered.close()
+
+
+def _run_virtual(recorder: Recorder, powered: PoweredVehicle, stop: Callable[[], int]) -> None:
+    booted_us, stops = 0, 0
+    scheduler = Scheduler(powered.vehicle)
+    while not recorder.is_over:
+        now_us = booted_us + scheduler.now_us
+        [channel] = powered.channels
+        while data := recorder.advance(now_us):
+            scheduler.deliver(channel, data)
+            recorder.receive(now_us, powered.vehicle.endpoint.bytes_to_send(channel))
+        pass_us = scheduler.now_us // LOOP_PERIOD_US * LOOP_PERIOD_US + LOOP_PERIOD_US
+        scheduler.run_until(min(max(recorder.next_due_us - booted_us, scheduler.now_us), pass_us))
+        sent = powered.vehicle.endpoint.bytes_to_send(channel)
+        if scheduler.now_us == pass_us and powered.restart_if_asked():
+            booted_us += scheduler.now_us
+            scheduler = Scheduler(powered.vehicle)
+        if sent:
+            recorder.receive(booted_us + scheduler.now_us, sent)
+        if stop() > stops:
+            stops = stop()
+            recorder.stop("interrupted")

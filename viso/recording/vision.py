@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The messages of a scenario's streams: where the camera is, by its pattern of motion, and what is sent when."""
+
+import heapq
+import math
+import random
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    ODOMETRY,
+    VICON_POSITION_ESTIMATE,
+    VISION_POSITION_DELTA,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+    Message,
+)
+from viso.recording.scenario import Jump, Stream
+
+_WOBBLE_S: Final = 4.0
+
+Vector = tuple[float, float, float]
+
+
+class Pose(NamedTuple):
+    """Where a camera is: NED position in m, velocity in m/s, roll, pitch and yaw in rad."""
+
+    position_m: Vector
+    velocity_m_s: Vector
+    angles_rad: Vector
+
+
+def pose_at(stream: Stream, time_s: float) -> Pose:
+    """Return where the camera of a stream is, a time after it began; not of one that follows the truth."""
+    north, east, down = stream.position_m
+    velocity: Vector = (0.0, 0.0, 0.0)
+    if stream.motion == "line":
+        velocity = (stream.velocity_m_s[0], stream.velocity_m_s[1], stream.velocity_m_s[2])
+        north, east, down = (place + speed * time_s for place, speed in zip((north, east, down), velocity, strict=True))
+    elif stream.motion == "circle":
+        rate = 2 * math.pi / stream.period_s
+        sine, cosine = math.sin(rate * time_s), math.cos(rate * time_s)
+        north, east = north + stream.radius_m * cosine, east + stream.radius_m * sine
+        velocity = (-stream.radius_m * rate * sine, stream.radius_m * rate * cosine, 0.0)
+    wobble = math.radians(stream.wobble_deg) * math.sin(2 * math.pi * time_s / _WOBBLE_S)
+    yaw = math.remainder(math.radians(stream.heading_deg), 2 * math.pi)
+    return Pose((north, east, down), velocity, (wobble, -0.5 * wobble, yaw))
+
+
+def quaternion(angles_rad: Vector) -> tuple[float, float, float, float]:
+    """Return the attitude of roll, pitch and yaw as w, x, y, z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(one / 2), math.sin(one / 2)) for one in angles_rad)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def _to_body(angles_rad: Vector, vector: Vector) -> Vector:
+    w, x, y, z = quaternion(angles_rad)
+    a, b, c = vector
+    return (
+        (1 - 2 * (y * y + z * z)) * a + 2 * (x * y + w * z) * b + 2 * (x * z - w * y) * c,
+        2 * (x * y - w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z + w * x) * c,
+        2 * (x * z + w * y) * a + 2 * (y * z - w * x) * b + (1 - 2 * (x * x + y * y)) * c,
+    )
+
+
+class VisionStream:
+    """One stream that runs: says when its next message is due, and what is in it.
+
+    Args:
+        stream: what it is.
+        start_us: when it begins, us of the recorder's time.
+    """
+
+    def __init__(self, stream: Stream, start_us: int) -> None:
+        self._stream = stream
+        self._start_us = start_us
+        self._frames = 0
+        self._resets = 0
+        self._silent_until_us = start_us
+        self._waiting: list[tuple[int, int, Message]] = []
+        self._random = random.Random(stream.seed)
+        self._truth: Pose | None = None
+        self._before: Pose | None = None
+        self._jumped: tuple[Vector, float] = (0.0, 0.0, 0.0), 0.0
+
+    def next_due_us(self) -> int:
+        """Return when there is something to do: a frame is taken, or a message is sent."""
+        frame_us = self._frame_us()
+        return min(frame_us, self._waiting[0][0]) if self._waiting else frame_us
+
+    def _frame_us(self) -> int:
+        return self._start_us + round(self._frames * 1e6 / self._stream.rate_hz)
+
+    def due_messages(self, now_us: int) -> list[Message]:
+        """Return what is to be sent by now, in order."""
+        while (frame_us := self._frame_us()) <= now_us:
+            self._take_frame(frame_us)
+            self._frames += 1
+        found = []
+        while self._waiting and self._waiting[0][0] <= now_us:
+            found.append(heapq.heappop(self._waiting)[2])
+        return found
+
+    def _take_frame(self, frame_us: int) -> None:
+        stream = self._stream
+        elapsed_s = (frame_us - self._start_us) * 1e-6
+        every_s = stream.silent_every_s
+        silent = every_s > 0 and elapsed_s >= every_s and elapsed_s % every_s < stream.silent_for_s
+        pose = self._pose(elapsed_s)
+        if silent or pose is None or frame_us < self._silent_until_us:
+            return
+        delays = stream.delays_ms
+        delay_ms = delays[self._frames % len(delays)] + self._random.uniform(0, stream.random_delay_ms)
+        stamp_us = stream.stamp_offset_s * 1e6 + elapsed_s * 1e6 * (1 + stream.drift_ppm * 1e-6)
+        message = self._message(int(stamp_us / stream.stamp_unit_us), pose)
+        heapq.heappush(self._waiting, (frame_us + round(delay_ms * 1e3), self._frames, message))
+
+    def _pose(self, elapsed_s: float) -> Pose | None:
+        if self._stream.motion == "truth":
+            if self._truth is None:
+                return None
+            pose = self._truth
+        else:
+            pose = pose_at(self._stream, elapsed_s)
+        offset, yaw_rad = self._jumped
+        roll, pitch, yaw = (self._noisy(angle, math.radians(self._stream.noise_deg)) for angle in pose.angles_rad)
+        north, east, down = (
+            self._noisy(place + by, self._stream.noise_m) for place, by in zip(pose.position_m, offset, strict=True)
+        )
+        return Pose((north, east, down), pose.velocity_m_s, (roll, pitch, math.remainder(yaw + yaw_rad, 2 * math.pi)))
+
+    def _noisy(self, value: float, sigma: float) -> float:
+        return value + self._random.gauss(0, sigma) if sigma else value
+
+    def _message(self, stamp: int, pose: Pose) -> Message:
+        stream, name = self._stream, self._stream.message
+        (x, y, z), (vx, vy, vz), angles = pose
+        covariance = _filled(stream.covariance, 21)
+        if name == "ODOMETRY":
+            frame, child = map(int, stream.frames)
+            body = _to_body(angles, pose.velocity_m_s)
+            of_velocity = _filled(stream.velocity_covariance, 21)
+            ends = self._resets, 0, stream.quality
+            return ODOMETRY(
+                stamp, frame, child, x, y, z, quaternion(angles), *body, 0.0, 0.0, 0.0, covariance, of_velocity, *ends
+            )
+        if name == "VISION_SPEED_ESTIMATE":
+            return VISION_SPEED_ESTIMATE(stamp, vx, vy, vz, _filled(stream.velocity_covariance, 9), self._resets)
+        if name == "ATT_POS_MOCAP":
+            return ATT_POS_MOCAP(stamp, quaternion(angles), x, y, z, covariance)
+        if name == "VISION_POSITION_DELTA":
+            return self._delta(stamp, pose)
+        if name == "VICON_POSITION_ESTIMATE":
+            return VICON_POSITION_ESTIMATE(stamp, x, y, z, *angles, covariance)
+        kind = VISION_POSITION_ESTIMATE if name == "VISION_POSITION_ESTIMATE" else GLOBAL_VISION_POSITION_ESTIMATE
+        return kind(stamp, x, y, z, *angles, covariance, self._resets)
+
+    def _delta(self, stamp: int, pose: Pose) -> Message:
+        before, self._before = self._before or pose, pose
+        moved = tuple(new - old for new, old in zip(pose.position_m, before.position_m, strict=True))
+        turned = tuple(
+            math.remainder(new - old, 2 * math.pi) for new, old in zip(pose.angles_rad, before.angles_rad, strict=True)
+        )
+        body = _to_body(pose.angles_rad, (moved[0], moved[1], moved[2]))
+        return VISION_POSITION_DELTA(
+            stamp, round(1e6 / self._stream.rate_hz), turned, body, float(self._stream.quality)
+        )
+
+    # What a scenario does to it
+
+    def take_truth(self, truth: Pose) -> None:
+        """Have a stream that follows the truth be where the vehicle is."""
+        self._truth = truth
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        """Change some fields from now on; frames and stamps go on in step."""
+        if values.get("rate_hz", self._stream.rate_hz) != self._stream.rate_hz:
+            elapsed_us = self._frame_us() - self._start_us
+            self._frames = math.ceil(elapsed_us * 1e-6 * values["rate_hz"])
+        self._stream = replace(self._stream, **values)
+
+    def jump(self, jump: Jump) -> None:
+        """Go on elsewhere."""
+        (north, east, down), yaw_rad = self._jumped
+        by = jump.position_m
+        self._jumped = (north + by[0], east + by[1], down + by[2]), yaw_rad + math.radians(jump.yaw_deg)
+        self._resets = (self._resets + jump.counted) % 256
+
+    def be_silent(self, until_us: int) -> None:
+        """Send nothing that is taken before a time."""
+        self._silent_until_us = until_us
+
+
+def _filled(values: tuple[float, ...], count: int) -> tuple[float, ...]:
+    return (*values, *(0.0,) * count)[:count]
