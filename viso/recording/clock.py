@@ -4,10 +4,10 @@
 
 from typing import Final
 
-RATE_SPAN_US: Final = 1_000_000
+RATE_SPAN_US: Final = 2_000_000
 """Between answers from which the rate is taken."""
 _SLACK_US: Final = 500
-_REAL_TIME: Final = 0.05
+_REAL_TIME: Final = 0.15
 """A clock whose rate is within this of 1 runs in real time."""
 
 
@@ -31,7 +31,7 @@ class AutopilotClock:
         """Take in an answer: when it was asked for, when it came, and what the autopilot's clock showed."""
         if self.boot_us is not None and shown_us < self._shown_us:
             self.boots += 1
-            self.boot_us = None
+            self.boot_us = self._first = None
         self._shown_us = shown_us
         middle_us, round_trip_us = (asked_us + now_us) // 2, now_us - asked_us
         if self._first is None:
@@ -56,5 +56,5 @@ class AutopilotClock:
         if self._first is None or self._latest[0] - self._first[0] < RATE_SPAN_US:
             return None
         rate = (self._latest[1] - self._first[1]) / (self._latest[0] - self._first[0])
-        self.boot_us, self._first, self._shown_us = None, None, 0
+        self.boot_us = self._first = None
         return 1.0 if abs(rate - 1) < _REAL_TIME else rate

@@ -38,7 +38,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.companion.recorded.player import TextPieces
 from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-from viso.recording.clock import AutopilotClock
+from viso.recording.clock import RATE_SPAN_US, AutopilotClock
 from viso.recording.log_download import LogPieces
 from viso.recording.scenario import Ask, Change, Dropout, Jump, Pause, Scenario, Send, Set, Start, Step, Until
 from viso.recording.vision import Pose, VisionStream
@@ -376,6 +376,7 @@ class Recorder:
             if beat.base_mode & _ARMED and not self._allow_armed:
                 raise RecordingError("the vehicle is armed (--allow-armed records it all the same)")
         yield from self._read_version()
+        yield from self._sleep(RATE_SPAN_US + 2 * _TIMESYNC_PERIOD_US)  # for whoever follows the autopilot's clock
         yield from self._read_parameters()
         for name, value in self._scenario.parameters.items():
             self.recording.set_params[name] = yield from self._set_parameter(name, value)

@@ -112,15 +112,15 @@ class VisionStream:
 
     def _take_frame(self, frame_us: int) -> None:
         stream = self._stream
-        elapsed_s = (frame_us - self._start_us) * 1e-6
-        every_s = stream.silent_every_s
-        silent = every_s > 0 and elapsed_s >= every_s and elapsed_s % every_s < stream.silent_for_s
-        pose = self._pose(elapsed_s)
+        elapsed_us = frame_us - self._start_us
+        every_us, for_us = (round(one * 1e6) for one in (stream.silent_every_s, stream.silent_for_s))
+        silent = every_us > 0 and elapsed_us >= every_us and elapsed_us % every_us < for_us
+        pose = self._pose(elapsed_us * 1e-6)
         if silent or pose is None or frame_us < self._silent_until_us:
             return
         delays = stream.delays_ms
         delay_ms = delays[self._frames % len(delays)] + self._random.uniform(0, stream.random_delay_ms)
-        stamp_us = stream.stamp_offset_s * 1e6 + elapsed_s * 1e6 * (1 + stream.drift_ppm * 1e-6)
+        stamp_us = round(stream.stamp_offset_s * 1e6) + elapsed_us + round(elapsed_us * stream.drift_ppm * 1e-6)
         message = self._message(int(stamp_us / stream.stamp_unit_us), pose)
         heapq.heappush(self._waiting, (frame_us + round(delay_ms * 1e3), self._frames, message))
 
