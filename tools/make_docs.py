@@ -51,6 +51,8 @@ from viso.firmware.releases import PROFILES, Firmware
 from viso.options.presets import PRESETS, preset_title
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
+from viso.recording.outputs import FILES as RECORDING_FILES
+from viso.recording.scenario import MOTIONS, SCENARIOS, STEPS, Scenario, Stream, read_scenario
 from viso.replay.figures import OBJECTIVES
 from viso.streams.stream_kinds import STREAM_KINDS
 from viso.web.desk import ACTIONS
@@ -345,6 +347,33 @@ def _objectives() -> Iterator[tuple[str, ...]]:
         yield f"`{name}`", objective.unit, objective.what
 
 
+def _scenarios() -> Iterator[tuple[str, ...]]:
+    for name in SCENARIOS:
+        yield f"`{name}`", read_scenario(name).about
+
+
+def _scenario_fields() -> Iterator[tuple[str, ...]]:
+    for name, what in _documented(Scenario).items():
+        yield f"`{name}`", what.rstrip(".")
+
+
+def _scenario_steps() -> Iterator[tuple[str, ...]]:
+    for name, (_, takes) in STEPS.items():
+        yield f"`{name}`", takes
+
+
+def _scenario_streams() -> Iterator[tuple[str, ...]]:
+    said = _documented(Stream)
+    for field in dataclasses.fields(Stream)[1:]:
+        values = f": {', '.join(f'`{one}`' for one in MOTIONS)}" if field.name == "motion" else ""
+        yield f"`{field.name}`", f"`{_as_yaml(field.default)}`", said[field.name].rstrip(".") + values
+
+
+def _recording_files() -> Iterator[tuple[str, ...]]:
+    for ending, what in RECORDING_FILES.items():
+        yield f"`NAME{ending}`", what
+
+
 def _web_actions() -> Iterator[tuple[str, ...]]:
     for action in ACTIONS:
         yield action.label, f"`{action.key}`" if action.key else "", action.about
@@ -402,6 +431,11 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "doctor_codes": (("code", "at worst", "witness", "what is wrong"), _doctor_codes),
     "web_actions": (("button", "key", "what it does"), _web_actions),
     "web_faults": (("switch", "what happens"), _web_faults),
+    "scenarios": (("scenario", "what happens"), _scenarios),
+    "scenario_fields": (("field", "what it is"), _scenario_fields),
+    "scenario_steps": (("step", "what it takes"), _scenario_steps),
+    "scenario_streams": (("field", "default", "what it is"), _scenario_streams),
+    "recording_files": (("file", "what it holds"), _recording_files),
     "vio_config": (("key", "default", "values", "what it is"), _vio_config),
     "parameters": (("parameter", "type", "default", "unit", "values, documented range", "what it is"), _parameters),
 }

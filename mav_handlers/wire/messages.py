@@ -651,10 +651,12 @@ class AHRS2(Message):
 
 
 @message
-class SET_POSITION_TARGET_LOCAL_NED(_Targeted):
+class SET_POSITION_TARGET_LOCAL_NED(Message):
     """Where to fly: m, m/s, m/s/s NED, rad, rad/s; the mask says what to ignore."""
 
     time_boot_ms: int
+    target_system: int
+    target_component: int
     coordinate_frame: int
     type_mask: int
     x: float

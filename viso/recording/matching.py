@@ -87,19 +87,26 @@ def match(sent: Sequence[Sent], records: Sequence[Record]) -> tuple[list[Handled
     waiting: dict[tuple[str, int], deque[Record]] = defaultdict(deque)
     for record in records:
         waiting[record.name, record.stamp_us].append(record)
-    made = [tuple(_take(one, waiting)) for one in sent]
+    made = [_take(one, waiting) for one in sent]
     times = [min((record.time_us for record in own), default=None) for own in made]
     arrivals = list(_in_order(sent, times))
     handled = [Handled(*one) for one in zip(sent, arrivals, made, strict=True)]
     return handled, sum(map(len, waiting.values()))
 
 
-def _take(sent: Sent, waiting: dict[tuple[str, int], deque[Record]]) -> Iterator[Record]:
+def _take(sent: Sent, waiting: dict[tuple[str, int], deque[Record]]) -> tuple[Record, ...]:
+    """Return the records of a message: all that it could make, or none."""
     stamp_us = getattr(sent.message, "usec", getattr(sent.message, "time_usec", 0))
-    for name in _MADE_BY.get(type(sent.message).__name__, ()):
-        queue = waiting[name, 0 if name == "VISO" else stamp_us]
-        if queue and (sent.autopilot_us is None or _EARLIEST_US <= queue[0].time_us - sent.autopilot_us <= _LATEST_US):
-            yield queue.popleft()
+    names = _MADE_BY.get(type(sent.message).__name__, ())
+    queues = [waiting[name, 0 if name == "VISO" else stamp_us] for name in names]
+    if not all(queues):
+        return ()
+    first = [queue[0] for queue in queues]
+    if len({record.time_us for record in first}) != 1:
+        return ()
+    if sent.autopilot_us is not None and not _EARLIEST_US <= first[0].time_us - sent.autopilot_us <= _LATEST_US:
+        return ()
+    return tuple(queue.popleft() for queue in queues)
 
 
 def _in_order(sent: Sequence[Sent], times_us: Sequence[int | None]) -> Iterator[int | None]:

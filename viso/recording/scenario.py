@@ -58,7 +58,7 @@ class Stream:
     Attributes:
         message: its name.
         rate_hz: how often.
-        motion: of the camera: still, on a line, on a circle, or the vehicle's own as a simulator tells it (truth).
+        motion: of the camera: still, on a line, on a circle, or the vehicle's own as a simulator tells it.
         position_m: NED, where the motion begins, or the middle of the circle.
         heading_deg: of the camera, clockwise from north.
         velocity_m_s: NED, of a line.

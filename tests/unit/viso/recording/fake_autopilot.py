@@ -69,7 +69,8 @@ class FakeAutopilot:
             self.answers.append(HEARTBEAT(2, 3, 0x80 if self.is_armed else 0, 0, 4, 3))
         self._codec.feed(data)
         while (received := self._codec.next_received()) is not None:
-            assert isinstance(received, Received) and received.message is not None
+            assert isinstance(received, Received)
+            assert received.message is not None
             self.asked.append(received.message)
             self.on_message(received.message)
             self._answer(received.message)

@@ -27,7 +27,8 @@ def test_streams_take_what_they_say_and_changes_no_more() -> None:
         "\n- stream: {message: ODOMETRY, rate_hz: 10, quality: -1, covariance: [.nan, 1]}\n- change: {quality: 5}",
     )
     start, change = parse_scenario(text, "x").steps
-    assert isinstance(start, Start) and isinstance(change, Change)
+    assert isinstance(start, Start)
+    assert isinstance(change, Change)
     [stream] = start.streams
     assert (stream.rate_hz, stream.quality, stream.covariance[1]) == (10, -1, 1)
     assert change.values == {"quality": 5}
@@ -48,7 +49,10 @@ BAD = {
         GOOD.replace("pause: 1", "stream: {message: ODOMETRY, rate_hz: 0}"),
         "s.yaml: step 1: stream 1: rate_hz: 0 is not a number between 0.1 and 400",
     ),
-    "a flag": (GOOD.replace("pause: 1", "until: {ekf: [happy]}"), "s.yaml: step 1: until: ekf: ['happy'] is not a list"),
+    "a flag": (
+        GOOD.replace("pause: 1", "until: {ekf: [happy]}"),
+        "s.yaml: step 1: until: ekf: ['happy'] is not a list",
+    ),
     "nothing": (GOOD.replace("pause: 1", "until: {timeout_s: 5}"), "s.yaml: step 1: until: nothing to wait for"),
     "a field of a message": (
         GOOD.replace("pause: 1", "send: [HEARTBEAT, {colour: 1}]"),
