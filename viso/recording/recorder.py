@@ -616,8 +616,14 @@ class Recorder:
             raise RecordingError("the vehicle is still armed after the scenario")
 
     def _download(self) -> Task[None]:
-        self._check_link("the log cannot be downloaded")
         self._on_progress("downloading the log")
+        try:
+            yield from self._fetch_log()
+        except RecordingError as error:
+            raise RecordingError(f"the log cannot be downloaded: {error}") from None
+
+    def _fetch_log(self) -> Task[None]:
+        self._check_link()
         entry = None
         for _ in range(_TRIES):
             self._put(self._station, LOG_REQUEST_LIST(*self._to, 0, 0xFFFF))
@@ -625,7 +631,7 @@ class Recorder:
             if entry is not None:
                 break
         if entry is None or not entry.num_logs:
-            raise RecordingError(f"the log cannot be downloaded: {'no answer' if entry is None else 'there is none'}")
+            raise RecordingError("no answer" if entry is None else "there is none")
         pieces, tries = LogPieces(entry.id), 0
         try:
             while not pieces.is_whole and tries < _TRIES:
@@ -637,11 +643,11 @@ class Recorder:
             self.recording.log = pieces.data()
             self._put(self._station, LOG_REQUEST_END(*self._to))
         if not pieces.is_whole:
-            raise RecordingError(f"the log cannot be downloaded: {len(self.recording.log)} bytes came, then none")
+            raise RecordingError(f"{len(self.recording.log)} bytes came, then none")
 
-    def _check_link(self, what: str) -> None:
+    def _check_link(self) -> None:
         if self._target is None or self._now_us - self._heard_us > NO_ANSWER_US:
-            raise RecordingError(f"{what}: the link is dead")
+            raise RecordingError("the link is dead")
 
     def _restore(self) -> Task[None]:
         if not self._set and not self._intervals:
@@ -649,24 +655,28 @@ class Recorder:
         self._on_progress("restoring parameters")
         self._is_rebooting = False
         left = dict(self._set)
+        why: RecordingError | None = None
         try:
             for name, value in reversed(self._set.items()):
-                self._check_link("parameters are not restored")
+                self._check_link()
                 try:
                     yield from self._set_parameter(name, value)
                     del left[name]
                 except Stopped:
                     raise
                 except RecordingError as error:
-                    self._event(f"not restored: {error}")
+                    why = error
             for name in self._intervals:
                 self._put(self._station, self._command(_CMD_SET_MESSAGE_INTERVAL, message_id(name), 0))
             if self._scenario.reboot:
                 yield from self._reboot()
-        finally:
-            if left:
-                values = ", ".join(f"{name}={value:g}" for name, value in left.items())
-                self.recording.problems.append(f"not restored: {values}")
+        except RecordingError as error:
+            why = error
+        if left:
+            values = ", ".join(f"{name}={value:g}" for name, value in left.items())
+            raise RecordingError(f"parameters are not restored: {values}: {why}")
+        if why is not None:
+            raise why
 
 
 def _float32(value: float) -> float:

@@ -183,8 +183,7 @@ def test_link_that_dies_ends_the_recording_and_tells_what_is_not_restored() -> N
     assert recording.problems == [
         "step 3: nothing heard for 10 s: the link is dead",
         "the log cannot be downloaded: the link is dead",
-        "not restored: VISO_TYPE=0",
-        "parameters are not restored: the link is dead",
+        "parameters are not restored: VISO_TYPE=0: the link is dead",
     ]
     assert len(recording.sent) == 1
 
@@ -220,6 +219,34 @@ def test_being_stopped_ends_the_steps_and_restores() -> None:
     recording = drive(recorder, autopilot)
     assert recording.problems == ["interrupted"]
     assert recording.log == autopilot.log
+    assert autopilot.params["VISO_TYPE"] == 0.0
+
+
+def test_second_stop_ends_the_download_and_parameters_are_still_restored() -> None:
+    autopilot = FakeAutopilot()
+    recorder = recorder_of(PAUSE)
+
+    def stop(message: Message) -> None:
+        if isinstance(message, LOG_REQUEST_DATA):
+            recorder.stop("interrupted")
+
+    autopilot.on_message = stop
+    recording = drive(recorder, autopilot)
+    assert recording.problems == ["the log cannot be downloaded: interrupted"]
+    assert autopilot.params["VISO_TYPE"] == 0.0
+
+
+def test_parameter_that_cannot_be_restored_is_told_and_the_others_are() -> None:
+    autopilot = FakeAutopilot()
+
+    def hold(message: Message) -> None:
+        if isinstance(message, LOG_REQUEST_DATA):
+            autopilot.fixed = {"VISO_SCALE"}
+
+    autopilot.on_message = hold
+    recording = drive(recorder_of("- set: {VISO_SCALE: 2}\n"), autopilot)
+    told = "parameters are not restored: VISO_SCALE=1: parameter VISO_SCALE: 1 is refused, it stays 2"
+    assert recording.problems == [told]
     assert autopilot.params["VISO_TYPE"] == 0.0
 
 
