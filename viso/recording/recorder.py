@@ -8,6 +8,7 @@ Time is the recorder's own, in us, at the rate of the autopilot's clock. Whoever
 
 import math
 import struct
+from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeVar
@@ -31,7 +32,6 @@ from mav_handlers.wire.messages import (
     PARAM_SET,
     PARAM_VALUE,
     SIM_STATE,
-    SIMSTATE,
     STATUSTEXT,
     TIMESYNC,
     Message,
@@ -49,10 +49,12 @@ Task = Generator[int, None, T]
 
 NO_ANSWER_US: Final = 10_000_000
 """How long a vehicle may be unheard: nothing goes on then."""
-REBOOT_US: Final = 60_000_000
+REBOOT_US: Final = 180_000_000
+"""How long it may be away; to start a simulator takes as long, however fast its time runs."""
 _RETRY_US: Final = 1_000_000
 _TRIES: Final = 4
 _TIMESYNC_PERIOD_US: Final = 250_000
+_MOST_ASKED: Final = 16
 _SETTLE_US: Final = 1_000_000
 """After the last step, in which its streams go on, so that what it brought is answered."""
 _LAST_US: Final = 200_000
@@ -175,6 +177,7 @@ class Recorder:
         self._is_rebooting = False
         self._next_heartbeat_us = 0
         self._next_timesync_us = 0
+        self._asked_ns: deque[int] = deque(maxlen=_MOST_ASKED)
         self._streams: list[VisionStream] = []
         self._latest: dict[str, Message] = {}
         self._woken_by: Message | None = None
@@ -205,7 +208,8 @@ class Recorder:
                 self._put(self._companion, COMPANION_HEARTBEAT)
             if self._now_us >= self._next_timesync_us:
                 self._next_timesync_us = self._now_us + _TIMESYNC_PERIOD_US
-                self._put(self._station, TIMESYNC(0, self._now_us * 1000))
+                self._asked_ns.append(self._now_us * 1000)
+                self._put(self._station, TIMESYNC(0, self._asked_ns[-1]))
             if self._now_us - self._heard_us > NO_ANSWER_US and not self._may_be_silent:
                 self._may_be_silent = True  # it has been told
                 self._interrupt(RecordingError(f"nothing heard for {NO_ANSWER_US / 1e6:g} s: the link is dead"))
@@ -244,7 +248,7 @@ class Recorder:
         self._heard_us = self._now_us
         self._may_be_silent = self._is_rebooting
         self._latest[type(message).__name__] = message
-        if isinstance(message, TIMESYNC) and message.tc1:
+        if isinstance(message, TIMESYNC) and message.tc1 and message.ts1 in self._asked_ns:
             boots = self.clock.boots
             self.clock.take(message.ts1 // 1000, self._now_us, message.tc1 // 1000)
             if self.clock.boots != boots:
@@ -257,27 +261,22 @@ class Recorder:
                 self._event(f"text {severity}: {text}")
         elif isinstance(message, COMMAND_ACK) and self._in_steps:
             self.recording.acks.append((message.command, message.result))
-        elif isinstance(message, SIM_STATE | SIMSTATE):
+        elif isinstance(message, SIM_STATE):
             self._take_truth(message)
         self._woken_by = message
         self._resume()
         self._woken_by = None
 
-    def _take_truth(self, message: SIM_STATE | SIMSTATE) -> None:
-        if isinstance(message, SIM_STATE):
-            # The doubles of degrees are floats on the wire, a metre wide; later senders add whole numbers.
-            place = (message.lat_int, message.lon_int) if message.lat_int else (message.lat * 1e7, message.lon * 1e7)
-            height, velocity = message.alt, (message.vn, message.ve, message.vd)
-        else:
-            if "SIM_STATE" in self._latest:
-                return
-            place, height, velocity = (message.lat, message.lng), 0.0, (0.0, 0.0, 0.0)
+    def _take_truth(self, message: SIM_STATE) -> None:
+        # The degrees are float32, a metre wide; later senders add whole numbers.
+        place = (message.lat_int, message.lon_int) if message.lat_int else (message.lat * 1e7, message.lon * 1e7)
         latitude, longitude = place[0] * 1e-7, place[1] * 1e-7
         if self._home is None:
-            self._home = latitude, longitude, height
+            self._home = latitude, longitude, message.alt
+        velocity = message.vn, message.ve, message.vd
         north = (latitude - self._home[0]) * _M_PER_DEG
         east = (longitude - self._home[1]) * _M_PER_DEG * math.cos(math.radians(self._home[0]))
-        pose = Pose((north, east, self._home[2] - height), velocity, (message.roll, message.pitch, message.yaw))
+        pose = Pose((north, east, self._home[2] - message.alt), velocity, (message.roll, message.pitch, message.yaw))
         for stream in self._streams:
             stream.take_truth(pose)
 
@@ -476,16 +475,18 @@ class Recorder:
     def _reboot(self) -> Task[None]:
         self._on_progress("rebooting")
         self._may_be_silent = self._is_rebooting = True
-        boots = self.clock.boots
-        end_us = self._now_us + REBOOT_US
-        retry_us = self._now_us
+        boots, end_us = self.clock.boots, self._now_us + REBOOT_US
+        for _ in range(_TRIES):
+            self._put(self._station, self._command(_CMD_REBOOT, 1))
+            ack = yield from self._wait(COMMAND_ACK, _RETRY_US, lambda one: one.command == _CMD_REBOOT)
+            if ack is not None and ack.result:
+                raise RecordingError(f"the autopilot does not reboot (result {ack.result})")
+            if ack is not None or self.clock.boots != boots:
+                break
         while self.clock.boots == boots:
             if self._now_us >= end_us:
                 raise RecordingError(f"the autopilot did not come back from a reboot within {REBOOT_US / 1e6:g} s")
-            if self._now_us >= retry_us:
-                retry_us = self._now_us + NO_ANSWER_US
-                self._put(self._station, self._command(_CMD_REBOOT, 1))
-            yield min(end_us, retry_us)
+            yield end_us
         self._may_be_silent = self._is_rebooting = False
         self._latest.clear()
         self._recent_texts.clear()
@@ -498,11 +499,8 @@ class Recorder:
             self._ask_for("LOCAL_POSITION_NED", _EKF_HZ)
         if scenario.needs_flight:
             self._ask_for("SIM_STATE", _TRUTH_HZ)
-            self._ask_for("SIMSTATE", _TRUTH_HZ)
-            if (yield from self._wait(object, NO_ANSWER_US, lambda one: isinstance(one, SIM_STATE | SIMSTATE))) is None:
-                raise RecordingError(
-                    "this scenario flies, and needs a simulator: the autopilot sends neither SIM_STATE nor SIMSTATE"
-                )
+            if (yield from self._wait(SIM_STATE, NO_ANSWER_US)) is None:
+                raise RecordingError("this scenario flies, and needs a simulator: the autopilot sends no SIM_STATE")
 
     def _ask_for(self, name: str, rate_hz: float) -> None:
         self._intervals.append(name)
@@ -563,8 +561,10 @@ class Recorder:
         end_us = self._now_us + round(ask.wait_s * 1e6)
         while self._now_us < end_us:
             yield end_us
-            if self._woken_by is not None and type(self._woken_by).__name__ not in hidden:
-                answers.append(self._woken_by)
+            message = self._woken_by
+            is_ours = isinstance(message, TIMESYNC) and message.ts1 in self._asked_ns
+            if message is not None and not is_ours and type(message).__name__ not in hidden:
+                answers.append(message)
         self.recording.exchanges.append(Exchange(ask, tuple(answers)))
 
     def _until(self, wanted: Until) -> Task[None]:

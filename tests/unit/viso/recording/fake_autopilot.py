@@ -39,6 +39,7 @@ class FakeAutopilot:
         fixed: names of parameters that it refuses to change.
         is_armed: whether its heartbeat says so.
         is_dead: whether it is silent.
+        reboots: whether it does when it is asked to.
         log: its only log.
         lost: offsets of the log that are lost the first time.
         asked: messages in the order received.
@@ -49,6 +50,7 @@ class FakeAutopilot:
         self.params = {"VISO_TYPE": 0.0, "VISO_SCALE": 1.0, "EK3_SRC1_YAW": 1.0}
         self.fixed: set[str] = set()
         self.is_armed = self.is_dead = False
+        self.reboots = True
         self.log = bytes(range(200)) * 2
         self.lost: set[int] = set()
         self.asked: list[Message] = []
@@ -99,8 +101,9 @@ class FakeAutopilot:
                 self._send_log(message)
 
     def _obey(self, message: COMMAND_LONG) -> None:
-        self.answers.append(COMMAND_ACK(message.command, 0 if message.command != ARM else 4))
-        if message.command == REBOOT:
+        refused = message.command == ARM or (message.command == REBOOT and not self.reboots)
+        self.answers.append(COMMAND_ACK(message.command, 4 if refused else 0))
+        if message.command == REBOOT and self.reboots:
             self.booted_us = self.now_us
         elif message.command == REQUEST_MESSAGE:
             self.answers.append(VERSION)

@@ -48,7 +48,7 @@ QUICK = {
 - ask:
     name: what it is
     send: [COMMAND_LONG, {target_system: 1, target_component: 1, command: 512, param1: 148}]
-- ask: {name: heartbeat, send: [HEARTBEAT, {type: 6}], wait_ms: 1200, show: [HEARTBEAT]}
+- ask: {name: heartbeat, send: [HEARTBEAT, {type: 6}], wait_ms: 1200, show: [HEARTBEAT], hide: [STATUSTEXT]}
 """,
 }
 

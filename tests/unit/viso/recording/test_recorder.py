@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The recorder against a made-up autopilot: what it sets and restores, waits for, sends, keeps, and how it fails."""
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -12,9 +13,12 @@ from mav_handlers.wire.messages import (
     HEARTBEAT,
     LOCAL_POSITION_NED,
     LOG_REQUEST_DATA,
+    ODOMETRY,
     PARAM_ERROR,
     PARAM_SET,
+    SIM_STATE,
     STATUSTEXT,
+    TIMESYNC,
     Message,
 )
 from tests.unit.viso.recording.fake_autopilot import ARM, REBOOT, FakeAutopilot, drive, float32, recorder_of
@@ -253,6 +257,37 @@ def test_parameter_that_cannot_be_restored_is_told_and_the_others_are() -> None:
 def test_flight_is_refused_where_no_simulator_tells_the_truth() -> None:
     autopilot = FakeAutopilot()
     problems = fail(autopilot, more="needs_flight: true")
-    assert problems == [
-        "this scenario flies, and needs a simulator: the autopilot sends neither SIM_STATE nor SIMSTATE"
-    ]
+    assert problems == ["this scenario flies, and needs a simulator: the autopilot sends no SIM_STATE"]
+
+
+def test_flight_follows_the_truth_of_a_simulator() -> None:
+    autopilot = FakeAutopilot()
+
+    def tell(message: Message) -> None:
+        moved = round(autopilot.now_us * 1e-6)
+        truth = SIM_STATE(*(0.0,) * 15, 584.0 + moved, 0, 0, 1.0, 0.0, -1.0, -353632620 + 90 * moved, 1491652370)
+        if isinstance(message, TIMESYNC):
+            autopilot.answers.append(truth)
+
+    autopilot.on_message = tell
+    steps = "- stream: {message: ODOMETRY, motion: truth, rate_hz: 1}\n- pause: 3\n"
+    recording = drive(recorder_of(steps, more="needs_flight: true"), autopilot)
+    assert recording.problems == []
+    poses = [one.message for one in recording.sent if isinstance(one.message, ODOMETRY)]
+    assert [after.z - before.z for before, after in pairwise(poses)] == pytest.approx([-1] * 3)
+    assert [after.x - before.x for before, after in pairwise(poses)] == pytest.approx([1.0] * 3, rel=0.01)
+
+
+def test_questions_about_time_do_not_touch_the_autopilots_clock() -> None:
+    autopilot = FakeAutopilot()
+    ask = "- ask: {name: time, send: [TIMESYNC, {ts1: 5000}], wait_ms: 1000, show: [TIMESYNC]}\n"
+    recorder = recorder_of(ask)
+    [exchange] = drive(recorder, autopilot).exchanges
+    assert [getattr(one, "ts1", None) for one in exchange.answers] == [5000]
+
+
+def test_autopilot_that_does_not_reboot_is_told() -> None:
+    autopilot = FakeAutopilot()
+    autopilot.reboots = False
+    assert fail(autopilot) == ["the autopilot does not reboot (result 4)"] * 2
+    assert autopilot.params["VISO_TYPE"] == 0.0
