@@ -24,11 +24,11 @@ HEAD = """
 name: {name}
 about: x
 parameters: {{VISO_TYPE: 1, LOG_DISARMED: 1, EK3_SRC1_POSXY: 6, EK3_SRC2_POSZ: 1, ARMING_OPTIONS: 1}}
-wait: [clock_s: 4.5]
-steps:
 """
 QUICK = {
     "poses": """
+wait: [clock_s: 3]
+steps:
 - stream:
   - {message: VISION_POSITION_ESTIMATE, motion: circle, random_delay_ms: 20}
   - {message: ODOMETRY, rate_hz: 7, quality: -1}
@@ -38,6 +38,8 @@ QUICK = {
 - pause: 1
 """,
     "switching": """
+wait: [clock_s: 3]
+steps:
 - stream: {message: VISION_SPEED_ESTIMATE}
 - sources: 2
 - arm: true
@@ -45,6 +47,8 @@ QUICK = {
 - pause: 0.3
 """,
     "questions": """
+reboot: false
+steps:
 - ask:
     name: what it is
     send: [COMMAND_LONG, {target_system: 1, target_component: 1, command: 512, param1: 148}]
