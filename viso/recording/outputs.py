@@ -18,12 +18,12 @@ from viso.firmware.flown import FlownVersion, profile_for, version_of_number
 from viso.firmware.releases import OFFICIAL, Firmware
 from viso.recording.matching import Handled, baud_of, match, out_of, vision_records
 from viso.recording.recorder import Recording
+from viso.recording.scenario import Start
 from viso.streams.heard import VEHICLES
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 _IN_CAPTURES: Final = ("VISO_", "EK3_", "AHRS_EKF_", "ARMING_")
 """Parameters that a capture tells, beside those that the scenario set, where they are not viso's defaults."""
-_PARM_TEXT: Final = "# {name}: {version}\n"
 
 FILES: Final[Mapping[str, str]] = {
     ".json": "what it is: scenario, version, parameters that differ, events, complete or why not",
@@ -131,11 +131,12 @@ def _line(handled: Handled) -> dict[str, object]:
 
 
 def _conversation(recording: Recording) -> list[dict[str, object]]:
+    streams = [one for step in recording.scenario.steps if isinstance(step, Start) for one in step.streams]
     head: dict[str, object] = {
         "name": recording.scenario.name,
         "firmware": version_text(recording),
-        "begins_s": None if recording.began_us is None else recording.began_us * 1e-6,
-        "camera_hz": 0,
+        "begins_s": (recording.began_us or 0) * 1e-6,
+        "camera_hz": next((one.rate_hz for one in streams), 0),
         "params": params_of_capture(recording),
     }
     lines = [head]
@@ -169,7 +170,7 @@ def _plain(value: Any) -> Any:
 
 
 def _parm(recording: Recording) -> list[str]:
-    title = _PARM_TEXT.format(name=recording.scenario.name, version=version_text(recording))
+    title = f"# {recording.scenario.name}: {version_text(recording)}\n"
     return [title, *(f"{name} {_short(value):.9g}\n" for name, value in recording.params.items())]
 
 

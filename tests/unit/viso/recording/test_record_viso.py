@@ -150,8 +150,13 @@ def test_telemetry_log_has_frames_both_ways(quick: Quick) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("firmware", [REFERENCE.name, "4.6", "2026-04"])
-@pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "flight"])
+@pytest.mark.parametrize(
+    ("name", "firmware"),
+    [
+        *((name, REFERENCE.name) for name in SCENARIOS if name != "flight"),
+        *((name, firmware) for name in ("mocap", "speedcov", "t265") for firmware in ("4.6", "2026-02", "2026-04")),
+    ],
+)
 def test_every_scenario_comes_to_the_same_in_a_replay(name: str, firmware: str, tmp_path: Path) -> None:
     record(read_scenario(name), tmp_path, firmware)
     assert deviations(tmp_path, name, firmware) == []
