@@ -12,9 +12,8 @@ import pytest
 from mav_handlers.links.base import Link
 from mav_handlers.links.pair import PairLink, make_pair
 from tests.interop.programs import autopilot
-from tests.parity.conftest import read_lines
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
-from tests.unit.viso.recording.fake_autopilot import FakeAutopilot
+from tests.unit.viso.recording.fake_autopilot import FakeAutopilot, read_lines
 from tests.unit.viso.recording.test_record_viso import deviations
 from viso.commands import record as record_command
 from viso.recording import driving

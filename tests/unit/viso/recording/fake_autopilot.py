@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A made-up autopilot that answers a recorder as it is told to, and what moves the time of both."""
 
+import gzip
+import json
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
@@ -143,3 +147,9 @@ def float32(value: float) -> float:
     """Return a number as the wire has it."""
     found: float = struct.unpack("<f", struct.pack("<f", value))[0]
     return found
+
+
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """Return the lines of a recorded capture."""
+    with gzip.open(path, "rt", encoding="utf-8") as file:
+        return [json.loads(line) for line in file]

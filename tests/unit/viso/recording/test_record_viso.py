@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from mav_handlers.links import read_tlog
-from tests.parity.conftest import read_lines, run_viso_replay
-from tests.parity.test_captures import differences, is_about_visual_odom
+from tests.unit.viso.recording.fake_autopilot import read_lines
+from viso.comparing.recordings import compare_recording
 from viso.firmware.releases import PROFILES, REFERENCE
 from viso.recording.driving import record_viso
 from viso.recording.outputs import FILES, write_recording
@@ -66,17 +66,10 @@ def record(scenario: Scenario, folder: Path, firmware: str = REFERENCE.name) -> 
 
 
 def deviations(folder: Path, name: str, firmware: str = REFERENCE.name) -> list[str]:
-    """Return how a replay of a recording differs from it."""
-    capture, records = folder / f"{name}.jsonl.gz", folder / "replayed.jsonl.gz"
-    header, *recorded = read_lines(capture)
-    aligned = header["params"].get("VISO_TYPE") != 1
-    args = [str(capture), "--records", str(records), "--firmware", firmware]
-    args += ["--ahrs", str(folder / f"{name}.BIN")] if aligned else []
-    outcome, _ = run_viso_replay(args)
-    theirs = [text for _, text in header["statustext"] if is_about_visual_odom(text)]
-    ours = [text["text"] for text in outcome["texts"] if is_about_visual_odom(text["text"])]
-    found = [] if theirs == ours else [f"texts: {theirs} is not {ours}"]
-    return found + differences(recorded, read_lines(records), aligned=aligned)
+    """Return how a recording differs from what viso makes of it; its first line has to name the release."""
+    comparison = compare_recording(folder / f"{name}.jsonl.gz")
+    assert comparison.firmware == firmware
+    return list(map(str, comparison.differences))
 
 
 @pytest.fixture(scope="module")
