@@ -4,7 +4,9 @@
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Final
 
 import typer
@@ -16,13 +18,17 @@ from viso.comparing.page import FIELDS_HEAD, field_rows, make_page, summary_row
 from viso.comparing.page import HEAD as SUMMARY_HEAD
 from viso.comparing.recordings import compare_recording, compare_with_all, most_like, recordings_in
 from viso.ekf_runs.run import NothingToCompare
-from viso.errors import InputError
+from viso.errors import InputError, file_errors
 from viso.extras import installed_version
 from viso.files.text_files import write_text
 from viso.firmware.releases import PROFILES, Firmware
 from viso.options.firmware import firmware_of
 from viso.options.outputs import Output
+from viso.recording.at_link import MASTER_HELP, record_at
+from viso.recording.outputs import write_recording
+from viso.recording.scenario import read_scenario
 from viso.terminal.console import err, out, progress
+from viso.terminal.signals import stop_on_signal
 
 _FINDINGS: Final = 1
 
@@ -35,7 +41,7 @@ def compare(
         list[Path],
         typer.Argument(
             help="Captures, conversations and vectors (.jsonl, .jsonl.gz), logs with replay records (.BIN, .BIN.xz), "
-            "or folders of them.",
+            "or folders of them; with --master the scenarios to record, as of viso record.",
             metavar="RECORDING...",
         ),
     ],
@@ -46,6 +52,14 @@ def compare(
             "it is most like.",
             metavar="PROFILE",
         ),
+    ] = None,
+    master: Annotated[
+        str | None, typer.Option(help=f"Record first, and compare that. {MASTER_HELP}", metavar="LINK")
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(help="With --master: the folder for what is recorded; else it is not kept.", metavar="DIR"),
+        Output.PLACE,
     ] = None,
     which: Annotated[
         bool, typer.Option("--which", help="Tell which firmware the recordings are most like, by trying all.")
@@ -61,24 +75,25 @@ def compare(
     filter estimated. Floats have to be equal bit by bit, but for the tolerances that docs/parity.md lists with their
     reasons. A capture whose backend aligns to the AHRS takes the attitude from the log of the same name beside it.
 
-    The exit code is 1 if anything differs; with --which, if no firmware makes all recordings equal.
+    With --master scenarios are played to an autopilot and recorded, and that is compared: my autopilot against viso.
+
+    The exit code is 1 if anything differs, or a recording is incomplete; with --which, if no firmware makes all
+    recordings equal.
 
     Example: echo '["wrap_360", ["43b48000"], ["3f800000"]]' > calls.jsonl && viso compare calls.jsonl
     """
     if which and firmware is not None:
         raise InputError("--which and --firmware: one of them tells which firmware to be")
     chosen = None if firmware is None else firmware_of(firmware)
-    paths = list(recordings_in(recordings))
-    found: list[Found] = []
-    for number, (path, of_folder) in enumerate(paths, 1):
-        try:
-            found.append(_compared(path, chosen, f"{number} of {len(paths)}: {path.name}", which=which))
-        except NothingToCompare as error:
-            if not of_folder:
-                raise
-            err.print(f"note: passed over: {error}")
-    if not found:
-        raise InputError(f"{recordings[0]}: nothing to compare with")
+    if keep is not None and master is None:
+        raise InputError("--keep: only with --master is anything recorded")
+    whole = True
+    with ExitStack() as stack:
+        if master is not None:
+            folder = keep or Path(stack.enter_context(TemporaryDirectory()))
+            taken = [_recorded(str(name), master, folder) for name in recordings]
+            recordings, whole = [place for place, _ in taken], all(is_whole for _, is_whole in taken)
+        found = _compare_all(recordings, chosen, which=which)
     nearest = most_like(found) if which else []
     told = [one for comparisons in found for one in _of_interest(comparisons, nearest)]
     if as_json:
@@ -92,8 +107,37 @@ def compare(
     if output is not None:
         with write_text(output) as file:
             file.write(make_page([one for comparisons in found for one in comparisons.values()], installed_version()))
-    if not all(one.passed for one in told):
+    if not (whole and all(one.passed for one in told)):
         raise typer.Exit(_FINDINGS)
+
+
+def _recorded(scenario_name: str, master: str, folder: Path) -> tuple[Path, bool]:
+    """Record a scenario into a folder of its own; return that, and whether the recording is complete."""
+    scenario = read_scenario(scenario_name)
+    place = folder / scenario.name
+    with file_errors(f"--keep {folder}"):
+        place.mkdir(parents=True, exist_ok=True)
+    with stop_on_signal() as stop:
+        recording = record_at(master, scenario, lambda: len(stop), on_progress=err.print)
+    write_recording(place, recording)
+    for problem in recording.problems:
+        err.print(f"incomplete: {scenario.name}: {problem}")
+    return place, not recording.problems
+
+
+def _compare_all(recordings: list[Path], chosen: Firmware | None, *, which: bool) -> list[Found]:
+    paths = list(recordings_in(recordings))
+    found: list[Found] = []
+    for number, (path, of_folder) in enumerate(paths, 1):
+        try:
+            found.append(_compared(path, chosen, f"{number} of {len(paths)}: {path.name}", which=which))
+        except NothingToCompare as error:
+            if not of_folder:
+                raise
+            err.print(f"note: passed over: {error}")
+    if not found:
+        raise InputError(f"{recordings[0]}: nothing to compare with")
+    return found
 
 
 def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -> Found:

@@ -2,34 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso record``: a scenario played to a running autopilot, and recorded."""
 
-from contextlib import closing
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-from mav_handlers.links import open_link
 from viso.errors import InputError, file_errors
-from viso.firmware.releases import REFERENCE, Firmware
 from viso.options.checks import within
-from viso.options.firmware import firmware_of
 from viso.options.outputs import Output
-from viso.recording.driving import RealDriver, record_viso
+from viso.recording.at_link import MASTER_HELP, record_at
 from viso.recording.outputs import version_text, write_recording
-from viso.recording.recorder import Recorder
 from viso.recording.scenario import SCENARIOS, read_scenario
 from viso.terminal.console import err, out
 from viso.terminal.signals import stop_on_signal
-
-VISO: Final = "viso"
-
-
-def _viso_firmware(master: str) -> Firmware | None:
-    """Return the release that ``viso`` or ``viso:FIRMWARE`` names; None of any other link."""
-    scheme, colon, name = master.partition(":")
-    if scheme != VISO:
-        return None
-    return firmware_of(name, "--master viso:") if colon else REFERENCE
 
 
 def record(
@@ -38,11 +23,7 @@ def record(
     ] = None,
     master: Annotated[
         str | None,
-        typer.Option(
-            help="Link to the autopilot, as of viso serve; viso or viso:FIRMWARE is a vehicle of this program's own in "
-            "virtual time.",
-            metavar="LINK",
-        ),
+        typer.Option(help=MASTER_HELP, metavar="LINK"),
     ] = None,
     output: Annotated[
         Path | None,
@@ -73,21 +54,17 @@ def record(
         raise InputError("--master: missing; the link to the autopilot")
     if output is None:
         raise InputError("-o: missing; the folder for the recording's files")
-    firmware = _viso_firmware(master)
     with file_errors(f"-o {output}"):
         output.mkdir(parents=True, exist_ok=True)
-    recorder = Recorder(scenario, allow_armed=allow_armed, on_progress=err.print)
     with stop_on_signal() as stop:
-        if firmware is not None:
-            record_viso(recorder, firmware, lambda: len(stop))
-        else:
-            with closing(open_link(master)) as link:
-                RealDriver(recorder, link, lambda: len(stop), speedup=speedup).run()
-                if (why := link.stats.unreached) and recorder.recording.problems:
-                    recorder.recording.problems[0] += f" ({why})"
-    recording = recorder.recording
-    if recording.version is None:
-        raise InputError(f"--master {master}: {recording.problems[0]}")
+        recording = record_at(
+            master,
+            scenario,
+            lambda: len(stop),
+            on_progress=err.print,
+            allow_armed=allow_armed,
+            speedup=speedup,
+        )
     names = write_recording(output, recording)
     if as_json:
         out.print_json(

@@ -310,3 +310,32 @@ def test_log_without_replay_records_is_passed_over_in_a_folder(viso: Viso, tmp_p
     assert notes[0].startswith(f"note: passed over: {log}: no replay records")
     assert notes[1].startswith(f"note: passed over: {other}:1: neither a capture")
     assert viso("compare", log).code == 2
+
+
+# Recorded first
+
+
+SHORT = """
+name: short
+about: A velocity and a pose.
+parameters: {VISO_TYPE: 1, LOG_DISARMED: 1, GPS1_TYPE: 0, EK3_SRC1_POSXY: 6}
+wait:
+  - {clock_s: 3}
+steps:
+  - stream: {message: VISION_SPEED_ESTIMATE, rate_hz: 20}
+  - pause: 0.3
+"""
+
+
+def test_autopilot_is_recorded_and_compared_at_once(viso: Viso, tmp_path: Path) -> None:
+    scenario, kept = tmp_path / "short.yaml", tmp_path / "kept"
+    scenario.write_text(SHORT)
+    code, told = compared(viso, scenario, "--master", "viso:2026-04", "--keep", kept)
+    assert code == 0
+    assert [(one["firmware"], one["messages"] > 4) for one in told["comparisons"]] == [("2026-04", True)]
+    assert (kept / "short" / "short.jsonl.gz").exists()
+
+
+def test_folder_to_keep_needs_something_to_record(viso: Viso, tmp_path: Path) -> None:
+    outcome = viso("compare", tmp_path, "--keep", tmp_path)
+    assert failed_with(outcome, "--keep: only with --master is anything recorded")
