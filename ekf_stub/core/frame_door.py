@@ -103,8 +103,8 @@ class FrameDoor:
         return not self._stand_ins
 
     def note(self, delta: InertialDelta) -> None:
-        """Note sound inertial data that have come in."""
-        self.delta = self._inertial.sound(delta)
+        """Note usable inertial data that have come in."""
+        self.delta = self._inertial.newest = delta
 
     def admit(self, frame: Frame) -> Frame:
         """Return the frame with something else in place of what is refused."""

@@ -144,21 +144,21 @@ def are_usable(rows: Array) -> npt.NDArray[np.bool_]:
 class InertialGuard:
     """Keeps unsound inertial data from the filter, which goes on with what was last sound; level rest at first.
 
-    ``refused`` tells in how many passes it did.
+    ``refused`` tells in how many passes it did, ``newest`` is what was last sound.
     """
 
     def __init__(self) -> None:
         rest = np.array([0.0, 0.0, -GRAVITY_MSS * INITIAL_IMU_DT])
-        self._sound = InertialDelta(rest, np.zeros(3), INITIAL_IMU_DT, INITIAL_IMU_DT)
+        self.newest = InertialDelta(rest, np.zeros(3), INITIAL_IMU_DT, INITIAL_IMU_DT)
         self.refused = 0
 
     def sound(self, delta: InertialDelta) -> InertialDelta:
         """Return the data of a pass, or what stands in for it."""
         if delta.is_sound:
-            self._sound = delta
+            self.newest = delta
         else:
             self.refused += 1
-        return self._sound
+        return self.newest
 
 
 class DownSampler:

@@ -14,6 +14,7 @@ from typing import Final
 
 from viso.sweep.job import Result, run_point
 from viso.sweep.plan import Point, SweepPlan
+from viso.vehicle.kernels import chosen_kernel, kernel_of
 
 KILLED: Final = "its process ended without a word (killed, or out of memory)"
 
@@ -34,6 +35,7 @@ def run_in_processes(plan: SweepPlan, points: Iterable[Point], jobs: int) -> Gen
     When a process dies, the points that it may have been at work on are tried once more, each in a process of its own.
     Closing the iterator ends what is at work.
     """
+    kernel_of(chosen_kernel())  # what there is to compile is compiled once, and not by each process
     waiting = iter(points)
     while True:
         lost: list[Point] = []

@@ -74,10 +74,12 @@ _SECOND_US: Final = 1_000_000
 
 def _next_of(due_us: int, period_us: int, times_us: range) -> int:
     """Return when a task is due next that has run in each of some passes in which it was due."""
-    while due_us <= times_us[-1]:
-        late = max(0, -((times_us.start - due_us) // times_us.step))
-        due_us = times_us[late] + period_us
-    return due_us
+    last_us, step_us = times_us[-1], times_us.step
+    if due_us > last_us:
+        return due_us
+    first_us = times_us.start + max(0, -((times_us.start - due_us) // step_us)) * step_us
+    every_us = -(-period_us // step_us) * step_us
+    return first_us + (last_us - first_us) // every_us * every_us + period_us
 
 
 def _log_end_us(disarmed_us: int, now_us: int) -> int:
