@@ -300,7 +300,8 @@ class Ekf3Ahrs(AhrsBase):
             self._source_set = self._sources.active_set
             log.event(SOURCE_SET_1 + self._source_set)
         if log.start_frame(frame.time_us, frame.flying_ms):
-            log.vehicle(VehicleFrame(frame.armed, has_flow_sensor=self._has_flow(), home=self._parts.home()))
+            expected = frame.takeoff_expected, frame.touchdown_expected
+            log.vehicle(VehicleFrame(frame.armed, *expected, self._has_flow(), self._parts.home()))
             log.sensors(self._with_zeroed_baro(sensors), frame.gps, self._gps_lag_s)
             log.ranges(self._parts.ranges())
         if self._camera is not None:
@@ -320,8 +321,7 @@ class Ekf3Ahrs(AhrsBase):
             sensors.delta,
             armed,
             parts.flying_ms(),
-            False,  # takeoff_expected
-            False,  # touchdown_expected
+            *parts.expected(),
             self._with_zeroed_baro(sensors).baro if self._baro_zero_m else sensors.baro,
             sensors.mag,
             parts.gps(),

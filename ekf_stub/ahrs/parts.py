@@ -39,6 +39,7 @@ class AhrsParts:
         home: returns home, None while it is unset.
         release: what EKF3 does otherwise than in other releases.
         ranges: returns what the range finders say, the same until that changes; None without any.
+        expected: tells whether a take-off is expected, and whether a touchdown is.
     """
 
     clock: Clock
@@ -57,6 +58,7 @@ class AhrsParts:
     home: Callable[[], Location | None]
     release: FilterRelease = REFERENCE
     ranges: Callable[[], RangeState | None] = lambda: None
+    expected: Callable[[], tuple[bool, bool]] = lambda: (False, False)
 
     def is_fitted(self, sensor: str) -> bool:
         """Tell whether there is a sensor that EKF sources may need, by its name in ``source_check.SENSORS``."""

@@ -17,7 +17,10 @@ EAS2TAS_AT_SEA_LEVEL: Final = 1.0000001192092896
 
 _AVAILABLE_MEMORY: Final = 524_288  # bytes, as the simulator reports
 _COPTER: Final = 2
-_ARMED, _FLOW, _TAKEOFF_EXPECTED, _TOUCHDOWN_EXPECTED = 1, 16, 64, 128  # of RFRN.Flags
+ARMED: Final = 1 << 0  # of RFRN.Flags
+HAS_FLOW: Final = 1 << 4
+TAKEOFF_EXPECTED: Final = 1 << 6
+TOUCHDOWN_EXPECTED: Final = 1 << 7
 
 
 class VehicleFrame(NamedTuple):
@@ -65,10 +68,10 @@ def place_values(place: Location | None) -> Place:
 def vehicle_values(vehicle: VehicleFrame) -> tuple[LogValue, ...]:
     """Return the fields of RFRN."""
     flags = (
-        vehicle.armed * _ARMED
-        | vehicle.has_flow_sensor * _FLOW
-        | vehicle.takeoff_expected * _TAKEOFF_EXPECTED
-        | vehicle.touchdown_expected * _TOUCHDOWN_EXPECTED
+        vehicle.armed * ARMED
+        | vehicle.has_flow_sensor * HAS_FLOW
+        | vehicle.takeoff_expected * TAKEOFF_EXPECTED
+        | vehicle.touchdown_expected * TOUCHDOWN_EXPECTED
     )
     state = vehicle.eas2tas, _AVAILABLE_MEMORY, *vehicle.trim_rad
     return *place_values(vehicle.home), *state, _COPTER, vehicle.ekf_type, flags

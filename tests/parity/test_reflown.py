@@ -47,7 +47,7 @@ class Flight(NamedTuple):
     records: dict[tuple[str, int], Array]
 
 
-FIELDS: Final = {"XKF1": ("TimeUS", *PLACE), "XKF4": ("TimeUS", *MOVED, "PI")}
+FIELDS: Final = {"XKF1": ("TimeUS", *PLACE), "XKF4": ("TimeUS", *MOVED, "SS", "PI")}
 
 
 def flight_in(path: Path) -> Flight:
@@ -82,6 +82,14 @@ class Pair(NamedTuple):
         theirs = theirs[(theirs[:, 0] > _ARMED_S * 1e6) & (theirs[:, 0] < ours[-1, 0])]
         at = partial(np.interp, theirs[:, 0], ours[:, 0])
         return np.column_stack([at(ours[:, axis]) - theirs[:, axis] for axis in (1, 2, 3)])
+
+
+def same_flags(both: Pair, core: int) -> float:
+    """Return in which share of a core's recorded flags ours, logged 50 ms before, are the same."""
+    theirs, ours = (flight.records["XKF4", core] for flight in both)
+    newest = np.searchsorted(ours[:, 0], theirs[:, 0]) - 1
+    flags = len(MOVED) + 1
+    return float((theirs[:, flags] == ours[newest, flags]).mean())
 
 
 def pair(name: str, folder: Path) -> Pair:
@@ -142,6 +150,12 @@ def test_sources_are_switched_as_the_firmware_did(by_gps: Pair) -> None:
     theirs, ours = ([event for event in flight.events if event[1] in (_YAW_RESET, 85, 86)] for flight in by_gps)
     assert [what for _, what in ours] == [what for _, what in theirs] == [_YAW_RESET, _YAW_RESET, 86, 85]
     assert [time_s for time_s, _ in ours] == pytest.approx([time_s for time_s, _ in theirs], abs=STEP_S)
+
+
+@pytest.mark.parametrize("core", [0, 1])
+def test_flags_are_those_of_the_firmware(by_lanes: Pair, by_gps: Pair, core: int) -> None:
+    assert same_flags(by_lanes, core) > 0.99
+    assert same_flags(by_gps, core) > 0.99
 
 
 @pytest.mark.parametrize("time_s", [50.0, 60.0, 68.5])

@@ -21,10 +21,6 @@ from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
 from viso.ekf_runs.gps import GpsRecords
 from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
 
-ARMED: Final = 1 << 0  # of RFRN.Flags
-HAS_FLOW: Final = 1 << 4
-TAKEOFF_EXPECTED: Final = 1 << 6
-TOUCHDOWN_EXPECTED: Final = 1 << 7
 _USE_ACCEL: Final = 1 << 0  # of RISI.Flags
 _USE_GYRO: Final = 1 << 1
 
@@ -55,7 +51,7 @@ class ReplayInputs:
     Attributes:
         time_us: of the frame, since boot.
         flying_ms: for how long the vehicle has been flying.
-        flags: of the frame: ``ARMED``, ``HAS_FLOW``, ``TAKEOFF_EXPECTED``, ``TOUCHDOWN_EXPECTED`` and others.
+        flags: of the frame, as ``replay_vehicle`` names some.
         home_lat: latitude of home, 1e-7 deg.
         imu_count: how many IMUs there are.
         imus: what they say.

@@ -28,10 +28,11 @@ from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
+from ekf_stub.log.replay_vehicle import ARMED, HAS_FLOW, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
 from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
 from viso.ekf_runs.core_inputs import CoreInputs
-from viso.ekf_runs.inputs import ARMED, HAS_FLOW, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, ReplayInputs, flow_of
+from viso.ekf_runs.inputs import ReplayInputs, flow_of
 from viso.logs.record_fields import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.vehicle.kernels import chosen_kernel, kernel_of

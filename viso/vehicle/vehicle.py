@@ -150,6 +150,7 @@ class Vehicle:
             home=lambda: self.copter.home.place,
             release=config.firmware.ekf,
             ranges=self.ranges.state,
+            expected=self._expected,
         )
         self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
@@ -314,7 +315,7 @@ class Vehicle:
             max(self._next_gps_us, self.gps.quiet_until_us()),
             NEVER if self.flow.is_idle else self._next_flow_us,
             NEVER if self.ranges.is_idle else self._next_range_us,
-            self._next_throttle_us if self.copter.tells_of_terrain else NEVER,
+            self._next_throttle_us if self.copter.is_near_ground else NEVER,
             NEVER if self.flown is None else self.flown.next_event_us(),
             NEVER if disarmed_us is None else _log_end_us(disarmed_us, self.clock.micros64()),
             self.copter.quiet_until_us(),
@@ -331,6 +332,7 @@ class Vehicle:
             copter.arming.armed,
             copter.landing.landed,
             copter.home.place,
+            self._expected(),
         )
 
     def receive_bytes(self, channel: Channel, data: bytes, read_us: int | None = None) -> None:
@@ -348,6 +350,10 @@ class Vehicle:
 
     def _gps_sample(self) -> GpsSample | None:
         return (self.flown and self.flown.gps()) or self.gps.sample()
+
+    def _expected(self) -> tuple[bool, bool]:
+        told = None if self.flown is None else self.flown.expected()
+        return self.copter.landing.expected if told is None else told
 
     def _gps_lag_s(self) -> float:
         sample = self._gps_sample()
@@ -387,7 +393,7 @@ class Vehicle:
     def _run_sensors(self, now_us: int) -> None:
         if now_us >= self._next_throttle_us:
             self._next_throttle_us = now_us + THROTTLE_PERIOD_US
-            self.copter.tell_terrain_stable()
+            self.copter.expect_ground()
         if now_us >= self._next_gps_us:
             self._next_gps_us = now_us + GPS_PERIOD_US
             self.gps.update()

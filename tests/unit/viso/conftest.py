@@ -224,6 +224,7 @@ class FakeAhrs(SettableAhrs):
     ekf_origin: Location | None = None
     height_resets = 0
     terrain_is_stable = True
+    velocity: Vector3f | None = None
 
     def __init__(self) -> None:
         super().__init__()
@@ -256,6 +257,9 @@ class FakeAhrs(SettableAhrs):
 
     def origin(self) -> Location | None:
         return self.ekf_origin
+
+    def get_velocity_NED(self) -> Vector3f | None:
+        return self.velocity
 
     def reset_height_datum(self) -> bool:
         self.height_resets += 1
@@ -349,6 +353,7 @@ class CopterRig:
         for _ in range(round(duration_s * 10)):
             self.clock.set_us(self.clock.micros64() + 100_000)
             self.copter.update()
+            self.copter.expect_ground()
             self.copter.disarm_when_idle()
 
 

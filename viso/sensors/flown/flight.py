@@ -111,6 +111,7 @@ class Flight:
         notes: how it was made, a line each.
         ahrs_start_us: when the AHRS started, since boot.
         imus: what all IMUs said, of a log that tells of several.
+        expected: whether a take-off was expected, and whether a touchdown was, of a log that tells it.
     """
 
     basis: Basis
@@ -126,6 +127,7 @@ class Flight:
     notes: tuple[str, ...] = ()
     ahrs_start_us: int = AHRS_START_US
     imus: tuple[FlownImu, ...] = ()
+    expected: Readings[tuple[bool, bool]] | None = None
 
     @property
     def tells_flying(self) -> bool:

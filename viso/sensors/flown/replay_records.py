@@ -3,7 +3,7 @@
 """The passes of a main loop that a log with replay records (LOG_REPLAY 1) holds whole.
 
 It has each pass (RFRH to RFRF), and inertial data (RISI), height (RBRI), magnetic field (RMGI) and declination (RMGH)
-where they differ from the pass before.
+where they differ from the pass before; RFRN tells when take-off and touchdown were expected.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.imus import MAX_IMUS
+from ekf_stub.log.replay_vehicle import TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
 from viso.logs.recorded import valid_positions
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings
@@ -58,6 +59,7 @@ def replay_records(log: LogColumns, lane: int) -> Flight | None:
         valid_positions(log, lane),
         imus=_flown(imus, ends),
         ahrs_start_us=ahrs_start_us(log),
+        expected=_expected(log, ends),
     )
 
 
@@ -77,6 +79,15 @@ def _flown(imus: Sequence[tuple[Array, Ints]], ends: Ints) -> tuple[FlownImu, ..
         FlownImu(table[:, :-1], uses & _USE_GYRO > 0, uses & _USE_ACCEL > 0)
         for table, uses in zip(newest, flags, strict=True)
     )
+
+
+def _expected(log: LogColumns, ends: Ints) -> Readings[tuple[bool, bool]] | None:
+    """Return what RFRN says of take-off and touchdown; None without it."""
+    flags, begins = chosen(log, "RFRN", ["Flags"])
+    if not len(flags):
+        return None
+    expected = [(value & TAKEOFF_EXPECTED > 0, value & TOUCHDOWN_EXPECTED > 0) for value in flags[:, 0].astype(int)]
+    return readings(expected, begins, ends)
 
 
 def _declination(log: LogColumns, ends: Ints) -> Readings[float] | None:

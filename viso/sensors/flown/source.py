@@ -71,7 +71,9 @@ class RecordedSource(UnmovedSource):
         self._next_event = 0
         self._yaw_rad = options.heading_rad
         self._gps: GpsSample | None = None
-        newest = np.array([one.newest for one in (flight.baro, flight.mag, flight.declination, flight.gps)])
+        self._expected: tuple[bool, bool] | None = None
+        told = flight.baro, flight.mag, flight.declination, flight.gps, flight.expected
+        newest = np.array([one.newest for one in told if one is not None])
         self._alike = are_usable(flight.deltas) & (np.diff(newest, axis=1, prepend=-2) == 0).all(axis=0)
 
     def sense(self, now_us: int) -> Sensors | None:
@@ -89,6 +91,8 @@ class RecordedSource(UnmovedSource):
         yaw_rad, self._gps = flight.yaw_rad.at(newest), flight.gps.at(newest)
         if yaw_rad is not None:
             self._yaw_rad = yaw_rad
+        if flight.expected is not None:
+            self._expected = flight.expected.at(newest)
         mag = flight.mag.at(newest) if self._options.has_compass() else None
         declination = flight.declination.at(newest) or 0.0
         imus = tuple(
@@ -135,6 +139,10 @@ class RecordedSource(UnmovedSource):
         """Return when something happens next, in us since boot."""
         events = self.flight.events
         return events[self._next_event].time_us if self._next_event < len(events) else NEVER
+
+    def expected(self) -> tuple[bool, bool] | None:
+        """Return whether a take-off is expected, and whether a touchdown is; None of a log that does not tell."""
+        return self._expected
 
     def events_until(self, now_us: int) -> Iterator[Event]:
         """Yield what has happened since the last call, up to a time."""

@@ -107,15 +107,16 @@ class Copter:
         return self.landing.is_taking_off() or self.modes.current.lands
 
     @property
-    def tells_of_terrain(self) -> bool:
-        """Whether ``tell_terrain_stable`` may have anything new to tell."""
-        return self._was_stable or self._climbs_or_sinks()
+    def is_near_ground(self) -> bool:
+        """Whether ``expect_ground`` may have anything new to tell."""
+        return self._was_stable or self._climbs_or_sinks() or self.landing.may_expect(armed=self.is_armed())
 
-    def tell_terrain_stable(self) -> None:
-        """Let heights count from the ground during take-off and landing; 50 times a second.
+    def expect_ground(self) -> None:
+        """See whether take-off or touchdown is near, and let heights count from the ground then; 50 times a second.
 
-        Source: Copter::update_ekf_terrain_height_stable.
+        Source: Copter::update_ground_effect_detector, Copter::update_ekf_terrain_height_stable.
         """
+        self.landing.expect(armed=self.is_armed())
         climbs_or_sinks = self._was_stable = self._climbs_or_sinks()
         self._parts.ahrs.set_terrain_stable(is_stable=climbs_or_sinks and self.estimates.position_ok())
 

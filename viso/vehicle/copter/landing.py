@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether the vehicle counts as standing on the ground, and when it disarms there by itself.
 
-Source: ArduCopter/motors.cpp (auto_disarm_check), ArduCopter/takeoff.cpp, ArduCopter/land_detector.cpp.
+Source: ArduCopter/motors.cpp (auto_disarm_check), ArduCopter/takeoff.cpp, ArduCopter/land_detector.cpp,
+ArduCopter/baro_ground_effect.cpp.
 """
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -22,6 +24,10 @@ SPOOL_UP_US: Final = 1_279_000
 
 LANDED_BELOW_M: Final = 0.3
 HIGH_ENOUGH_M: Final = 0.1
+TAKEOFF_US: Final = 5_000_000
+TAKEOFF_CLIMB_M: Final = 0.5
+SLOW_M_S: Final = 1.25
+SLOW_DESCENT_M_S: Final = 0.6
 
 
 class Landing:
@@ -29,7 +35,8 @@ class Landing:
 
     FIRMWARE PARITY: there are no motors. After an accepted take-off the vehicle counts as flying, wherever external
     navigation says that it is, and as taking off until it is nearly as high as asked for; in a mode that lands it
-    counts as landed when it is not above the place of arming.
+    counts as landed when it is not above the place of arming. No controller asks for a speed either: a touchdown is
+    expected of the mode and of how fast the vehicle is, and GND_EFFECT_COMP counts as 1.
 
     Args:
         ahrs: says how high the vehicle is.
@@ -40,6 +47,7 @@ class Landing:
 
     Attributes:
         landed: whether it stands on the ground.
+        expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
         is_told: somebody else tells when it lifts off, lands and is disarmed.
     """
 
@@ -56,7 +64,9 @@ class Landing:
         self._lift_off_us: int | None = None
         self._takeoff: tuple[Mode, float] | None = None  # the mode, and where it ends, m below the origin
         self._flying_since_us = 0
+        self._grounded_us, self._grounded_down_m = 0, 0.0
         self.landed = True
+        self.expected = False, False
         self.is_told = False
 
     def flying_ms(self) -> int:
@@ -111,6 +121,30 @@ class Landing:
         if self._mode().lands or self._takeoff is not None:
             return 0
         return NEVER if self._lift_off_us is None else self._lift_off_us
+
+    def expect(self, *, armed: bool) -> None:
+        """See whether the vehicle is about to lift off or to touch down; 50 times a second.
+
+        Source: Copter::update_ground_effect_detector.
+        """
+        if not armed:
+            self.expected = False, False
+            return
+        takes_off, mode, now_us, down_m = self.expected[0], self._mode(), self._clock.micros64(), self._down_m()
+        if self.landed:
+            takes_off, self._grounded_us, self._grounded_down_m = True, now_us, down_m
+        climbed = now_us - self._grounded_us > TAKEOFF_US or self._grounded_down_m - down_m > TAKEOFF_CLIMB_M
+        velocity = self._ahrs.get_velocity_NED() if mode.lands else None
+        sinks_slowly = (
+            velocity is not None
+            and math.hypot(float(velocity.x), float(velocity.y)) < SLOW_M_S
+            and abs(float(velocity.z)) <= SLOW_DESCENT_M_S
+        )
+        self.expected = takes_off and not climbed and mode.number != ModeNumber.THROW, sinks_slowly
+
+    def may_expect(self, *, armed: bool) -> bool:
+        """Tell whether ``expect`` may change anything as things are."""
+        return any(self.expected) or (armed and (self.landed or self._mode().lands))
 
     def _set_landed(self, landed: bool) -> None:
         if landed != self.landed:

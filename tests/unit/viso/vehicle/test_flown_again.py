@@ -5,10 +5,13 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
+from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import GpsSample
+from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.sensors.flown.flight import PASS_US, Basis, Event, Flight, Happening, Readings, readings
 from viso.sensors.flown.source import RecordedSource
@@ -24,7 +27,13 @@ DELTA = [0.0, 0.0, -9.80665 * 1e-6 * PASS_US, 0.0, 0.0, 0.0, 1e-6 * PASS_US, 1e-
 FIX = GpsSample(2_600, 3, PLACE, Vector3f(), num_sats=10, hdop=100)
 
 
-def flown(*events: Event, until_us: int = END_US, **params: float) -> Vehicle:
+def flown(
+    *events: Event,
+    until_us: int = END_US,
+    expected: tuple[bool, bool] | None = None,
+    log: MemoryLog | None = None,
+    **params: float,
+) -> Vehicle:
     """Return a vehicle that stands still, while this happens to it."""
     nothing: Readings[Any] = readings([], [], TIMES_US)
     flight = Flight(
@@ -38,9 +47,10 @@ def flown(*events: Event, until_us: int = END_US, **params: float) -> Vehicle:
         gps=readings([FIX], [2_600_000], TIMES_US),
         events=events,
         track=np.zeros((0, 4)),
+        expected=expected and readings([expected], [0], TIMES_US),
     )
     make_ahrs = by_ekf3(lambda options: RecordedSource(options, flight), ImuOptions())
-    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params))
+    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, open_log=None if log is None else lambda: log))
     Scheduler(vehicle).run_until(until_us)
     return vehicle
 
@@ -68,6 +78,15 @@ def test_it_neither_lands_nor_is_disarmed_by_itself() -> None:
 
 def test_a_log_that_does_not_tell_of_flying_leaves_that_to_the_vehicle() -> None:
     assert not flown(ARMED, INITIAL_MODE=ModeNumber.LAND).copter.is_armed()
+
+
+@pytest.mark.parametrize(("expected", "bits"), [((False, True), 128), ((False, False), 0), (None, 64)])
+def test_filter_expects_take_off_and_touchdown_as_told_or_else_by_itself(
+    expected: tuple[bool, bool] | None, bits: int
+) -> None:
+    log = MemoryLog()
+    flown(ARMED, until_us=3_500_000, expected=expected, log=log, LOG_REPLAY=1)
+    assert LogColumns(log.data).columns("RFRN")["Flags"][-1] == 1 + bits
 
 
 def test_source_set_and_origin_are_those_of_the_log() -> None:

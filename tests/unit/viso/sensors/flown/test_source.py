@@ -29,6 +29,7 @@ RECORDS = (
     ("RFRF", "FTypes,Slow", "BB"),
     ("RISI", "DVX,DVY,DVZ,DAX,DAY,DAZ,DVDT,DADT,Flags,I", "ffffffffBB"),
     ("RBRI", "LastUpdate,Alt,H,I", "IfBB"),
+    ("RFRN", "HLat,HLon,HAlt,E2T,AM,TX,TY,TZ,VC,EKT,Flags", "IIIfIfffBBB"),
     ("RMGH", "Dec,Avail,NumInst,AutoDec,NumEna,LOE,C,FUsable", "fBBBBBBB"),
     ("RMGI", "LU,OX,OY,OZ,FX,FY,FZ,UFY,H,HSF,I", "IffffffBBBB"),
 )
@@ -51,6 +52,10 @@ def mag(time_us: int, *field: float, instance: int = 0) -> Record:
 
 def declination(angle: float) -> Record:
     return "RMGH", (angle, 1, 1, 1, 1, 0, 1, 0)
+
+
+def flags(value: int) -> Record:
+    return "RFRN", (0, 0, 0, 1.0, 0, 0.0, 0.0, 0.0, 2, 3, value)
 
 
 def one_pass(time_us: int, *records: Record) -> list[Record]:
@@ -226,6 +231,16 @@ def test_heading_is_that_of_the_logs_own_estimate(path: Path) -> None:
     source.set_armed(True)
     sense(source, 102_500)
     assert source.yaw_rad() == pytest.approx(math.radians(-10))
+
+
+def test_take_off_and_touchdown_are_expected_as_in_the_log(path: Path) -> None:
+    passes = [one_pass(100_000, still(), flags(0)), one_pass(102_500, still(), flags(64 + 1)), one_pass(105_000)]
+    source = play(path, *passes, one_pass(107_500, flags(128 + 1)))
+    told = [(sense(source, now_us), source.expected())[1] for now_us in (100_000, 102_500, 105_000, 107_500)]
+    assert told == [(False, False), (True, False), (True, False), (False, True)]
+    silent = play(path, one_pass(100_000, still()))
+    sense(silent, 100_000)
+    assert silent.expected() is None
 
 
 def test_errors_may_be_added(path: Path) -> None:

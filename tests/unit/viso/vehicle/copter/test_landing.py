@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.location import Location
+from ap_core.vector3 import Vector3f
 from viso.vehicle.copter.modes import MODES, ModeNumber
 
 if TYPE_CHECKING:
@@ -218,7 +219,7 @@ def test_heights_of_landing_count_from_the_place_of_arming(rig: "CopterRig") -> 
 
 
 def stable(rig: "CopterRig") -> bool:
-    rig.copter.tell_terrain_stable()
+    rig.copter.expect_ground()
     return rig.ahrs.terrain_is_stable
 
 
@@ -249,3 +250,62 @@ def test_ground_does_not_count_without_a_position(rig: "CopterRig") -> None:
     fly(rig, height_m=2.0)
     rig.ahrs.navigate()
     assert not stable(rig)
+
+
+# While the air under rotors may mislead the barometer
+
+
+def expected(rig: "CopterRig") -> tuple[bool, bool]:
+    rig.copter.expect_ground()
+    return rig.copter.landing.expected
+
+
+def test_take_off_is_expected_from_arming_until_the_vehicle_has_climbed(rig: "CopterRig") -> None:
+    assert expected(rig) == (False, False)
+    arm_in(rig, M.GUIDED)
+    assert expected(rig) == (True, False)
+    rig.run_for(9)
+    assert expected(rig) == (True, False)
+    assert rig.copter.take_off(500, must_navigate=True)
+    rig.run_for(1.5)
+    rig.ahrs.stand_at(PLACE, -0.4)
+    assert expected(rig) == (True, False)
+    rig.ahrs.stand_at(PLACE, -0.6)
+    assert expected(rig) == (False, False)
+    rig.ahrs.stand_at(PLACE, -0.1)
+    assert expected(rig) == (False, False)
+    rig.copter.disarm(force=True)
+    assert rig.copter.arm(do_checks=False)
+    assert expected(rig) == (True, False)
+
+
+def test_take_off_is_expected_for_5_s_in_the_air_and_never_of_a_throw(rig: "CopterRig") -> None:
+    fly(rig, height_m=0.2)
+    assert expected(rig) == (True, False)
+    rig.run_for(4.7)
+    assert expected(rig) == (True, False)
+    rig.run_for(0.4)
+    assert expected(rig) == (False, False)
+    rig.copter.disarm(force=True)
+    arm_in(rig, M.THROW)
+    assert expected(rig) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("mode", "velocity", "is_expected"),
+    [
+        (M.LAND, (0.0, 0.0, 0.5), True),
+        (M.LAND, (0.0, 1.2, -0.5), True),
+        (M.LAND, (1.0, 1.0, 0.5), False),
+        (M.LAND, (0.0, 0.0, 0.7), False),
+        (M.LAND, None, False),
+        (M.GUIDED, (0.0, 0.0, 0.5), False),
+    ],
+)
+def test_touchdown_is_expected_of_a_mode_that_lands_slowly(
+    rig: "CopterRig", mode: ModeNumber, velocity: tuple[float, float, float] | None, is_expected: bool
+) -> None:
+    fly(rig)
+    rig.copter.set_mode(mode)
+    rig.ahrs.velocity = None if velocity is None else Vector3f(*velocity)
+    assert expected(rig) == (False, is_expected)
