@@ -202,6 +202,7 @@ _EKF_CHANGES: Final = {
     "refuses_early_origin": ("an origin is refused until EKF3 has a state", "read"),
     "relative_needs_no_yaw": ("relative aiding goes on without a source of yaw", "read"),
     "learns_field_on_ground": ("EK3_MAG_CAL has 7", "read"),
+    "forgets_frozen": ("accelerometer biases that are not learned are apart from the others", "read"),
     "gsf_asks_load": ("the GSF's tilt counts accelerometers below 1 g", "read"),
 }
 """By attribute of FilterRelease, and whether recordings show it or the source was read."""

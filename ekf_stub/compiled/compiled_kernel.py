@@ -267,14 +267,19 @@ def freeze_unobservable(
 
 
 @compiled
-def isolate(cov: Array, learns_biases: bool, frozen: Array, highest_var: Array) -> None:
+def isolate(cov: Array, learns_biases: bool, frozen: Array, forgets_frozen: bool, highest_var: Array) -> None:
     """Keep what is not estimated apart (ErrorState.predict)."""
     if not learns_biases:
         clear(cov, _GYRO, _ACCEL, 0.0, highest_var[_GYRO])
         clear(cov, _ACCEL, _ACCEL + 3, 10 * MIN_ACCEL_VAR, highest_var[_ACCEL])
     for axis in range(3):
         if not math.isnan(frozen[axis]):
-            clear(cov, _ACCEL + axis, _ACCEL + axis + 1, frozen[axis], highest_var[_ACCEL + axis])
+            state = _ACCEL + axis
+            with_later = cov[state, state + 1 : _ACCEL + 3].copy()
+            clear(cov, state, state + 1, frozen[axis], highest_var[state])
+            if not forgets_frozen:
+                cov[state, state + 1 : _ACCEL + 3] = with_later
+                cov[state + 1 : _ACCEL + 3, state] = with_later
 
 
 @compiled
@@ -312,6 +317,7 @@ def predict(
     on_ground: bool,
     is_moved: bool,
     learns_biases: bool,
+    forgets_frozen: bool,
     attitude_variance: float,
     variances: Array,
     lowest: Array,
@@ -347,7 +353,7 @@ def predict(
     if learns_biases:
         freeze_unobservable(cov, rotation, frozen, on_ground, is_moved, highest_var)
     grow(cov, quat, rotation, turned, sped, dt, attitude_variance, variances)
-    isolate(cov, learns_biases, frozen, highest_var)
+    isolate(cov, learns_biases, frozen, forgets_frozen, highest_var)
     bound(cov, lowest_var, highest_var)
     w, x, y, z = quat
     return w, x, y, z, tilt_variance(cov, quat)

@@ -64,6 +64,7 @@ class CompiledErrorState(ErrorState):
             on_ground,
             is_moved,
             self.learns_biases,
+            self.forgets_frozen,
             *self._process_variances(noise, dt),
             limits.lowest,
             limits.highest,
@@ -76,6 +77,10 @@ class CompiledErrorState(ErrorState):
         self._aided = aided
         self.quat, self.predicted_tilt_variance = quaternion.quaternion(w, x, y, z), tilt_variance
         self.states, self.rotation, self.accel_filtered = states, rotation, accel_filtered
+        self._keep_a_covariance()
+
+    def _freezes(self) -> bool:
+        return not np.isnan(self._frozen).all()
 
     def clear(self, states: slice, variance: float) -> None:
         """Forget what some errors have to do with others, and give them a variance, within limits."""

@@ -268,6 +268,7 @@ class Ekf3Core:
         get = self._get_float
         variances = np.array([get("VELNE_M_NSE")] * 2 + [get("VELD_M_NSE")] + [get("POSNE_M_NSE")] * 2) ** 2
         state = self._kernel.make_state(quat, np.append(variances, get("ALT_M_NSE") ** 2))
+        state.forgets_frozen = self.release.forgets_frozen
         latitude = math.radians(1e-7 * frame.home_lat)
         state.earth_rate_ned = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
         return state

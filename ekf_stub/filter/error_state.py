@@ -56,12 +56,14 @@ class ErrorState(NominalState):
         cov: shape (22, 22), of the errors of the quaternion's components, velocity, position, biases and fields.
         learns_biases: whether the biases are estimated.
         predicted_tilt_variance: of the direction of down, rad^2, as of the last prediction.
+        forgets_frozen: see ``FilterRelease``.
         accel_is_bad: the accelerometers measure something else than the vehicle's acceleration (badIMUdata).
     """
 
     def __init__(self, quat: quaternion.quaternion, variances: Array) -> None:
         super().__init__(quat)
         self.cov: Array = np.zeros((STATES, STATES))
+        self.forgets_frozen = True
         self._set_attitude_covariance(np.full(3, INITIAL_ATT_VAR))
         self.learns_biases = self._learns_field = self.accel_is_bad = False
         for state, variance in enumerate(variances.tolist(), VEL.start):
@@ -143,6 +145,7 @@ class ErrorState(NominalState):
         self._isolate()
         covariance.lower(self.cov, self.limits)
         covariance.lift(self.cov, self.limits)
+        self._keep_a_covariance()
         self.predicted_tilt_variance = self.tilt_variance()
 
     def _process_variances(self, noise: ProcessNoise, dt: float) -> tuple[float, Array]:
@@ -173,7 +176,23 @@ class ErrorState(NominalState):
             self.clear(ACCEL, 10 * MIN_ACCEL_VAR)
         for state, frozen in enumerate(self._frozen_accel_vars, ACCEL.start):
             if frozen is not None:
+                with_later = self.cov[state, state + 1 : ACCEL.stop].copy()
                 self.clear(slice(state, state + 1), frozen)
+                if not self.forgets_frozen:
+                    self.cov[state, state + 1 : ACCEL.stop] = self.cov[state + 1 : ACCEL.stop, state] = with_later
+
+    def _keep_a_covariance(self) -> None:
+        """Forget what biases have to do with each other where one is frozen, if with it the covariance were none.
+
+        FIRMWARE PARITY: the firmware goes on with such a covariance, also as the bias is learned again.
+        """
+        among_biases = self.cov[ACCEL, ACCEL]
+        shared = any((among_biases.item(0, 1), among_biases.item(0, 2), among_biases.item(1, 2)))
+        if shared and not self.forgets_frozen and self._freezes() and not covariance.is_positive(self.cov):
+            among_biases[:] = np.diag(among_biases.diagonal())
+
+    def _freezes(self) -> bool:
+        return any(frozen is not None for frozen in self._frozen_accel_vars)
 
     # Fusion
 

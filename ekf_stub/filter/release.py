@@ -24,6 +24,8 @@ class FilterRelease:
             (controlFilterModes).
         learns_field_on_ground: EK3_MAG_CAL has 7, which estimates magnetic fields on the ground and in flight
             (setWindMagStateLearningMode).
+        forgets_frozen: what the bias of an accelerometer's axis that is not learned has to do with that of another is
+            forgotten (CovariancePrediction).
         flow_limit: what the parameter is called, after ``EK3_``, that the filter asks for as MAX_FLOW.
     """
 
@@ -33,11 +35,12 @@ class FilterRelease:
     refuses_early_origin: bool = False
     relative_needs_no_yaw: bool = False
     learns_field_on_ground: bool = False
+    forgets_frozen: bool = False
     flow_limit: str = "MAX_FLOW"
 
 
 REFERENCE: Final = FilterRelease()
 """The filter of October 2025, and of 4.6."""
 
-FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, flow_limit="FLOW_MAX")
-APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, "FLOW_MAX")
+FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, forgets_frozen=True, flow_limit="FLOW_MAX")
+APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, True, "FLOW_MAX")

@@ -82,9 +82,11 @@ class FilterMachine(RuleBasedStateMachine):
         euler=st.tuples(st.floats(-3, 3), st.floats(-1.57, 1.57), st.floats(-3, 3)),
         variances=st.lists(ANY, min_size=6, max_size=6).map(np.array),
         length=st.integers(1, 20),
+        forgets=st.booleans(),
     )
-    def begin(self, euler: tuple[float, float, float], variances: Array, length: int) -> None:
+    def begin(self, euler: tuple[float, float, float], variances: Array, length: int, forgets: bool) -> None:
         self.state = self.kernel.make_state(quat_of_euler(*euler), variances)
+        self.state.forgets_frozen = forgets
         self.path = self.kernel.make_pass()
         self.path.begin(self.state, length)
         self.output = self.path.output
@@ -232,6 +234,7 @@ class Wanderer:
     def __init__(self, seed: int, kernel: Kernel = PLAIN) -> None:
         self._rng = np.random.default_rng(seed)
         self.state = kernel.make_state(quat_of_euler(0.1, 0.2, 0.3), VARIANCES)
+        self.state.forgets_frozen = False
         self.fused = 0
 
     def run(self, phases: int, *, check_each: int) -> None:

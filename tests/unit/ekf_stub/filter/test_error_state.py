@@ -133,6 +133,32 @@ def test_bias_that_was_frozen_is_as_uncertain_as_before_once_in_flight() -> None
     assert state.cov[ACCEL.start, VEL.start] != 0
 
 
+def landed_with_shared_biases(shared: float, *, forgets: bool) -> Array:
+    """Return the covariance of the biases after a step on level ground that follows a flight in which they went along.
+
+    ``shared`` is the correlation of X and Z, Y and Z, and X and Y.
+    """
+    state = fresh()
+    state.forgets_frozen = forgets
+    state.learn_biases(1.0, DT)
+    predict(state, on_ground=False)
+    variance = (0.1 * DT) ** 2
+    state.cov[ACCEL] = state.cov[:, ACCEL] = 0.0
+    state.cov[ACCEL, ACCEL] = variance * (shared + (1.0 - shared) * np.eye(3))
+    predict(state)
+    return np.asarray(state.cov[ACCEL, ACCEL] / variance)
+
+
+def test_bias_that_is_frozen_goes_along_with_that_of_the_vertical_axis_in_releases_that_keep_it() -> None:
+    kept, forgotten = (landed_with_shared_biases(0.5, forgets=forgets) for forgets in (False, True))
+    assert kept == pytest.approx(np.array([[1, 0, 0.5], [0, 1, 0.5], [0.5, 0.5, 1]]), rel=1e-3)
+    assert forgotten == pytest.approx(np.eye(3), rel=1e-3)
+
+
+def test_biases_are_forgotten_where_a_covariance_would_be_none() -> None:
+    assert landed_with_shared_biases(0.9, forgets=False) == pytest.approx(np.eye(3), rel=1e-3)
+
+
 def test_bias_that_was_given_another_variance_while_frozen_leaves_a_covariance_in_flight() -> None:
     state = fresh()
     state.learn_biases(0.5, DT)
