@@ -35,8 +35,9 @@ class Landing:
 
     FIRMWARE PARITY: there are no motors. After an accepted take-off the vehicle counts as flying, wherever external
     navigation says that it is, and as taking off until it is nearly as high as asked for; in a mode that lands it
-    counts as landed when it is not above the place of arming. No controller asks for a speed either: a touchdown is
-    expected of the mode and of how fast the vehicle is, and GND_EFFECT_COMP counts as 1.
+    counts as landed when it is not above the place of arming. A take-off is no longer expected once it is above that,
+    whoever lifts it. No controller asks for a speed: a touchdown is expected of the mode and of how fast the vehicle
+    is, and GND_EFFECT_COMP counts as 1.
 
     Args:
         ahrs: says how high the vehicle is.
@@ -64,7 +65,7 @@ class Landing:
         self._lift_off_us: int | None = None
         self._takeoff: tuple[Mode, float] | None = None  # the mode, and where it ends, m below the origin
         self._flying_since_us = 0
-        self._grounded_us, self._grounded_down_m = 0, 0.0
+        self._grounded_us = 0
         self.landed = True
         self.expected = False, False
         self.is_told = False
@@ -130,10 +131,10 @@ class Landing:
         if not armed:
             self.expected = False, False
             return
-        takes_off, mode, now_us, down_m = self.expected[0], self._mode(), self._clock.micros64(), self._down_m()
+        takes_off, mode, now_us = self.expected[0], self._mode(), self._clock.micros64()
         if self.landed:
-            takes_off, self._grounded_us, self._grounded_down_m = True, now_us, down_m
-        climbed = now_us - self._grounded_us > TAKEOFF_US or self._grounded_down_m - down_m > TAKEOFF_CLIMB_M
+            takes_off, self._grounded_us = True, now_us
+        climbed = now_us - self._grounded_us > TAKEOFF_US or self._armed_down_m - self._down_m() > TAKEOFF_CLIMB_M
         velocity = self._ahrs.get_velocity_NED() if mode.lands else None
         sinks_slowly = (
             velocity is not None
