@@ -48,6 +48,8 @@ def flown() -> Flight:
         Event(13_800_000, Happening.DISARMED),
     )
     read_us = np.arange(2_500_000, 20_000_000, 100_000)
+    near_ground = [(False, False), (True, False), (False, False), (False, True), (False, False)]
+    near_ground_us = [2_500_000, 7_003_000, 8_504_000, 12_011_000, 13_801_000]
     return Flight(
         Basis.IMU,
         times_us,
@@ -59,6 +61,7 @@ def flown() -> Flight:
         gps=readings([], [], times_us),
         events=happens,
         track=np.zeros((0, 4)),
+        expected=readings(near_ground, near_ground_us, times_us),
     )
 
 
