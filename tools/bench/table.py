@@ -30,6 +30,11 @@ class Bench(NamedTuple):
 BENCHES: Final[Mapping[str, Bench]] = {
     "loop": Bench("s simulated", 1, partial(vehicles.prepare, PLAIN)),
     "loop-numba": Bench("s simulated", 1, partial(vehicles.prepare, NUMBA)),
+    **{
+        f"loop-{imus}-imus{ending}": Bench("s simulated", 1, partial(vehicles.prepare, kernel, imus=imus))
+        for imus in (2, 3)
+        for kernel, ending in ((PLAIN, ""), (NUMBA, "-numba"))
+    },
     "message": Bench("messages", 100, partial(messages.prepare, 100), beside="parse"),
     "parse": Bench("messages", 100, messages.prepare_parse),
     "growth": Bench("messages", 10_000, partial(messages.prepare, 10_000), beside="message"),

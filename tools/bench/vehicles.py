@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -15,6 +16,10 @@ from mav_handlers.wire.codec import Codec
 from tools.bench.odometry import PERIOD_US, odometry_at
 from viso.logs.files import LogStore
 from viso.running.virtual_time import Scheduler
+from viso.sensors.errors import SensorErrors
+from viso.sensors.options import ImuOptions
+from viso.sensors.standing import BenchSource
+from viso.vehicle.config import by_ekf3
 from viso.vehicle.kernels import KERNEL_VARIABLE
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -35,14 +40,20 @@ class FullVehicle:
     Args:
         log_dir: where its log goes.
         period_us: from one message to the next.
+        imus: how many IMUs it has that differ, each with a core; 1 for cores with equal data.
 
     Attributes:
         vehicle: it.
     """
 
-    def __init__(self, log_dir: Path, *, period_us: int = PERIOD_US) -> None:
+    def __init__(self, log_dir: Path, *, period_us: int = PERIOD_US, imus: int = 1) -> None:
         self._period_us = period_us
-        self.vehicle = Vehicle(VehicleConfig(defaults=_PARAMS, log_store=LogStore(log_dir)))
+        config = VehicleConfig(defaults=_PARAMS, log_store=LogStore(log_dir))
+        if imus > 1:
+            errors = SensorErrors(gyro_noise_deg_s_rthz=0.01, accel_noise_m_s2_rthz=0.001, imus=imus)
+            params = {**_PARAMS, "EK3_IMU_MASK": (1 << imus) - 1}
+            config = replace(config, defaults=params, make_ahrs=by_ekf3(BenchSource, ImuOptions(errors=errors)))
+        self.vehicle = Vehicle(config)
         self._scheduler = Scheduler(self.vehicle)
         self._wire, self._companion_wire = make_pair(("autopilot", "companion"))
         self._channel = self.vehicle.endpoint.open_channel("companion")
@@ -65,13 +76,13 @@ class FullVehicle:
         return elapsed_s
 
 
-def prepare(kernel: str, stack: ExitStack) -> Callable[[], float]:
+def prepare(kernel: str, stack: ExitStack, *, imus: int = 1) -> Callable[[], float]:
     """Start a vehicle on a kernel, which this process keeps; a round is a second of it.
 
     An interpreter fits itself to the types that it has met: a kernel that comes second in a process is slower.
     """
     os.environ[KERNEL_VARIABLE] = kernel
-    run = FullVehicle(Path(stack.enter_context(TemporaryDirectory())))
+    run = FullVehicle(Path(stack.enter_context(TemporaryDirectory())), imus=imus)
     stack.callback(run.vehicle.close)
     run.run(WARM_UP_MESSAGES)
     return lambda: run.run(MESSAGES_A_SECOND)
