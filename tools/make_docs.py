@@ -198,7 +198,7 @@ def _stream_kinds() -> Iterator[tuple[str, ...]]:
 
 _EKF_CHANGES: Final = {
     "fuses_rest": ("EKF3 holds a vehicle that stands still to have no velocity", "recorded"),
-    "resets_height_by_its_source": ("aiding resets height only to the source of height", "read"),
+    "resets_height_by_its_source": ("aiding resets height only to the source of height", "recorded"),
     "refuses_early_origin": ("an origin is refused until EKF3 has a state", "read"),
     "relative_needs_no_yaw": ("relative aiding goes on without a source of yaw", "read"),
     "learns_field_on_ground": ("EK3_MAG_CAL has 7", "read"),

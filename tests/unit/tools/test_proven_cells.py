@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which strategies of a release its recordings prove."""
+
+import gzip
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.places import DATA
+from tools.proven_cells import cells, main
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, REFERENCE
+
+SPEEDS = 40
+
+
+def test_each_strategy_is_put_back_alone() -> None:
+    variants = dict(cells(APRIL_2026, FEBRUARY_2026))
+    assert {"visual_odom.mav_vel_err", "endpoint.velocity_error", "ekf.fuses_rest"} < variants.keys()
+    variant = variants["visual_odom.mav_vel_err"]
+    assert variant.visual_odom == FEBRUARY_2026.visual_odom
+    assert (variant.endpoint, variant.ekf) == (APRIL_2026.endpoint, APRIL_2026.ekf)
+    assert dict(cells(REFERENCE, REFERENCE)) == {}
+
+
+def test_strategy_is_proven_by_a_recording_that_comes_out_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, short = DATA / "2026-04" / "captures" / "speedcov.jsonl.gz", tmp_path / "short.jsonl"
+    with gzip.open(whole, "rt", encoding="utf-8") as file:
+        header, *messages = (json.loads(line) for _, line in zip(range(1 + SPEEDS), file, strict=False))
+    header.update(statustext=[], command_ack=[])
+    short.write_text("\n".join(map(json.dumps, [header, *messages])))
+    monkeypatch.setattr(sys, "argv", ["proven_cells", str(short), "--against", FEBRUARY_2026.name])
+    main()
+    rows = {
+        line.split("│")[1].strip(): line.split("│")[2].strip() for line in capsys.readouterr().out.splitlines()[3:-1]
+    }
+    assert rows["endpoint.velocity_error"] == "short.jsonl"
+    assert rows["ekf.fuses_rest"] == "nothing here"
