@@ -269,7 +269,7 @@ class Ekf3Ahrs(AhrsBase):
             gps_lag_s=self._gps_lag_s,
             least_ms=self._buffer_ms,
         )
-        self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0)
+        self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0, has_camera=self._has_camera)
         lanes = self.cores.lanes
         self.core = lanes.cores[lanes.primary]
         self._hand_to(*(core.ingest for core in lanes.cores))

@@ -44,16 +44,25 @@ class Cores:
         sizes: lengths of their buffers.
         imus: the IMU of each core, in the order of the cores.
         differ: whether these IMUs differ.
+        has_camera: whether there is visual odometry.
 
     Attributes:
         lanes: the filters, one for each core or one for all.
     """
 
     def __init__(
-        self, parts: AhrsParts, kernel: Kernel, sizes: RingSizes, imus: tuple[int, ...], *, differ: bool
+        self,
+        parts: AhrsParts,
+        kernel: Kernel,
+        sizes: RingSizes,
+        imus: tuple[int, ...],
+        *,
+        differ: bool,
+        has_camera: bool,
     ) -> None:
         numbers = tuple(range(len(imus)))
         self._differ = differ
+        self._has_camera = has_camera
         self._imu_of_core = imus
         get_float = Numbers(parts.params, "EK3_", {"MAX_FLOW": parts.release.flow_limit}).__getitem__
         has_compass = FromParams(parts.params, parts.has_compass)
@@ -139,7 +148,7 @@ class Cores:
     def _lever_arm(self, of_first: Three, accel: int) -> Three:
         """Return the camera's place from an IMU, where there is a camera; the same until that changes."""
         from_first = self._from_first()[accel]
-        if not (any(of_first) and any(from_first)):
+        if not (self._has_camera and any(from_first)):
             return of_first
         known, lever = self._levers.get(accel, (None, of_first))
         if known is not of_first:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from ekf_stub.ahrs.cores import Cores
+from ekf_stub.core.frame import Frame
 from ekf_stub.filter.attitude import quat_of_euler
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.sensors.errors import SensorErrors
@@ -129,3 +130,22 @@ def test_cores_that_disagree_keep_the_vehicle_from_arming(
         monkeypatch.setattr(core.output, "now", core.output.now._replace(quat=quat))
     assert cores_of(bench).disagreement(checks_yaw=True) == failure
     assert cores_of(bench).disagreement(checks_yaw=False) == (failure if rpy_deg[1] else None)
+
+
+# Each core's own place
+
+
+@pytest.fixture
+def frames(bench: BenchRig, monkeypatch: pytest.MonkeyPatch) -> list[list[Frame]]:
+    """Put the second IMU elsewhere, and return the frames that each core is given from then on."""
+    bench.params.set("INS_POS2_X", 1.0)
+    frames: list[list[Frame]] = []
+    for core in cores_of(bench).lanes.cores:
+        frames.append([])
+        monkeypatch.setattr(core, "run", frames[-1].append)
+    return frames
+
+
+def test_camera_at_the_first_imu_has_a_lever_arm_from_the_second(bench: BenchRig, frames: list[list[Frame]]) -> None:
+    bench.run_for(0.01)
+    assert [of_core[-1].lever_arm for of_core in frames] == [(0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
