@@ -35,8 +35,8 @@ from ekf_stub.fusion.height_source import RANGE
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D
-from ekf_stub.inputs.range_reading import RangeFinders
-from ekf_stub.inputs.range_state import RangeState, from_imu
+from ekf_stub.inputs.range_reading import RangeFinders, from_imu
+from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.source_check import source_failure
 from ekf_stub.inputs.sources import SourceYaw
@@ -540,8 +540,8 @@ class Ekf3Ahrs(AhrsBase):
         super().write_flow(measured, time_ms)
         if self.cores is not None and not self._stands_still:
             place = from_imu(measured.offset, _floats(self._place_of_imu()))
-            for core in self.cores.lanes.cores:
-                core.write_flow(measured._replace(offset=place))
+            for lane, core in enumerate(self.cores.lanes.cores):
+                core.write_flow(measured._replace(offset=from_imu(place, self.cores.place_of_imu(lane))))
 
     def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
         if self.on_pose is not None:
@@ -553,4 +553,4 @@ class Ekf3Ahrs(AhrsBase):
 
     def _from_imu(self, place: Vector3f, lane: int) -> Vector3f:
         from_first = place - self._place_of_imu()
-        return from_first if self.cores is None else self.cores.from_imu(from_first, lane)
+        return from_first if self.cores is None else from_first - Vector3f(*self.cores.place_of_imu(lane))

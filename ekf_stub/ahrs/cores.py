@@ -7,12 +7,12 @@ Cores that are given the same say the same: where all IMUs do so, one filter sta
 
 import math
 from collections import Counter
-from typing import Final
+from collections.abc import Callable
+from typing import Final, Generic, TypeVar
 
 from ap_core.internal_error import InternalErrors
 from ap_core.param_cache import FromParams, Numbers
 from ap_core.quaternion import Quaternion
-from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.ekf3_core import AFFINITY_MAG, Ekf3Core, Frame
@@ -25,6 +25,7 @@ from ekf_stub.inputs.compasses import Compasses, CompassReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.inputs.range_reading import RangeFinders, from_imu
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_vehicle import SensorSet
 from ekf_stub.reports.core_report import Three
@@ -33,6 +34,29 @@ from ekf_stub.reports.core_texts import NUMBER_OF_IMUS, CoreTexts, cores_of_mask
 MOST_LEAN_APART: Final = math.radians(10.0)
 MOST_YAW_APART: Final = math.radians(20.0)
 _COMPASSES: Final = SensorSet().compasses
+_HERE: Final = (0.0, 0.0, 0.0)
+
+T = TypeVar("T")
+
+
+class _Moved(Generic[T]):
+    """What has a place counted from the first IMU, as counted from others: the same until either place changes.
+
+    Args:
+        move: counts the place from an IMU that is at a place.
+    """
+
+    def __init__(self, move: Callable[[T, Three], T]) -> None:
+        self._move = move
+        self._known: dict[int, tuple[T, Three, T]] = {}
+
+    def __call__(self, imu: int, of_first: T, place: Three) -> T:
+        if place == _HERE:
+            return of_first
+        known = self._known.get(imu)
+        if known is None or known[0] is not of_first or known[1] != place:
+            known = self._known[imu] = of_first, place, self._move(of_first, place)
+        return known[2]
 
 
 class Cores:
@@ -96,10 +120,11 @@ class Cores:
         self._has_own_compass = FromParams(
             parts.params, lambda: bool(parts.params.get_int("EK3_AFFINITY") & AFFINITY_MAG)
         )
-        self._from_first = FromParams(parts.params, lambda: _from_first(parts))
+        self._places = FromParams(parts.params, lambda: _places(parts))
         self._mag: tuple[int, Array] | None = None
         self._compasses: list[Compasses] = []
-        self._levers: dict[int, tuple[Three, Three]] = {}
+        self._levers = _Moved(from_imu)
+        self._ranges = _Moved(RangeFinders.seen_from)
 
     @property
     def primary(self) -> int:
@@ -129,9 +154,12 @@ class Cores:
 
     def _frame_of(self, number: int, imu: int, frame: Frame) -> Frame:
         imus = self._imus
+        accel = imus.accel_of(imu)
+        place = self._places()[accel]
         return frame._replace(
             delta=imus.delta_of(imu),
-            lever_arm=self._lever_arm(frame.lever_arm, imus.accel_of(imu)),
+            lever_arm=self._levers(accel, frame.lever_arm, place) if self._has_camera else frame.lever_arm,
+            ranges=None if frame.ranges is None else self._ranges(accel, frame.ranges, place),
             compasses=self._compasses_of(number, frame.mag),
             imu_rates=imus.rates_of(imu),
         )
@@ -145,23 +173,9 @@ class Cores:
             self._mag, self._compasses = mag, [all_say._replace(own=own) for own in range(MAX_IMUS)]
         return self._compasses[number]
 
-    def _lever_arm(self, of_first: Three, accel: int) -> Three:
-        """Return the camera's place from an IMU, where there is a camera; the same until that changes."""
-        from_first = self._from_first()[accel]
-        if not (self._has_camera and any(from_first)):
-            return of_first
-        known, lever = self._levers.get(accel, (None, of_first))
-        if known is not of_first:
-            x, y, z = (first + apart for first, apart in zip(of_first, from_first, strict=True))
-            lever = x, y, z
-            self._levers[accel] = of_first, lever
-        return lever
-
-    def from_imu(self, place: Vector3f, lane: int) -> Vector3f:
-        """Return a place on the vehicle from the IMU of a filter, given it from the first IMU."""
-        if not self._differ:
-            return place
-        return place + Vector3f(*self._from_first()[self._imus.accel_of(self._imu_of_core[lane])])
+    def place_of_imu(self, lane: int) -> Three:
+        """Return the place of a filter's IMU as counted from the first IMU, m, body (FRD)."""
+        return self._places()[self._imus.accel_of(self._imu_of_core[lane])] if self._differ else _HERE
 
     def disagreement(self, *, checks_yaw: bool) -> str | None:
         """Return by what the attitude of a core differs from the primary one's, None while all agree.
@@ -196,11 +210,11 @@ def _attitude_of(core: Ekf3Core) -> Quaternion:
     return Quaternion(quat.w, quat.x, quat.y, quat.z)
 
 
-def _from_first(parts: AhrsParts) -> list[Three]:
-    """Return the place of the first IMU as counted from each, m, body (FRD)."""
-    first = parts.imu_pos()
-    x_y_z = [(first - parts.imu_pos(imu)).to_tuple() for imu in range(3)]
-    return [(float(x), float(y), float(z)) for x, y, z in x_y_z]
+def _places(parts: AhrsParts) -> list[Three]:
+    """Return the place of each IMU as counted from the first, m, body (FRD)."""
+    x_y_z = (map(float, parts.imu_pos(imu).to_tuple()) for imu in range(MAX_IMUS))
+    first, *others = [(x, y, z) for x, y, z in x_y_z]
+    return [_HERE, *(from_imu(place, first) for place in others)]
 
 
 def imus_of_cores(parts: AhrsParts, differing: int) -> tuple[int, ...]:

@@ -39,6 +39,17 @@ class RangeFinders(NamedTuple):
     ground_clearance: float = 0.0
     max_distance: float = 0.0
 
+    def seen_from(self, imu_frd: Three) -> "RangeFinders":
+        """Return them with their places as counted from an IMU, which is at a place in m, body (FRD)."""
+        finders = (finder._replace(offset=from_imu(finder.offset, imu_frd)) for finder in self.finders)
+        return self._replace(finders=tuple(finders))
+
+
+def from_imu(place_frd: Three, imu_frd: Three) -> Three:
+    """Return a place as counted from an IMU, m, body (FRD)."""
+    x, y, z = (place - imu for place, imu in zip(place_frd, imu_frd, strict=True))
+    return x, y, z
+
 
 class RangeSample(NamedTuple):
     """A range, m, measured at a place from the IMU, m, body (FRD)."""

@@ -45,14 +45,5 @@ class RangeState(NamedTuple):
 
     def seen_from(self, imu_frd: Three) -> RangeFinders:
         """Return what the filter takes of them, with their places from an IMU, which is at a place in m, body (FRD)."""
-        finders = (
-            RangeFinder(finder.distance, finder.is_usable, from_imu(finder.place_frd, imu_frd))
-            for finder in self.finders
-        )
-        return RangeFinders(tuple(finders), self.ground_clearance, self.max_distance)
-
-
-def from_imu(place_frd: Three, imu_frd: Three) -> Three:
-    """Return a place on the vehicle as counted from an IMU, m, body (FRD)."""
-    x, y, z = (place - imu for place, imu in zip(place_frd, imu_frd, strict=True))
-    return x, y, z
+        finders = (RangeFinder(finder.distance, finder.is_usable, finder.place_frd) for finder in self.finders)
+        return RangeFinders(tuple(finders), self.ground_clearance, self.max_distance).seen_from(imu_frd)

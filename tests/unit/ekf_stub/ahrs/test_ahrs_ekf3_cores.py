@@ -10,6 +10,8 @@ import pytest
 from ekf_stub.ahrs.cores import Cores
 from ekf_stub.core.frame import Frame
 from ekf_stub.filter.attitude import quat_of_euler
+from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.sensors.errors import SensorErrors
 
@@ -149,3 +151,20 @@ def frames(bench: BenchRig, monkeypatch: pytest.MonkeyPatch) -> list[list[Frame]
 def test_camera_at_the_first_imu_has_a_lever_arm_from_the_second(bench: BenchRig, frames: list[list[Frame]]) -> None:
     bench.run_for(0.01)
     assert [of_core[-1].lever_arm for of_core in frames] == [(0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
+
+
+def test_range_finders_stand_where_each_core_sees_them(bench: BenchRig, frames: list[list[Frame]]) -> None:
+    bench.ranges = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD),), 0.125, 30.0)
+    bench.run_for(0.01)
+    ranges = [of_core[-1].ranges for of_core in frames]
+    assert [said and said.finders[0].offset for said in ranges] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
+    assert ranges[1] is frames[1][-2].ranges
+
+
+def test_flow_is_handed_on_with_its_place_from_each_imu(bench: BenchRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.params.set("INS_POS2_X", 1.0)
+    taken: list[FlowMeasurement] = []
+    for core in cores_of(bench).lanes.cores:
+        monkeypatch.setattr(core, "write_flow", taken.append)
+    bench.ahrs.write_flow(FlowMeasurement(180, (0.25, -0.5), (0.125, 0.0), (0.5, 0.0, 0.25)), bench.now_ms)
+    assert [flow.offset for flow in taken] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
