@@ -22,7 +22,7 @@ from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.ahrs.cores import Cores, imus_of_cores
+from ekf_stub.ahrs.cores import Cores, gps_seen_from, imus_of_cores
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
@@ -34,7 +34,7 @@ from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import RANGE
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
-from ekf_stub.inputs.gps_sample import FIX_3D
+from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from ekf_stub.inputs.range_reading import RangeFinders, from_imu
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors, SensorSource
@@ -111,6 +111,9 @@ class Ekf3Ahrs(AhrsBase):
         self._imu_pos: Vector3f | None = None
         self._lever = (0.0, 0.0, 0.0)
         self._has_flow = FromParams(parts.params, parts.has_flow)
+        self._gps_said: GpsSample | None = None
+        self._gps_moved: GpsSample | None = None
+        self._gps_imu_pos: Vector3f | None = None
         self._ranges_said: RangeState | None = None
         self._ranges: RangeFinders | None = None
         self._ranges_imu_pos: Vector3f | None = None
@@ -207,14 +210,14 @@ class Ekf3Ahrs(AhrsBase):
         return self._next_event_us(cores) if is_same else 0
 
     def _next_event_us(self, cores: Cores) -> int:
-        until_ms = cores.quiet_until_ms(self._parts.gps())
+        until_ms = cores.quiet_until_ms(self._gps())
         return 0 if until_ms is None else until_ms * 1000 + 1000
 
     def _brings_nothing(self, found: Sensors, before: Sensors) -> bool:
         """Tell whether sensors say what they said before, but for inertial data that the filter takes as they are."""
         is_same = found.baro is before.baro and found.mag is before.mag and found.declination == before.declination
         core = self.core
-        return is_same and core is not None and core.fix is self._parts.gps()
+        return is_same and core is not None and core.fix is self._gps()
 
     def _run_frame(self, sensors: Sensors, now_us: int, *, armed: bool) -> None:
         if not self._is_set_up:
@@ -324,13 +327,21 @@ class Ekf3Ahrs(AhrsBase):
             *parts.expected(),
             self._with_zeroed_baro(sensors).baro if self._baro_zero_m else sensors.baro,
             sensors.mag,
-            parts.gps(),
+            self._gps(),
             sensors.declination,
             None,  # place_declination
             self._lever_arm(),
             0 if home is None else home.lat,
             self._range_finders(),
         )
+
+    def _gps(self) -> GpsSample | None:
+        """Return the newest solution with its antenna's place from the IMU: the same until either changes."""
+        said, imu_pos = self._parts.gps(), self._place_of_imu()
+        if said is not self._gps_said or imu_pos is not self._gps_imu_pos:
+            self._gps_said, self._gps_imu_pos = said, imu_pos
+            self._gps_moved = None if said is None else gps_seen_from(said, _floats(imu_pos))
+        return self._gps_moved
 
     def _range_finders(self) -> RangeFinders | None:
         """Return what the range finders say, with their places from the IMU: the same until that changes."""

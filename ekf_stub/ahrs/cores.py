@@ -8,6 +8,7 @@ Cores that are given the same say the same: where all IMUs do so, one filter sta
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final, Generic, TypeVar
 
 from ap_core.internal_error import InternalErrors
@@ -125,6 +126,7 @@ class Cores:
         self._compasses: list[Compasses] = []
         self._levers = _Moved(from_imu)
         self._ranges = _Moved(RangeFinders.seen_from)
+        self._gps = _Moved(gps_seen_from)
 
     @property
     def primary(self) -> int:
@@ -161,6 +163,7 @@ class Cores:
             lever_arm=self._levers(accel, frame.lever_arm, place) if self._has_camera else frame.lever_arm,
             ranges=None if frame.ranges is None else self._ranges(accel, frame.ranges, place),
             compasses=self._compasses_of(number, frame.mag),
+            gps=None if frame.gps is None else self._gps(accel, frame.gps, place),
             imu_rates=imus.rates_of(imu),
         )
 
@@ -215,6 +218,12 @@ def _places(parts: AhrsParts) -> list[Three]:
     x_y_z = (map(float, parts.imu_pos(imu).to_tuple()) for imu in range(MAX_IMUS))
     first, *others = [(x, y, z) for x, y, z in x_y_z]
     return [_HERE, *(from_imu(place, first) for place in others)]
+
+
+def gps_seen_from(solution: GpsSample, imu_frd: Three) -> GpsSample:
+    """Return a solution with its antenna's place as counted from an IMU, which is at a place in m, body (FRD)."""
+    antenna = from_imu(solution.antenna, imu_frd)
+    return solution if antenna == solution.antenna else replace(solution, antenna=antenna)
 
 
 def imus_of_cores(parts: AhrsParts, differing: int) -> tuple[int, ...]:

@@ -168,3 +168,14 @@ def test_flow_is_handed_on_with_its_place_from_each_imu(bench: BenchRig, monkeyp
         monkeypatch.setattr(core, "write_flow", taken.append)
     bench.ahrs.write_flow(FlowMeasurement(180, (0.25, -0.5), (0.125, 0.0), (0.5, 0.0, 0.25)), bench.now_ms)
     assert [flow.offset for flow in taken] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
+
+
+def test_gps_is_moved_from_its_antenna_to_each_imu(bench: BenchRig, frames: list[list[Frame]]) -> None:
+    bench.params.set("INS_POS1_Z", 0.5)
+    bench.is_logged = True
+    bench.fix()
+    bench.run_for(0.01)
+    solutions = [of_core[-1].gps for of_core in frames]
+    assert [said and said.antenna for said in solutions] == [(0.0, 0.0, -0.5), (-1.0, 0.0, 0.0)]
+    assert solutions == [of_core[-2].gps for of_core in frames]
+    assert dict(bench.records)["RGPI"][:3] == (0.0, 0.0, 0.0)
