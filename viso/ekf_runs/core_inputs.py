@@ -10,6 +10,7 @@ from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.inputs.compasses import NO_COMPASS, Compasses
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from viso.ekf_runs.inputs import ReplayInputs
+from viso.logs.record_fields import RecordError
 
 
 class CoreInputs:
@@ -42,8 +43,11 @@ class CoreInputs:
         return self._inputs.imus.has_data_of(self._imu)
 
     def delta(self) -> InertialDelta:
-        """Return the inertial data."""
-        return self._inputs.imus.delta_of(self._imu)
+        """Return the inertial data. Raises RecordError where the IMU in use has none."""
+        try:
+            return self._inputs.imus.delta_of(self._imu)
+        except KeyError as imu:
+            raise RecordError(f"no RISI record of IMU {imu}, which RISH names as the first that can be used") from imu
 
     def imu_rates(self) -> ImuRates | None:
         """Return what all IMUs say, None where there is but one."""

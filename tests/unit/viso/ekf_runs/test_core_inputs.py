@@ -9,6 +9,7 @@ import pytest
 from ekf_stub.filter.inertial import Array
 from viso.ekf_runs.core_inputs import CoreInputs
 from viso.ekf_runs.inputs import ReplayInputs
+from viso.logs.record_fields import RecordError
 
 GPS, BARO, COMPASS = 1, 2, 4
 GOOD, NO_ACCEL = 15, 14
@@ -77,6 +78,14 @@ def test_sensor_that_fails_is_replaced_by_the_first(rig: Rig) -> None:
     rig.imu(1, NO_ACCEL)
     delta = rig.core.delta()
     assert (rig.core.accel, first(delta.del_ang), first(delta.del_vel)) == (0, 0.002, 0.001)
+
+
+@pytest.mark.parametrize("first", [2, 255])
+def test_sensor_that_fails_has_no_substitute_without_data(rig: Rig, first: int) -> None:
+    rig.imu(1, NO_ACCEL)
+    rig.take("RISH", PG=0, PA=first, AC=2, LD=0.0025)
+    with pytest.raises(RecordError, match=rf"\Ano RISI record of IMU {first}, "):
+        rig.core.delta()
 
 
 def test_rates_are_filtered_once_a_frame(rig: Rig) -> None:
