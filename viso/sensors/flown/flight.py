@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a log says of a flight, ready to be flown again: each pass of the main loop, and what happened between them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -179,7 +180,8 @@ def growing(time_us: Array) -> npt.NDArray[np.bool_]:
 
 
 def imu_of(log: LogColumns, lane: int) -> int:
-    """Return the IMU of a lane, by EK3_IMU_MASK."""
-    mask = int(parameters(log).get("EK3_IMU_MASK", 1.0))
+    """Return the IMU of a lane, by EK3_IMU_MASK, 1 where the log has no number for it."""
+    logged = parameters(log).get("EK3_IMU_MASK", 1.0)
+    mask = int(logged) if math.isfinite(logged) else 1
     imus = [number for number in range(8) if mask >> number & 1] or [0]
     return imus[min(lane, len(imus) - 1)]

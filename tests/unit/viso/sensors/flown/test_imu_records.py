@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from tests.unit.viso.sensors.flown.made import log_of
-from viso.sensors.flown.flight import PASS_US, Basis, Flight
+from viso.sensors.flown.flight import PASS_US, Basis, Flight, imu_of
 from viso.sensors.flown.imu_records import Rates, imu_records, integral_at, lag_s
 
 GRAVITY = 9.80665
@@ -51,6 +51,11 @@ def test_passes_add_up_to_the_motion_that_the_filters_delayed() -> None:
 @pytest.mark.parametrize(("cut_off_hz", "lag_ms"), [(20.0, 11.25), (80.0, 2.81), (0.0, 0.0)])
 def test_lag_is_that_of_a_low_pass_filter(cut_off_hz: float, lag_ms: float) -> None:
     assert 1e3 * lag_s(cut_off_hz) == pytest.approx(lag_ms, abs=0.01)
+
+
+@pytest.mark.parametrize("mask", [math.inf, math.nan])
+def test_imu_is_the_first_where_the_mask_is_no_number(mask: float) -> None:
+    assert imu_of(log_of({"EK3_IMU_MASK": mask}), lane=0) == 0
 
 
 def test_imu_is_that_of_the_lane() -> None:
