@@ -246,14 +246,14 @@ class Ekf3Ahrs(AhrsBase):
     def _follow_primary(self, cores: Cores) -> None:
         """Tell what jumps and who is primary (Copter::check_ekf_reset)."""
         lanes = cores.lanes
-        if self.core is not lanes.cores[lanes.primary]:
-            self.core = lanes.cores[lanes.primary]
+        if self.core is not lanes.primary_filter:
+            self.core = lanes.primary_filter
             self._hand_to(*(core.ingest for core in lanes.cores))
         if lanes.yaw_reset_ms != self._yaw_reset_ms:
             self._yaw_reset_ms = lanes.yaw_reset_ms
             self._parts.on_yaw_reset()
-        if self._active and cores.primary != self._primary:
-            self._primary = cores.primary
+        if self._active and lanes.primary != self._primary:
+            self._primary = lanes.primary
             self._parts.on_primary(self._primary)
 
     def _set_up(self, differing_imus: int) -> None:
@@ -274,7 +274,7 @@ class Ekf3Ahrs(AhrsBase):
         )
         self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0, has_camera=self._has_camera)
         lanes = self.cores.lanes
-        self.core = lanes.cores[lanes.primary]
+        self.core = lanes.primary_filter
         self._hand_to(*(core.ingest for core in lanes.cores))
         if self._origin is not None:
             lanes.set_origin(self._origin)
@@ -373,8 +373,10 @@ class Ekf3Ahrs(AhrsBase):
 
     def report(self) -> CoreReport | None:
         """Return what the primary core says of itself; None before it has a state."""
-        lanes = None if self.cores is None else self.cores.lanes
-        return None if lanes is None or not lanes.cores[lanes.primary].initialised else lanes.report(lanes.primary)
+        if self.cores is None or self.core is None or not self.core.initialised:
+            return None
+        lanes = self.cores.lanes
+        return lanes.report(lanes.cores.index(self.core))
 
     def _attitude(self) -> Quaternion:
         if self._active and self.core is not None:

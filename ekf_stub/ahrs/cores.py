@@ -113,9 +113,9 @@ class Cores:
             common,
             get_float,
             parts.texts,
+            len(imus),
         )
-        self._chosen_by_user = FromParams(parts.params, lambda: parts.primary_core(len(imus)))
-        logs = [EkfLog(parts.logger, parts.params.get_int, group, lambda: self.primary) for group in groups]
+        logs = [EkfLog(parts.logger, parts.params.get_int, group, lambda: self.lanes.primary) for group in groups]
         self._logged = list(zip(self.lanes.cores, logs, strict=True))
         self._imus = Imus()
         self._has_own_compass = FromParams(
@@ -128,11 +128,6 @@ class Cores:
         self._ranges = _Moved(RangeFinders.seen_from)
         self._gps = _Moved(gps_seen_from)
 
-    @property
-    def primary(self) -> int:
-        """The number of the primary core."""
-        return self.lanes.primary if self._differ else self._chosen_by_user()
-
     def run(self, frame: Frame, imus: tuple[ImuReading, ...]) -> None:
         """Run a frame of the first IMU; what others say comes beside it."""
         self.lanes.run(self._frames(frame, imus) if self._differ else (frame,))
@@ -143,7 +138,7 @@ class Cores:
         Args:
             gps: the newest solution.
         """
-        if self._differ or len(self._logged) > 1:
+        if self._differ or self.lanes.primary != self.lanes.chosen_by_user():
             return None
         ((core, log),) = self._logged
         until_ms = core.quiet_until_ms(gps)
@@ -186,7 +181,7 @@ class Cores:
         Source: AP_AHRS::attitudes_consistent.
         """
         lanes = self.lanes
-        primary = _attitude_of(lanes.cores[lanes.primary])
+        primary = _attitude_of(lanes.primary_filter)
         for quat in map(_attitude_of, lanes.cores if len(lanes.cores) > 1 else ()):
             lean = float(primary.roll_pitch_difference(quat, InternalErrors()))
             turn = abs(float(primary.angular_difference(quat).to_axis_angle().z)) if checks_yaw else 0.0

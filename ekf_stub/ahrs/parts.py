@@ -91,8 +91,3 @@ class AhrsParts:
     def imu_mask(self) -> int:
         """Return which IMUs get a core; none when EK3_ENABLE is off."""
         return self.params.get_int("EK3_IMU_MASK") if self.params.get_int("EK3_ENABLE") else 0
-
-    def primary_core(self, cores: int) -> int:
-        """Return the number of the core that EK3_PRIMARY chooses among so many."""
-        wanted = self.params.get_int("EK3_PRIMARY")
-        return wanted if 0 <= wanted < cores else 0

@@ -38,23 +38,30 @@ class Lanes:
         common: their origin.
         get_float: returns a parameter by its name after ``EK3_``.
         texts: what the ground station is told.
+        count: how many cores there are, where the only filter stands for all of them.
 
     Attributes:
-        cores: the cores.
-        primary: the place of the primary one among them.
+        cores: the cores, or the filter that stands for all.
+        primary: the number of the primary core.
         error_scores: of each core, as of the last frame in which one was to be chosen.
         relative_errors: how much worse than the primary one each has been, summed up.
         yaw_reset_ms: when yaw jumped last, by a reset of the primary core or as that changed; 0 before.
     """
 
     def __init__(
-        self, cores: Sequence[Ekf3Core], common: CommonOrigin, get_float: Callable[[str], float], texts: TextSink
+        self,
+        cores: Sequence[Ekf3Core],
+        common: CommonOrigin,
+        get_float: Callable[[str], float],
+        texts: TextSink,
+        count: int | None = None,
     ) -> None:
         self.cores = tuple(cores)
+        self._count = count or len(self.cores)
         self._common = common
         self._get_float = get_float
         self._texts = texts
-        self.primary = self._chosen_by_user()
+        self.primary = self.chosen_by_user()
         self.error_scores = [0.0] * len(self.cores)
         self.relative_errors = [0.0] * len(self.cores)
         self._yaw_resets = [0] * len(self.cores)
@@ -63,14 +70,23 @@ class Lanes:
         self._switched_ms = self._now_us = self._unhealthy_us = 0
         self._selects = self._armed = False
 
-    def _chosen_by_user(self) -> int:
+    def chosen_by_user(self) -> int:
+        """Return the number of the core that EK3_PRIMARY chooses."""
         wanted = int(self._get_float("PRIMARY"))
-        return wanted if 0 <= wanted < len(self.cores) else 0
+        return wanted if 0 <= wanted < self._count else 0
+
+    def _filter_of(self, number: int) -> int:
+        return number if len(self.cores) > 1 else 0
+
+    @property
+    def primary_filter(self) -> Ekf3Core:
+        """The filter of the primary core."""
+        return self.cores[self._filter_of(self.primary)]
 
     @property
     def yaw_reset_ms(self) -> int:
         """When yaw jumped last, as the vehicle sees it (getLastYawResetAngle)."""
-        return max(self._switched_ms, self._yaw_reset_ms[self.primary])
+        return max(self._switched_ms, self._yaw_reset_ms[self._filter_of(self.primary)])
 
     def run(self, frames: Sequence[Frame]) -> None:
         """Run one frame of each core, and choose the primary one (UpdateFilter)."""
@@ -79,13 +95,10 @@ class Lanes:
             core.run(frames[i])
             if core.yaw_resets != self._yaw_resets[i]:
                 self._yaw_resets[i], self._yaw_reset_ms[i] = core.yaw_resets, now_us // 1000
-        armed = self._armed = frames[0].armed
+        self._armed = frames[0].armed
         if not self._selects:
             self._settle()
-        if len(self.cores) > 1:
-            self._select(armed=armed)
-        elif armed and self._selects and self.cores[0].stepped:
-            self.error_scores[0] = self.cores[0].error_score()
+        self._select()
 
     def run_alike(self, rows: Array, times_us: range, set_us: Callable[[int], None]) -> int:
         """Run frames of the only filter as of ``Ekf3Core.run_alike``; return how many."""
@@ -103,8 +116,7 @@ class Lanes:
             self._yaw_resets[0], self._yaw_reset_ms[0] = core.yaw_resets, now_us // 1000
         if not self._selects:
             self._settle()
-        if self._armed and self._selects and core.stepped:
-            self.error_scores[0] = core.error_score()
+        self._select()
         return count
 
     def report(self, i: int) -> CoreReport:
@@ -117,7 +129,7 @@ class Lanes:
         return report
 
     def _is_healthy(self, i: int) -> bool:
-        core = self.cores[i]
+        core = self.cores[self._filter_of(i)]
         return core.initialised and core.control.healthy(self._now_us // 1000)
 
     def unhealthy_reason(self, now_ms: int) -> str | None:
@@ -132,13 +144,15 @@ class Lanes:
             self._unhealthy_us = self._now_us
         self._selects = self._now_us - self._unhealthy_us > SETTLED_US
 
-    def _select(self, *, armed: bool) -> None:
-        by_user = self._chosen_by_user()
+    def _select(self) -> None:
+        by_user = self.chosen_by_user()
         if int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH:
             self._switch(by_user)
-        elif armed and self._selects:
+        elif self._armed and self._selects and len(self.cores) > 1:
             self._select_in_flight()
-        if not armed and self.primary != by_user and self._is_healthy(by_user):
+        elif self._armed and self._selects and self.cores[0].stepped:
+            self.error_scores[0] = self.cores[0].error_score()
+        if not self._armed and self.primary != by_user and self._is_healthy(by_user):
             self.primary = by_user
 
     def _select_in_flight(self) -> None:
@@ -189,9 +203,9 @@ class Lanes:
         """Go over to a core that is much better, as the vehicle is about to give up (checkLaneSwitch)."""
         is_manual = int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH
         is_soon = self._switched_ms and self._now_us // 1000 - self._switched_ms < BETWEEN_CHECKS_MS
-        if is_manual or is_soon or not self.cores[self.primary].initialised:
+        if is_manual or is_soon or not self.primary_filter.initialised:
             return
-        best, lowest = self.primary, self.cores[self.primary].error_score()
+        best, lowest = self.primary, self.primary_filter.error_score()
         for i, core in enumerate(self.cores):
             if i != self.primary and self._is_healthy(i) and core.is_aligned:
                 score = core.error_score()

@@ -23,7 +23,7 @@ class Core:
     """A core that is as good as it is told to be."""
 
     def __init__(self) -> None:
-        self.initialised = self.is_healthy = self.is_aligned = True
+        self.initialised = self.is_healthy = self.is_aligned = self.stepped = True
         self.score, self.yaw_resets, self.height_resets = 0.0, 0, 0
         self.control = SimpleNamespace(tilt_aligned=True, healthy=lambda _now_ms: self.is_healthy)
         self.yaw = SimpleNamespace(aligned=True)
@@ -73,6 +73,21 @@ def test_first_core_is_the_primary_one_unless_another_is_chosen() -> None:
     assert Rig().lanes.primary == 0
     assert Rig(PRIMARY=2.0).lanes.primary == 2
     assert Rig(PRIMARY=3.0).lanes.primary == Rig(PRIMARY=-1.0).lanes.primary == 0
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_choice_of_the_user_counts_at_once_on_the_ground_and_by_an_option_in_flight(count: int) -> None:
+    rig = Rig(count)
+    rig.lanes = Lanes(cast(Any, rig.cores), rig.common, rig.params.__getitem__, rig, 3)
+    rig.params["PRIMARY"] = 1.0
+    assert rig.run(armed=False) == 1
+    rig.params["PRIMARY"] = 2.0
+    assert rig.run() == 1
+    assert rig.texts == []
+    rig.params["OPTIONS"] = 2.0
+    assert rig.run() == 2
+    assert rig.texts == [(2, "EKF3 lane switch 2")]
+    assert rig.lanes.primary_filter is cast(Any, rig.cores[-1])
 
 
 def test_unhealthy_core_hands_over_to_the_better_one(rig: Rig) -> None:
