@@ -128,7 +128,7 @@ class EkfRun:
         self.our_lanes: Texts = []
         self.recorded_lanes: Texts = []
         self._yaw_reset_ms = 0
-        self._primary: int | None = None
+        self._primary = core or 0  # as Copter begins, unless one core is all there is
         self._next_us = 0
         self.frames = 0
 
@@ -240,8 +240,8 @@ class EkfRun:
         if lanes.yaw_reset_ms > self._yaw_reset_ms:
             self.output.write(EV, (now_us, _EV_YAW_RESET))
         self._yaw_reset_ms = lanes.yaw_reset_ms
-        before, self._primary = self._primary, self._player.primary
-        if before is not None and before != self._primary:
+        if lanes.primary_filter.initialised and self._player.primary != self._primary:
+            self._primary = self._player.primary
             self.output.write(ERR, (now_us, _ERR_EKF_PRIMARY, self._primary))
             self.send_text(MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
 

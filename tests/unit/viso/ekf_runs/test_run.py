@@ -307,6 +307,18 @@ def test_change_of_the_primary_core_is_logged(rig: Rig) -> None:
 
 
 @pytest.mark.slow
+def test_core_that_is_the_primary_one_from_the_beginning_is_logged_as_a_change(rig: Rig) -> None:
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        yield name, {**fields, "Value": 1.0} if fields.get("Name") == "EK3_PRIMARY" else fields
+
+    ours = rig.run(change, until_s=4.6)
+    ((time_us, text),) = [said for said in texts(ours) if "EKF primary" in said[1]]
+    assert text == "EKF primary changed:1"
+    assert time_us == pytest.approx(INITIALISED_US, abs=2500)
+    assert [(fields["Subsys"], fields["ECode"]) for fields in of(ours, "ERR")] == [(24, 1)]
+
+
+@pytest.mark.slow
 def test_core_is_run_with_its_own_imu(rig: Rig) -> None:
     def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
         yield name, fields
