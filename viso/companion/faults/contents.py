@@ -44,12 +44,13 @@ class Quality(ContentFault):
     """The quality of ODOMETRY or OPTICAL_FLOW, or the confidence of a change, follows a sequence, over and over.
 
     Attributes:
-        values: in turn; -1 failed, 0 unknown, 1 to 100; of flow 0 for none.
+        values: in turn; -1 failed, 0 unknown, 1 to 100; of flow 0 (none) to 255. A message that cannot hold one is left
+            alone.
         hold_s: how long each holds; 0 for one message each.
     """
 
     lasts: ClassVar[bool] = True
-    values: tuple[int, ...] = parameter((0,), -128, 127)
+    values: tuple[int, ...] = parameter((0,), -128, 255)
     hold_s: float = parameter(0.0, 0.0, 1e6)
     _count: int = field(default=0, init=False, repr=False)
 
@@ -120,7 +121,7 @@ class NotANumber(ContentFault):
 
     def change(self, message: Any, moment: Moment) -> Any:
         """Replace the numbers."""
-        names = [name for name in self.fields if hasattr(message, name)]
+        names = [name for name in self.fields if isinstance(getattr(message, name, None), float | tuple)]
         return replace(message, **{name: _nan_like(getattr(message, name)) for name in names}) if names else None
 
 
@@ -141,7 +142,8 @@ class Covariance(ContentFault):
 
     def change(self, message: Any, moment: Moment) -> Any:
         """Replace the covariances."""
-        names = [name for name in _COVARIANCES if hasattr(message, name)]
+        # That of DISTANCE_SENSOR is a number in cm.
+        names = [name for name in _COVARIANCES if isinstance(getattr(message, name, None), tuple)]
         return replace(message, **{name: self._of(len(getattr(message, name))) for name in names}) if names else None
 
     def _of(self, count: int) -> tuple[float, ...]:

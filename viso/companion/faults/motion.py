@@ -230,16 +230,22 @@ class Scale(ContentFault):
         return with_position(message, times(self.factor, (message.x, message.y, message.z)))
 
 
+def _sensor_of(message: Any) -> tuple[int, ...]:
+    if isinstance(message, DISTANCE_SENSOR):
+        return message.id, message.orientation
+    return (message.sensor_id,) if isinstance(message, OPTICAL_FLOW) else ()
+
+
 @dataclass(slots=True)
 class Frozen(ContentFault):
-    """The estimate stands still: what the first message said is said again and again, with stamps that go on."""
+    """What the first message said, of each sensor, is said again and again, with stamps that go on."""
 
     lasts: ClassVar[bool] = True
-    _first: dict[type, Any] = field(default_factory=dict, init=False, repr=False)
+    _first: dict[tuple[object, ...], Any] = field(default_factory=dict, init=False, repr=False)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Repeat the first of the same type."""
-        first = self._first.setdefault(type(message), message)
+        """Repeat the first of the same type and sensor."""
+        first = self._first.setdefault((type(message), *_sensor_of(message)), message)
         if isinstance(message, DISTANCE_SENSOR):
             return replace(first, time_boot_ms=message.time_boot_ms)
         stamp_us = stamp_of(message)

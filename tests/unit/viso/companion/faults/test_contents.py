@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from mav_handlers.wire.messages import Message
 from tests.unit.viso.companion.faults.rig import (
     BEAT,
     after,
@@ -40,6 +41,13 @@ def test_quality_holds_for_its_time() -> None:
 
 def test_flow_sees_nothing() -> None:
     assert after_one("kind: quality, messages: OPTICAL_FLOW", flow()) == flow(quality=0)
+
+
+@pytest.mark.parametrize(("value", "message"), [(-1, flow()), (255, odometry())], ids=["flow", "odometry"])
+def test_quality_is_as_large_as_its_field_holds(value: int, message: Message) -> None:
+    assert after_one("kind: quality, values: [255], messages: OPTICAL_FLOW", flow()) == flow(quality=255)
+    reason = passed_over(f"kind: quality, values: [{value}]", encoded(message)[0])
+    assert reason == {"does not fit its field": 1}
 
 
 def test_distances_and_where_they_look_are_those_given() -> None:
@@ -82,6 +90,7 @@ def test_unknown_covariance_has_nan_in_front() -> None:
 
 @pytest.mark.parametrize(("kind", "message"), [
     ("frame_ids", position()), ("quality", position()), ("covariance", delta()), ("nan", delta()), ("nan", BEAT),
+    ("covariance", distance()), ("nan, fields: [covariance]", distance()),
 ])  # fmt: skip
 def test_message_with_nothing_to_change_is_passed_over(kind: str, message: object) -> None:
     frame = encoded(message)[0]  # type: ignore[arg-type]  # all are messages

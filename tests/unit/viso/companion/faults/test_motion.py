@@ -122,6 +122,15 @@ def test_frozen_distances_are_stamped_anew() -> None:
     assert after("kind: frozen, messages: DISTANCE_SENSOR", *told) == [told[0], distance(time_boot_ms=5001)]
 
 
+def test_each_sensor_is_frozen_by_itself() -> None:
+    finders = [distance(current_distance=cm, id=index, orientation=where) for cm, index, where in (
+        (100, 0, 25), (500, 1, 25), (300, 0, 0), (101, 0, 25), (501, 1, 25), (301, 0, 0),
+    )]  # fmt: skip
+    assert after("kind: frozen, messages: DISTANCE_SENSOR", *finders) == 2 * finders[:3]
+    flows = [flow(sensor_id=index, flow_x=x) for index, x in ((0, 4), (1, 8), (0, 5), (1, 9))]
+    assert after("kind: frozen, messages: OPTICAL_FLOW", *flows) == 2 * flows[:2]
+
+
 def test_frozen_repeats_the_first_of_its_window_with_stamps_that_go_on() -> None:
     told = [odometry(number, x=float(number)) for number in range(4)]
     heard = after("kind: frozen, start_s: 0.1, end_s: 0.3", *told)

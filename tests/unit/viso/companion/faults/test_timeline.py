@@ -90,7 +90,7 @@ def test_seed_is_read() -> None:
     (one("kind: corrupt, bits: 1.5"), "t.yaml: entry 1 (corrupt): bits: 1.5 is no whole number"),
     (one("kind: stamp_unit, unit: h"), "t.yaml: entry 1 (stamp_unit): unit: 'h' is none of s, ms, ns"),
     (one("kind: quality, values: 3"), "t.yaml: entry 1 (quality): values: 3 is no list, or an empty one"),
-    (one("kind: quality, values: [3, 200]"), "t.yaml: entry 1 (quality): values: 200 is not within -128 to 127"),
+    (one("kind: quality, values: [3, 256]"), "t.yaml: entry 1 (quality): values: 256 is not within -128 to 255"),
     (one("kind: nan, fields: [quality]"), "t.yaml: entry 1 (nan): fields: no message has a number 'quality'; there "),
     (one("kind: axes, world_axes: 3"), "t.yaml: entry 1 (axes): world_axes: 3 is no text"),
     (one("kind: axes, world_axes: ENN"),
