@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What flow sensors and range finders said in a recording, and the motion of the vehicle to hold it against."""
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,8 @@ _BITS: Final = ((FLOW, 1 << 6), (RANGE, 1 << 8))
 _FRAMES: Final = 20
 """Of a log, from one range to the next: the filter looks at them 20 times a second."""
 
-_IN_CM: Final = ("MIN", "MAX")
-"""Which limits older releases tell in cm."""
+_FINDERS: Final = "123456789A"
+_MAVLINK: Final = 10
 
 
 class RangeStatus(IntEnum):
@@ -45,6 +46,29 @@ class RangeStatus(IntEnum):
     LOW = 2
     HIGH = 3
     GOOD = 4
+
+
+class RangeFinder(NamedTuple):
+    """The parameters of a range finder: its number from 1 (A for 10), RNGFNDn_TYPE and RNGFNDn_ORIENT."""
+
+    number: str
+    kind: int
+    orient: int
+
+    @property
+    def is_mavlink(self) -> bool:
+        """Whether it takes DISTANCE_SENSOR."""
+        return self.kind == _MAVLINK
+
+
+def finders_in(params: Mapping[str, float]) -> list[RangeFinder]:
+    """Return the range finders that parameters set up."""
+    known = {name: int(value) for name, value in params.items() if name.startswith("RNGFND") and math.isfinite(value)}
+    return [
+        RangeFinder(number, kind, known.get(f"RNGFND{number}_ORIENT", DOWN))
+        for number in _FINDERS
+        if (kind := known.get(f"RNGFND{number}_TYPE", 0))
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -352,7 +376,7 @@ def _sent_range(
     table = np.array([(one.current_distance, one.min_distance, one.max_distance) for one in said], np.float64) * 0.01
     dist_m, low_m, high_m = table.T
     if not is_own:
-        low_m, high_m = _limits(low_m, high_m, params)
+        low_m, high_m = _limits(low_m, high_m, whose[3], params)
     status = np.full(len(rows), int(RangeStatus.GOOD), dtype=np.int64)
     status[dist_m < low_m] = RangeStatus.LOW
     status[dist_m > high_m] = RangeStatus.HIGH
@@ -370,13 +394,14 @@ def _sent_range(
     )
 
 
-def _limits(low_m: Floats, high_m: Floats, params: Mapping[str, float]) -> tuple[Floats, Floats]:
-    """Return the limits that AP_RangeFinder_MAVLink makes of a message's and of the parameters'."""
-    told = {name: value for name, value in params.items() if name in ("RNGFND1_MIN", "RNGFND1_MAX")}
-    told |= {
-        f"RNGFND1_{name}": 0.01 * params[f"RNGFND1_{name}_CM"] for name in _IN_CM if f"RNGFND1_{name}_CM" in params
-    }
+def _limits(low_m: Floats, high_m: Floats, orient: int, params: Mapping[str, float]) -> tuple[Floats, Floats]:
+    """Return the limits that AP_RangeFinder_MAVLink makes of messages' and of those of the finder that takes them."""
+    taking = (one.number for one in finders_in(params) if one.is_mavlink and one.orient == orient)
+    prefix = f"RNGFND{next(taking, '')}_"
+    least, most = (
+        0.01 * params[f"{prefix}{name}_CM"] if f"{prefix}{name}_CM" in params else params.get(prefix + name, unlimited)
+        for name, unlimited in (("MIN", 0.0), ("MAX", np.inf))
+    )
     neither = (low_m == 0) & (high_m == 0)
-    least, most = told.get("RNGFND1_MIN", 0.0), told.get("RNGFND1_MAX", np.inf)
     low, high = np.maximum(low_m, least), np.minimum(high_m, most)
     return np.where(neither, least, low), np.where(neither, most, high)

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How a vehicle is set up for flow and ranges, and when it flew: what the rules about both ask for."""
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity
-from viso.doctor.measures.ground_sensors import FLOW
+from viso.doctor.measures.ground_sensors import FLOW, RangeFinder, finders_in
 from viso.doctor.measures.tracks import Bools, Floats, Ints
 from viso.doctor.witness import Witness
 
@@ -16,18 +16,7 @@ FLOW_BIT: Final = 11
 CTUN_BIT: Final = 4
 """Bits of LOG_BITMASK, Copter's; ranges are logged with what the throttle controller does."""
 
-_MOST: Final = 10
-_LETTER: Final = "A"
-_DOWN: Final = 25
 _AIR_M: Final = 0.5
-
-
-class RangeFinder(NamedTuple):
-    """The parameters of a range finder: its number from 1 (A for 10), RNGFNDn_TYPE and RNGFNDn_ORIENT."""
-
-    number: str
-    kind: int
-    orient: int
 
 
 def told(evidence: Evidence, name: str) -> float | None:
@@ -45,12 +34,7 @@ def range_finders(evidence: Evidence) -> list[RangeFinder] | None:
     """Return the range finders that are set up; None if nobody tells."""
     if not any(name.startswith("RNGFND") for name in evidence.told) and not evidence.tells_all:
         return None
-    found = []
-    for number in (*map(str, range(1, _MOST)), _LETTER):
-        kind = int(evidence.told.get(f"RNGFND{number}_TYPE", 0))
-        if kind:
-            found.append(RangeFinder(number, kind, int(evidence.told.get(f"RNGFND{number}_ORIENT", _DOWN))))
-    return found
+    return finders_in(evidence.told)
 
 
 def is_recorded(evidence: Evidence, bit: int) -> bool:

@@ -26,7 +26,6 @@ from viso.doctor.rules.ground_set_up import (
 from viso.doctor.witness import Witness
 from viso.estimators.series import stretches_of
 
-_MAVLINK: Final = 10
 _STALE_US: Final = 500_000
 _STUCK_US: Final = 3_000_000
 _FEWEST: Final = 20
@@ -114,10 +113,10 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
         if not one.is_sent or finders is None:
             continue
         everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
-        ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.kind == _MAVLINK]
+        ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.is_mavlink]
         if not ours:
             yield _seen(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
-        elif not any(finder.kind == _MAVLINK and finder.orient == orient for finder in finders):
+        elif not any(finder.is_mavlink and finder.orient == orient for finder in finders):
             yield _seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
 
 

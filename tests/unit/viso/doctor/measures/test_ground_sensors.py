@@ -2,14 +2,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a log has of flow and ranges."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
 from ap_core.dataflash_columns import LogColumns
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import DISTANCE_SENSOR
 from tests.unit.viso.report.log_maker import LogMaker
-from viso.doctor.measures.ground_sensors import GroundSensors, RangeStatus, ground_sensors_in
+from viso.doctor.measures.ground_sensors import GroundListener, GroundSensors, RangeStatus, ground_sensors_in
 
 OF = "TimeUS,Qual,flowX,flowY,bodyX,bodyY", "QBffff"
 ROFH = "FX,FY,GX,GY,Tms,PX,PY,PZ,HgtOvr,Qual", "ffffIffffB"
@@ -84,6 +87,28 @@ def test_a_distance_of_an_older_log_is_good_if_there_is_one() -> None:
         maker.add_to(layout, 2.0 + number, Dist1=dist_m, Orient1=25)
     (down,) = told(maker).ranges
     assert (down.dist_m.tolist(), down.is_good.tolist(), down.looks_down) == ([0.0, 2.5], [False, True], True)
+
+
+@pytest.mark.parametrize(
+    ("orient", "most_m"), [(25, 20.0), (0, 1.0), (24, 30.0)], ids=["second", "first", "taken by none"]
+)
+def test_limits_are_of_the_finder_that_takes_the_orientation(orient: int, most_m: float) -> None:
+    first = {"RNGFND1_TYPE": 10, "RNGFND1_ORIENT": 0, "RNGFND1_MAX": 1.0}
+    second = {
+        "RNGFND2_TYPE": 10,
+        "RNGFND2_MAX_CM": 2000.0,
+        "RNGFND3_TYPE": 1,
+        "RNGFND3_ORIENT": 24,
+        "RNGFND3_MAX": 5.0,
+        "RNGFND4_TYPE": math.nan,
+    }
+    codec, listener = Codec(1, 198), GroundListener()
+    codec.feed(codec.encode(DISTANCE_SENSOR(0, 5, 3000, 300, 0, 1, orient, 0)))
+    received = codec.next_received()
+    assert isinstance(received, Received)
+    listener.take(0, 1, received.header, received.message)
+    (one,) = listener.told(1, {**first, **second}).ranges
+    assert (one.low_m.tolist(), one.high_m.tolist()) == ([0.05], [most_m])
 
 
 def test_log_without_any_has_none() -> None:
