@@ -18,6 +18,7 @@ from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
 from viso.ekf_runs.gps import GpsRecords
 from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
 
@@ -34,7 +35,6 @@ class Reading(NamedTuple, Generic[T]):
     is_healthy: bool
 
 
-_DOWNWARD, _GOOD = 25, 4  # RRNI.Orient, RRNI.Status
 _NO_RANGE: Final = RangeFinder(0.0, is_good=False)
 
 
@@ -177,7 +177,7 @@ class ReplayInputs:
 
     def _take_rrni(self, record: Any) -> None:
         x, y, z, distance = finite(record, "PX", "PY", "PZ", "Dist")
-        is_good = whole(record, "Orient", "Status") == [_DOWNWARD, _GOOD]
+        is_good = whole(record, "Orient", "Status") == [DOWNWARD, RangeStatus.GOOD]
         index = instance(record)
         if self.ranges is not None and index < len(self.ranges.finders):
             finders = list(self.ranges.finders)

@@ -62,7 +62,7 @@ class FlowFit:
         by_turning: whether the turning tells; else the velocity over the ground.
         matrix: 2 x 2, what the sensor says of what it should say.
         explained: 0 to 1, the part of its variance, of each axis, that the motion explains.
-        lag_ms: how much later the sensor is than the motion; NaN where that makes too little difference.
+        lag_ms: how much later the sensor is than the motion; ``is_timed`` says whether it can be told.
         is_timed: whether another lag explains much less.
     """
 

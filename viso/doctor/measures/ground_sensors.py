@@ -6,12 +6,12 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
+from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, SYS_STATUS, Message
 from viso.doctor.measures.tracks import Bools, Floats, Ints
@@ -19,9 +19,6 @@ from viso.estimators.series import IMPOSSIBLE_S
 from viso.logs.filter_records import table_with
 from viso.logs.recorded import table_of
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1
-
-DOWN: Final = 25
-"""ROTATION_PITCH_270, the one orientation of which the filter takes ranges."""
 
 LONGEST_PERIOD_S: Final = 0.5
 """After a longer silence AP_OpticalFlow_MAV takes a flow for zero."""
@@ -36,16 +33,6 @@ _FRAMES: Final = 20
 
 _FINDERS: Final = "123456789A"
 _MAVLINK: Final = 10
-
-
-class RangeStatus(IntEnum):
-    """RangeFinder::Status."""
-
-    NOT_CONNECTED = 0
-    NO_DATA = 1
-    LOW = 2
-    HIGH = 3
-    GOOD = 4
 
 
 class RangeFinder(NamedTuple):
@@ -65,7 +52,7 @@ def finders_in(params: Mapping[str, float]) -> list[RangeFinder]:
     """Return the range finders that parameters set up."""
     known = {name: int(value) for name, value in params.items() if name.startswith("RNGFND") and math.isfinite(value)}
     return [
-        RangeFinder(number, kind, known.get(f"RNGFND{number}_ORIENT", DOWN))
+        RangeFinder(number, kind, known.get(f"RNGFND{number}_ORIENT", DOWNWARD))
         for number in _FINDERS
         if (kind := known.get(f"RNGFND{number}_TYPE", 0))
     ]
@@ -139,7 +126,7 @@ class RangeSeries:
     @property
     def looks_down(self) -> bool:
         """Whether it looks down, at last."""
-        return bool(self.orient[-1] == DOWN)
+        return bool(self.orient[-1] == DOWNWARD)
 
 
 def _none(width: int) -> Floats:
@@ -378,8 +365,8 @@ def _sent_range(
     if not is_own:
         low_m, high_m = _limits(low_m, high_m, whose[3], params)
     status = np.full(len(rows), int(RangeStatus.GOOD), dtype=np.int64)
-    status[dist_m < low_m] = RangeStatus.LOW
-    status[dist_m > high_m] = RangeStatus.HIGH
+    status[dist_m < low_m] = RangeStatus.TOO_NEAR
+    status[dist_m > high_m] = RangeStatus.TOO_FAR
     return RangeSeries(
         f"DISTANCE_SENSOR {whose[2]} from {whose[0]}/{whose[1]}",
         whose[2],

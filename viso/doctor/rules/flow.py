@@ -11,13 +11,15 @@ from ekf_stub.inputs.sources import SETS, SourceXY
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.measures.flow_fit import FlowFit
-from viso.doctor.measures.ground_sensors import FLOW, RANGE, FlowSeries
+from viso.doctor.measures.ground_sensors import FLOW, RANGE
 from viso.doctor.outputs.phrases import at, listed, often, share
 from viso.doctor.rules.ground_set_up import (
+    AIR_M,
     FLOW_BIT,
     is_in_flight,
     is_recorded,
     range_finders,
+    seen,
     told,
     unheard,
 )
@@ -45,7 +47,6 @@ _FROZEN_US: Final = 3_000_000
 _MOVES: Final = 0.05
 _COARSE_S: Final = 0.05
 _VERY_COARSE_S: Final = 0.1
-_AIR_M: Final = 0.5
 _LARGEST_SCALER: Final = 800
 
 _MAV_DRIVER: Final = "AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::update"
@@ -58,14 +59,6 @@ _AIDING: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 def _asking(evidence: Evidence) -> list[int]:
     """Return the source sets that take their velocity from flow."""
     return [number for number in range(1, SETS + 1) if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
-
-
-def _seen(text: str, flow: FlowSeries, mask: object, severity: Severity | None = None) -> Sighting:
-    """Return what some of a sensor's records show, one at least."""
-    chosen = np.flatnonzero(np.asarray(mask))
-    times = flow.time_us[chosen]
-    numbers = flow.numbers[chosen].tolist() if len(flow.numbers) else []
-    return Sighting(f"{flow.origin}: {text}", numbers, int(times[0]), int(times[-1]), severity=severity)
 
 
 @error(
@@ -108,10 +101,10 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.ground.flows:
         everything = np.ones(len(flow), np.bool_)
         if flow.units is not None and kind is not None and kind != _MAVLINK:
-            yield _seen(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
+            yield seen(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
         elif not _asking(evidence) and use is not None and use != _TERRAIN_ONLY and "EK3_SRC1_VELXY" in evidence.told:
             text = f"no EK3_SRCn_VELXY is 5 (OptFlow), and EK3_FLOW_USE is {use:g}"
-            yield _seen(text, flow, everything, Severity.NOTE)
+            yield seen(text, flow, everything, Severity.NOTE)
 
 
 @error(
@@ -130,7 +123,7 @@ def _no_quality(evidence: Evidence) -> Iterator[Sighting]:
         if bad.sum() > _SOME * flying.sum() and bad.sum() >= _FEWEST:
             much = bad.sum() > _MUCH * flying.sum()
             text = f"quality is 0 in {share(int(bad.sum()), int(flying.sum()))} measurements"
-            yield _seen(text, flow, bad, None if much else Severity.WARNING)
+            yield seen(text, flow, bad, None if much else Severity.WARNING)
 
 
 @error(
@@ -150,7 +143,7 @@ def _gaps(evidence: Evidence) -> Iterator[Sighting]:
         period_us = np.diff(flow.time_us)
         if np.median(period_us) > _SLOW_US and flow.has_all:
             rate = 1e6 / float(np.median(period_us))
-            yield _seen(f"{rate:.1f} measurements a second", flow, np.ones(len(flow), np.bool_))
+            yield seen(f"{rate:.1f} measurements a second", flow, np.ones(len(flow), np.bool_))
             continue
         least_us = max(_UNHEALTHY_US, 3 * float(np.median(period_us)))
         gap = np.append(False, period_us > least_us) & is_in_flight(evidence, flow.time_us)
@@ -163,7 +156,7 @@ def _gaps(evidence: Evidence) -> Iterator[Sighting]:
             )
             stops = period_us[longest] >= _STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
             severity = None if stops else Severity.WARNING
-            yield _seen(text, flow, gap, severity)
+            yield seen(text, flow, gap, severity)
 
 
 def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
@@ -326,10 +319,10 @@ def _period(evidence: Evidence) -> Iterator[Sighting]:
         period_s = float(np.median(np.diff(flow.time_us))) * 1e-6
         if abs(factor - 1) > _OFF:
             text = f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much"
-            yield _seen(text, flow, known, Severity.ERROR)
+            yield seen(text, flow, known, Severity.ERROR)
         elif period_s >= _COARSE_S and flow.units.any():
             text = f"a message every {1e3 * period_s:.0f} ms: flow comes in steps of {period_s:.2f} rad/s"
-            yield _seen(text, flow, everything, None if period_s >= _VERY_COARSE_S else Severity.NOTE)
+            yield seen(text, flow, everything, None if period_s >= _VERY_COARSE_S else Severity.NOTE)
 
 
 @warning(
@@ -349,7 +342,7 @@ def _fast(evidence: Evidence) -> Iterator[Sighting]:
         fast = (size > min(limit, _SENSOR_LIMIT)) & (flow.quality > 0)
         if fast.sum() > _SOME * len(flow) and fast.sum() >= _FEWEST:
             text = f"{share(int(fast.sum()), len(flow))} measurements are above {min(limit, _SENSOR_LIMIT):g} rad/s"
-            yield _seen(f"{text}, up to {size.max():.1f}", flow, fast)
+            yield seen(f"{text}, up to {size.max():.1f}", flow, fast)
 
 
 @error(
@@ -375,7 +368,7 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
                 continue
             if turning[inside, 1:3].std(axis=0).max() > max(_MOVES, step):
                 text = f"the same flow for {1e-6 * (until - since):.1f} s from {at(since)} on, while the vehicle turns"
-                yield _seen(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
+                yield seen(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
                 break
 
 
@@ -418,7 +411,7 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
     check = evidence.ground.check
     if not evidence.ground.flows or not _asking(evidence) or not len(check):
         return
-    flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > _AIR_M)
+    flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > AIR_M)
     over = flying & (check[:, 1] > 1)
     if over.sum() > _SOME * flying.sum() and over.sum() >= _FEWEST:
         part = share(int(over.sum()), int(flying.sum()))

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Severity
-from viso.doctor.measures.ground_sensors import FLOW, RangeFinder, finders_in
+from viso.doctor.findings import Severity, Sighting
+from viso.doctor.measures.ground_sensors import FLOW, FlowSeries, RangeFinder, RangeSeries, finders_in
 from viso.doctor.measures.tracks import Bools, Floats, Ints
 from viso.doctor.witness import Witness
 
@@ -16,7 +16,8 @@ FLOW_BIT: Final = 11
 CTUN_BIT: Final = 4
 """Bits of LOG_BITMASK, Copter's; ranges are logged with what the throttle controller does."""
 
-_AIR_M: Final = 0.5
+AIR_M: Final = 0.5
+"""Above the start or the ground: whatever is higher flies."""
 
 
 def told(evidence: Evidence, name: str) -> float | None:
@@ -61,6 +62,23 @@ def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple
     return "", Severity.WARNING if evidence.vehicle_witness is Witness.TELEMETRY else severity
 
 
+def seen(
+    text: str, one: FlowSeries | RangeSeries, mask: object, severity: Severity | None = None, fix: str | None = None
+) -> Sighting:
+    """Return what some of a sensor's records show, one at least."""
+    chosen = np.flatnonzero(np.asarray(mask))
+    times = one.time_us[chosen]
+    numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
+    return Sighting(f"{named(one)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
+
+
+def named(one: FlowSeries | RangeSeries) -> str:
+    """Return how findings call a sensor."""
+    if isinstance(one, RangeSeries) and one.origin in ("RFND", "RRNI"):
+        return f"{one.origin} {one.instance}"
+    return one.origin
+
+
 def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
     """Return how high the vehicle is above its start, by what does not come from a range; NaN where nothing tells.
 
@@ -89,5 +107,5 @@ def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
         for start, end in own.armed:
             armed |= (time_us >= 1e6 * start) & (time_us <= 1e6 * end)
         height = above_start_m(evidence, time_us)
-        armed &= ~(height < _AIR_M)
+        armed &= ~(height < AIR_M)
     return armed

@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
 from ekf_stub.inputs.sources import SETS, SourceZ
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
-from viso.doctor.measures.ground_sensors import DOWN, RANGE, RangeSeries, RangeStatus
+from viso.doctor.measures.ground_sensors import RANGE, RangeSeries
 from viso.doctor.measures.tracks import Bools, Floats
 from viso.doctor.outputs.phrases import at, listed, often, share
 from viso.doctor.rules.ground_set_up import (
@@ -19,7 +20,9 @@ from viso.doctor.rules.ground_set_up import (
     above_start_m,
     is_in_flight,
     is_recorded,
+    named,
     range_finders,
+    seen,
     told,
     unheard,
 )
@@ -45,8 +48,8 @@ _STATUS: Final = "AP_RangeFinder_Backend.cpp, AP_RangeFinder_Backend::update_sta
 _WHY: Final = {
     RangeStatus.NOT_CONNECTED: "not connected",
     RangeStatus.NO_DATA: "without data",
-    RangeStatus.LOW: "below the minimum",
-    RangeStatus.HIGH: "beyond the maximum",
+    RangeStatus.TOO_NEAR: "below the minimum",
+    RangeStatus.TOO_FAR: "beyond the maximum",
 }
 
 
@@ -55,20 +58,6 @@ def _asking(evidence: Evidence) -> list[str]:
     sets = [f"EK3_SRC{n}_POSZ 2" for n in range(1, SETS + 1) if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
     use = evidence.told.get("EK3_RNG_USE_HGT", -1.0)
     return [*sets, *([f"EK3_RNG_USE_HGT {use:g}"] if use > 0 else [])]
-
-
-def _seen(
-    text: str, one: RangeSeries, mask: object, severity: Severity | None = None, fix: str | None = None
-) -> Sighting:
-    """Return what some of a sensor's records show, one at least."""
-    chosen = np.flatnonzero(np.asarray(mask))
-    times = one.time_us[chosen]
-    numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
-    return Sighting(f"{_name(one)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
-
-
-def _name(one: RangeSeries) -> str:
-    return f"{one.origin} {one.instance}" if one.origin in ("RFND", "RRNI") else one.origin
 
 
 def _down(evidence: Evidence) -> Iterator[RangeSeries]:
@@ -115,9 +104,9 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
         everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
         ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.is_mavlink]
         if not ours:
-            yield _seen(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
+            yield seen(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
         elif not any(finder.is_mavlink and finder.orient == orient for finder in finders):
-            yield _seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
+            yield seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
 
 
 @error(
@@ -134,8 +123,8 @@ def _elsewhere(evidence: Evidence) -> Iterator[Sighting]:
         return
     wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in range(1, SETS + 1))
     for one in ranges:
-        text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWN}"
-        yield _seen(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
+        text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWNWARD}"
+        yield seen(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
 
 
 def _statuses(one: RangeSeries, mask: Bools) -> str:
@@ -166,7 +155,7 @@ def _never_good(evidence: Evidence) -> Iterator[Sighting]:
             text = (
                 f"no range is good: {_statuses(one, everything)}, distances {_span(one.dist_m)}{_limits(evidence, one)}"
             )
-            yield _seen(text, one, everything, None if wants and len(one) >= _FEWEST else Severity.WARNING)
+            yield seen(text, one, everything, None if wants and len(one) >= _FEWEST else Severity.WARNING)
 
 
 def _span(dist_m: Floats) -> str:
@@ -207,9 +196,9 @@ def _missing(evidence: Evidence) -> Iterator[Sighting]:
             longest = max(spans, key=lambda span: span[1] - span[0])
             shown = bad & (one.time_us >= spans[0][0]) & (one.time_us <= spans[-1][1])
             how = f" ({_statuses(one, shown)})" if shown.any() else ""
-            only_high = shown.any() and bool((one.status[shown] == RangeStatus.HIGH).all()) and not len(gaps)
+            only_high = shown.any() and bool((one.status[shown] == RangeStatus.TOO_FAR).all()) and not len(gaps)
             yield Sighting(
-                f"{_name(one)}: no good range for more than 0.5 s in flight, {often(len(spans))}; the longest time of "
+                f"{named(one)}: no good range for more than 0.5 s in flight, {often(len(spans))}; the longest time of "
                 f"{1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
                 start_us=spans[0][0],
                 end_us=spans[-1][1],
@@ -240,7 +229,7 @@ def _stuck(evidence: Evidence) -> Iterator[Sighting]:
                     f"{one.dist_m[start]:.2f} m for {1e-6 * took_us:.1f} s, while the vehicle's height changed by "
                     f"{np.ptp(known):.1f} m"
                 )
-                yield _seen(text, one, shown)
+                yield seen(text, one, shown)
                 break
 
 
@@ -266,7 +255,7 @@ def _outliers(evidence: Evidence) -> Iterator[Sighting]:
             shown = np.zeros(len(one), np.bool_)
             shown[chosen[outlier]] = True
             text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"
-            yield _seen(f"{text} from those around them", one, shown)
+            yield seen(f"{text} from those around them", one, shown)
 
 
 @error(
@@ -285,7 +274,7 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
         factor, alike = found
         if alike > _ALIKE and abs(factor - 1) > _OFF:
             text = f"ranges grow {factor:.2f} times as much as the vehicle's height (correlation {alike:.2f})"
-            yield _seen(text, one, one.is_good)
+            yield seen(text, one, one.is_good)
 
 
 def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
@@ -324,7 +313,7 @@ def _late(evidence: Evidence) -> Iterator[Sighting]:
         is_told = alike[late_us] > _ALIKE and 1 - alike[late_us] ** 2 < _LEFT * (1 - alike[0] ** 2)
         if late_us >= _LATEST_US and is_told:
             text = f"ranges follow the vehicle's height about {1e-3 * late_us:.0f} ms later"
-            yield _seen(text, one, one.is_good)
+            yield seen(text, one, one.is_good)
 
 
 @note(
@@ -340,9 +329,9 @@ def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
         found = _against_height(evidence, one)
         if found is None:
-            yield Sighting(f"{_name(one)}: scale: nothing shows a climb of {_SCALE_CLIMB_M:g} m with good ranges")
+            yield Sighting(f"{named(one)}: scale: nothing shows a climb of {_SCALE_CLIMB_M:g} m with good ranges")
         elif found[1] <= _ALIKE:
-            yield Sighting(f"{_name(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
+            yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
     asks = _asking(evidence)
     if asks and not evidence.ground.ranges:
         if not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from ap_core.dataflash_columns import LogColumns
+from ekf_stub.inputs.range_state import RangeStatus
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import DISTANCE_SENSOR
 from tests.unit.viso.report.log_maker import LogMaker
-from viso.doctor.measures.ground_sensors import GroundListener, GroundSensors, RangeStatus, ground_sensors_in
+from viso.doctor.measures.ground_sensors import GroundListener, GroundSensors, ground_sensors_in
 
 OF = "TimeUS,Qual,flowX,flowY,bodyX,bodyY", "QBffff"
 ROFH = "FX,FY,GX,GY,Tms,PX,PY,PZ,HgtOvr,Qual", "ffffIffffB"
@@ -73,7 +74,11 @@ def test_flow_is_what_was_handed_over_where_the_driver_logged_none() -> None:
 def test_ranges_are_told_apart_by_instance() -> None:
     maker = LogMaker()
     layout = maker.define("RFND", *RFND)
-    for instance, status, orient in ((0, RangeStatus.GOOD, 25), (1, RangeStatus.LOW, 0), (0, RangeStatus.HIGH, 25)):
+    for instance, status, orient in (
+        (0, RangeStatus.GOOD, 25),
+        (1, RangeStatus.TOO_NEAR, 0),
+        (0, RangeStatus.TOO_FAR, 25),
+    ):
         maker.add_to(layout, 2.0, Instance=instance, Dist=1.5, Stat=int(status), Orient=orient)
     down, ahead = told(maker).ranges
     assert (down.status.tolist(), down.dist_m.tolist(), down.looks_down) == ([4, 3], [1.5, 1.5], True)
