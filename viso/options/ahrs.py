@@ -15,7 +15,7 @@ from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from ekf_stub.ahrs.parts import AhrsParts
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
-from viso.sensors.errors import parse_errors
+from viso.sensors.errors import ERROR_NAMES, parse_errors
 from viso.sensors.inertial_sources import FLOWN, IMU_HELP, read_source
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import by_ekf3
@@ -29,7 +29,10 @@ AhrsOption = Annotated[
 ImuOption = Annotated[str | None, typer.Option(help=f"The filter's sensors: {IMU_HELP}.", metavar="SOURCE")]
 ImuErrorOption = Annotated[
     list[str] | None,
-    typer.Option(help="What is wrong with them, such as gyro_bias_deg_s=0.1; repeatable.", metavar="NAME=VALUE"),
+    typer.Option(
+        help=f"What is wrong with them, such as gyro_bias_deg_s=0.1: {', '.join(ERROR_NAMES)}; repeatable.",
+        metavar="NAME=VALUE",
+    ),
 ]
 ImuSeedOption = Annotated[int, typer.Option(help="Seed of their noise.", min=0)]
 HeadingOption = Annotated[

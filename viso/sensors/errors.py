@@ -20,7 +20,10 @@ MAX_ERROR: Final = 1000.0
 _NONE: Final = (0.0, 0.0, 0.0)
 _OPTION: Final = "--imu-error"
 _IMU, _BARO, _COMPASS = range(3)  # each with a random sequence of its own
-_LIMITS: Final = {"imus": (1.0, float(MAX_IMUS))}
+_IMUS: Final = "imus"
+_LIMITS: Final = {_IMUS: (1.0, float(MAX_IMUS))}
+_DIFFERING: Final = ("gyro_bias_deg_s", "gyro_noise_deg_s_rthz", "accel_bias_m_s2", "accel_noise_m_s2_rthz")
+"""What each of several IMUs has of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,7 @@ class SensorErrors:
 
 
 NO_ERRORS: Final = SensorErrors()
+ERROR_NAMES: Final = tuple(field.name for field in fields(SensorErrors))
 
 
 def to_single(values: Array | Sequence[float]) -> Array:
@@ -140,10 +144,15 @@ class ErrorModel:
 def parse_errors(assignments: Sequence[str]) -> SensorErrors:
     """Return the errors that ``NAME=VALUE`` texts give; a bias takes one value for all axes, or ``X,Y,Z``.
 
-    Raises InputError for an unknown name or an unusable value.
+    Raises InputError for an unknown name, an unusable value, or several IMUs of which all would say the same.
     """
     values: dict[str, Any] = dict(map(_parse_error, assignments))
-    return SensorErrors(**values)
+    errors = SensorErrors(**values)
+    if errors.imus > 1 and not any(np.any(values.get(name, 0.0)) for name in _DIFFERING):
+        raise InputError(
+            f"{_OPTION} imus={errors.imus:g}: IMUs differ by one of {', '.join(_DIFFERING)}; none is given"
+        )
+    return errors
 
 
 def _parse_error(text: str) -> tuple[str, float | Three]:
@@ -161,6 +170,8 @@ def _parse_error(text: str) -> tuple[str, float | Three]:
     lowest, highest = _LIMITS.get(name, (0.0 if "_noise_" in name else -MAX_ERROR, MAX_ERROR))
     if not all(lowest <= number <= highest for number in numbers):
         raise InputError(f"{_OPTION} {text!r}: not from {lowest:g} to {highest:g}")
+    if name == _IMUS and not numbers[0].is_integer():
+        raise InputError(f"{_OPTION} {text!r}: not a whole number")
     if not has_axes:
         return name, numbers[0]
     x, y, z = numbers if len(numbers) == 3 else 3 * numbers

@@ -94,7 +94,7 @@ def test_choice_that_cannot_be_used_is_one_line(choice: AhrsChoice, line: str) -
     assert str(error.value) == line
 
 
-@pytest.mark.parametrize("error", ["gyro_bias=1", "baro_noise_m=-1", "gyro_bias_deg_s=1,2"])
+@pytest.mark.parametrize("error", ["gyro_bias=1", "baro_noise_m=-1", "gyro_bias_deg_s=1,2", "imus=2.5"])
 def test_error_that_there_is_not_is_named(error: str) -> None:
     with pytest.raises(InputError, match=f"^--imu-error '{error}': "):
         ahrs_maker(replace(NOTHING, imu_errors=[error]))

@@ -147,6 +147,16 @@ def test_errors_are_read_from_assignments() -> None:
     assert parse_errors([]) == NO_ERRORS
 
 
+@pytest.mark.parametrize("other", [[], ["gyro_bias_deg_s=0"], ["accel_scale_percent=1", "baro_noise_m=1"]])
+def test_several_imus_without_what_makes_them_differ_are_refused(other: list[str]) -> None:
+    with pytest.raises(
+        InputError, match=r"^--imu-error imus=2: IMUs differ by one of gyro_bias_deg_s, .*; none is given"
+    ):
+        parse_errors(["imus=2", *other])
+    assert parse_errors(["imus=1", *other]).imus == 1
+    assert parse_errors(["imus=2", "accel_bias_m_s2=0,0,0.1", *other]).imus == 2
+
+
 def test_several_imus_err_each_in_its_own_way() -> None:
     errors = SensorErrors(gyro_bias_deg_s=(1.0, 2.0, 3.0), accel_noise_m_s2_rthz=0.1)
     alone = run(errors, passes=20)
