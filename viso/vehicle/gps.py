@@ -234,5 +234,6 @@ def _wide(value: np.float32 | None) -> float | None:
 
 
 def _centi(value: np.float32 | None) -> int:
-    scaled = float(f32(0) if value is None else value * f32(100))
+    with np.errstate(over="ignore"):
+        scaled = float(f32(0) if value is None else value * f32(100))
     return u16(int_of_float(scaled)) if scaled < _ACCURACY_LIMIT else _ACCURACY_LIMIT

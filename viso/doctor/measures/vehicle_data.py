@@ -20,7 +20,7 @@ from viso.doctor.measures.own_filter import OwnFilter
 from viso.doctor.measures.own_log import own_filter_in
 from viso.doctor.measures.own_telemetry import FilterListener
 from viso.doctor.measures.sender_clock import sender_clock
-from viso.doctor.measures.tracks import STAMPED_TYPES, Floats, Ints, Sender, Track, stamp_of, track_of
+from viso.doctor.measures.tracks import STAMPED_TYPES, Floats, Ints, Sender, Track, stamp_of, timed, track_of
 from viso.doctor.measures.vehicle_position import (
     LevelSeries,
     PositionListener,
@@ -297,14 +297,11 @@ def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
         states = recorded_states(path, log)
     except InputError:  # without ATT
         return told
-    attitude = AttitudeSeries(
-        np.asarray(states.att_time_us, dtype=np.int64),
-        np.radians(np.asarray(states.att_rpy_deg, dtype=np.float64)),
-        "ATT",
-        follows_yaw(params_in(log)),
-    )
-    height = None
-    if len(states.pos_time_us) > 1:
-        down_m = np.asarray(states.pos_ned[:, 2], dtype=np.float64)
-        height = HeightSeries(np.asarray(states.pos_time_us, dtype=np.int64), down_m)
+    att = timed(np.column_stack([states.att_time_us, states.att_rpy_deg]))
+    attitude = None
+    if len(att):
+        rpy_rad = np.radians(att[:, 1:])
+        attitude = AttitudeSeries(att[:, 0].astype(np.int64), rpy_rad, "ATT", follows_yaw(params_in(log)))
+    position = timed(np.column_stack([states.pos_time_us, states.pos_ned]))
+    height = HeightSeries(position[:, 0].astype(np.int64), position[:, 3]) if len(position) > 1 else None
     return replace(told, attitude=attitude, height=height)

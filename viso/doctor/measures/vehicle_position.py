@@ -25,7 +25,7 @@ from mav_handlers.wire.messages import (
     VFR_HUD,
     Message,
 )
-from viso.doctor.measures.tracks import Bools, Floats, Ints
+from viso.doctor.measures.tracks import Bools, Floats, Ints, timed
 from viso.logs.filter_records import parameters_in
 from viso.logs.recorded import table_of
 
@@ -197,7 +197,7 @@ def _best(
         if len(rows) < _FEWEST or (name in _FILTERED and not is_independent(params)):
             continue
         table = np.array(rows, dtype=np.float64)
-        table = table[np.isfinite(table[:, :3]).all(axis=1)]
+        table = timed(table[np.isfinite(table[:, :3]).all(axis=1)])
         if name not in _LOCAL:  # of latitude and longitude 0 nothing is known yet
             table = table[np.any(table[:, 1:3] != 0, axis=1)]
         if len(table) < _FEWEST:
@@ -212,7 +212,7 @@ def _best(
 
 def _best_level(levels: Mapping[str, Floats], params: Mapping[str, float]) -> LevelSeries | None:
     for name, table in levels.items():
-        kept = table[np.isfinite(table).all(axis=1)]
+        kept = timed(table[np.isfinite(table).all(axis=1)])
         if len(kept) < _FEWEST or (name in _FILTERED_LEVELS and not is_independent(params, _OF_HEIGHT)):
             continue
         noise_m = _SIMULATED_M if name.startswith("SIM") else _BARO_M
@@ -294,7 +294,7 @@ def level_in(log: LogColumns) -> LevelSeries | None:
 
 def truth_in(log: LogColumns) -> Floats | None:
     """Return time, roll, pitch and yaw in degrees, N x 4, by a simulator; None of a log of a real flight."""
-    truth = _places(log, "SIM", ("Roll", "Pitch", "Yaw"), None)
+    truth = timed(_places(log, "SIM", ("Roll", "Pitch", "Yaw"), None))
     return truth if len(truth) >= _FEWEST else None
 
 

@@ -250,7 +250,8 @@ def test_what_is_unknown_is_logged_as_0() -> None:
 
 
 @pytest.mark.parametrize(
-    ("accuracy_m", "logged"), [(655.34, 65534), (655.4, 65535), (1e9, 65535), (float("nan"), 65535), (-0.5, 65486)]
+    ("accuracy_m", "logged"),
+    [(655.34, 65534), (655.4, 65535), (1e9, 65535), (3.4e38, 65535), (float("nan"), 65535), (-0.5, 65486)],
 )
 def test_accuracy_that_does_not_fit_is_logged_as_the_firmware_converts_it(accuracy_m: float, logged: int) -> None:
     rig = Rig()

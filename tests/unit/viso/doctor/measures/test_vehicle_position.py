@@ -4,6 +4,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,7 @@ from mav_handlers.wire.messages import (
 from tests.places import DATA
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, pose, stream_of
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piece, shifted
+from tests.unit.viso.report.log_maker import LogMaker
 from viso.doctor import Finding, Severity
 from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.tracks import Floats
@@ -261,3 +263,15 @@ def test_scale_of_a_recorded_flight_is_told(truth: PositionSeries, factor: float
     assert codes(findings, Severity.WARNING) == ({"XN5-18"} if factor != 1 else set())
     fixes = [finding.fix for finding in findings if finding.code == "XN5-18"]
     assert [float(fix.split()[3].rstrip(",")) for fix in fixes] == [pytest.approx(1 / factor, rel=0.03) for _ in fixes]
+
+
+@pytest.mark.parametrize("kind", ["ATT", "SIM"])
+def test_times_that_damage_made_up_are_left_out(tmp_path: Path, kind: str) -> None:
+    maker = LogMaker()
+    layout = maker.define(kind, "TimeUS,Roll,Pitch,Yaw", "Qccc")
+    for time_us in (1_000_000, 2**64 - 1, *range(2_000_000, 12_000_000, 40_000)):
+        maker.add_to(layout, 0.0, TimeUS=time_us, Yaw=90.0)
+    told = vehicle_of_log(maker.save(tmp_path / "damaged.BIN"))
+    series = told.attitude if kind == "ATT" else told.truth
+    assert series is not None
+    assert series.time_us[:2].tolist() == [1_000_000, 2_000_000]
