@@ -170,6 +170,7 @@ def demo(
     chosen = _choose(camera)
     # Opened ahead of the run, so that a place that cannot be written to is told at once.
     log_file = LogStore(log_dir).open_next()
+    log_file.is_told_at_end = True
     flown = _fly(chosen, seed, log_file, profile)
     if log_file.reason:
         raise InputError(log_file.reason)

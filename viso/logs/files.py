@@ -41,6 +41,7 @@ class LogFile:
         dropped: calls of :meth:`write` whose records are lost.
         reason: one line naming the file, once writing has failed.
         flush_due_us: when ``flush_if_due`` writes next, in us since boot.
+        is_told_at_end: whether whoever opened it tells of a failure himself, at the end.
     """
 
     def __init__(self, path: Path, number: int, descriptor: int) -> None:
@@ -54,6 +55,7 @@ class LogFile:
         self._waiting_calls = 0
         self._flushed_us = 0
         self.flush_due_us = FLUSH_INTERVAL_US
+        self.is_told_at_end = False
 
     @property
     def closed(self) -> bool:

@@ -45,7 +45,8 @@ RETRY_US: Final = 5_000_000
 class Logger:
     """Writes the records of a vehicle to the log that is open; without one they are gone, as in the firmware.
 
-    A log that cannot be opened, or takes no more, is told of once, and a new one is tried 5 s later, again and again.
+    A log that cannot be opened, or takes no more, is told of once, unless whoever opened it does that at the end. A new
+    one is tried 5 s later, again and again.
 
     Args:
         clock: time since boot.
@@ -153,9 +154,9 @@ class Logger:
         if self._wanted and self.failure is not None:
             self.losses[self.failure] += 1
 
-    def _fail(self, reason: str) -> None:
+    def _fail(self, reason: str, *, is_told_at_end: bool = False) -> None:
         self._retry_us = self._clock.micros64() + RETRY_US
-        if self.failure is None:
+        if self.failure is None and not is_told_at_end:
             _log.error("log: %s", reason)
         self.failure = reason
 
@@ -192,4 +193,4 @@ class Logger:
             sink.close()
             if sink.reason is not None:
                 self.losses[sink.reason] += sink.dropped
-                self._fail(sink.reason)
+                self._fail(sink.reason, is_told_at_end=getattr(sink, "is_told_at_end", False))

@@ -23,6 +23,7 @@ def single_log(path: Path) -> Iterator[Callable[[], LogFile]]:
 
         def open_log() -> LogFile:
             opened.append(LogFile(path, 1, os.dup(file.fileno())))
+            opened[-1].is_told_at_end = True
             return opened[-1]
 
         yield open_log

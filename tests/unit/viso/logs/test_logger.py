@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When a log is open, what it begins with, and what happens when it cannot be written."""
 
+import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +14,10 @@ from ap_core.clock import VirtualClock
 from ap_core.log_field import LogValue
 from ap_core.log_structure import EV, MSG, LogStructure
 from ap_core.param import ParamTable
+from viso.errors import InputError
 from viso.logs.files import LogStoreError
 from viso.logs.logger import STRUCTURES, Logger
+from viso.logs.single import single_log
 from viso.logs.sink import LogSink, MemoryLog
 from viso.parameters.table import make_groups
 
@@ -370,6 +373,14 @@ def test_failure_is_told_once_and_so_is_its_end(rig: Rig, caplog: pytest.LogCapt
     rig.next_log = MemoryLog()
     rig.update(after_ms=5000)
     assert caplog.messages[1:] == [f"log: begun anew, {rig.logger.dropped} records are lost"]
+
+
+def test_failure_that_is_told_at_the_end_is_told_then_alone(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
+    with contextlib.suppress(InputError), single_log(Path("/dev/full")) as open_log:
+        rig.next_log = open_log()
+        rig.update()
+    assert rig.logger.failure == "/dev/full: No space left on device"
+    assert caplog.messages == []
 
 
 def test_dropped_records_of_closed_logs_stay_counted(rig: Rig) -> None:
