@@ -385,6 +385,7 @@ class Recorder:
         if self._scenario.reboot:
             self.recording.texts.clear()
             yield from self._reboot()
+            yield from self._check_still_set()
         yield from self._ask_for_telemetry()
         for wanted in self._scenario.wait:
             yield from self._until(wanted)
@@ -490,6 +491,15 @@ class Recorder:
         self._may_be_silent = self._is_rebooting = False
         self._latest.clear()
         self._recent_texts.clear()
+
+    def _check_still_set(self) -> Task[None]:
+        """Raise RecordingError if the reboot has undone what was set, as that of a simulator with --wipe does."""
+        for name, value in self.recording.set_params.items():
+            kept = yield from self._read_parameter(name)
+            if kept is None:
+                raise RecordingError(f"parameter {name}: the autopilot does not tell it after the reboot")
+            if kept.param_value != value:
+                raise RecordingError(f"parameter {name}: set to {value:g}, after the reboot it is {kept.param_value:g}")
 
     def _ask_for_telemetry(self) -> Task[None]:
         scenario = self._scenario

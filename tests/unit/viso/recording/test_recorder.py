@@ -286,6 +286,19 @@ def test_questions_about_time_do_not_touch_the_autopilots_clock() -> None:
     assert [getattr(one, "ts1", None) for one in exchange.answers] == [5000]
 
 
+def test_autopilot_that_forgets_in_its_reboot_is_told_before_the_steps() -> None:
+    autopilot = FakeAutopilot()
+
+    def forget(message: Message) -> None:
+        if isinstance(message, COMMAND_LONG) and message.command == REBOOT:
+            autopilot.params = {"VISO_TYPE": 0.0, "VISO_SCALE": 1.0, "EK3_SRC1_YAW": 1.0}
+
+    autopilot.on_message = forget
+    recording = drive(recorder_of("- arm: true\n", more="if_there: {EK3_SRC1_YAW: 1, VISO_SCALE: 2}"), autopilot)
+    assert recording.problems == ["parameter VISO_TYPE: set to 1, after the reboot it is 0"]
+    assert (recording.sent, recording.began_us) == ([], None)
+
+
 def test_autopilot_that_does_not_reboot_is_told() -> None:
     autopilot = FakeAutopilot()
     autopilot.reboots = False
