@@ -31,7 +31,7 @@ from viso.errors import InputError
 from viso.logs.files import LogStore
 from viso.vehicle.kernels import KERNEL_VARIABLE, PLAIN
 
-SLOW = {"start", "growth", "loop", "loop-numba", "vio-640x480", "vio-5472x3648"}
+SLOW = {"start", "growth", "vio-640x480", "vio-5472x3648"} | {name for name in BENCHES if name.startswith("loop")}
 
 
 @pytest.mark.parametrize(
