@@ -94,7 +94,7 @@ def compare(
             taken = [_recorded(str(name), master, folder) for name in recordings]
             recordings, whole = [place for place, _ in taken], all(is_whole for _, is_whole in taken)
         found = _compare_all(recordings, chosen, which=which)
-    nearest = most_like(found) if which else []
+    nearest = sorted(most_like(found), key=lambda name: name not in _named(found)) if which else []
     told = [one for comparisons in found for one in _of_interest(comparisons, nearest)]
     if as_json:
         rows = [one.as_dict() for comparisons in found for one in comparisons.values()]
@@ -195,6 +195,13 @@ def _tell_which(found: list[Found], nearest: list[str]) -> None:
             names[next(iter(comparisons.values())).path], *(str(len(one.differences)) for one in comparisons.values())
         )
     out.print(table)
-    named = dict.fromkeys(one.named for comparisons in found for one in comparisons.values() if one.named)
+    named = _named(found)
     says = f" (they say that they are of {', '.join(named)})" if named else ""
     out.print(f"most like {' and '.join(nearest)}{says}")
+    if len(nearest) > 1:
+        err.print("note: these recordings do not tell one from the other; record a conversation as well")
+
+
+def _named(found: list[Found]) -> list[str]:
+    """Return the profiles that the recordings name."""
+    return list(dict.fromkeys(one.named for comparisons in found for one in comparisons.values() if one.named))

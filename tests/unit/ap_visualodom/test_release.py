@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ap_core.fmath import f32
 from ap_core.vector3 import Vector3f
 from ap_visualodom.release import (
     REFERENCE,
@@ -17,6 +18,8 @@ from ap_visualodom.release import (
     no_axes,
     position_as_scaled,
     position_with_correction,
+    vel_err_of_message,
+    vel_err_of_parameter,
 )
 from ap_visualodom.visualodom_type import VisualOdom_Type
 from ekf_stub.ahrs.ahrs_settable import ExtNav
@@ -78,3 +81,18 @@ def test_position_is_aligned_where_the_release_does(
     [call] = rig.ahrs.calls
     assert isinstance(call, ExtNav)
     assert call.pos == pos
+
+
+@pytest.mark.parametrize(
+    ("error", "consume", "taken"),
+    [(0.05, True, 0.1), (0.5, True, 0.5), (math.nan, True, 0.1), (math.inf, True, math.inf), (0.05, False, 0.05)],
+)
+def test_error_of_a_velocity_is_at_least_the_parameter_while_it_is_used(
+    error: float, consume: bool, taken: float
+) -> None:
+    assert vel_err_of_message(f32(error), f32(0.1), consume) == f32(taken)
+    assert vel_err_of_parameter(f32(error), f32(0.1), consume) == f32(0.1)
+
+
+def test_velocity_that_is_refused_keeps_an_error_that_is_no_number() -> None:
+    assert math.isnan(vel_err_of_message(f32(math.nan), f32(0.1), False))

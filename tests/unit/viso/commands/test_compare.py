@@ -227,9 +227,9 @@ def test_recording_without_a_name_is_compared_as_what_it_is_most_like(viso: Viso
 @pytest.mark.parametrize(
     ("folders", "like"),
     [
-        (["captures", "vectors"], ["4.7-dev", "4.6"]),
-        (["2026-02"], ["2026-02"]),
-        (["2026-04"], ["2026-04"]),
+        (["captures/mocap.jsonl.gz", "captures/voxl.jsonl.gz"], ["4.7-dev", "4.6"]),
+        (["2026-02/captures/t265.jsonl.gz", "2026-02/vectors"], ["2026-02"]),
+        (["2026-04/captures/speedcov.jsonl.gz", "2026-04/logs"], ["2026-04"]),
     ],
 )
 def test_releases_are_told_apart_by_their_recordings(viso: Viso, folders: list[str], like: list[str]) -> None:
