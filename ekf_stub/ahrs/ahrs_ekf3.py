@@ -22,7 +22,7 @@ from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.ahrs.cores import Cores, gps_seen_from, imus_of_cores
+from ekf_stub.ahrs.cores import Cores, imus_of_cores
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
@@ -35,7 +35,8 @@ from ekf_stub.fusion.height_source import RANGE
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
-from ekf_stub.inputs.range_reading import RangeFinders, from_imu
+from ekf_stub.inputs.places import from_imu, gps_seen_from
+from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.source_check import source_failure

@@ -7,9 +7,7 @@ Cores that are given the same say the same: where all IMUs do so, one filter sta
 
 import math
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 from ap_core.internal_error import InternalErrors
 from ap_core.param_cache import FromParams, Numbers
@@ -26,7 +24,8 @@ from ekf_stub.inputs.compasses import Compasses, CompassReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.obs_ring import RingSizes
-from ekf_stub.inputs.range_reading import RangeFinders, from_imu
+from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
+from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_vehicle import SensorSet
 from ekf_stub.reports.core_report import Three
@@ -36,28 +35,6 @@ MOST_LEAN_APART: Final = math.radians(10.0)
 MOST_YAW_APART: Final = math.radians(20.0)
 _COMPASSES: Final = SensorSet().compasses
 _HERE: Final = (0.0, 0.0, 0.0)
-
-T = TypeVar("T")
-
-
-class _Moved(Generic[T]):
-    """What has a place counted from the first IMU, as counted from others: the same until either place changes.
-
-    Args:
-        move: counts the place from an IMU that is at a place.
-    """
-
-    def __init__(self, move: Callable[[T, Three], T]) -> None:
-        self._move = move
-        self._known: dict[int, tuple[T, Three, T]] = {}
-
-    def __call__(self, imu: int, of_first: T, place: Three) -> T:
-        if place == _HERE:
-            return of_first
-        known = self._known.get(imu)
-        if known is None or known[0] is not of_first or known[1] != place:
-            known = self._known[imu] = of_first, place, self._move(of_first, place)
-        return known[2]
 
 
 class Cores:
@@ -124,9 +101,9 @@ class Cores:
         self._places = FromParams(parts.params, lambda: _places(parts))
         self._mag: tuple[int, Array] | None = None
         self._compasses: list[Compasses] = []
-        self._levers = _Moved(from_imu)
-        self._ranges = _Moved(RangeFinders.seen_from)
-        self._gps = _Moved(gps_seen_from)
+        self._levers = Moved(from_imu)
+        self._ranges = Moved(RangeFinders.seen_from)
+        self._gps = Moved(gps_seen_from)
 
     def run(self, frame: Frame, imus: tuple[ImuReading, ...]) -> None:
         """Run a frame of the first IMU; what others say comes beside it."""
@@ -213,12 +190,6 @@ def _places(parts: AhrsParts) -> list[Three]:
     x_y_z = (map(float, parts.imu_pos(imu).to_tuple()) for imu in range(MAX_IMUS))
     first, *others = [(x, y, z) for x, y, z in x_y_z]
     return [_HERE, *(from_imu(place, first) for place in others)]
-
-
-def gps_seen_from(solution: GpsSample, imu_frd: Three) -> GpsSample:
-    """Return a solution with its antenna's place as counted from an IMU, which is at a place in m, body (FRD)."""
-    antenna = from_imu(solution.antenna, imu_frd)
-    return solution if antenna == solution.antenna else replace(solution, antenna=antenna)
 
 
 def imus_of_cores(parts: AhrsParts, differing: int) -> tuple[int, ...]:

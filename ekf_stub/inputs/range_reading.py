@@ -9,6 +9,7 @@ import numpy as np
 from ap_core.cint import u32
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.obs_ring import ObsRing
+from ekf_stub.inputs.places import from_imu
 from ekf_stub.reports.core_report import Three
 
 LEAST_ON_GROUND_M: Final = 0.05
@@ -43,12 +44,6 @@ class RangeFinders(NamedTuple):
         """Return them with their places as counted from an IMU, which is at a place in m, body (FRD)."""
         finders = (finder._replace(offset=from_imu(finder.offset, imu_frd)) for finder in self.finders)
         return self._replace(finders=tuple(finders))
-
-
-def from_imu(place_frd: Three, imu_frd: Three) -> Three:
-    """Return a place as counted from an IMU, m, body (FRD)."""
-    x, y, z = (place - imu for place, imu in zip(place_frd, imu_frd, strict=True))
-    return x, y, z
 
 
 class RangeSample(NamedTuple):

@@ -8,7 +8,6 @@ external navigation came in.
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -24,10 +23,18 @@ from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.release import REFERENCE
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
 from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
+from ekf_stub.log.replay_log import (
+    CHECK_LANE_SWITCH,
+    REQUEST_YAW_RESET,
+    RESET_HEIGHT_DATUM,
+    SOURCE_SET_1,
+    TERRAIN_STABLE,
+    TERRAIN_UNSTABLE,
+)
 from ekf_stub.log.replay_vehicle import ARMED, HAS_FLOW, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
 from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
@@ -40,11 +47,7 @@ from viso.vehicle.kernels import chosen_kernel, kernel_of
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
 _AFTER_THE_FRAME: Final = frozenset({"XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "RSLL", "REV3"})
 _LATER_NAMES: Final = {f"EK3_{FLOW_LIMIT}": f"EK3_{FLOW_LIMIT_LATER}"}
-_RESET_HEIGHT_DATUM: Final = 1  # of REV3.Event
-_TERRAIN_STABLE, _TERRAIN_UNSTABLE = 9, 10
-_REQUEST_YAW_RESET: Final = 11
-_CHECK_LANE_SWITCH: Final = 12
-_SOURCE_SETS: Final = range(13, 16)
+_SOURCE_SETS: Final = range(SOURCE_SET_1, SOURCE_SET_1 + 3)
 _SLOW_EKF3: Final = 4  # first bit of RFRF.Slow that is about EKF3
 _USUAL: Final = {"EK3_AFFINITY": 0.0, "EK3_ERR_THRESH": 0.2, "EK3_OPTIONS": 0.0, "EK3_PRIMARY": 0.0}
 """Parameters of several cores, which not every log has."""
@@ -91,9 +94,8 @@ class EkfPlayer:
         self.place_declination: float | None = None
         self.place_field: Array | None = None
         self._frame_has_run = False
-        self._ranges_said: RangeFinders | None = None
-        self._ranges_from_accel: dict[int, RangeFinders] = {}
-        self._gps_from_accel: dict[int, tuple[GpsSample, GpsSample]] = {}
+        self._ranges = Moved(RangeFinders.seen_from)
+        self._gps = Moved(gps_seen_from)
         self._on_param: list[Callable[[], None]] = []
         self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), self._on_param.append)
         self._handlers: dict[str, Callable[[Any], None]] = {
@@ -186,7 +188,8 @@ class EkfPlayer:
         self.lanes.run(frames)
 
     def _frame(self, number: int, sensors: CoreInputs) -> Frame:
-        inputs = self.inputs
+        inputs, accel = self.inputs, sensors.accel
+        place, gps, ranges = self._place_of(accel), sensors.gps(), inputs.ranges
         return Frame(
             inputs.time_us,
             sensors.delta(),
@@ -195,49 +198,26 @@ class EkfPlayer:
             takeoff_expected=bool(inputs.flags & TAKEOFF_EXPECTED),
             touchdown_expected=bool(inputs.flags & TOUCHDOWN_EXPECTED),
             baro=sensors.baro(),
-            gps=self._gps(sensors.accel, sensors.gps()),
+            gps=None if gps is None else self._gps(accel, gps, place),
             declination=inputs.declination,
             place_declination=self.place_declination,
             place_field=self.place_field,
-            lever_arm=self._lever_arm(sensors.accel),
+            lever_arm=self._lever_arm(place),
             home_lat=inputs.home_lat,
-            ranges=self._ranges(sensors.accel),
+            ranges=None if ranges is None else self._ranges(accel, ranges, place),
             compasses=sensors.compasses(),
             imu_rates=sensors.imu_rates(),
             is_late=bool(self.slow >> _SLOW_EKF3 >> number & 1),
         )
 
-    def _lever_arm(self, accel: int) -> Three:
-        """Return the camera's place from an accelerometer."""
+    def _lever_arm(self, place: Three) -> Three:
+        """Return the camera's place from an accelerometer that is at a place."""
         camera_frd = self.inputs.camera_frd
-        return (0.0, 0.0, 0.0) if camera_frd is None else self._from_accel(accel, camera_frd)
+        return (0.0, 0.0, 0.0) if camera_frd is None else from_imu(camera_frd, place)
 
-    def _from_accel(self, accel: int, place_frd: Three) -> Three:
-        imu = accel + 1
-        x, y, z = (place - self.param(f"INS_POS{imu}_{axis}") for axis, place in zip("XYZ", place_frd, strict=True))
+    def _place_of(self, accel: int) -> Three:
+        x, y, z = (self.param(f"INS_POS{accel + 1}_{axis}") for axis in "XYZ")
         return x, y, z
-
-    def _gps(self, accel: int, said: GpsSample | None) -> GpsSample | None:
-        """Return a solution with its antenna's place from an accelerometer: the same until the solution changes."""
-        if said is None:
-            return None
-        before, moved = self._gps_from_accel.get(accel, (None, said))
-        if said is not before:
-            antenna = self._from_accel(accel, said.antenna)
-            moved = said if antenna == said.antenna else replace(said, antenna=antenna)
-            self._gps_from_accel[accel] = said, moved
-        return moved
-
-    def _ranges(self, accel: int) -> RangeFinders | None:
-        """Return what the range finders say, with their places from an accelerometer: the same until that changes."""
-        said = self.inputs.ranges
-        if said is not self._ranges_said:
-            self._ranges_said = said
-            self._ranges_from_accel.clear()
-        if said is not None and accel not in self._ranges_from_accel:
-            finders = (finder._replace(offset=self._from_accel(accel, finder.offset)) for finder in said.finders)
-            self._ranges_from_accel[accel] = said._replace(finders=tuple(finders))
-        return self._ranges_from_accel.get(accel)
 
     def _make_cores(self) -> None:
         lag_s = self.inputs.gps_lag_s
@@ -280,7 +260,7 @@ class EkfPlayer:
         if self.lanes is not None:
             measured = flow_of(record)
             for core, sensors in zip(self.lanes.cores, self._core_inputs, strict=True):
-                core.write_flow(measured._replace(offset=self._from_accel(sensors.accel, measured.offset)))
+                core.write_flow(measured._replace(offset=from_imu(measured.offset, self._place_of(sensors.accel))))
 
     def _take_reph(self, record: Any) -> None:
         if self.lanes is not None:
@@ -307,7 +287,7 @@ class EkfPlayer:
             # The firmware leaves this record's offset and delay unfilled; RVOH has what it was given.
             deltas, delay_ms = (del_pos, del_ang, del_time), self.inputs.camera_delay_ms
             for core, sensors in zip(self.lanes.cores, self._core_inputs, strict=True):
-                offset = Vector3f(*self._lever_arm(sensors.accel))
+                offset = Vector3f(*self._lever_arm(self._place_of(sensors.accel)))
                 core.ingest.write_odometry(quality, deltas, stamp_ms, delay_ms, offset)
 
     def _take_rso3(self, record: Any) -> None:
@@ -328,12 +308,12 @@ class EkfPlayer:
         if event in _SOURCE_SETS:
             self._sources.active_set = _SOURCE_SETS.index(event)
             self._events.source_set(self._sources.active_set)
-        elif event == _RESET_HEIGHT_DATUM and self.lanes is not None:
+        elif event == RESET_HEIGHT_DATUM and self.lanes is not None:
             self.lanes.reset_height_datum()
-        elif event in (_TERRAIN_STABLE, _TERRAIN_UNSTABLE) and self.lanes is not None:
+        elif event in (TERRAIN_STABLE, TERRAIN_UNSTABLE) and self.lanes is not None:
             for core in self.lanes.cores:
-                core.set_terrain_stable(is_stable=event == _TERRAIN_STABLE)
-        elif event == _REQUEST_YAW_RESET and self.lanes is not None:
+                core.set_terrain_stable(is_stable=event == TERRAIN_STABLE)
+        elif event == REQUEST_YAW_RESET and self.lanes is not None:
             self.lanes.request_yaw_reset()
-        elif event == _CHECK_LANE_SWITCH and self.lanes is not None:
+        elif event == CHECK_LANE_SWITCH and self.lanes is not None:
             self.lanes.check_lane_switch()
