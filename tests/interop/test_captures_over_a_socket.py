@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
 from tests.places import DATA
+from viso.comparing.rules import TEXT_EXCEPTIONS
 from viso.replay.feed import batches
 from viso.streams.stream_kinds import Stream, read_stream
 
@@ -51,23 +52,8 @@ TAKE_OFF = mavlink2.MAV_CMD_NAV_TAKEOFF
 # Angles in texts depend on the instant; the vehicle turns while messages travel.
 ANGLE_TOLERANCE_DEG = 1.5
 
-# Texts only of the firmware, and only of ours, as in the replay of the same capture in virtual time
-# (tests/parity/test_captures.py), which says why.
-DIFFERENT_TEXTS: dict[str, tuple[list[str], list[str]]] = {
-    "prearm": (
-        [
-            "PreArm: VisOdom: yaw diff 22.9 deg (>10)",
-            "PreArm: VisOdom: not healthy",
-            "Arm: VisOdom: not healthy",
-        ],
-        [
-            "PreArm: VisOdom: yaw diff 30.0 deg (>10)",
-            "PreArm: VisOdom: yaw diff 22.6 deg (>10)",
-            "PreArm: VisOdom: yaw diff 17.4 deg (>10)",
-            "Arm: VisOdom: yaw diff 17.4 deg (>10)",
-        ],
-    ),
-}
+# Texts only of the firmware, and only of ours.
+PREARM = next(exception for exception in TEXT_EXCEPTIONS if exception.name == "prearm")
 
 
 @dataclass
@@ -211,7 +197,7 @@ def is_same(one: str, other: str) -> bool:
     )
 
 
-def without(texts: list[str], exceptions: list[str]) -> list[str]:
+def without(texts: list[str], exceptions: Sequence[str]) -> list[str]:
     """Leave out each exception once, the last of its kind; all of them must be there."""
     left = list(texts)
     for exception in exceptions:
@@ -223,7 +209,7 @@ def without(texts: list[str], exceptions: list[str]) -> list[str]:
 def test_texts_are_the_recorded_ones(played: dict[str, Played], name: str) -> None:
     theirs = [text for _, text in played[name].header["statustext"] if concerns_us(text)]
     ours = [text for _, text in played[name].texts if concerns_us(text)]
-    only_theirs, only_ours = DIFFERENT_TEXTS.get(name, ([], []))
+    only_theirs, only_ours = (PREARM.recorded, PREARM.ours) if name == PREARM.name else ((), ())
     left, expected = without(ours, only_ours), without(theirs, only_theirs)
     assert len(left) == len(expected), (left, expected)
     assert [(a, b) for a, b in zip(left, expected, strict=True) if not is_same(a, b)] == []
