@@ -323,6 +323,8 @@ def _doctor_sections() -> Iterator[str]:
 def _as_toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, dict):
+        return "{}"
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"
 
 
@@ -336,6 +338,8 @@ def _config_rows(section: Any, path: str) -> Iterator[tuple[str, ...]]:
         low, high = field.metadata.get("range", (None, None))
         choices = ", ".join(f"`{one}`" for one in type(value)) if isinstance(value, enum.StrEnum) else ""
         limits = choices if low is None else f"{low:g} to {high:g}"
+        if isinstance(value, dict):
+            limits = "a table of numbers, texts, true and false"
         yield f"`{path}.{field.name}`", f"`{_as_toml(value)}`", limits, said[field.name].rstrip(".")
 
 

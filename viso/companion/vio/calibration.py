@@ -17,6 +17,7 @@ A file of our own is TOML; its keys are the fields of :class:`~viso.companion.vi
     mounting = "nadir"                      # or "forward"; or B_T_C, four rows of four numbers
     position_m = [0.1, 0.0, -0.05]          # of the camera in the body; left out: the body's origin
     time_offset_s = 0.0
+    rotation_sigma_rad = 0.01               # and so on: all that follows in the fields may be left out
 
 A ``sensor.yaml`` as in the EuRoC data sets is read as well. It names no camera: ``camera_id`` is then the name of the
 file without its suffix, ``unit`` is "0".
@@ -76,6 +77,7 @@ def scaled(calibration: CameraCalibration, divisor: int) -> CameraCalibration:
         fy=calibration.fy / divisor,
         cx=(calibration.cx + 0.5) / divisor - 0.5,
         cy=(calibration.cy + 0.5) / divisor - 0.5,
+        line_time_s=calibration.line_time_s * divisor,
     )
 
 
@@ -127,7 +129,7 @@ _PARSERS: Final[Mapping[str, Callable[[Any], Any]]] = MappingProxyType(
         "unit": _text,
         "width": _whole,
         "height": _whole,
-        **dict.fromkeys(("fx", "fy", "cx", "cy", "time_offset_s"), _number),
+        **{field.name: _number for field in dataclasses.fields(CameraCalibration) if field.type is float},
         "distortion_model": _text,
         "distortion": _numbers,
         "B_T_C": _motion,

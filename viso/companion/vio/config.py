@@ -16,6 +16,9 @@ from viso.documents import parsed_toml
 
 _T = TypeVar("_T")
 
+Scalar = bool | int | float | str
+"""What an option of an engine may be."""
+
 
 class ConfigError(ValueError):
     """A configuration that cannot be used; its text is one line ``file: key: what``."""
@@ -67,6 +70,8 @@ class _Section:
 
 
 def _checked(field: "dataclasses.Field[Any]", value: Any) -> Any:
+    if "options" in field.metadata:
+        return _scalars(field.name, value)
     kind: Any = field.type
     if issubclass(kind, enum.StrEnum):
         if value not in list(kind):
@@ -80,6 +85,15 @@ def _checked(field: "dataclasses.Field[Any]", value: Any) -> Any:
     if low is not None and not low <= value <= high:
         raise ValueError(f"{field.name}: {value!r} is not within {low:g} to {high:g}")
     return value
+
+
+def _scalars(name: str, value: Any) -> dict[str, Scalar]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name}: not a table")
+    for key, scalar in value.items():
+        if not isinstance(key, str) or type(scalar) not in (bool, int, float, str):
+            raise ValueError(f"{name}.{key}: neither a number nor a text nor true or false")
+    return dict(value)
 
 
 def _read(kind: type[_T], table: Any, path: str) -> _T:
@@ -198,6 +212,7 @@ class VioConfig(_Section):
         imu_noise: densities of the IMU's noise.
         odometry: what goes to the autopilot.
         queue: between camera and worker.
+        native: an engine's own options, which it gets as they are; see its documentation.
     """
 
     strategy: str = "klt_ransac"
@@ -221,6 +236,7 @@ class VioConfig(_Section):
     imu_noise: ImuNoise = dataclasses.field(default_factory=ImuNoise)
     odometry: OdometryConfig = OdometryConfig()
     queue: QueueConfig = QueueConfig()
+    native: dict[str, Scalar] = dataclasses.field(default_factory=dict, hash=False, metadata={"options": True})
 
     def __post_init__(self) -> None:
         _Section.__post_init__(self)  # slots replace the class, so the short form of super() would not find it

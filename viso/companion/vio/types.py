@@ -183,6 +183,12 @@ class CameraCalibration:
         distortion: k1 k2 p1 p2 [k3] (radtan), k1 k2 k3 k4 (equidistant), or nothing.
         B_T_C: from the camera into the body.
         time_offset_s: what must be added to a frame's stamp to get the IMU's time.
+        time_offset_sigma_s: of it; 0 where it counts as exact.
+        rotation_sigma_rad: of each axis of ``B_T_C``'s rotation; 0 where it counts as exact.
+        position_sigma_m: of each axis of the camera's position; 0 where it counts as exact.
+        line_time_s: from one row of pixels to the next one below, of a rolling shutter; 0 for a global one.
+        imu_rate_hz: samples a second; 0 where it is not known.
+        accel_limit_m_s2, gyro_limit_rad_s: what each axis of the IMU can measure; inf where it is not known.
     """
 
     camera_id: str
@@ -197,6 +203,13 @@ class CameraCalibration:
     distortion: Array
     B_T_C: SE3
     time_offset_s: float = 0.0
+    time_offset_sigma_s: float = 0.0
+    rotation_sigma_rad: float = 0.0
+    position_sigma_m: float = 0.0
+    line_time_s: float = 0.0
+    imu_rate_hz: float = 0.0
+    accel_limit_m_s2: float = math.inf
+    gyro_limit_rad_s: float = math.inf
 
     def __post_init__(self) -> None:
         if not self.camera_id:
@@ -207,9 +220,12 @@ class CameraCalibration:
         for field in ("fx", "fy", "cx", "cy", "time_offset_s"):
             if not math.isfinite(getattr(self, field)):
                 raise ValueError(f"{field}: not finite")
-        for field in ("fx", "fy"):
-            if getattr(self, field) <= 0:
+        for field in ("fx", "fy", "accel_limit_m_s2", "gyro_limit_rad_s"):
+            if not getattr(self, field) > 0:
                 raise ValueError(f"{field}: not positive")
+        for field in ("time_offset_sigma_s", "rotation_sigma_rad", "position_sigma_m", "line_time_s", "imu_rate_hz"):
+            if not 0 <= getattr(self, field) < math.inf:
+                raise ValueError(f"{field}: not a finite number from 0")
         try:
             model = DistortionModel(self.distortion_model)
         except ValueError:

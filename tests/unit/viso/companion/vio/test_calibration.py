@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Calibrations from files, and at another scale."""
 
+import dataclasses
 import os
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -53,9 +55,11 @@ def written(folder: Path, text: str, name: str = "nav.toml") -> Path:
 
 
 def test_keys_are_the_fields(tmp_path: Path) -> None:
-    read = load_calibration(written(tmp_path, CAMERA + LENS + PLACE + "time_offset_s = -0.002\n"))
+    more = "time_offset_s = -0.002\nline_time_s = 2e-5\nimu_rate_hz = 400\ngyro_limit_rad_s = 34.9\n"
+    read = load_calibration(written(tmp_path, CAMERA + LENS + PLACE + more))
     assert (read.camera_id, read.unit, read.width, read.height) == ("nav", "07", 5472, 3648)
     assert (read.fx, read.fy, read.cx, read.cy, read.time_offset_s) == (7200, 7201, 2735.5, 1823.5, -0.002)
+    assert (read.line_time_s, read.imu_rate_hz, read.gyro_limit_rad_s, read.accel_limit_m_s2) == (2e-5, 400, 34.9, inf)
     assert read.distortion_model is DistortionModel.RADTAN
     assert read.distortion.tolist() == [-0.02, 0.01, 0, 0.001]
 
@@ -199,6 +203,10 @@ def test_scaling_leaves_the_lens_the_place_and_the_clock() -> None:
     assert small.distortion_model is large.distortion_model
     assert small.B_T_C is large.B_T_C
     assert small.time_offset_s == 0.01
+
+
+def test_row_of_blocks_takes_as_long_as_its_rows() -> None:
+    assert scaled(dataclasses.replace(camera(), line_time_s=2e-5), 4).line_time_s == 8e-5
 
 
 def test_what_fills_no_block_is_left_out() -> None:

@@ -60,6 +60,12 @@ component_id = 198
 
 [vio.queue]
 depth = 2
+
+[vio.native]
+estimate_extrinsic = 1
+solver_time_s = 0.04
+vocabulary = "small.bin"
+loop_closure = true
 """
 
 BAD = {
@@ -79,6 +85,8 @@ BAD = {
     "[vio]\nstrategy = 5": "vio.strategy: 5 is no str",
     "[vio]\nscene = 5": "vio.scene: 5 is none of general, planar, auto",
     "[vio]\nqueue = 5": "vio.queue: not a table",
+    "[vio]\nnative = 5": "vio.native: not a table",
+    "[vio.native]\nlist = [1]": "vio.native.list: neither a number nor a text nor true or false",
     "vio = 5": "vio: not a table",
     "[vio]\nmin_tracked = 200": "vio.min_tracked: 200 is more than max_features (180)",
     "vio = " + "[" * 5000: "nested too deeply",
@@ -120,6 +128,7 @@ def test_defaults() -> None:
             "component_id": 197,
         },
         "queue": {"depth": 1},
+        "native": {},
     }
 
 
@@ -139,6 +148,12 @@ def test_every_key_can_be_set() -> None:
 def test_choices_become_members() -> None:
     config = config_from_text(FULL, "f")
     assert (config.scene, config.agl_source) == (Scene.PLANAR, AglSource.BARO)
+
+
+def test_options_of_an_engine_are_handed_on_as_they_are() -> None:
+    options = config_from_text(FULL, "f").native
+    assert options == {"estimate_extrinsic": 1, "solver_time_s": 0.04, "vocabulary": "small.bin", "loop_closure": True}
+    assert [type(value) for value in options.values()] == [int, float, str, bool]
 
 
 def test_whole_number_is_a_float_too() -> None:
