@@ -6,6 +6,7 @@ The local frame L has z up and its origin in the first pose: with north as its a
 the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`viso.companion.odometry.encoding`.
 """
 
+import dataclasses
 import uuid
 from dataclasses import dataclass
 from typing import Final
@@ -19,6 +20,9 @@ from viso.companion.vio.se3 import SE3, Array, so3_exp, yaw_of
 from viso.companion.vio.types import VioOutput
 
 AGL_SCALE_SIGMA: Final = 0.02
+JUMP_M: Final = 0.5
+JUMP_RAD: Final = 0.1
+BLENDED_SHARE: Final = 0.1  # of what is left of a refinement, with each output
 
 
 def local_to_frd(alignment: LocalAlignment) -> Array:
@@ -49,10 +53,18 @@ class _Keyframe:
 class OdometryComposer:
     """Keeps the last keyframe's pose and covariance, and composes each output with them.
 
+    Where a strategy has changed its mind about a keyframe, the poses follow: at once if that moves the keyframe by more
+    than 0.5 m or 0.1 rad, else by a tenth of what is left with each output. The covariance stays what it was, as
+    nothing tells how much better the new place is known.
+
     Args:
         alignment: of the local frame; None for north if the heading is known at the first pose, else the first heading.
         world_is_north: whether the strategy's world has an absolute yaw; else the autopilot's yaw has to tell.
         agl_scale_sigma: relative error of the scale, the same all the way, as a wrong height above ground makes it.
+
+    Attributes:
+        alignment: of the local frame, once it is known.
+        has_jumped: whether the last output has moved the pose at once.
     """
 
     def __init__(
@@ -67,6 +79,9 @@ class OdometryComposer:
         self._agl_scale_sigma = agl_scale_sigma
         self._keyframe: _Keyframe | None = None
         self._L_T_W = SE3.identity()
+        self._began = SE3.identity()  # L_T_W when the local frame, or its last part, began
+        self._to_blend: Array = np.zeros(6)  # what the keyframe has yet to move by, in its own axes
+        self.has_jumped = False
 
     @property
     def up(self) -> Array:
@@ -117,6 +132,8 @@ class OdometryComposer:
         to_keyframe = K_T_B.adjoint()
         covariance = to_keyframe.dot(pose.covariance_6x6).dot(to_keyframe.T)
         self._keyframe = _Keyframe(output.keyframe_id, pose.L_T_B @ K_T_B.inverse(), covariance)
+        self._began = pose.L_T_B @ _normalised(output.world_T_body).inverse()
+        self._to_blend = np.zeros(6)
 
     def compose(self, output: VioOutput) -> LocalPose | None:
         """Return the pose that an output gives; None if its keyframe is not known or no sound covariance comes out."""
@@ -124,6 +141,7 @@ class OdometryComposer:
         if keyframe is None or keyframe.frame_id != output.keyframe_id:
             return None
         K_T_B = _normalised(output.relative_pose_T)
+        self._keyframe = keyframe = self._refine(keyframe, output.world_T_keyframe)
         L_T_B = _normalised(keyframe.L_T_K @ K_T_B)
         to_body = K_T_B.inverse().adjoint()
         covariance = to_body.dot(keyframe.covariance_6x6).dot(to_body.T) + output.pose_covariance_6x6
@@ -132,6 +150,7 @@ class OdometryComposer:
             return None
         if output.is_keyframe:
             self._keyframe = _Keyframe(output.frame_id, L_T_B, 0.5 * (covariance + covariance.T))
+            self._to_blend = to_body.dot(self._to_blend)
         self._L_T_W = L_T_B @ _normalised(output.world_T_body).inverse()
         return LocalPose(L_T_B, stated)
 
@@ -142,6 +161,19 @@ class OdometryComposer:
         if not self.knows(output.keyframe_id):
             self.anchor(output)
         return self.compose(output)
+
+    def _refine(self, keyframe: _Keyframe, world_T_keyframe: SE3 | None) -> _Keyframe:
+        """Return a keyframe where it is told now by what has been learnt since it was told."""
+        if world_T_keyframe is not None:
+            better = self._began @ _normalised(world_T_keyframe)
+            self._to_blend = (keyframe.L_T_K.inverse() @ better).log()
+        turn, shift = self._to_blend[:3], self._to_blend[3:]
+        self.has_jumped = bool(np.linalg.norm(shift) > JUMP_M or np.linalg.norm(turn) > JUMP_RAD)
+        if not self._to_blend.any():
+            return keyframe
+        moved = (1.0 if self.has_jumped else BLENDED_SHARE) * self._to_blend
+        self._to_blend = self._to_blend - moved
+        return dataclasses.replace(keyframe, L_T_K=keyframe.L_T_K @ SE3.exp(moved))
 
     def _scale_covariance(self, L_T_B: SE3) -> Array:
         # The error of the scale is the same at every step: it grows with the way from the origin, not with its root,

@@ -10,7 +10,7 @@ from threading import Lock
 from typing import Final
 
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.odometry.composer import LocalPose, OdometryComposer
+from viso.companion.odometry.composer import JUMP_M, LocalPose, OdometryComposer
 from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState, OdometryPropagator
 from viso.companion.vio.config import LocalAlignment, VioConfig
@@ -23,7 +23,6 @@ QUALITY_LOST: Final = -1
 FULL_INLIERS: Final = 100
 FULL_COVERAGE: Final = 0.6
 JUMP_SIGMAS: Final = 3.0
-JUMP_M: Final = 0.5
 DEGRADED_AFTER_NS: Final = 1_000_000_000
 LOST_AFTER_NS: Final = 3_000_000_000
 
@@ -53,7 +52,7 @@ class ResetCounter:
     def start(self) -> None:
         """Note an initialisation, static or by warm start; the first one is none of the autopilot's business."""
         if self._started:
-            self._step()
+            self.jump()
         self._started = True
 
     def correct(self, moved_m: Array, covariance: Array) -> None:
@@ -68,9 +67,10 @@ class ResetCounter:
             return
         along = moved_m / distance_m
         if distance_m > JUMP_SIGMAS * math.sqrt(along.dot(covariance).dot(along)):
-            self._step()
+            self.jump()
 
-    def _step(self) -> None:
+    def jump(self) -> None:
+        """Note that the pose has moved at once and the vehicle has not."""
         self.value = (self.value + 1) % 256
 
 
@@ -166,6 +166,8 @@ class OdometrySource:
         correction = self._propagator.correct(frame.t_ns, pose, output.velocity_b, output.imu_bias, self._composer.up)
         if self._initialising:
             self._resets.start()
+        elif self._composer.has_jumped:
+            self._resets.jump()
         elif correction is not None:
             self._resets.correct(*correction)
         self._frame, self._initialising = frame, False

@@ -3,12 +3,18 @@
 """A strategy around a native engine: its records, its health and its failures in the terms of this project."""
 
 import dataclasses
+import math
 import uuid
 from typing import Final
 
 import numpy as np
 
-from viso.companion.strategies.native import NativeFeatures, NativeStatus, load_engine
+from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.msckf.heights import Heights
+from viso.companion.strategies.at_rest import RestWatch
+from viso.companion.strategies.native import NativeEngine, NativeFeatures, NativePose, NativeStatus, load_engine
+from viso.companion.vio.calibration import scaled
+from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
@@ -21,6 +27,7 @@ from viso.companion.vio.types import (
     ImuBias,
     ImuWindow,
     NavCameraFrame,
+    Pixels,
     VioOutput,
     VioState,
     WarmStartPose,
@@ -28,6 +35,15 @@ from viso.companion.vio.types import (
 
 USUAL_PERIOD_NS: Final = 5_000_000
 ENOUGH_SAMPLES: Final = 10  # for a median that a gap does not move
+PATIENCE_NS: Final = 10_000_000_000  # how long an engine may take to begin with what it was told
+SCALE_KNOWN: Final = 0.05  # share of the distance that may be uncertain
+_LEAST_AGE_S: Final = 0.05  # of a keyframe, for a covariance that is not singular
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Keyframe:
+    frame_id: uuid.UUID
+    t_ns: int
 
 
 class NativeFacade(StrategyBase):
@@ -47,15 +63,32 @@ class NativeFacade(StrategyBase):
 
     def __init__(self, context: StrategyContext) -> None:
         super().__init__(context)
-        self._engine = load_engine(self.module, context.calibration, context.config)
-        self._period_ns = USUAL_PERIOD_NS
+        config, full = context.config, context.calibration
+        divisor = shrink_factor(full.width, config.working_width_px)
+        self._images = WorkingImages(divisor, clahe=config.clahe)
+        self._calibration = scaled(full, divisor)
+        self._engine = self._make_engine(self._calibration, config)
+        self._heights = Heights(config.agl_sigma_m)
+        self._period_ns = round(1e9 / full.imu_rate_hz) if full.imu_rate_hz else USUAL_PERIOD_NS
         self._forget(initialising=True)
+
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
+        """Note a height of the body above the ground, from any thread."""
+        self._heights.add(t_ns, height_m, sigma_m)
+
+    def _make_engine(self, calibration: CameraCalibration, config: VioConfig) -> NativeEngine:
+        """Return a new engine for working images of a calibration. Raises ImportError if there is none."""
+        return load_engine(self.module, calibration, config)
 
     def _forget(self, *, initialising: bool) -> None:
         self._initialising = initialising  # whether a state would be the engine's own finding
-        self._keyframe_id: uuid.UUID | None = None
+        self._told_ns = None if initialising else self._t_ns  # when the engine was told a state
+        self._rest = RestWatch(self._calibration, self.context.config)
+        self._keyframe: _Keyframe | None = None
         self._covariance: Array | None = None  # the last sound one
+        self._velocity_w = np.zeros(3)
         self._last_sample_ns: int | None = None
+        self._leaves_scale_open = True
 
     def _warm_start(self, pose: WarmStartPose) -> None:
         self._engine.reset(pose)
@@ -66,19 +99,41 @@ class NativeFacade(StrategyBase):
         self._forget(initialising=True)
 
     def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
+        t_ns = imu_window.end_t_ns
+        with self.stage("grey"):
+            image = self._images.make(frame.pixels)
+        self._start_at_rest(image, imu_window)
         self._add_imu(imu_window)
+        self._add_height(t_ns)
         with self.stage("engine"):
-            status = self._engine.add_image(imu_window.end_t_ns, frame.pixels)
+            status = self._engine.add_image(t_ns, image)
         if status is NativeStatus.INITIALISING and self.health.state is VioState.INIT:
             self._initialising = True
             return self._conclude(FrameFacts(0, 0.0, 0.0, has_model=False), None)
         if status not in (NativeStatus.TRACKING, NativeStatus.LOST):
             raise VioFatalError(f"{self.name}: the engine has no state any more ({status.value})")
-        features = self._engine.features()
-        is_sound = self._take_covariance(imu_window)
-        output = self._output(frame, features)
+        features, pose = self._engine.features(), self._engine.pose()
+        keyframe, self._keyframe = self._keyframes(frame, t_ns, pose)
+        told = self._engine.covariance()
+        if told is None:
+            self._covariance, is_sound = self._drifted((t_ns - keyframe.t_ns) * 1e-9, pose), True
+        else:
+            is_sound = self._take_covariance(np.array(told, dtype=np.float64), imu_window)
+        output = self._output(frame, keyframe, pose, features)
+        if told is not None:
+            self._judge_scale(output)
         facts = self._facts(output, features, status, is_sound, self._imu_fault(imu_window))
         return self._conclude(facts, output)
+
+    def _start_at_rest(self, image: Pixels, window: ImuWindow) -> None:
+        """Tell an engine that needs motion its state as soon as the body has stood still."""
+        if self._engine.starts_at_rest or self._keyframe is not None:
+            return
+        with self.stage("rest"):
+            start = self._rest.see(image, window)
+        if start is not None and (self._told_ns is None or window.end_t_ns - self._told_ns > PATIENCE_NS):
+            self._engine.reset(start)
+            self._told_ns, self._last_sample_ns = window.end_t_ns, None
 
     def _add_imu(self, window: ImuWindow) -> None:
         last_ns = self._last_sample_ns
@@ -87,6 +142,15 @@ class NativeFacade(StrategyBase):
                 self._engine.add_imu(sample.t_ns, sample.accel, sample.gyro)
                 self._last_sample_ns = sample.t_ns
 
+    @property
+    def _has_height(self) -> bool:
+        return self._engine.takes_height and self.context.config.agl_source is not AglSource.NONE
+
+    def _add_height(self, t_ns: int) -> None:
+        height = self._heights.take(t_ns, 0.0, self._velocity_w) if self._has_height else None
+        if height is not None:
+            self._engine.add_height(t_ns, *height)
+
     def _imu_fault(self, window: ImuWindow) -> str | None:
         if window.start_t_ns == window.end_t_ns:  # there was no frame before
             return None
@@ -94,16 +158,28 @@ class NativeFacade(StrategyBase):
             self._period_ns = median_period_ns(window) or self._period_ns
         return window_fault(window, self._period_ns)
 
-    def _take_covariance(self, window: ImuWindow) -> bool:
+    def _keyframes(self, frame: NavCameraFrame, t_ns: int, pose: NativePose) -> tuple[_Keyframe, _Keyframe]:
+        """Return the keyframe that a pose refers to, and that of the poses after it."""
+        this = _Keyframe(frame.frame_id, t_ns)
+        keyframe = self._keyframe or this
+        return keyframe, this if pose.is_keyframe else keyframe
+
+    def _take_covariance(self, told: Array, window: ImuWindow) -> bool:
         """Keep the engine's covariance if it is sound, else let the last one grow; tell which."""
-        told = np.array(self._engine.covariance(), dtype=np.float64)
         if told.shape != (6, 6):
             raise VioFatalError(f"{self.name}: covariance of shape {told.shape}")
-        sound = sound_covariance(told)
+        sound = sound_covariance(self.context.config.engine.covariance_scale * told)
         if sound is None and self._covariance is None:
             raise VioFatalError(f"{self.name}: covariance not sound")
         self._covariance = self._grown(window) if sound is None else sound
         return sound is not None
+
+    def _drifted(self, age_s: float, pose: NativePose) -> Array:
+        """Return the covariance that the configuration tells of an engine that tells none."""
+        drift, age_s = self.context.config.engine, max(age_s, _LEAST_AGE_S)
+        distance_m = float(np.linalg.norm(pose.keyframe_T_body[:3, 3]))
+        position = drift.drift_m**2 * age_s + (drift.drift_share * distance_m) ** 2
+        return np.diag([drift.drift_rad**2 * age_s] * 3 + [position] * 3)
 
     def _grown(self, window: ImuWindow) -> Array:
         assert self._covariance is not None
@@ -112,24 +188,38 @@ class NativeFacade(StrategyBase):
         grown: Array = self._covariance + np.diag([rotation] * 3 + [translation] * 3)
         return grown
 
-    def _output(self, frame: NavCameraFrame, features: NativeFeatures) -> VioOutput:
+    def _output(
+        self, frame: NavCameraFrame, keyframe: _Keyframe, pose: NativePose, features: NativeFeatures
+    ) -> VioOutput:
         assert self._covariance is not None
-        pose, bias = self._engine.pose(), self._engine.bias()
+        bias = self._engine.bias()
         world_T_body = SE3.from_matrix(pose.world_T_body)
-        keyframe_id = self._keyframe_id or frame.frame_id
-        if pose.is_keyframe or self._keyframe_id is None:
-            self._keyframe_id = frame.frame_id
+        updates = {update.t_ns: update.world_T_keyframe for update in self._engine.keyframe_updates()}
+        refined = updates.get(keyframe.t_ns)
+        self._velocity_w = read_only(pose.velocity_world, (3,), "velocity_world")
         return VioOutput(
             frame_id=frame.frame_id,
             relative_pose_T=SE3.from_matrix(pose.keyframe_T_body),
             pose_covariance_6x6=self._covariance,
             imu_bias=ImuBias(bias.accel, bias.gyro),
             feature_quality=_quality(features),
-            keyframe_id=keyframe_id,
+            keyframe_id=keyframe.frame_id,
             is_keyframe=bool(pose.is_keyframe),
-            velocity_b=world_T_body.R.T.dot(read_only(pose.velocity_world, (3,), "velocity_world")),
+            velocity_b=world_T_body.R.T.dot(self._velocity_w),
             world_T_body=world_T_body,
+            world_T_keyframe=None if refined is None else SE3.from_matrix(refined),
         )
+
+    def _judge_scale(self, output: VioOutput) -> None:
+        """Learn, where a keyframe ends, whether the engine knows how far it was from the one before."""
+        way = output.relative_pose_T.R.T.dot(output.relative_pose_T.t)
+        distance2 = float(way.dot(way))
+        if output.is_keyframe and distance2 > 0:
+            along = way.dot(output.pose_covariance_6x6[3:, 3:]).dot(way)
+            self._leaves_scale_open = not math.sqrt(along) <= SCALE_KNOWN * distance2
+
+    def _scale_is_open(self) -> bool:
+        return self.context.config.scene is Scene.PLANAR and not self._has_height and self._leaves_scale_open
 
     def _facts(
         self,
@@ -150,6 +240,7 @@ class NativeFacade(StrategyBase):
             imu_fault=imu_fault,
             has_model=tracks,
             is_finite=is_sound,
+            scale_unobserved=self._scale_is_open(),
             initialised=tracks and self._initialising,
         )
 

@@ -6,8 +6,9 @@ A native module is a Python module, whatever it is written in. It has one functi
 
     ``create(calibration: CameraCalibration, config: VioConfig) -> NativeEngine``
 
-that raises RuntimeError or ValueError, with one line, if it cannot make an engine. Nothing of the module is imported
-before a strategy that wants it is built, and no part of this project is linked to it.
+with the calibration of the images that the engine will get: those of the working size. The engine's own options are
+``config.native``. It raises RuntimeError or ValueError, with one line, if it cannot make an engine. Nothing of the
+module is imported before a strategy that wants it is built, and no part of this project is linked to it.
 
 Conventions of all that crosses the seam: stamps are nanoseconds of the IMU's clock; the world is ENU with gravity
 (0, 0, -g), the body FLU with its origin in the IMU; ``A_T_B`` maps from B to A and is a homogeneous matrix [4, 4] of
@@ -17,6 +18,7 @@ method raises means that the engine has failed: the strategy is then LOST until 
 
 import enum
 import importlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol, cast
 
@@ -74,8 +76,12 @@ class NativeBias:
 class NativeFeatures:
     """What the engine's front end made of the last image; the fields are those of ``FeatureQuality``, and one more.
 
+    Means are over the inliers: what a robust loss has put aside does not count.
+
     Attributes:
-        innovation_ratio: mean of the normalised residual squared per degree of freedom; 1 where the engine has none.
+        mre_px: mean reprojection error of the inliers.
+        innovation_ratio: mean of the inliers' normalised residual squared per degree of freedom; 1 where the engine has
+            none.
     """
 
     tracked: int
@@ -88,12 +94,36 @@ class NativeFeatures:
     innovation_ratio: float = 1.0
 
 
-class NativeEngine(Protocol):
-    """An engine: inertial data and images in; pose, covariance, bias, features and status out.
+@dataclass(frozen=True, slots=True, eq=False)
+class NativeKeyframeUpdate:
+    """Where the engine takes a keyframe to be by now, from what came after it or from a place that was seen again.
 
-    All but ``reset`` and the two inputs may be called only while the status is TRACKING or LOST; they tell about the
-    last image.
+    Attributes:
+        t_ns: stamp of the keyframe's image.
+        world_T_keyframe: [4, 4], the body there.
     """
+
+    t_ns: int
+    world_T_keyframe: Array
+
+
+class NativeEngine(Protocol):
+    """An engine: inertial data, heights and images in; pose, covariance, bias, features and status out.
+
+    All but ``reset`` and the inputs may be called only while the status is TRACKING or LOST; they tell about the last
+    image.
+
+    Attributes:
+        starts_at_rest: whether it finds its state while the body stands still. One that needs motion is told its state
+            by ``reset`` as soon as the body has stood still.
+        takes_height: whether it makes use of heights; without them the scale of a flight over a plane drifts.
+    """
+
+    @property
+    def starts_at_rest(self) -> bool: ...
+
+    @property
+    def takes_height(self) -> bool: ...
 
     def add_imu(self, t_ns: int, accel: Array, gyro: Array) -> None:
         """Take a sample (m/s^2, rad/s; FLU).
@@ -101,16 +131,26 @@ class NativeEngine(Protocol):
         Stamps increase from one reset to the next. The samples up to an image come before it, and one beyond it.
         """
 
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
+        """Take a height of the body above the ground, ahead of the image that it is near; only if it takes heights."""
+
     def add_image(self, t_ns: int, pixels: Pixels) -> NativeStatus:
-        """Work on an image of the calibration's size, [H, W] or [H, W, 3] BGR; return when its result is there."""
+        """Work on a grey image [H, W] of the calibration's size; return when its result is there."""
 
     def pose(self) -> NativePose:
         """Return where the body was."""
 
-    def covariance(self) -> Array:
+    def covariance(self) -> Array | None:
         """Return the covariance [6, 6] of ``keyframe_T_body``: right perturbation, (rx, ry, rz, tx, ty, tz).
 
-        It comes from the joint distribution of both poses, not from their marginals.
+        It comes from the joint distribution of both poses, not from their marginals. None where the engine cannot tell:
+        it is then made from the drift that the configuration tells.
+        """
+
+    def keyframe_updates(self) -> Sequence[NativeKeyframeUpdate]:
+        """Return the keyframes whose poses have changed since this was last asked; () if it tells of none.
+
+        Only that of the keyframe that ``pose`` refers to is used: it moves all that comes after it.
         """
 
     def bias(self) -> NativeBias:

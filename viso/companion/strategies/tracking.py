@@ -18,14 +18,13 @@ from viso.companion.msckf.aiding import stand_still
 from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.imu_period import ImuPeriod
-from viso.companion.msckf.stillness import SPAN_NS, Stillness, level_rotation
+from viso.companion.msckf.stillness import SPAN_NS, Stillness
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.health import FrameFacts
-from viso.companion.vio.imu_window import steps_of
-from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
@@ -42,9 +41,8 @@ LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
 _LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)
 
 # Of tilt and yaw in rad, velocity in m/s, gyro bias in rad/s, accelerometer bias in m/s^2: of a state that is told
-# without a covariance, and at rest.
+# without a covariance.
 _TOLD_SIGMAS: Final = (0.03, 0.1, 0.3, 0.02, 0.2)
-_REST_SIGMAS: Final = (0.02, 1e-6, 0.02, 0.003, 0.1)
 _UNKNOWN_HEIGHT_M: Final = 100.0
 
 
@@ -156,12 +154,12 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         self._begin(world_T_body, world_T_body.R.dot(pose.velocity_b), pose.bias, cov)
 
     def _begin_at_rest(self) -> None:
-        gyro, accel = self._stillness.means()
-        start = SE3(level_rotation(accel), np.zeros(3))
-        cov = default_cov(*_REST_SIGMAS, start.R)
+        start = state_at_rest(self._stillness)
+        assert start.covariance is not None
+        cov = start.covariance.copy()
         if self.context.config.agl_source is not AglSource.NONE:  # it will tell
             cov[5, 5] = _UNKNOWN_HEIGHT_M**2
-        self._begin(start, np.zeros(3), ImuBias(np.zeros(3), gyro), cov)
+        self._begin(start.body_T_world.inverse(), start.velocity_b, start.bias, cov)
 
     def _begin(self, world_T_body: SE3, velocity_w: Array, bias: ImuBias, cov: Array) -> None:
         config, R, here = self.context.config, world_T_body.R, np.zeros(3)
@@ -199,12 +197,9 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
 
     def _move(self, window: ImuWindow) -> tuple[Array, Array]:
         """Propagate; return the rotation of the camera since the last frame, and where directions should have gone."""
-        estimator, B_R_C = self._estimator, self._B_T_C.R
-        if window.end_t_ns == window.start_t_ns:
-            return np.eye(3), np.eye(3)
-        if estimator is None:
-            turn = preintegrate(steps_of(window), self.context.config.imu_noise, ImuBias.zero()).dR
-            rotation = B_R_C.T.dot(turn.T).dot(B_R_C)
+        estimator = self._estimator
+        if estimator is None or window.end_t_ns == window.start_t_ns:
+            rotation = turn_of_camera(window, self.context.config.imu_noise, self._B_T_C.R)
             return rotation, rotation
         before = estimator.state.pose @ self._B_T_C
         estimator.propagate(window)

@@ -187,6 +187,23 @@ class QueueConfig(_Section):
 
 
 @dataclass(frozen=True, slots=True)
+class EngineConfig(_Section):
+    """The section ``vio.engine``: how far an engine, such as ``okvis2``, is believed.
+
+    Attributes:
+        covariance_scale: factor for the covariances that it tells.
+        drift_rad: sigma of the rotation 1 s after the keyframe, growing as the root of time, if it tells none.
+        drift_m: sigma of the position 1 s after the keyframe, growing as the root of time, if it tells none.
+        drift_share: sigma of the position as a share of the distance from the keyframe, if it tells none.
+    """
+
+    covariance_scale: float = _within(1.0, 1e-6, 1e6)
+    drift_rad: float = _within(0.005, 1e-6, 1.0)
+    drift_m: float = _within(0.02, 1e-6, 100.0)
+    drift_share: float = _within(0.02, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
 class VioConfig(_Section):
     """The section ``vio``.
 
@@ -212,6 +229,7 @@ class VioConfig(_Section):
         imu_noise: densities of the IMU's noise.
         odometry: what goes to the autopilot.
         queue: between camera and worker.
+        engine: how far an engine is believed.
         native: an engine's own options, which it gets as they are; see its documentation.
     """
 
@@ -236,6 +254,7 @@ class VioConfig(_Section):
     imu_noise: ImuNoise = dataclasses.field(default_factory=ImuNoise)
     odometry: OdometryConfig = OdometryConfig()
     queue: QueueConfig = QueueConfig()
+    engine: EngineConfig = EngineConfig()
     native: dict[str, Scalar] = dataclasses.field(default_factory=dict, hash=False, metadata={"options": True})
 
     def __post_init__(self) -> None:

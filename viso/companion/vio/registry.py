@@ -33,17 +33,15 @@ class StrategyEntry:
     description: str
 
 
-def _lazy(module: str, class_name: str, extra: str | None = None) -> Callable[[StrategyContext], StrategyBase]:
+def _lazy(module: str, class_name: str, extra: str) -> Callable[[StrategyContext], StrategyBase]:
     """Return a loader that imports nothing before it is called, and says which extra a missing library belongs to."""
 
     def load(context: StrategyContext) -> StrategyBase:
         try:
-            strategy = getattr(importlib.import_module(f"viso.companion.strategies.{module}"), class_name)(context)
+            strategy = getattr(importlib.import_module(f"viso.companion.strategies.{module}"), class_name)
         except ModuleNotFoundError as error:
-            if extra is None:
-                raise
             raise ImportError(f"{error}; {pip_install(extra)}") from error
-        return cast(StrategyBase, strategy)
+        return cast(StrategyBase, strategy(context))
 
     return load
 
@@ -61,12 +59,12 @@ _STRATEGY_REGISTRY: Final[dict[str, StrategyEntry]] = {
     ),
     "okvis2": StrategyEntry(
         build_info.BUILD_OKVIS2,
-        _lazy("okvis2", "Okvis2"),
+        _lazy("okvis2", "Okvis2", extra="vio"),
         "OKVIS2, where its native module is installed",
     ),
     "vins_mono": StrategyEntry(
         build_info.BUILD_VINS_MONO,
-        _lazy("vins_mono", "VinsMono"),
+        _lazy("vins_mono", "VinsMono", extra="vio"),
         "VINS-Mono, where its native module is installed; for comparison only",
     ),
 }

@@ -337,6 +337,7 @@ class VioOutput:
         is_keyframe: whether this frame is the keyframe of the outputs after it.
         velocity_b: in m/s, in the body (FLU).
         world_T_body: the body in the strategy's world (ENU), for diagnosis.
+        world_T_keyframe: K in that world, where that is another by now than when K was told; else None.
     """
 
     frame_id: uuid.UUID
@@ -348,6 +349,7 @@ class VioOutput:
     is_keyframe: bool
     velocity_b: Array
     world_T_body: SE3
+    world_T_keyframe: SE3 | None = None
 
     def __post_init__(self) -> None:
         cov = read_only(self.pose_covariance_6x6, (6, 6), "pose_covariance_6x6")

@@ -2,14 +2,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A native engine that is not native: it counts what it gets and says that the body stands still."""
 
+import copy
 import sys
 from collections.abc import Callable
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
 
-from viso.companion.strategies.native import NativeBias, NativeEngine, NativeFeatures, NativePose, NativeStatus
+from viso.companion.strategies.native import (
+    NativeBias,
+    NativeEngine,
+    NativeFeatures,
+    NativeKeyframeUpdate,
+    NativePose,
+    NativeStatus,
+)
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, Pixels, WarmStartPose
@@ -25,7 +34,9 @@ class FakeEngine:
         imu: the samples' stamps.
         images: the images' stamps.
         resets: what it was reset to.
-        status, covariance_6x6, features_told, world, velocity_world: what it will say, where a test sets it.
+        heights: what it was told of them.
+        status, covariance_6x6, features_told, world, velocity_world, updates: what it will say, where a test sets it.
+        starts_at_rest, takes_height: what it can.
         sees_in_the_dark: whether it can do with black images.
     """
 
@@ -34,7 +45,11 @@ class FakeEngine:
         self.images: list[int] = []
         self.resets: list[WarmStartPose | None] = []
         self.status: NativeStatus | None = None
-        self.covariance_6x6: Array = np.diag([1e-6] * 3 + [1e-4] * 3)
+        self.heights: list[tuple[int, float, float]] = []
+        self.starts_at_rest = True
+        self.takes_height = False
+        self.updates: list[NativeKeyframeUpdate] = []
+        self.covariance_6x6: Any = np.diag([1e-6] * 3 + [1e-4] * 3)
         self.features_told = NativeFeatures(120, 3, 5, 100, 4.5, 0.5, 0.8, 1.2)
         self.world: Array = np.eye(4)
         self.sees_in_the_dark = False
@@ -49,11 +64,15 @@ class FakeEngine:
         self.imu.append(t_ns)
         self._gyro = gyro.copy()
 
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
+        assert self.takes_height
+        self.heights.append((t_ns, height_m, sigma_m))
+
     def add_image(self, t_ns: int, pixels: Pixels) -> NativeStatus:
         self.images.append(t_ns)
         self._mean = float(pixels.mean())
         if not self._has_state:
-            is_still = np.linalg.norm(self._gyro) < STILL_GYRO_RAD_S
+            is_still = self.starts_at_rest and np.linalg.norm(self._gyro) < STILL_GYRO_RAD_S
             self._still_images = self._still_images + 1 if is_still else 0
             if self._still_images < INITIAL_IMAGES:
                 return self.status or NativeStatus.INITIALISING
@@ -72,8 +91,13 @@ class FakeEngine:
         is_keyframe = self._since_keyframe % 3 == 0
         return NativePose(self.world.copy(), relative, self.velocity_world.copy(), is_keyframe)
 
-    def covariance(self) -> Array:
-        return self.covariance_6x6.copy()
+    def covariance(self) -> Array | None:
+        told: Array | None = copy.copy(self.covariance_6x6)
+        return told
+
+    def keyframe_updates(self) -> list[NativeKeyframeUpdate]:
+        told, self.updates = self.updates, []
+        return told
 
     def bias(self) -> NativeBias:
         return NativeBias(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.01, 0.0]))

@@ -61,6 +61,12 @@ component_id = 198
 [vio.queue]
 depth = 2
 
+[vio.engine]
+covariance_scale = 16
+drift_rad = 0.01
+drift_m = 0.1
+drift_share = 0.05
+
 [vio.native]
 estimate_extrinsic = 1
 solver_time_s = 0.04
@@ -128,6 +134,7 @@ def test_defaults() -> None:
             "component_id": 197,
         },
         "queue": {"depth": 1},
+        "engine": {"covariance_scale": 1.0, "drift_rad": 0.005, "drift_m": 0.02, "drift_share": 0.02},
         "native": {},
     }
 
@@ -139,6 +146,7 @@ def test_every_key_can_be_set() -> None:
         (changed.odometry, default.odometry),
         (changed.queue, default.queue),
         (changed.imu_noise, default.imu_noise),
+        (changed.engine, default.engine),
     ]
     for set_section, default_section in sections:
         for field in dataclasses.fields(default_section):
