@@ -25,11 +25,13 @@ class Keyframe:
         t_ns: when it was taken.
         camera_rotation: [3, 3] from the camera to the world.
         sighting: what it showed.
+
+    Attributes:
+        frame_id, number, t_ns: of the frame.
     """
 
     def __init__(self, frame_id: uuid.UUID, number: int, t_ns: int, camera_rotation: Array, sighting: Sighting) -> None:
-        self.frame_id, self.number = frame_id, number
-        self._t_ns = t_ns
+        self.frame_id, self.number, self.t_ns = frame_id, number, t_ns
         self._rotation = camera_rotation
         self._sighting = sighting
 
@@ -41,7 +43,7 @@ class Keyframe:
             focal_px: of the working image.
         """
         then, now = common_points(self._sighting, sighting)
-        if len(then) < MIN_COMMON or t_ns - self._t_ns >= MAX_AGE_NS:
+        if len(then) < MIN_COMMON or t_ns - self.t_ns >= MAX_AGE_NS:
             return True
         expected = rotated(camera_rotation.T.dot(self._rotation), then)
         disparity_px = focal_px * np.hypot(*(expected - now).T)

@@ -11,13 +11,14 @@ import numpy as np
 
 from viso.companion.klt.working_image import WorkingImages, shrink_factor
 from viso.companion.msckf.heights import Heights
+from viso.companion.msckf.window_filter import sigma_of
 from viso.companion.strategies.at_rest import RestWatch
 from viso.companion.strategies.native import NativeEngine, NativeFeatures, NativePose, NativeStatus, load_engine
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.errors import VioFatalError
-from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.imu_window import median_period_ns, window_fault
 from viso.companion.vio.se3 import SE3, Array, read_only
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
@@ -38,6 +39,7 @@ ENOUGH_SAMPLES: Final = 10  # for a median that a gap does not move
 PATIENCE_NS: Final = 10_000_000_000  # how long an engine may take to begin with what it was told
 SCALE_KNOWN: Final = 0.05  # share of the distance that may be uncertain
 _LEAST_AGE_S: Final = 0.05  # of a keyframe, for a covariance that is not singular
+_LEAST_VELOCITY_S: Final = 0.2  # of a motion that tells how well the velocity is known
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -122,7 +124,8 @@ class NativeFacade(StrategyBase):
         output = self._output(frame, keyframe, pose, features)
         if told is not None:
             self._judge_scale(output)
-        facts = self._facts(output, features, status, is_sound, self._imu_fault(imu_window))
+        age_s = (t_ns - keyframe.t_ns) * 1e-9
+        facts = self._facts(output, age_s, features, status, is_sound, self._imu_fault(imu_window))
         return self._conclude(facts, output)
 
     def _start_at_rest(self, image: Pixels, window: ImuWindow) -> None:
@@ -224,22 +227,27 @@ class NativeFacade(StrategyBase):
     def _facts(
         self,
         output: VioOutput,
+        age_s: float,
         features: NativeFeatures,
         status: NativeStatus,
         is_sound: bool,
         imu_fault: str | None,
     ) -> FrameFacts:
         tracks = status is NativeStatus.TRACKING
+        moved = output.pose_covariance_6x6[3:, 3:]
+        sigma_m = sigma_of(moved)  # what comes before the keyframe is not known here
         return FrameFacts(
             inliers=features.inliers,
             coverage=features.coverage,
             mre_px=features.mre_px,
-            covariance_trace=float(output.pose_covariance_6x6.trace()),
+            growth=Growth(float(moved.trace()), age_s) if age_s > 0 else None,
             innovation_ratio=features.innovation_ratio,
             bias_norm=output.imu_bias.norm(),
             imu_fault=imu_fault,
             has_model=tracks,
             is_finite=is_sound,
+            position_sigma_m=sigma_m,
+            velocity_sigma_m_s=sigma_m / max(age_s, _LEAST_VELOCITY_S),
             scale_unobserved=self._scale_is_open(),
             initialised=tracks and self._initialising,
         )

@@ -7,7 +7,7 @@ from typing import Final
 from viso.companion.klt.keyframes import Keyframe
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
-from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy, translation_trace
+from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
@@ -73,14 +73,13 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
         is_keyframe: bool = False,
     ) -> Outcome:
         last, state = self._node, estimator.state
-        is_next = node is not None and reference.number == self._number - 1 and not self._rests
         floats = last.agreeing < FEWEST_LANDMARKS and not self._rests
         return Outcome(
             reference,
             is_keyframe,
             PIXEL_SIGMA * last.mre_sigmas,
             estimator.innovation_ratio,
-            covariance_trace=translation_trace(state, reference.number, last.depth_m) if is_next else None,
+            depth_m=last.depth_m if node is not None and not self._rests else None,
             is_refused=node is not None and node.landmarks >= FEWEST_REFUSED and node.agreeing == 0,
             has_failed=node is not None and node.failed,
             leaves_scale_open=floats or self._ground.leaves_scale_open(state),

@@ -8,7 +8,7 @@ from viso.companion.klt.keyframes import Keyframe
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.multi_state import TracksUsed
 from viso.companion.msckf.window_filter import WindowFilter
-from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy, translation_trace
+from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource, Scene
 
 PIXEL_SIGMA: Final = 0.5
@@ -63,7 +63,7 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
             is_keyframe,
             PIXEL_SIGMA * self._used.mre_sigmas,
             estimator.innovation_ratio,
-            covariance_trace=_last_trace(state, self._used.depth_m) if is_cloned else None,
+            depth_m=self._used.depth_m if is_cloned else None,
             is_refused=used.offered >= FEWEST_REFUSED and used.used == 0,
             leaves_scale_open=self._ground.leaves_scale_open(state),
         )
@@ -80,13 +80,3 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         if used.used:
             self._used = used
         return used
-
-
-def _last_trace(state: WindowFilter, depth_m: float) -> float | None:
-    """Return the trace of the covariance of the motion between the last two poses: much the same each time.
-
-    It is that of the translation, which is known half as well from twice the height, so in units of the scene's depth.
-    """
-    if len(state.clones) < 2:
-        return None
-    return translation_trace(state, state.clones[-2].number, depth_m)

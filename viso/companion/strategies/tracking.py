@@ -19,12 +19,12 @@ from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.imu_period import ImuPeriod
 from viso.companion.msckf.stillness import SPAN_NS, Stillness
-from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
+from viso.companion.msckf.window_filter import POS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
 from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource
 from viso.companion.vio.covariance import sound_covariance
-from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
@@ -89,9 +89,9 @@ class Outcome:
     Attributes:
         reference: the keyframe that the pose refers to; its pose is in the estimator's state.
         is_keyframe: whether the frame is the keyframe of those after it.
-        mre_px: mean reprojection error of the last points that were used.
-        innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
-        covariance_trace: of a motion that is known about as well each time, None for a frame without one.
+        mre_px: mean reprojection error of the last points that were used, outliers left out.
+        innovation_ratio: running mean of their normalised innovation squared per degree of freedom.
+        depth_m: of the scene; None for a frame that did not measure how the body has moved.
         is_refused: whether nothing that was measured agreed with the state.
         has_failed: whether the estimator could not deal with the frame at all.
         leaves_scale_open: whether nothing has fixed the scale yet.
@@ -101,7 +101,7 @@ class Outcome:
     is_keyframe: bool
     mre_px: float
     innovation_ratio: float
-    covariance_trace: float | None = None
+    depth_m: float | None = None
     is_refused: bool = False
     has_failed: bool = False
     leaves_scale_open: bool = False
@@ -211,17 +211,23 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             return self._conclude(FrameFacts(0, 0.0, 0.0, bias_norm=math.nan, is_finite=False), None)
         relative, spread = state.relative_to(outcome.reference.number)
         cov = sound_covariance(spread + _LEAST_COV)
+        age_s = (seen.window.end_t_ns - outcome.reference.t_ns) * 1e-9
+        growth = None
+        if outcome.depth_m is not None and age_s > 0:
+            growth = Growth(float(spread[3:, 3:].trace()), age_s, outcome.depth_m)
         facts = FrameFacts(
             seen.sighting.inliers,
             seen.sighting.coverage,
             outcome.mre_px,
-            covariance_trace=outcome.covariance_trace,
+            growth=growth,
             innovation_ratio=outcome.innovation_ratio,
             bias_norm=state.bias.norm(),
             imu_fault=seen.imu_fault,
             has_model=seen.sighting.model is not None,
             innovation_refused=outcome.is_refused,
             is_finite=cov is not None and not outcome.has_failed,
+            position_sigma_m=sigma_of(state.cov[POS, POS][:2, :2]),
+            velocity_sigma_m_s=sigma_of(state.cov[VEL, VEL]),
             scale_unobserved=outcome.leaves_scale_open,
             initialised=seen.begins,
         )
@@ -251,11 +257,6 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             velocity_b=state.R.T.dot(state.v),
             world_T_body=SE3(state.pose.R, state.p + self._origin),
         )
-
-
-def translation_trace(state: WindowFilter, number: int, depth_m: float) -> float:
-    """Return the trace of the covariance of the translation since a frame, in units of the scene's depth."""
-    return float(state.relative_to(number)[1][3:, 3:].trace()) / depth_m**2
 
 
 def _limit_threads(count: int) -> None:

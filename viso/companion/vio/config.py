@@ -216,6 +216,8 @@ class VioConfig(_Section):
         min_tracked: inliers below which a frame is degraded.
         lost_frames_fatal: consecutive lost frames that end in LOST.
         degraded_inflation: of the emitted covariance in DEGRADED.
+        max_position_sigma_m: of the horizontal position since the start, above which a frame is degraded.
+        max_velocity_sigma_m_s: of each axis of the velocity, above which a frame is degraded.
         auto_reinit_s: from LOST to INIT without a warm start; 0 for never.
         scene: what the camera looks at.
         agl_source: where the height above ground comes from.
@@ -241,6 +243,8 @@ class VioConfig(_Section):
     min_tracked: int = _within(30, 8, 5000)
     lost_frames_fatal: int = _within(9, 1, 10_000)
     degraded_inflation: float = _within(4.0, 1.0, 1e6)
+    max_position_sigma_m: float = _within(20.0, 0.1, 1e6)
+    max_velocity_sigma_m_s: float = _within(1.0, 0.01, 1e3)
     auto_reinit_s: float = _within(0.0, 0.0, 3600.0)
     scene: Scene = Scene.AUTO
     agl_source: AglSource = AglSource.NONE

@@ -15,8 +15,9 @@ from viso.companion.vio.types import VioHealth, VioState
 
 MIN_COVERAGE: Final = 0.25
 MAX_MRE_PX: Final = 3.0
-MAX_TRACE_RATIO: Final = 2.0
-TRACE_FRAMES: Final = 50
+MAX_GROWTH: Final = 4.0  # of a variance
+WELL_KNOWN_M_S: Final = 0.1  # no motion that is known to that since its keyframe has grown too much
+GROWTH_FRAMES: Final = 50
 MAX_INNOVATION_RATIO: Final = 4.0
 LOST_INLIERS: Final = 8
 GOOD_FRAMES: Final = 2
@@ -30,6 +31,8 @@ FEW_INLIERS: Final = "few_inliers"
 LOW_COVERAGE: Final = "low_coverage"
 HIGH_MRE: Final = "high_mre"
 COVARIANCE_GROWTH: Final = "covariance_growth"
+UNSURE_POSITION: Final = "unsure_position"
+UNSURE_VELOCITY: Final = "unsure_velocity"
 INNOVATION_RATIO: Final = "innovation_ratio"
 SCALE_UNOBSERVED: Final = "scale_unobserved"
 
@@ -45,21 +48,38 @@ OnTransition = Callable[[VioState, VioState, str], None]
 
 
 @dataclass(frozen=True, slots=True)
+class Growth:
+    """How well the translation since the keyframe is known; of each frame in motion.
+
+    Attributes:
+        trace_m2: of its covariance, before inflation.
+        age_s: since the keyframe, above 0.
+        depth_m: of the scene; 1 where it is not known.
+    """
+
+    trace_m2: float
+    age_s: float
+    depth_m: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class FrameFacts:
     """What a strategy found out about a frame.
 
     Attributes:
         inliers: features that agree with the geometric model.
         coverage: share of grid cells with an inlier, 0 to 1.
-        mre_px: mean reprojection error.
-        covariance_trace: of the emitted pose, before inflation; None when it is not comparable with other frames', as
-            while standing still.
-        innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+        mre_px: mean reprojection error of the inliers.
+        growth: how well the translation since the keyframe is known; None where that tells nothing, as in a keyframe
+            or while standing still.
+        innovation_ratio: running mean of the inliers' normalised innovation squared per degree of freedom.
         bias_norm: of the estimated bias.
         imu_fault: what is wrong with the inertial data, or None.
         has_model: whether a geometric model was found.
         innovation_refused: whether the gates refused all that the frame measured.
         is_finite: whether the result of the frame is finite and its covariance sound.
+        position_sigma_m: of the horizontal position since the start; None where it is not known.
+        velocity_sigma_m_s: of the axis of the velocity that is known worst; None where it is not known.
         scale_unobserved: whether neither a height nor the accelerometer has fixed the scale yet.
         initialised: whether the strategy found its state by itself with this frame (standing still).
     """
@@ -67,13 +87,15 @@ class FrameFacts:
     inliers: int
     coverage: float
     mre_px: float
-    covariance_trace: float | None = None
+    growth: Growth | None = None
     innovation_ratio: float = 1.0
     bias_norm: float = 0.0
     imu_fault: str | None = None
     has_model: bool = True
     innovation_refused: bool = False
     is_finite: bool = True
+    position_sigma_m: float | None = None
+    velocity_sigma_m_s: float | None = None
     scale_unobserved: bool = False
     initialised: bool = False
 
@@ -82,14 +104,14 @@ class HealthMachine:
     """The health of a strategy: fed by one thread, read by any.
 
     Args:
-        config: min_tracked, lost_frames_fatal and auto_reinit_s are what it says about health.
+        config: min_tracked, lost_frames_fatal, auto_reinit_s and the bounds of sigmas are what it says about health.
         on_transition: called with the old state, the new one and the reason, after each change.
     """
 
     def __init__(self, config: VioConfig, on_transition: OnTransition = lambda old, new, reason: None) -> None:
         self._config = config
         self._on_transition = on_transition
-        self._traces: deque[float] = deque(maxlen=TRACE_FRAMES)
+        self._usual: deque[Growth] = deque(maxlen=GROWTH_FRAMES)  # of the last frames in TRACKING
         self._warm = False
         self._streak = 0  # of good frames in INIT, of clear ones in DEGRADED
         self._bias_norm = 0.0
@@ -147,7 +169,7 @@ class HealthMachine:
 
     def _restart(self, reason: str, *, warm: bool) -> None:
         self._warm = warm
-        self._traces.clear()
+        self._usual.clear()
         self._set(VioState.INIT, reason, lost=0, streak=0)
 
     def _leave_init(self, facts: FrameFacts) -> None:
@@ -173,8 +195,8 @@ class HealthMachine:
             self._set(VioState.DEGRADED, self._health.reason, streak=self._streak + 1)
         else:
             self._set(VioState.TRACKING, CLEAR if was_degraded else self._health.reason)
-            if facts.covariance_trace is not None:
-                self._traces.append(facts.covariance_trace)
+            if facts.growth is not None:
+                self._usual.append(facts.growth)
 
     def _lost_reason(self, facts: FrameFacts) -> str | None:
         if not facts.is_finite:
@@ -195,18 +217,28 @@ class HealthMachine:
             return LOW_COVERAGE
         if not facts.mre_px <= MAX_MRE_PX:
             return HIGH_MRE
-        if not self._trace_is_steady(facts.covariance_trace):
+        if facts.growth is not None and not self._is_usual(facts.growth):
             return COVARIANCE_GROWTH
         if not facts.innovation_ratio <= MAX_INNOVATION_RATIO:
             return INNOVATION_RATIO
+        if facts.position_sigma_m is not None and not facts.position_sigma_m <= self._config.max_position_sigma_m:
+            return UNSURE_POSITION
+        if facts.velocity_sigma_m_s is not None and not facts.velocity_sigma_m_s <= self._config.max_velocity_sigma_m_s:
+            return UNSURE_VELOCITY
         return facts.imu_fault or (SCALE_UNOBSERVED if facts.scale_unobserved else None)
 
-    def _trace_is_steady(self, trace: float | None) -> bool:
-        if trace is None:
+    def _is_usual(self, growth: Growth) -> bool:
+        """Tell whether a translation is known as well as others were, or well enough.
+
+        Half as well from twice the depth; and a keyframe that is older than theirs lets the variance grow with time. A
+        younger one earns nothing: the variance has a floor, which is the noise of the points.
+        """
+        if len(self._usual) < GROWTH_FRAMES:  # nothing is usual yet
+            return math.isfinite(growth.trace_m2)
+        if math.sqrt(max(growth.trace_m2, 0.0)) <= WELL_KNOWN_M_S * growth.age_s:
             return True
-        if len(self._traces) < TRACE_FRAMES:  # no steady state yet
-            return math.isfinite(trace)
-        return trace <= MAX_TRACE_RATIO * statistics.median(self._traces)
+        usual = (one.trace_m2 / one.depth_m**2 * max(1.0, growth.age_s / one.age_s) for one in self._usual)
+        return growth.trace_m2 / growth.depth_m**2 <= MAX_GROWTH * statistics.median(usual)
 
     def _set(self, state: VioState, reason: str, *, lost: int = 0, streak: int = 0) -> None:
         old = self._health

@@ -33,6 +33,8 @@ ransac_threshold_px = 2.0
 min_tracked = 20
 lost_frames_fatal = 30
 degraded_inflation = 9.0
+max_position_sigma_m = 30
+max_velocity_sigma_m_s = 2.0
 auto_reinit_s = 5.0
 scene = "planar"
 agl_source = "baro"
@@ -114,6 +116,8 @@ def test_defaults() -> None:
         "min_tracked": 30,
         "lost_frames_fatal": 9,
         "degraded_inflation": 4.0,
+        "max_position_sigma_m": 20.0,
+        "max_velocity_sigma_m_s": 1.0,
         "auto_reinit_s": 0.0,
         "scene": "auto",
         "agl_source": "none",

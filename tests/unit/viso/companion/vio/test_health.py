@@ -3,7 +3,7 @@
 """The health of a strategy: each row of its table, each limit to the last digit, and whatever may come."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.health import TRACE_FRAMES, FrameFacts, HealthMachine
+from viso.companion.vio.health import GROWTH_FRAMES, FrameFacts, Growth, HealthMachine
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import VioState
 
 INIT, TRACKING, DEGRADED, LOST = VioState.INIT, VioState.TRACKING, VioState.DEGRADED, VioState.LOST
 
-GOOD = FrameFacts(inliers=100, coverage=0.8, mre_px=0.5, covariance_trace=1.0)
+USUAL = Growth(trace_m2=1.0, age_s=0.5)
+GOOD = FrameFacts(inliers=100, coverage=0.8, mre_px=0.5, growth=USUAL)
 INITIAL = replace(GOOD, initialised=True)
 NO_MODEL = replace(GOOD, has_model=False)
 FEW = replace(GOOD, inliers=29)
@@ -29,6 +30,8 @@ DEGRADING: dict[str, dict[str, Any]] = {
     "low_coverage": {"coverage": math.nextafter(0.25, 0)},
     "high_mre": {"mre_px": math.nextafter(3.0, 4)},
     "innovation_ratio": {"innovation_ratio": math.nextafter(4.0, 5)},
+    "unsure_position": {"position_sigma_m": math.nextafter(20.0, 21)},
+    "unsure_velocity": {"velocity_sigma_m_s": math.nextafter(1.0, 2)},
     "imu_gap": {"imu_fault": IMU_GAP},
     "scale_unobserved": {"scale_unobserved": True},
 }
@@ -37,6 +40,8 @@ AT_THE_LIMIT: dict[str, Any] = {
     "coverage": 0.25,
     "mre_px": 3.0,
     "innovation_ratio": 4.0,
+    "position_sigma_m": 20.0,
+    "velocity_sigma_m_s": 1.0,
 }
 LOSING: dict[str, dict[str, Any]] = {
     "too_few_inliers": {"inliers": 7},
@@ -138,10 +143,18 @@ def test_limit_itself_does_not_degrade(field: str, value: Any) -> None:
     assert tracking().feed(replace(GOOD, **{field: value})) is TRACKING
 
 
-@pytest.mark.parametrize("field", ["coverage", "mre_px", "innovation_ratio", "covariance_trace"])
+@pytest.mark.parametrize(
+    "field", ["coverage", "mre_px", "innovation_ratio", "position_sigma_m", "velocity_sigma_m_s", "growth"]
+)
 def test_nan_degrades(field: str) -> None:
-    change: dict[str, Any] = {field: math.nan}
+    change: dict[str, Any] = {field: Growth(math.nan, 0.5) if field == "growth" else math.nan}
     assert tracking().feed(replace(GOOD, **change)) is DEGRADED
+
+
+def test_bounds_of_sigmas_are_configured() -> None:
+    rig = tracking(VioConfig(max_velocity_sigma_m_s=2.0, max_position_sigma_m=5.0))
+    assert rig.feed(replace(GOOD, velocity_sigma_m_s=1.9, position_sigma_m=4.9)) is TRACKING
+    assert rig.feed(replace(GOOD, position_sigma_m=5.1)) is DEGRADED
 
 
 @pytest.mark.parametrize(("reason", "change"), LOSING.items(), ids=LOSING)
@@ -158,41 +171,63 @@ def test_eight_inliers_are_not_lost() -> None:
     assert rig.machine.snapshot().consecutive_lost == 0
 
 
-class TestSteadyCovariance:
-    """The trace against twice the median of the last 50 frames in TRACKING."""
+class TestGrowth:
+    """The variance of the translation since the keyframe, against those of the last 50 frames in TRACKING."""
 
-    def steady(self, traces: Iterable[float]) -> Rig:
+    def usual(self, *growths: Growth, count: int = GROWTH_FRAMES) -> Rig:
         rig = tracking()
-        rig.feed(*[replace(GOOD, covariance_trace=trace) for trace in traces])
+        rig.feed(*[replace(GOOD, growth=growth) for growth in growths for _ in range(count)])
         return rig
 
-    @pytest.mark.parametrize(("trace", "state"), [(2.0, TRACKING), (math.nextafter(2.0, 3), DEGRADED)])
-    def test_twice_the_median_is_the_limit(self, trace: float, state: VioState) -> None:
-        rig = self.steady([1.0] * TRACE_FRAMES)
-        assert rig.feed(replace(GOOD, covariance_trace=trace)) is state
+    def feed(self, rig: Rig, trace_m2: float, age_s: float = 0.5, depth_m: float = 1.0) -> VioState:
+        return rig.feed(replace(GOOD, growth=Growth(trace_m2, age_s, depth_m)))
 
-    def test_there_is_none_before_50_frames(self) -> None:
-        rig = self.steady([1.0] * (TRACE_FRAMES - 2))  # and the one that left INIT
-        assert rig.feed(replace(GOOD, covariance_trace=100.0)) is TRACKING
+    @pytest.mark.parametrize(("trace_m2", "state"), [(4.0, TRACKING), (math.nextafter(4.0, 5), DEGRADED)])
+    def test_four_times_the_median_is_the_limit(self, trace_m2: float, state: VioState) -> None:
+        assert self.feed(self.usual(USUAL), trace_m2) is state
+
+    @pytest.mark.parametrize(("trace_m2", "state"), [(16.0, TRACKING), (math.nextafter(16.0, 17), DEGRADED)])
+    def test_older_keyframe_lets_it_grow_with_time(self, trace_m2: float, state: VioState) -> None:
+        assert self.feed(self.usual(USUAL), trace_m2, age_s=2.0) is state
+
+    def test_young_keyframe_has_the_noise_of_an_old_one(self) -> None:
+        assert self.feed(self.usual(USUAL), 4.0, age_s=0.05) is TRACKING
+
+    @pytest.mark.parametrize(("trace_m2", "state"), [(400.0, TRACKING), (math.nextafter(400.0, 401), DEGRADED)])
+    def test_twice_the_depth_is_known_half_as_well(self, trace_m2: float, state: VioState) -> None:
+        assert self.feed(self.usual(USUAL), trace_m2, depth_m=10.0) is state
+
+    @pytest.mark.parametrize(("sigma_m", "state"), [(0.049, TRACKING), (0.051, DEGRADED)])
+    def test_what_is_known_well_has_not_grown_too_much(self, sigma_m: float, state: VioState) -> None:
+        assert self.feed(self.usual(Growth(1e-6, 0.5)), sigma_m**2) is state
+
+    def test_smoother_whose_keyframes_age_is_not_degraded(self) -> None:
+        rig = tracking()
+        ages = [0.1 * number for number in range(1, 11)] * 10
+        assert {self.feed(rig, 0.3 * age_s, age_s) for age_s in ages} == {TRACKING}
+
+    def test_nothing_is_usual_before_50_frames(self) -> None:
+        rig = self.usual(USUAL, count=GROWTH_FRAMES - 2)  # and the one that left INIT
+        assert self.feed(rig, 100.0) is TRACKING
 
     def test_the_last_50_frames_count(self) -> None:
-        rig = self.steady([1.0] * TRACE_FRAMES + [1.9] * TRACE_FRAMES)
-        assert rig.feed(replace(GOOD, covariance_trace=3.8)) is TRACKING
+        assert self.feed(self.usual(USUAL, Growth(3.9, 0.5)), 15.0) is TRACKING
 
     def test_degraded_frames_do_not_count(self) -> None:
-        rig = self.steady([1.0] * TRACE_FRAMES)
-        rig.feed(*[replace(FEW, covariance_trace=1.9)] * TRACE_FRAMES)
-        assert rig.feed(replace(GOOD, covariance_trace=3.0), GOOD, GOOD) is DEGRADED
+        rig = self.usual(USUAL)
+        rig.feed(*[replace(FEW, growth=Growth(3.9, 0.5))] * GROWTH_FRAMES)
+        assert self.feed(rig, 5.0) is DEGRADED
+        assert rig.feed(GOOD, GOOD) is DEGRADED
 
     def test_frame_that_cannot_be_compared_is_passed_over(self) -> None:
-        rig = self.steady([1.0] * TRACE_FRAMES)
-        assert rig.feed(*[replace(GOOD, covariance_trace=None)] * TRACE_FRAMES) is TRACKING
-        assert rig.feed(replace(GOOD, covariance_trace=2.1)) is DEGRADED
+        rig = self.usual(USUAL)
+        assert rig.feed(*[replace(GOOD, growth=None)] * GROWTH_FRAMES) is TRACKING
+        assert self.feed(rig, 4.1) is DEGRADED
 
     def test_warm_start_begins_anew(self) -> None:
-        rig = self.steady([1.0] * TRACE_FRAMES)
+        rig = self.usual(USUAL)
         rig.machine.warm_start()
-        assert rig.feed(*[replace(GOOD, covariance_trace=100.0)] * 2) is TRACKING
+        assert rig.feed(*[replace(GOOD, growth=Growth(100.0, 0.5))] * 2) is TRACKING
 
 
 @pytest.mark.parametrize(("clear_frames", "state"), [(2, DEGRADED), (3, TRACKING)])
@@ -302,7 +337,11 @@ FRAMES = st.builds(
     inliers=st.sampled_from([0, 7, 8, 29, 30, 100]),
     coverage=st.sampled_from([0.0, 0.24, 0.25, 1.0, math.nan]),
     mre_px=ANY,
-    covariance_trace=st.one_of(st.none(), ANY),
+    growth=st.one_of(
+        st.none(), st.builds(Growth, trace_m2=ANY, age_s=st.floats(1e-3, 1e3), depth_m=st.floats(0.1, 1e3))
+    ),
+    position_sigma_m=st.one_of(st.none(), ANY),
+    velocity_sigma_m_s=st.one_of(st.none(), ANY),
     innovation_ratio=ANY,
     imu_fault=st.sampled_from([None, None, None, IMU_GAP, IMU_EMPTY]),
     has_model=st.sampled_from([True, True, False]),
