@@ -52,7 +52,10 @@ PREPARATIONS: dict[str, Prepare] = {
     "klt_ransac": lambda monkeypatch: pytest.importorskip("cv2"),
     "fixed_lag": lambda monkeypatch: [pytest.importorskip(library) for library in ("cv2", "gtsam")],
     "okvis2": lambda monkeypatch: [pytest.importorskip("cv2"), install(monkeypatch, "viso_okvis2_native")],
-    "vins_mono": lambda monkeypatch: [pytest.importorskip("cv2"), install(monkeypatch, "viso_vins_mono_native")],
+    "vins_mono": lambda monkeypatch: [
+        pytest.importorskip("cv2"),
+        install(monkeypatch, "viso_vins_mono_native", starts_at_rest=False),
+    ],
 }
 
 ALL_ON = dict.fromkeys(build_info.FLAGS, True)

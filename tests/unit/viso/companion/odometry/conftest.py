@@ -27,6 +27,7 @@ class Strategy:
         self._count = 0
         self.keyframe_id = self._new_id()
         self.world_T_keyframe = self.world_T_body
+        self._told: SE3 | None = None
 
     def _new_id(self) -> uuid.UUID:
         self._count += 1
@@ -36,6 +37,11 @@ class Strategy:
         """Forget everything, and be somewhere."""
         self.keyframe_id = self._new_id()
         self.world_T_body = self.world_T_keyframe = world_T_body
+
+    def change_mind(self, motion: SE3) -> None:
+        """Take the last keyframe and the body to be elsewhere, by a motion in the world; the next output tells."""
+        self.world_T_body = motion @ self.world_T_body
+        self._told = self.world_T_keyframe = motion @ self.world_T_keyframe
 
     def move(
         self,
@@ -58,7 +64,9 @@ class Strategy:
             is_keyframe,
             np.array(velocity_b),
             self.world_T_body,
+            self._told,
         )
+        self._told = None
         if is_keyframe:
             self.keyframe_id, self.world_T_keyframe = frame_id, self.world_T_body
         return output

@@ -232,3 +232,61 @@ def test_unsound_sum_gives_nothing(strategy: Any) -> None:
     output = strategy.move()
     composer.restart(output, LocalPose(SE3.identity(), -np.eye(6)))
     assert composer.compose(output) is None
+
+
+class TestRefinement:
+    """A strategy takes a keyframe to be elsewhere than it said."""
+
+    def moved(self, strategy: Any, motion: SE3, *, is_keyframe: bool = False) -> tuple[OdometryComposer, list[float]]:
+        """Return a composer, and how far its poses are from the strategy's, from the output that tells on."""
+        composer = north()
+        composed(composer, strategy.move())
+        composed(composer, strategy.move(ahead(5.0)))
+        strategy.change_mind(motion)
+        poses = [composed(composer, strategy.move(ahead(0.1), is_keyframe=is_keyframe)) for _ in range(31)]
+        end = strategy.world_T_body
+        distances = [
+            float(np.linalg.norm(pose.L_T_B.t - (end @ ahead(0.1 * n - 3.0)).t)) for n, pose in enumerate(poses)
+        ]
+        return composer, distances
+
+    @pytest.mark.parametrize("is_keyframe", [False, True])
+    def test_small_one_is_blended(self, strategy: Any, is_keyframe: bool) -> None:
+        composer, distances = self.moved(strategy, SE3(np.eye(3), np.array([0.0, 0.4, 0.0])), is_keyframe=is_keyframe)
+        assert distances == pytest.approx([0.4 * 0.9 ** (n + 1) for n in range(31)], abs=1e-9)
+        assert not composer.has_jumped
+
+    @pytest.mark.parametrize(
+        "motion", [SE3(np.eye(3), np.array([0.0, 0.6, 0.0])), SE3(turn(0.0, 0.0, 0.11), np.zeros(3))]
+    )
+    def test_large_one_is_taken_at_once(self, strategy: Any, motion: SE3) -> None:
+        composer = north()
+        composed(composer, strategy.move())
+        strategy.change_mind(motion)
+        pose = composed(composer, strategy.move(ahead(5.0)))
+        assert composer.has_jumped
+        assert pose.L_T_B.t == pytest.approx(strategy.world_T_body.t)
+        np.testing.assert_allclose(pose.L_T_B.R, strategy.world_T_body.R, atol=1e-9)
+        composed(composer, strategy.move())
+        assert not composer.has_jumped
+
+    def test_turned_one_is_blended_along_the_way(self, strategy: Any) -> None:
+        motion = SE3(turn(0.0, 0.0, 0.05), np.zeros(3))
+        assert self.moved(strategy, motion, is_keyframe=True)[1][-1] < 0.02
+
+    def test_later_one_replaces_what_is_left(self, strategy: Any) -> None:
+        composer = north()
+        composed(composer, strategy.move())
+        for way_m in (0.3, -0.3):
+            strategy.change_mind(ahead(way_m))
+            pose = composed(composer, strategy.move())
+        assert pose.L_T_B.t[0] == pytest.approx(0.3 * 0.1 * 0.9)
+
+    def test_restart_forgets_what_is_left(self, strategy: Any) -> None:
+        composer = north()
+        composed(composer, strategy.move())
+        strategy.change_mind(ahead(0.4))
+        composed(composer, strategy.move())
+        given = LocalPose(ahead(9.0), np.zeros((6, 6)))
+        composer.restart(output := strategy.move(), given)
+        assert composed(composer, output).L_T_B.t == pytest.approx([9.0, 0.0, 0.0])

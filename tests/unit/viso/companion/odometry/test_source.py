@@ -210,6 +210,17 @@ def test_correction_within_what_was_stated_does_not_count(rig: Rig) -> None:
     assert rig.sent().reset_counter == 0
 
 
+@pytest.mark.parametrize(("closed_m", "resets"), [(0.4, 0), (0.6, 1)])
+def test_loop_closure_that_jumps_counts_however_unsure_the_pose_was(rig: Rig, closed_m: float, resets: int) -> None:
+    rig.strategy.pose_covariance = np.diag([1e-6] * 3 + [100.0] * 3)
+    rig.track(0.0, 5.0)
+    rig.strategy.change_mind(SE3(np.eye(3), np.array([0.0, closed_m, 0.0])))
+    rig.track(0.0, 0.0)
+    message = rig.sent()
+    assert message.reset_counter == resets
+    assert message.x == pytest.approx(closed_m if resets else closed_m * (1 - 0.9**2), abs=1e-6)
+
+
 def test_output_that_went_astray_is_bridged_by_the_world(rig: Rig) -> None:
     rig.track(0.0, 0.2)
     rig.strategy.move(SE3(np.eye(3), np.array([0.1, 0.0, 0.0])))

@@ -30,6 +30,9 @@ INITIAL_IMAGES = 2
 class FakeEngine:
     """Finds its state at the second image, if the body does not turn meanwhile; each third image is a keyframe.
 
+    Args:
+        calibration: of the images.
+
     Attributes:
         imu: the samples' stamps.
         images: the images' stamps.
@@ -40,7 +43,8 @@ class FakeEngine:
         sees_in_the_dark: whether it can do with black images.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, calibration: CameraCalibration) -> None:
+        self._size = calibration.height, calibration.width
         self.imu: list[int] = []
         self.images: list[int] = []
         self.resets: list[WarmStartPose | None] = []
@@ -69,6 +73,7 @@ class FakeEngine:
         self.heights.append((t_ns, height_m, sigma_m))
 
     def add_image(self, t_ns: int, pixels: Pixels) -> NativeStatus:
+        assert pixels.shape == self._size
         self.images.append(t_ns)
         self._mean = float(pixels.mean())
         if not self._has_state:
@@ -121,21 +126,25 @@ class FakeModule(ModuleType):
     Attributes:
         engines: those it has made.
         before: called before it makes one.
+        starts_at_rest: whether they do.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, starts_at_rest: bool = True) -> None:
         super().__init__(name)
+        self.starts_at_rest = starts_at_rest
         self.engines: list[FakeEngine] = []
         self.before: Callable[[], object] = lambda: None
 
     def create(self, calibration: CameraCalibration, config: VioConfig) -> NativeEngine:
         self.before()
-        self.engines.append(FakeEngine())
-        return self.engines[-1]
+        engine = FakeEngine(calibration)
+        engine.starts_at_rest = self.starts_at_rest
+        self.engines.append(engine)
+        return engine
 
 
-def install(monkeypatch: pytest.MonkeyPatch, name: str) -> FakeModule:
+def install(monkeypatch: pytest.MonkeyPatch, name: str, *, starts_at_rest: bool = True) -> FakeModule:
     """Make a fake native module importable under a name."""
-    module = FakeModule(name)
+    module = FakeModule(name, starts_at_rest=starts_at_rest)
     monkeypatch.setitem(sys.modules, name, module)
     return module

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A native engine behind the interface of strategies: what goes in, what comes out, what each failure becomes."""
 
+import contextlib
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -12,15 +13,18 @@ from tests.unit.viso.companion.strategies.fake_native import install
 from tests.unit.viso.companion.vio.strategy_rig import (
     PERIOD_NS,
     WaxRig,
+    make_calibration,
     make_frame,
     make_warm_start,
     still_window,
 )
 from viso.companion.strategies.facade import NativeFacade
-from viso.companion.strategies.native import NativeStatus
+from viso.companion.strategies.native import NativeKeyframeUpdate, NativeStatus
+from viso.companion.vio.config import EngineConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.health import SCALE_UNOBSERVED, UNSURE_VELOCITY
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from viso.companion.vio.se3 import SE3
+from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
 
 NAME = "viso_test_native"
@@ -34,9 +38,11 @@ class Facade(NativeFacade):
 class Rig(WaxRig):
     """A facade around a fake engine; frames are a tenth of a second apart."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, **config: Any) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, width: int = 64, **config: Any) -> None:
         super().__init__(**config)
         module = install(monkeypatch, NAME)
+        self.calibration = make_calibration(width)
+        self.context = replace(self.context, calibration=self.calibration)
         self.facade = Facade(self.context)
         (self.engine,) = module.engines
         self.engine.sees_in_the_dark = True
@@ -45,7 +51,7 @@ class Rig(WaxRig):
     def run(self, window: ImuWindow | None = None) -> VioOutput:
         """Process the next frame."""
         t_ns = self.next * PERIOD_NS
-        frame = make_frame(self.next)
+        frame = make_frame(self.next, size=(self.calibration.height, self.calibration.width))
         if window is None:
             window = still_window(max(t_ns - PERIOD_NS, 0), t_ns)
         self.next += 1
@@ -276,3 +282,112 @@ def test_few_samples_do_not_make_an_imu_slow(rig: Rig) -> None:
     rig.initialise()
     with pytest.raises(VioDegradedError, match=IMU_GAP):
         rig.run(slow(PERIOD_NS, 2 * PERIOD_NS))
+
+
+def test_engine_gets_working_images_and_their_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The fake refuses others than its calibration's, and the frame is as large as the camera's.
+    rig = Rig(monkeypatch, width=200, working_width_px=100)
+    rig.initialise()
+    assert rig.state() is VioState.TRACKING
+
+
+def sigmas(output: VioOutput) -> Array:
+    return np.sqrt(np.diag(output.pose_covariance_6x6))
+
+
+def test_covariance_is_scaled(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, engine=EngineConfig(covariance_scale=16.0))
+    assert sigmas(rig.initialise()) == pytest.approx([4e-3] * 3 + [4e-2] * 3)
+
+
+def test_engine_without_covariance_has_the_configured_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, engine=EngineConfig(drift_rad=0.01, drift_m=0.1, drift_share=0.0))
+    rig.engine.covariance_6x6 = None
+    rig.initialise()
+    assert sigmas(rig.run()) == pytest.approx(np.sqrt(0.1) * np.array([0.01] * 3 + [0.1] * 3))
+    assert sigmas(rig.run()) == pytest.approx(np.sqrt(0.2) * np.array([0.01] * 3 + [0.1] * 3))
+    assert rig.state() is VioState.TRACKING
+
+
+def test_drift_grows_with_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, engine=EngineConfig(drift_m=1e-6, drift_share=0.5))
+    rig.engine.covariance_6x6 = None
+    rig.initialise()
+    output = rig.run()
+    way_m = np.linalg.norm(output.relative_pose_T.t)
+    assert sigmas(output)[3:] == pytest.approx([0.5 * way_m] * 3, rel=1e-3)
+
+
+def test_heights_go_in_at_the_image_if_the_engine_takes_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, agl_source="rangefinder")
+    rig.engine.takes_height = True
+    rig.facade.add_height(0, 50.0, 0.1)
+    rig.initialise()
+    rig.engine.velocity_world = np.array([0.0, 0.0, 2.0])
+    rig.run()
+    rig.facade.add_height(3 * PERIOD_NS - 50_000_000, 60.0, 0.1)
+    rig.run()
+    assert rig.engine.heights == [(0, 50.0, 0.5), (3 * PERIOD_NS, pytest.approx(60.1), 0.6)]
+
+
+@pytest.mark.parametrize(("takes_height", "agl_source"), [(True, "none"), (False, "rangefinder")])
+def test_no_height_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch, takes_height: bool, agl_source: str) -> None:
+    rig = Rig(monkeypatch, agl_source=agl_source)
+    rig.engine.takes_height = takes_height
+    rig.facade.add_height(0, 50.0, 0.1)
+    rig.initialise()
+    assert rig.engine.heights == []
+
+
+class TestScale:
+    """Over a plane, and the engine has no height."""
+
+    @pytest.fixture
+    def rig(self, monkeypatch: pytest.MonkeyPatch) -> Rig:
+        rig = Rig(monkeypatch, scene="planar", agl_source="rangefinder")
+        with pytest.raises(VioDegradedError, match=SCALE_UNOBSERVED):
+            rig.initialise()
+        return rig
+
+    def fly(self, rig: Rig, share: float) -> VioState:
+        """Fly on to the keyframe after the next; say how well ways to keyframes are known."""
+        for _ in range(6):
+            way_m = rig.engine.pose().keyframe_T_body[0, 3] + 1e-3  # that of the next image
+            rig.engine.covariance_6x6 = np.diag([1e-8] * 3 + [(share * way_m) ** 2] * 3)
+            with contextlib.suppress(VioDegradedError):
+                rig.run()
+        return rig.state()
+
+    def test_is_known_once_the_ways_between_keyframes_are(self, rig: Rig) -> None:
+        assert self.fly(rig, 0.06) is VioState.DEGRADED
+        assert self.fly(rig, 0.04) is VioState.TRACKING
+
+    def test_is_not_learnt_from_a_configured_drift(self, rig: Rig) -> None:
+        rig.engine.covariance_6x6 = None
+        for _ in range(6):
+            with pytest.raises(VioDegradedError, match=SCALE_UNOBSERVED):
+                rig.run()
+
+    def test_comes_with_a_height(self, rig: Rig) -> None:
+        rig.engine.takes_height = True
+        for _ in range(3):
+            with contextlib.suppress(VioDegradedError):
+                rig.run()
+        assert rig.state() is VioState.TRACKING
+
+
+def test_keyframe_that_moved_is_told(rig: Rig) -> None:
+    rig.initialise()
+    better = SE3.exp(np.array([0.0, 0.0, 0.1, 1.0, 2.0, 3.0])).matrix()
+    rig.engine.updates = [NativeKeyframeUpdate(PERIOD_NS, better), NativeKeyframeUpdate(0, np.eye(4))]
+    told = rig.run().world_T_keyframe
+    assert told is not None
+    assert np.array_equal(told.matrix(), better)
+    assert rig.run().world_T_keyframe is None
+
+
+def test_engine_that_knows_its_motion_too_badly_is_degraded(rig: Rig) -> None:
+    rig.initialise()
+    rig.engine.covariance_6x6 = np.diag([1e-6] * 3 + [0.3**2] * 3)
+    with pytest.raises(VioDegradedError, match=UNSURE_VELOCITY):
+        rig.run()
