@@ -64,7 +64,7 @@ class OdometryComposer:
 
     Attributes:
         alignment: of the local frame, once it is known.
-        has_jumped: whether the last output has moved the pose at once.
+        jumps: how often an output has moved the keyframe at once.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class OdometryComposer:
         self._L_T_W = SE3.identity()
         self._began = SE3.identity()  # L_T_W when the local frame, or its last part, began
         self._to_blend: Array = np.zeros(6)  # what the keyframe has yet to move by, in its own axes
-        self.has_jumped = False
+        self.jumps = 0
 
     @property
     def up(self) -> Array:
@@ -168,10 +168,11 @@ class OdometryComposer:
             better = self._began @ _normalised(world_T_keyframe)
             self._to_blend = (keyframe.L_T_K.inverse() @ better).log()
         turn, shift = self._to_blend[:3], self._to_blend[3:]
-        self.has_jumped = bool(np.linalg.norm(shift) > JUMP_M or np.linalg.norm(turn) > JUMP_RAD)
         if not self._to_blend.any():
             return keyframe
-        moved = (1.0 if self.has_jumped else BLENDED_SHARE) * self._to_blend
+        jumps = bool(np.linalg.norm(shift) > JUMP_M or np.linalg.norm(turn) > JUMP_RAD)
+        self.jumps += jumps
+        moved = (1.0 if jumps else BLENDED_SHARE) * self._to_blend
         self._to_blend = self._to_blend - moved
         return dataclasses.replace(keyframe, L_T_K=keyframe.L_T_K @ SE3.exp(moved))
 

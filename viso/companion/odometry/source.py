@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Final
 
+import numpy as np
+
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.odometry.composer import JUMP_M, LocalPose, OdometryComposer
 from viso.companion.odometry.message import odometry_message
@@ -79,7 +81,8 @@ class OdometrySource:
 
     A strategy that starts anew goes on from the last pose, or, with a warm start, from that one in the world that it
     had. A camera that says nothing any more loses the pose just as one that sees nothing: after 1 s without an output
-    the state counts as degraded, after 3 s as lost.
+    the state counts as degraded, after 3 s as lost. It counts as degraded too while the sigma of the position that is
+    sent is above ``max_position_sigma_m``, which a strategy that knows no more than its last keyframe cannot tell.
 
     Args:
         config: of the odometry.
@@ -103,6 +106,7 @@ class OdometrySource:
             local_alignment, world_is_north=world_is_north, agl_scale_sigma=config.scale_sigma
         )
         self._propagator = OdometryPropagator(config.imu_noise)
+        self._max_sigma_m = config.max_position_sigma_m
         self._encoding = config.odometry.covariance_encoding
         self._lost_send_us = round(config.odometry.lost_policy.send_s * 1e6)
         self._yaw_at = yaw_at
@@ -114,6 +118,7 @@ class OdometrySource:
         self._loss: _Loss | None = None
         self._initialising = True
         self._warm = False
+        self._jumps = 0  # of the composer that were told
 
     def take_imu(self, sample: ImuSample) -> None:
         """Carry the state on to an inertial sample."""
@@ -142,7 +147,7 @@ class OdometrySource:
             frame, alignment, newest = self._frame, self._composer.alignment, self._propagator.state()
             if frame is None or alignment is None or newest is None:
                 return None
-            health = self._health_at(now_us * 1000, frame)
+            health = self._health_at(now_us * 1000, frame, newest.pose)
             quality = quality_of(health, frame.features, frame.innovation_ratio)
             state = self._state_to_send(health, newest, now_us)
             if quality is None or state is None:
@@ -166,11 +171,11 @@ class OdometrySource:
         correction = self._propagator.correct(frame.t_ns, pose, output.velocity_b, output.imu_bias, self._composer.up)
         if self._initialising:
             self._resets.start()
-        elif self._composer.has_jumped:
+        elif self._composer.jumps > self._jumps:
             self._resets.jump()
         elif correction is not None:
             self._resets.correct(*correction)
-        self._frame, self._initialising = frame, False
+        self._frame, self._initialising, self._jumps = frame, False, self._composer.jumps
         return "frames"
 
     def _prepare(self, frame: _Frame, output: VioOutput) -> bool:
@@ -184,13 +189,15 @@ class OdometrySource:
             composer.restart(output, LocalPose(composer.place_in_world(output), last.pose.covariance_6x6))
         return True
 
-    def _health_at(self, now_ns: int, frame: _Frame) -> VioState:
+    def _health_at(self, now_ns: int, frame: _Frame, pose: LocalPose) -> VioState:
         if self._health not in (VioState.TRACKING, VioState.DEGRADED):
             return self._health
         age_ns = now_ns - frame.t_ns
         if age_ns > LOST_AFTER_NS:
             return VioState.LOST
-        return VioState.DEGRADED if age_ns > DEGRADED_AFTER_NS else self._health
+        variance_m2 = float(np.linalg.eigvalsh(pose.covariance_6x6[3:, 3:])[-1])
+        is_worse = age_ns > DEGRADED_AFTER_NS or not variance_m2 <= self._max_sigma_m**2
+        return VioState.DEGRADED if is_worse else self._health
 
     def _state_to_send(self, health: VioState, newest: MotionState, now_us: int) -> MotionState | None:
         if health is not VioState.LOST:

@@ -216,8 +216,8 @@ class VioConfig(_Section):
         min_tracked: inliers below which a frame is degraded.
         lost_frames_fatal: consecutive lost frames that end in LOST.
         degraded_inflation: of the emitted covariance in DEGRADED.
-        max_position_sigma_m: of the horizontal position since the start, above which a frame is degraded.
-        max_velocity_sigma_m_s: of each axis of the velocity, above which a frame is degraded.
+        max_position_sigma_m: of a position that is not DEGRADED.
+        max_velocity_sigma_m_s: of a velocity that is not DEGRADED.
         auto_reinit_s: from LOST to INIT without a warm start; 0 for never.
         scene: what the camera looks at.
         agl_source: where the height above ground comes from.

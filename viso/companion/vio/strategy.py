@@ -36,7 +36,7 @@ class FrameReport:
     """What there is to say about the last frame besides its output and the health.
 
     Attributes:
-        innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+        innovation_ratio: running mean of the inliers' normalised innovation squared per degree of freedom.
         resets: how often the pose has jumped to another origin since the start.
         stage_ms: how long each stage took.
     """

@@ -275,7 +275,7 @@ class FeatureQuality:
     Attributes:
         tracked, lost, new, inliers: numbers of features.
         mean_parallax_px: after removing rotation.
-        mre_px: mean reprojection error.
+        mre_px: mean reprojection error of the inliers.
         coverage: share of grid cells with an inlier, 0 to 1.
     """
 

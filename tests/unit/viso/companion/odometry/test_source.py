@@ -103,6 +103,14 @@ def test_innovation_ratio_lowers_the_quality(rig: Rig) -> None:
     assert rig.sent().quality == 75
 
 
+@pytest.mark.parametrize(("sigma_m", "quality"), [(19.0, 100), (21.0, 49)])
+def test_position_that_is_hardly_known_is_sent_with_less_quality(rig: Rig, sigma_m: float, quality: int) -> None:
+    rig.track(0.0)
+    rig.strategy.pose_covariance = np.diag([1e-9] * 3 + [sigma_m**2] * 3)
+    rig.track(0.0)
+    assert rig.sent().quality == quality
+
+
 def test_initialising_again_sends_nothing(rig: Rig) -> None:
     rig.track()
     rig.say(VioState.INIT)
