@@ -3,7 +3,6 @@
 """A strategy around a native engine: its records, its health and its failures in the terms of this project."""
 
 import dataclasses
-import math
 import uuid
 from typing import Final
 
@@ -88,6 +87,7 @@ class NativeFacade(StrategyBase):
         self._rest = RestWatch(self._calibration, self.context.config)
         self._keyframe: _Keyframe | None = None
         self._covariance: Array | None = None  # the last sound one
+        self._tells_covariance = False
         self._velocity_w = np.zeros(3)
         self._last_sample_ns: int | None = None
         self._leaves_scale_open = True
@@ -116,15 +116,10 @@ class NativeFacade(StrategyBase):
             raise VioFatalError(f"{self.name}: the engine has no state any more ({status.value})")
         features, pose = self._engine.features(), self._engine.pose()
         keyframe, self._keyframe = self._keyframes(frame, t_ns, pose)
-        told = self._engine.covariance()
-        if told is None:
-            self._covariance, is_sound = self._drifted((t_ns - keyframe.t_ns) * 1e-9, pose), True
-        else:
-            is_sound = self._take_covariance(np.array(told, dtype=np.float64), imu_window)
-        output = self._output(frame, keyframe, pose, features)
-        if told is not None:
-            self._judge_scale(output)
         age_s = (t_ns - keyframe.t_ns) * 1e-9
+        is_sound = self._take_covariance(imu_window, age_s, pose)
+        output = self._output(frame, keyframe, pose, features)
+        self._judge_scale(output)
         facts = self._facts(output, age_s, features, status, is_sound, self._imu_fault(imu_window))
         return self._conclude(facts, output)
 
@@ -167,8 +162,14 @@ class NativeFacade(StrategyBase):
         keyframe = self._keyframe or this
         return keyframe, this if pose.is_keyframe else keyframe
 
-    def _take_covariance(self, told: Array, window: ImuWindow) -> bool:
+    def _take_covariance(self, window: ImuWindow, age_s: float, pose: NativePose) -> bool:
         """Keep the engine's covariance if it is sound, else let the last one grow; tell which."""
+        covariance = self._engine.covariance()
+        self._tells_covariance = covariance is not None
+        if covariance is None:
+            self._covariance = self._drifted(age_s, pose)
+            return True
+        told = np.array(covariance, dtype=np.float64)
         if told.shape != (6, 6):
             raise VioFatalError(f"{self.name}: covariance of shape {told.shape}")
         sound = sound_covariance(self.context.config.engine.covariance_scale * told)
@@ -217,9 +218,9 @@ class NativeFacade(StrategyBase):
         """Learn, where a keyframe ends, whether the engine knows how far it was from the one before."""
         way = output.relative_pose_T.R.T.dot(output.relative_pose_T.t)
         distance2 = float(way.dot(way))
-        if output.is_keyframe and distance2 > 0:
+        if self._tells_covariance and output.is_keyframe and distance2 > 0:
             along = way.dot(output.pose_covariance_6x6[3:, 3:]).dot(way)
-            self._leaves_scale_open = not math.sqrt(along) <= SCALE_KNOWN * distance2
+            self._leaves_scale_open = not along <= (SCALE_KNOWN * distance2) ** 2
 
     def _scale_is_open(self) -> bool:
         return self.context.config.scene is Scene.PLANAR and not self._has_height and self._leaves_scale_open
@@ -235,12 +236,13 @@ class NativeFacade(StrategyBase):
     ) -> FrameFacts:
         tracks = status is NativeStatus.TRACKING
         moved = output.pose_covariance_6x6[3:, 3:]
+        growth = Growth(float(moved.trace()), age_s) if self._tells_covariance and age_s > 0 else None
         sigma_m = sigma_of(moved)  # what comes before the keyframe is not known here
         return FrameFacts(
             inliers=features.inliers,
             coverage=features.coverage,
             mre_px=features.mre_px,
-            growth=Growth(float(moved.trace()), age_s) if age_s > 0 else None,
+            growth=growth,
             innovation_ratio=features.innovation_ratio,
             bias_norm=output.imu_bias.norm(),
             imu_fault=imu_fault,
