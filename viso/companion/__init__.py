@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         VioFatalError,
         VioInitializingError,
     )
-    from viso.companion.vio.health import FrameFacts
+    from viso.companion.vio.health import FrameFacts, Growth
     from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
     from viso.companion.vio.se3 import SE3
     from viso.companion.vio.strategy import FrameReport, StrategyBase, StrategyContext
@@ -42,6 +42,7 @@ __all__ = [
     "FeatureQuality",
     "FrameFacts",
     "FrameReport",
+    "Growth",
     "ImuBias",
     "ImuSample",
     "ImuWindow",
