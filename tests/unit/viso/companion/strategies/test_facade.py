@@ -3,7 +3,9 @@
 """A native engine behind the interface of strategies: what goes in, what comes out, what each failure becomes."""
 
 import contextlib
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -38,10 +40,12 @@ class Facade(NativeFacade):
 class Rig(WaxRig):
     """A facade around a fake engine; frames are a tenth of a second apart."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, width: int = 64, **config: Any) -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, *, camera: Mapping[str, Any] = MappingProxyType({}), **config: Any
+    ) -> None:
         super().__init__(**config)
         module = install(monkeypatch, NAME)
-        self.calibration = make_calibration(width)
+        self.calibration = make_calibration(**camera)
         self.context = replace(self.context, calibration=self.calibration)
         self.facade = Facade(self.context)
         (self.engine,) = module.engines
@@ -278,6 +282,14 @@ def test_slow_imu_has_no_gaps(rig: Rig) -> None:
     assert rig.state() is VioState.TRACKING
 
 
+def test_slow_imu_may_be_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch, camera={"imu_rate_hz": 50.0})
+    with pytest.raises(VioInitializingError):
+        rig.run(still_window(0, 0))
+    rig.run(slow(0, PERIOD_NS))  # too few to tell
+    assert rig.state() is VioState.TRACKING
+
+
 def test_few_samples_do_not_make_an_imu_slow(rig: Rig) -> None:
     rig.initialise()
     with pytest.raises(VioDegradedError, match=IMU_GAP):
@@ -286,7 +298,7 @@ def test_few_samples_do_not_make_an_imu_slow(rig: Rig) -> None:
 
 def test_engine_gets_working_images_and_their_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
     # The fake refuses others than its calibration's, and the frame is as large as the camera's.
-    rig = Rig(monkeypatch, width=200, working_width_px=100)
+    rig = Rig(monkeypatch, camera={"width": 200}, working_width_px=100)
     rig.initialise()
     assert rig.state() is VioState.TRACKING
 
