@@ -82,6 +82,7 @@ class Channel:
         baud: bits per second for the transport time of a UART; None for links that add no delay.
         reserve: the room for parameters, which all links share.
         rest: when polling is worth while, which all links share.
+        port: number of the link whose parameters count for this one; its own unless it is a further client's.
 
     Attributes:
         requested: messages to be sent once; ``request`` adds to them.
@@ -91,6 +92,7 @@ class Channel:
         params_sent_us: when parameters were last sent on this link's turn.
         times_full: how often a message did not fit.
         has_reader: whether anybody wants to know what is sent; else it is gone.
+        is_open: False once a further client has gone, until another has its place.
     """
 
     index: int
@@ -101,6 +103,7 @@ class Channel:
     active: bool = False
     reserve: TransmitReserve = field(default_factory=TransmitReserve)
     rest: Rest = field(default_factory=Rest)
+    port: int = -1
     deferred: DeferredMessages = field(default_factory=DeferredMessages)
     buckets: IntervalBuckets = field(init=False)
     requested: set[str] = field(default_factory=set)
@@ -121,12 +124,23 @@ class Channel:
     frames_not_sent: int = 0
     times_full: int = 0
     has_reader: bool = True
+    is_open: bool = True
     bytes_sent: int = 0
     _output: bytearray = field(default_factory=bytearray)
 
     def __post_init__(self) -> None:
         """Make the buckets, whose intervals follow the link's slow-down."""
         self.buckets = IntervalBuckets(self.reschedule_interval_ms)
+        if self.port < 0:
+            self.port = self.index
+
+    def close(self) -> None:
+        """Fall silent for good; what was counted stays."""
+        self.is_open = self.has_reader = self.active = False
+        self.deferred, self.buckets = DeferredMessages(), IntervalBuckets(self.reschedule_interval_ms)
+        self.requested.clear()
+        self.param_list = self.modes_request = None
+        self._output.clear()
 
     def request(self, name: str) -> None:
         """Have a message sent once."""

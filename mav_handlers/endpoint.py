@@ -108,19 +108,41 @@ class MavEndpoint:
         vehicle.texts.listening_channels = self._listening_channels
         vehicle.texts.on_text.append(self._on_text)
 
-    def open_channel(self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0) -> Channel:
-        """Add a link; ``baud`` gives its messages the transport time of a UART."""
+    def open_channel(
+        self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0, beside: Channel | None = None
+    ) -> Channel:
+        """Add a link.
+
+        Args:
+            name: what the user calls it.
+            baud: gives its messages the transport time of a UART.
+            version: of MAVLink, 1 or 2.
+            now_us: time since boot.
+            beside: the link that it is another client of: its parameters count for both, all else is the client's own.
+        """
         codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
-        number = len(self.channels)
-        channel = Channel(number, name, codec, baud, reserve=self._reserve, rest=self._rest, timesync_sent_us=now_us)
-        self.channels.append(channel)
+        free = (channel.index for channel in self.channels if not channel.is_open)
+        number = len(self.channels) if beside is None else next(free, len(self.channels))
+        port = number if beside is None else beside.port
+        channel = Channel(
+            number, name, codec, baud, reserve=self._reserve, rest=self._rest, port=port, timesync_sent_us=now_us
+        )
+        for former in self.channels[number : number + 1]:
+            channel.counters = former.counters
+        self.channels[number : number + 1] = [channel]
         self._rest.end()
         self._private = self._private_of_channels()
         self._told_system_id = None
-        channel.card_intervals_ms = by_name(self._message_intervals.get(channel.index, {}))
+        channel.card_intervals_ms = by_name(self._message_intervals.get(port, {}))
         set_defaults(self._vehicle, channel, now_us)
         self.signing.open_link(channel)
         return channel
+
+    def close_channel(self, channel: Channel) -> None:
+        """Forget a client that has gone, and who was behind it; another may get its number."""
+        channel.close()
+        self.routes.forget(channel.index)
+        self.log_transfer.forget(channel.index)
 
     def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
         """Handle what a link delivered.
@@ -326,13 +348,13 @@ class MavEndpoint:
             or not self._vehicle.texts.is_empty
         )
 
-    def _options(self, index: int) -> int:
-        return self._vehicle.release.params.link_options(self._vehicle.params, index)
+    def _options(self, port: int) -> int:
+        return self._vehicle.release.params.link_options(self._vehicle.params, port)
 
     def _private_of_channels(self) -> FromParams[list[bool]]:
         return FromParams(
             self._vehicle.params,
-            lambda: [self._options(channel.index) & OPTION_PRIVATE != 0 for channel in self.channels],
+            lambda: [self._options(channel.port) & OPTION_PRIVATE != 0 for channel in self.channels],
         )
 
     def _is_active(self, index: int) -> bool:

@@ -47,6 +47,10 @@ class RouteTable:
         """What has been learned, oldest first."""
         return tuple(self._known.values())
 
+    def forget(self, channel: int) -> None:
+        """Forget who was heard on a link that has ended."""
+        self._known = {place: route for place, route in self._known.items() if route.channel != channel}
+
     def learn(self, header: Header, message: Message | None, channel: int, *, own_system: int) -> None:
         """Remember where a frame's sender is (MAVLink_routing::learn_route).
 

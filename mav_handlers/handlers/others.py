@@ -60,12 +60,12 @@ def handle_request_data_stream(ctx: Context, message: REQUEST_DATA_STREAM) -> Ve
 
 
 def _options(ctx: Context) -> int:
-    return ctx.vehicle.release.params.link_options(ctx.vehicle.params, ctx.channel.index)
+    return ctx.vehicle.release.params.link_options(ctx.vehicle.params, ctx.channel.port)
 
 
 def _set_rate(ctx: Context, group: tuple[str, tuple[str, ...]], rate_hz: int) -> None:
     suffix, names = group
-    ctx.vehicle.params.set(ctx.vehicle.release.params.stream_rate(ctx.channel.index, suffix), rate_hz)
+    ctx.vehicle.params.set(ctx.vehicle.release.params.stream_rate(ctx.channel.port, suffix), rate_hz)
     for name in names:
         set_interval(ctx.channel, name, stream_interval_ms(rate_hz), ctx.now_us)
 

@@ -20,6 +20,12 @@ class HostPort:
     port: int
 
 
+def text_of(address: SocketAddress) -> str:
+    """Return an address as HOST:PORT."""
+    host, port = address
+    return f"{host}:{port}"
+
+
 def is_loopback(address: SocketAddress) -> bool:
     """Tell whether only this machine reaches an IPv4 address."""
     return address[0].startswith("127.")

@@ -7,7 +7,7 @@ import resource
 import select
 import socket
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -17,6 +17,10 @@ DROP_BACKLOG_FULL = "backlog full"
 
 SPARE_DESCRIPTORS = 16
 """So many file descriptors are kept from newcomers, for what the vehicle itself opens: its logs, its parameters."""
+
+
+MOST_REFUSED_TOLD = 16
+"""So many who were turned away are told by name, until there is room again."""
 
 
 class LinkError(Exception):
@@ -68,16 +72,69 @@ class LinkStats:
         return replace(self, drop_reasons=self.drop_reasons.copy())
 
 
+class News:
+    """Tells whoever listens, in a few words, who comes and goes on a link, and what fails.
+
+    What fails again and again for one reason is told once; so is each of those who are turned away for want of room,
+    and no more than 16 of them, until there was room.
+    """
+
+    def __init__(self) -> None:
+        self._listener: Callable[[str], None] = lambda _text: None
+        self._failure = ""
+        self._refused: set[str] = set()
+
+    def tell(self, listener: Callable[[str], None]) -> None:
+        """Have somebody told of each from now on, and at once of what fails already."""
+        self._listener = listener
+        if self._failure:
+            listener(self._failure)
+
+    def connected(self, peer: str) -> None:
+        """Tell that somebody is there."""
+        self._failure = ""
+        self._listener(f"{peer} connected")
+
+    def left(self, peer: str, why: str) -> None:
+        """Tell that somebody is gone."""
+        self._refused.clear()
+        self._listener(f"{peer} left: {why}")
+
+    def failed(self, why: str) -> None:
+        """Tell that nobody can be reached."""
+        text = f"{why}; attempts go on"
+        if text != self._failure:
+            self._failure = text
+            self._listener(text)
+
+    def refused(self, peer: str, why: str) -> None:
+        """Tell that somebody was turned away."""
+        if peer not in self._refused and len(self._refused) < MOST_REFUSED_TOLD:
+            self._refused.add(peer)
+            self._listener(f"{peer} refused: {why}")
+
+
 class Link(Protocol):
     """Carry bytes to and from a peer without ever blocking or raising.
 
     ``name`` is the connection string as given. ``baud`` is the rate for the model of the UART's transport
     time, None for no delay; whoever owns the link may set it, as the firmware's simulator applies a rate to
-    its TCP ports.
+    its TCP ports. ``news`` tells who comes and goes.
     """
 
     name: str
     baud: int | None
+    news: News
+
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return who is at the other end, by address or device, where the link can tell."""
+
+    def admit(self) -> "Link | None":
+        """Return a link of its own for one more client of a server that waits; None where nobody does.
+
+        Such a link is over once it has no peer. A server that is never asked serves one client after the other.
+        """
 
     @property
     def stats(self) -> LinkStats:

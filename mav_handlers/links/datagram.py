@@ -6,7 +6,15 @@ import socket
 from abc import ABC, abstractmethod
 
 from mav_handlers.links.address import SocketAddress
-from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, LinkStats, check_max_bytes, reason_of
+from mav_handlers.links.base import (
+    DROP_BACKLOG_FULL,
+    DROP_CLOSED,
+    Link,
+    LinkStats,
+    News,
+    check_max_bytes,
+    reason_of,
+)
 from mav_handlers.links.packetise import datagrams
 
 MAX_DATAGRAM_BYTES = 65535
@@ -24,6 +32,7 @@ class DatagramLink(ABC):
         sock.setblocking(False)
         self.name = name
         self.baud: int | None = None
+        self.news = News()
         self.address: SocketAddress = sock.getsockname()
         self._sock = sock
         self._counters = LinkStats()
@@ -38,6 +47,15 @@ class DatagramLink(ABC):
     @abstractmethod
     def _transmit(self, data: bytes) -> None:
         """Send one datagram to every peer."""
+
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return nobody: who listens is not known."""
+        return ()
+
+    def admit(self) -> Link | None:
+        """Return None: there is one socket."""
+        return None
 
     @property
     def stats(self) -> LinkStats:
@@ -99,6 +117,7 @@ class DatagramLink(ABC):
             self._counters.drop(len(data), DROP_BACKLOG_FULL)
         except OSError as error:
             self._counters.drop(len(data), reason_of(error))
+            self.news.failed(reason_of(error))
         else:
             self._sent(len(data))
 
@@ -119,6 +138,11 @@ class DatagramLink(ABC):
         """Count the datagram that was sent before: the system reports its fate with the next call."""
         self._counters.drop(self._last_sent_bytes, reason_of(error))
         self._last_sent_bytes = 0
+        self._unanswered(reason_of(error))
+
+    def _unanswered(self, why: str) -> None:
+        """Tell that nobody listens."""
+        self.news.failed(why)
 
 
 def _put(sock: socket.socket, data: bytes, peer: SocketAddress | None) -> None:

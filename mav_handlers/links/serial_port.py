@@ -29,7 +29,7 @@ class SerialLink(StreamLink):
 
     def __init__(self, name: str, device: str, baud: int, *, monotonic: Monotonic = time.monotonic) -> None:
         super().__init__(name, baud)
-        self._device = device
+        self._device = self._peer = device
         self._rate = baud
         self._backoff = Backoff(monotonic)
         try:

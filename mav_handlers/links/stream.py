@@ -5,7 +5,16 @@
 import os
 from abc import ABC, abstractmethod
 
-from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, DROP_NO_PEER, LinkStats, check_max_bytes, reason_of
+from mav_handlers.links.base import (
+    DROP_BACKLOG_FULL,
+    DROP_CLOSED,
+    DROP_NO_PEER,
+    Link,
+    LinkStats,
+    News,
+    check_max_bytes,
+    reason_of,
+)
 
 MAX_BACKLOG_BYTES = 65536
 """What a link keeps for a peer that does not read, beyond what the system keeps."""
@@ -17,12 +26,15 @@ class StreamLink(ABC):
     """Carry one stream through a non-blocking descriptor.
 
     A subclass gets streams (``_open_stream``) and gives them back (``_close_stream``); it is asked for a
-    new one in each call while there is none.
+    new one in each call while there is none. ``_peer`` is who is at its other end.
     """
+
+    _peer = ""
 
     def __init__(self, name: str, baud: int | None = None, max_backlog_bytes: int = MAX_BACKLOG_BYTES) -> None:
         self.name = name
         self.baud = baud
+        self.news = News()
         self._max_backlog_bytes = max_backlog_bytes
         self._backlog = bytearray()
         self._counters = LinkStats()
@@ -42,6 +54,15 @@ class StreamLink(ABC):
     def stats(self) -> LinkStats:
         """Return a snapshot of the counters."""
         return self._counters.snapshot()
+
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return who is at the other end, if anybody is."""
+        return (self._peer,) if self._fd >= 0 else ()
+
+    def admit(self) -> Link | None:
+        """Return None: there is one stream."""
+        return None
 
     @property
     def backlog_bytes(self) -> int:
@@ -89,6 +110,7 @@ class StreamLink(ABC):
             self._fd = self._open_stream()
             if self._fd >= 0:
                 self._counters.connects += 1
+                self.news.connected(self._peer)
         return self._fd >= 0
 
     def _read(self, max_bytes: int) -> bytes:
@@ -124,6 +146,8 @@ class StreamLink(ABC):
         self._fd = -1
         self._write_error = None
         self._counters.disconnects += 1
+        if reason != DROP_CLOSED:
+            self.news.left(self._peer, reason)
 
     def _drop_backlog(self, reason: str) -> None:
         """Drop all of it: half a frame must not greet the next peer."""

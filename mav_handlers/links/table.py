@@ -45,7 +45,11 @@ LINKS: Mapping[str, LinkFactory] = MappingProxyType(
         "udpout": LinkFactory("udpout:[HOST:]PORT", "UDP, send to an address", open_udpout),
         "udp": LinkFactory("udp:[HOST:]PORT", "the same as udpin", open_udpin),
         "tcp": LinkFactory("tcp:[HOST:]PORT", "TCP client, reconnects", open_tcp),
-        "tcpin": LinkFactory("tcpin:[HOST:]PORT", "TCP server for one client at a time", open_tcpin),
+        "tcpin": LinkFactory(
+            "tcpin:[HOST:]PORT",
+            "TCP server; `viso serve` serves up to 8 clients at once, other commands one",
+            open_tcpin,
+        ),
         "mcast": LinkFactory("mcast:[[GROUP:]PORT]", "UDP multicast", open_mcast),
         SERIAL: LinkFactory("[serial:]/dev/ttyX[,BAUD]", "serial port, 115200 baud by default", _open_serial),
     }

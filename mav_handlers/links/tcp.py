@@ -7,13 +7,15 @@ import select
 import socket
 import time
 
-from mav_handlers.links.address import SocketAddress, parse_host_port, resolve
-from mav_handlers.links.base import cannot_open, is_short_of_descriptors, reason_of
+from mav_handlers.links.address import SocketAddress, parse_host_port, resolve, text_of
+from mav_handlers.links.base import Link, News, cannot_open, is_short_of_descriptors, reason_of
 from mav_handlers.links.retry import Backoff, Monotonic
 from mav_handlers.links.stream import StreamLink
 
 CONNECT_TIMEOUT_S = 5.0
 WAITING_CLIENTS = 5
+MAX_CLIENTS = 8
+"""So many clients a server serves at once; further ones are turned away."""
 
 
 class TcpLink(StreamLink):
@@ -25,6 +27,7 @@ class TcpLink(StreamLink):
     def __init__(self, name: str, address: SocketAddress, *, monotonic: Monotonic = time.monotonic) -> None:
         super().__init__(name)
         self._address = address
+        self._peer = text_of(address)
         self._monotonic = monotonic
         self._backoff = Backoff(monotonic)
         self._give_up_s = 0.0
@@ -74,6 +77,7 @@ class TcpLink(StreamLink):
         self._close_socket()
         self._counters.open_failures += 1
         self._counters.open_failure = why
+        self.news.failed(why)
         self._backoff.failed()
 
     def _close_socket(self) -> None:
@@ -83,15 +87,17 @@ class TcpLink(StreamLink):
 
 
 class TcpServerLink(StreamLink):
-    """Listen, and serve one client at a time, as a TCP port of the firmware's simulator does.
+    """Listen, and be the link of one client at a time, as a TCP port of the firmware's simulator is.
 
-    Others wait in the system's queue; the next is accepted when the present one goes. ``address``
-    tells where it listens, and so what the system chose for port 0.
+    Whoever calls ``admit`` serves others beside it, 7 at most, each with a link of its own; else they wait in the
+    system's queue, and the next is accepted when the present one goes. ``address`` tells where it listens, and so what
+    the system chose for port 0.
     """
 
     def __init__(self, name: str, address: SocketAddress) -> None:
         super().__init__(name)
         self._client: socket.socket | None = None
+        self._others: dict[int, TcpClientLink] = {}
         self._listener = _stream_socket()
         try:
             # A restart need not wait for old connections to expire. A port that somebody listens on stays
@@ -104,36 +110,89 @@ class TcpServerLink(StreamLink):
             raise cannot_open(name, error) from None
         self.address: SocketAddress = self._listener.getsockname()
 
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return the addresses of all clients."""
+        own = super().peer_names
+        return (*own, *(name for link in self._others.values() for name in link.peer_names))
+
+    def admit(self) -> Link | None:
+        """Return a link for a client that waits while there is another, named as this one with a number from 2 on."""
+        if self._closed or not self._connected():
+            return None
+        self._others = {number: link for number, link in self._others.items() if link.peer_names}
+        number = next((number for number in range(2, MAX_CLIENTS + 1) if number not in self._others), None)
+        sock = self._accept()
+        while sock is not None and number is None:
+            self._turn_away(sock, f"{MAX_CLIENTS} are served already")
+            sock = self._accept()
+        if sock is None or number is None:
+            return None
+        self._others[number] = link = TcpClientLink(self.name, number, sock, self.news)
+        return link
+
     def fileno(self) -> int:
         """Return the client's descriptor, or the listener's while there is no client."""
         return self._fd if self._fd >= 0 else self._listener.fileno()
 
     def close(self) -> None:
-        """Close the client's connection and stop listening."""
+        """Close the clients' connections and stop listening."""
         super().close()
+        for link in self._others.values():
+            link.close()
         self._listener.close()
 
     def _open_stream(self) -> int:
-        try:
-            self._client, _ = self._listener.accept()
-        except BlockingIOError:
+        self._client = self._accept()
+        if self._client is None:
             return -1
+        self._peer = _peer_of(self._client)
+        return self._client.fileno()
+
+    def _accept(self) -> socket.socket | None:
+        """Return the connection of a client that waits, if there is room for it."""
+        try:
+            sock, _ = self._listener.accept()
+        except BlockingIOError:
+            return None
         except OSError:  # the client has gone already, or the process is out of descriptors
             self._counters.open_failures += 1
-            return -1
-        if is_short_of_descriptors(self._client.fileno()):
-            self._client.close()
-            self._client = None
-            self._counters.open_failures += 1
-            return -1
-        _configure(self._client)
-        self._client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        return self._client.fileno()
+            return None
+        if is_short_of_descriptors(sock.fileno()):
+            self._turn_away(sock, "too many files are open")
+            return None
+        _configure(sock)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        return sock
+
+    def _turn_away(self, sock: socket.socket, why: str) -> None:
+        self.news.refused(_peer_of(sock), why)
+        sock.close()
+        self._counters.open_failures += 1
 
     def _close_stream(self) -> None:
         assert self._client is not None
         self._client.close()
         self._client = None
+
+
+class TcpClientLink(StreamLink):
+    """The link of one client among several of a server; it is over when the client goes."""
+
+    def __init__(self, server: str, number: int, sock: socket.socket, news: News) -> None:
+        super().__init__(f"{server}#{number}")
+        self.news = news
+        self._peer = f"{_peer_of(sock)} (#{number})"
+        self._sock: socket.socket | None = sock
+        self._connected()
+
+    def _open_stream(self) -> int:
+        return -1 if self._sock is None else self._sock.fileno()
+
+    def _close_stream(self) -> None:
+        assert self._sock is not None
+        self._sock.close()
+        self._sock = None
 
 
 def is_connected_to_itself(sock: socket.socket) -> bool:
@@ -155,6 +214,13 @@ def open_tcp(name: str, address: str) -> TcpLink:
 def open_tcpin(name: str, address: str) -> TcpServerLink:
     """Open ``tcpin:HOST:PORT``. Raises LinkError for a bad address, or one that cannot be listened on."""
     return TcpServerLink(name, resolve(name, parse_host_port(name, address, any_port=True)))
+
+
+def _peer_of(sock: socket.socket) -> str:
+    try:
+        return text_of(sock.getpeername())
+    except OSError:
+        return "somebody"  # gone again
 
 
 def _stream_socket() -> socket.socket:

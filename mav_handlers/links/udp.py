@@ -4,7 +4,7 @@
 
 import time
 
-from mav_handlers.links.address import SocketAddress, parse_host_port, resolve
+from mav_handlers.links.address import SocketAddress, parse_host_port, resolve, text_of
 from mav_handlers.links.base import DROP_NO_PEER, cannot_open
 from mav_handlers.links.datagram import DatagramLink, datagram_socket
 from mav_handlers.links.retry import Monotonic
@@ -46,13 +46,18 @@ class UdpInLink(DatagramLink):
         self._forget_silent()
         return tuple(self._heard_s)
 
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return the peers' addresses."""
+        return tuple(map(text_of, self.peers))
+
     def _accept(self, peer: SocketAddress, data: bytes) -> bool:
-        if self._heard_s.pop(peer, None) is None and not self._introduce(data):
+        if self._heard_s.pop(peer, None) is None and not self._introduce(peer, data):
             return True
         self._heard_s[peer] = self._monotonic()
         return True
 
-    def _introduce(self, data: bytes) -> bool:
+    def _introduce(self, peer: SocketAddress, data: bytes) -> bool:
         """Tell whether a sender that is no peer yet becomes one, and make room for it."""
         if not begins_with_frame(data):
             return False
@@ -61,9 +66,11 @@ class UdpInLink(DatagramLink):
             longest_silent, heard_s = next(iter(self._heard_s.items()))
             if self._monotonic() - heard_s < LIVE_S:
                 self._counters.open_failures += 1
+                self.news.refused(text_of(peer), f"{MAX_PEERS} are served already")
                 return False
-            self._forget(longest_silent)
+            self._forget(longest_silent, "it made room for another")
         self._counters.connects += 1
+        self.news.connected(text_of(peer))
         return True
 
     def _transmit(self, data: bytes) -> None:
@@ -77,11 +84,12 @@ class UdpInLink(DatagramLink):
         now_s = self._monotonic()
         for peer, heard_s in list(self._heard_s.items()):
             if now_s - heard_s > PEER_TIMEOUT_S:
-                self._forget(peer)
+                self._forget(peer, f"silent for {PEER_TIMEOUT_S:g} s")
 
-    def _forget(self, peer: SocketAddress) -> None:
+    def _forget(self, peer: SocketAddress, why: str) -> None:
         del self._heard_s[peer]
         self._counters.disconnects += 1
+        self.news.left(text_of(peer), why)
 
 
 class UdpOutLink(DatagramLink):
@@ -95,9 +103,26 @@ class UdpOutLink(DatagramLink):
             sock.close()
             raise cannot_open(name, error) from None
         super().__init__(name, sock)
+        self._peer = text_of(address)
+        self._is_heard = False
+
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return the address, once it has been heard, until nobody listens there."""
+        return (self._peer,) if self._is_heard else ()
 
     def _accept(self, peer: SocketAddress, data: bytes) -> bool:
+        if not self._is_heard:
+            self._is_heard = True
+            self.news.connected(self._peer)
         return True
+
+    def _unanswered(self, why: str) -> None:
+        if self._is_heard:
+            self._is_heard = False
+            self.news.left(self._peer, why)
+        else:
+            super()._unanswered(f"nobody listens there ({why})")
 
     def _transmit(self, data: bytes) -> None:
         self._send_to(self._sock, data)

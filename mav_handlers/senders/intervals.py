@@ -45,7 +45,7 @@ def _boot_groups() -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _group_interval_ms(vehicle: VehiclePort, channel: Channel, suffix: str) -> int | None:
-    return stream_interval_ms(vehicle.params.get_int(vehicle.release.params.stream_rate(channel.index, suffix)))
+    return stream_interval_ms(vehicle.params.get_int(vehicle.release.params.stream_rate(channel.port, suffix)))
 
 
 def default_interval_ms(vehicle: VehiclePort, channel: Channel, name: str) -> int | None:

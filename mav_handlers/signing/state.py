@@ -8,6 +8,7 @@ Timestamps count units of 10 us since 2015-01-01. Source: GCS_MAVLink/GCS_Signin
 import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, Protocol
 
 from ap_core.cint import u32, u64
@@ -104,13 +105,13 @@ class SigningState:
         Nothing changes on a link whose options disable signing, or while no key is stored.
         """
         key = self._load()
-        if key is None or self._options_of(channel.index) & OPTION_SIGNING_DISABLED:
+        if key is None or self._options_of(channel.port) & OPTION_SIGNING_DISABLED:
             return
         if key.switches_off:
             channel.codec.configure_signing(None)
             return
-        number, timestamp = channel.index, key.timestamp + MINUTE_IN_TIMESTAMPS
-        signing = LinkSigning(key.secret_key, number, timestamp, self._streams, lambda m: _accepts_unsigned(number, m))
+        timestamp, accepts = key.timestamp + MINUTE_IN_TIMESTAMPS, partial(_accepts_unsigned, channel.port)
+        signing = LinkSigning(key.secret_key, channel.index, timestamp, self._streams, accepts)
         channel.codec.configure_signing(signing)
 
     def setup(

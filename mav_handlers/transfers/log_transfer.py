@@ -144,6 +144,11 @@ class LogTransfer:
         self._job = _Sending(channel_index, log_id, ofs, remaining, self._library.open(log_id))
         return HANDLED
 
+    def forget(self, channel_index: int) -> None:
+        """Stop what is under way for a link that has ended."""
+        if self._job is not None and self._job.channel_index == channel_index:
+            self.request_end()
+
     def request_end(self) -> Verdict:
         """Stop whatever is under way, whichever link began it (handle_log_request_end)."""
         self.pause()

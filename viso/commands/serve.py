@@ -3,8 +3,9 @@
 """``viso serve``: the autopilot on links, in real time."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,8 +46,6 @@ from viso.terminal.verdict_stream import VerdictFormat, VerdictStream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from viso.web.live_view import LiveView
 
 MAX_DURATION_S = 4e9
@@ -55,14 +54,17 @@ KEY_NAME = "signing.key"
 DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 
 
-def _tell_unreached(links: list[Link], console: "Console") -> None:
-    """Tell once of each server that cannot be reached; those that are told, or reached, leave the list."""
-    for link in tuple(links):
-        stats = link.stats
-        if stats.unreached:
-            console.print(f"{link.name}: {stats.unreached}; attempts go on")
-        if stats.unreached or stats.connects:
-            links.remove(link)
+def _tell_of_links(links: Sequence[Link], takers: Sequence[Callable[[str, str], None]]) -> None:
+    """Tell who is there already, and from now on who comes and goes, with the name of the link."""
+
+    def tell(link: str, news: str) -> None:
+        for take in takers:
+            take(link, news)
+
+    for link in links:
+        link.news.tell(partial(tell, link.name))
+        for peer in link.peer_names:
+            tell(link.name, f"{peer} connected")
 
 
 def _open_links(names: Sequence[str], stack: ExitStack) -> list[Link]:
@@ -224,12 +226,10 @@ def serve(
         counted = powered.verdict_counts, powered.filter_counts
         period_us = int(REFRESH_US * speedup)
         shown = stack.enter_context(LiveCounts(console, *counted, period_us=period_us, wanted=live and console is out))
-
-        unreached = [link for link in links if link.name.startswith("tcp:")]
+        _tell_of_links(links, [report.tell_link, *(feed.take_news for feed in feeds)])
 
         def is_over() -> bool:
             shown.update(powered.vehicle.clock.micros64())
-            _tell_unreached(unreached, console)
             for feed in feeds:
                 feed.update()
             return bool(stop) or any(stream.reader_left for stream in streams)

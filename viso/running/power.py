@@ -15,10 +15,17 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """A port of the autopilot: its name, and the rate of its UART or None."""
+    """A port of the autopilot.
+
+    Attributes:
+        name: what the user calls it.
+        baud: the rate of its UART, or None.
+        beside: number of the port that it is a further client of, if it is one's.
+    """
 
     name: str
     baud: int | None = None
+    beside: int | None = None
 
 
 class PoweredVehicle:
@@ -34,14 +41,14 @@ class PoweredVehicle:
 
     Attributes:
         vehicle: the one that runs now.
-        channels: its links, in the order of the ports.
+        channels: its links, in the order of the ports; those of further clients come and go at the end.
     """
 
     def __init__(
         self, config: VehicleConfig, ports: Sequence[Port], on_boot: Callable[[Vehicle], None] = lambda _vehicle: None
     ) -> None:
         self._config = config
-        self._ports = tuple(ports)
+        self._ports = list(ports)
         self._on_boot = on_boot
         self._counts: Counter[CountKey] = Counter()
         self._filter_counts: Counter[tuple[str, str]] = Counter()
@@ -50,11 +57,27 @@ class PoweredVehicle:
 
     def _start(self) -> None:
         self.vehicle = Vehicle(self._config)
-        self.channels: tuple[Channel, ...] = tuple(
-            self.vehicle.endpoint.open_channel(port.name, baud=port.baud) for port in self._ports
-        )
+        self.channels: list[Channel] = []
+        for port in self._ports:
+            self._open(port)
         self._overridden = {name: self._value(name) for name in self._config.overrides}
         self._on_boot(self.vehicle)
+
+    def _open(self, port: Port) -> None:
+        beside, now_us = None if port.beside is None else self.channels[port.beside], self.vehicle.clock.micros64()
+        channel = self.vehicle.endpoint.open_channel(port.name, baud=port.baud, now_us=now_us, beside=beside)
+        self.channels.append(channel)
+
+    def add_client(self, name: str, beside: int) -> None:
+        """Open a channel for a further client of the port with a number; it stays over restarts."""
+        port = Port(name, self._ports[beside].baud, beside)
+        self._open(port)
+        self._ports.append(port)
+
+    def remove_client(self, place: int) -> None:
+        """Close the channel of a further client, which has this place among the channels."""
+        self.vehicle.endpoint.close_channel(self.channels.pop(place))
+        del self._ports[place]
 
     def _value(self, name: str) -> np.float32 | None:
         param = self.vehicle.params.find(name)

@@ -42,7 +42,8 @@ class Pacer:
         now_s: Callable[[], float] = NOW_S,
     ) -> None:
         self._powered = powered
-        self._links = tuple(links)
+        self._links = list(links)  # those of further clients come and go at the end
+        self._servers = len(self._links)
         self._speedup = speedup
         self._now_s = now_s
         self._before_restart_us = 0
@@ -72,6 +73,7 @@ class Pacer:
         if wait_us > 0:
             wait_readable(self._links, wait_us / 1e6 / self._speedup)
         self._make_up(min(self._now_us(), due_us - 1))
+        self._admit()
         self._read()
         now_us = self._now_us()
         if now_us >= self._next_loop_us:
@@ -106,6 +108,17 @@ class Pacer:
         if self._powered.restart_if_asked():
             self._before_restart_us = ran_us
             self._power_up()
+
+    def _admit(self) -> None:
+        """Give further clients of a server channels of their own, and take them from those that have gone."""
+        for place in range(len(self._links) - 1, self._servers - 1, -1):
+            if not self._links[place].peer_names:
+                del self._links[place]
+                self._powered.remove_client(place)
+        for place, server in enumerate(self._links[: self._servers]):
+            while (link := server.admit()) is not None:
+                self._links.append(link)
+                self._powered.add_client(link.name, place)
 
     def _read(self) -> None:
         # A peer that never stops must not keep other links, or the main loop, from their turn: what is over the budget

@@ -45,6 +45,10 @@ class LiveReport:
         if isinstance(vehicle.ahrs, Ekf3Ahrs):
             vehicle.ahrs.on_filter_outcome = lambda outcome: self._outcome(vehicle.clock.micros64(), outcome)
 
+    def tell_link(self, link: str, news: str) -> None:
+        """Print who comes and goes on a link, or what fails on it."""
+        self._print(f"{link}: {news}")
+
     def _print(self, line: str) -> None:
         time_s = 0.0 if self._vehicle is None else self._vehicle.clock.micros64() / 1e6
         self._console.print(f"{time_s:9.3f} s  {line}")

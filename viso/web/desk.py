@@ -228,8 +228,7 @@ class Desk:
     def _own_channel(self, vehicle: Vehicle) -> Channel:
         # It is none of the endpoint's: nothing is sent on it but answers.
         if self._channel is None or self._channel[0] is not vehicle:
-            index = len(vehicle.endpoint.channels)
-            self._channel = vehicle, Channel(index, "page", Codec(1, 1))
+            self._channel = vehicle, Channel(-1, "page", Codec(1, 1))
         return self._channel[1]
 
     def _replies(self, vehicle: Vehicle) -> list[Message]:

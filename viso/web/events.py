@@ -20,6 +20,7 @@ class VehicleState:
         pos_ned: m from the EKF's origin; None while that is not known.
         yaw_rad: -pi to pi.
         faults: names of the faults that are on.
+        clients: who is connected, each after the name of its link.
     """
 
     time_us: int
@@ -32,6 +33,7 @@ class VehicleState:
     pos_ned: tuple[float, float, float] | None
     yaw_rad: float
     faults: tuple[str, ...]
+    clients: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)

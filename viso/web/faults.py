@@ -66,8 +66,25 @@ class FaultyLink:
         self._splitter = FrameSplitter()
         self._faults: dict[str, Injector] = {}
         self._ready = bytearray()
-        self.name = link.name
+        self._others: list[FaultyLink] = []
+        self.name, self.news = link.name, link.news
         self.baud = link.baud
+
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return who is at the link's other end."""
+        return self._link.peer_names
+
+    def admit(self) -> Link | None:
+        """Return a link for one more client of a server, with the faults that are on."""
+        link = self._link.admit()
+        if link is None:
+            return None
+        other = FaultyLink(link, self._now_us)
+        for name in self._faults:
+            other.switch(name, on=True)
+        self._others = [*(one for one in self._others if one.peer_names), other]
+        return other
 
     @property
     def stats(self) -> LinkStats:
@@ -88,6 +105,8 @@ class FaultyLink:
 
     def switch(self, name: str, *, on: bool) -> None:
         """Switch a fault on or off; what it holds back comes out as it goes off."""
+        for other in self._others:
+            other.switch(name, on=on)
         if on and name not in self._faults:
             self._faults[name] = _BY_NAME[name].injector()
         elif not on and name in self._faults:

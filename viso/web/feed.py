@@ -12,6 +12,7 @@ from ap_visualodom.log_structure import VISP, VISV
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
+from mav_handlers.links.base import Link
 from viso.fates.watch import SampleTest, innovation_of
 from viso.vehicle.copter.modes import MODES
 from viso.vehicle.vehicle import Vehicle
@@ -24,6 +25,7 @@ from viso.web.params import defaults_of, read_params
 
 THINGS_WAITING: Final = 20_000
 LOOK_PERIOD_S: Final = 0.1
+_MAV_SEVERITY_INFO: Final = 6
 
 
 class Feed:
@@ -32,6 +34,7 @@ class Feed:
     Args:
         desk: where pages ask.
         faults: the switches.
+        links: those of the vehicle.
         now_s: a monotonic clock in seconds.
         limit: how much may wait to be read.
 
@@ -44,11 +47,13 @@ class Feed:
         desk: Desk,
         faults: FaultSwitches,
         *,
+        links: Sequence[Link] = (),
         now_s: Callable[[], float],
         limit: int = THINGS_WAITING,
     ) -> None:
         self._desk = desk
         self._faults = faults
+        self._links = tuple(links)
         self._now_s = now_s
         self._vehicle: Vehicle | None = None
         self._looked_s: float | None = None
@@ -77,6 +82,10 @@ class Feed:
                 innovation = innovation_of(ahrs.core, outcome.kind)
         self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome, innovation)))
 
+    def take_news(self, link: str, news: str) -> None:
+        """Note who comes and goes on a link, or what fails on it."""
+        self._take_text(_MAV_SEVERITY_INFO, f"{link}: {news}")
+
     def _take_text(self, severity: int, text: str) -> None:
         assert self._vehicle is not None
         now_us = self._vehicle.clock.micros64()
@@ -102,12 +111,13 @@ class Feed:
             self._generation = vehicle.params.generation
             reading = read_params(vehicle.params)
             self.seen.put(lambda state: state.take_params(reading))
-        now = state_of(vehicle, self._faults.on)
+        clients = tuple((link.name, peer) for link in self._links for peer in link.peer_names)
+        now = state_of(vehicle, self._faults.on, clients)
         self.seen.put(lambda state: state.take_state(now))
 
 
-def state_of(vehicle: Vehicle, faults: tuple[str, ...] = ()) -> VehicleState:
-    """Return how a vehicle is now."""
+def state_of(vehicle: Vehicle, faults: tuple[str, ...] = (), clients: tuple[tuple[str, str], ...] = ()) -> VehicleState:
+    """Return how a vehicle is now, with the faults that are on, and with its clients, each after its link."""
     ahrs = vehicle.ahrs
     pos = ahrs.get_relative_position_NED_origin_float()
     number = vehicle.copter.custom_mode()
@@ -123,6 +133,7 @@ def state_of(vehicle: Vehicle, faults: tuple[str, ...] = ()) -> VehicleState:
         None if pos is None else (float(pos.x), float(pos.y), float(pos.z)),
         float(ahrs.get_yaw_rad()),
         faults,
+        clients,
     )
 
 

@@ -192,6 +192,7 @@ class LiveState:
             "ekf": None if pos is None or None in pos else pos,
             "yaw_deg": finite(math.degrees(seen.yaw_rad), 1),
             "faults": list(seen.faults),
+            "clients": [list(one) for one in seen.clients],
         }
 
     def take_answer(self, answer: Answer) -> None:

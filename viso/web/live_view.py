@@ -55,7 +55,7 @@ class LiveView:
         self.links = [FaultyLink(link, lambda: int(now_s() * speedup * 1e6)) for link in links]
         switches = FaultSwitches(self.links)
         desk = Desk(switches)
-        self.feed = Feed(desk, switches, now_s=now_s)
+        self.feed = Feed(desk, switches, links=links, now_s=now_s)
         listening, host = _listen(address)
         bound = listening.getsockname()
         self.url = f"http://{host}:{bound[1]}/"

@@ -117,6 +117,64 @@ class TestLinkState:
         assert bench.client.read() == []
 
 
+class TestFurtherClient:
+    """Another client of a link has all to itself but the link's parameters."""
+
+    @pytest.fixture
+    def bench(self, make_bench: "MakeBench") -> "Bench":
+        bench = make_bench(bauds=(None, None), MAV1_EXTRA1=10)
+        endpoint = bench.endpoint
+        channel = endpoint.open_channel("link0#2", beside=bench.client.channel, now_us=bench.now_us)
+        bench.clients.append(type(bench.client)(bench, channel))
+        return bench
+
+    def test_it_counts_its_own_frames_and_streams_at_the_rates_of_the_link(self, bench: "Bench") -> None:
+        bench.run_ms(1000)
+        first, other = bench.clients[0].read_received(), bench.clients[2].read_received()
+        assert [frame.header.sequence for frame in other] == list(range(len(other)))
+        assert first[0].header.sequence > 0
+        assert sum(isinstance(frame.message, ATTITUDE) for frame in other) in (9, 10, 11)
+
+    def test_what_it_asks_for_it_gets_alone(self, bench: "Bench") -> None:
+        bench.clients[2].tell(COMMAND_LONG(1, 1, 511, 0, 32.0, 20_000.0, 0, 0, 0, 0, 0))
+        bench.run_ms(500)
+        counts = [
+            sum("LOCAL_POSITION_NED" in name for name in map(str, client.channel.intervals_ms))
+            for client in bench.clients
+        ]
+        assert counts == [0, 0, 1]
+
+    def test_half_a_frame_of_one_does_not_harm_the_other(self, bench: "Bench") -> None:
+        frame = bench.client.codec.encode(hello())
+        bench.clients[2].send_bytes(frame[:7])
+        assert bench.client.tell(hello()) is HANDLED
+        (event,) = bench.clients[2].send_bytes(frame[7:])
+        assert event.verdict is HANDLED
+
+    def test_what_it_sends_is_passed_on_to_the_other(self, bench: "Bench") -> None:
+        bench.client.tell(hello())
+        bench.clients[2].codec = Codec(1, 197)
+        bench.clients[2].tell(SPEED)
+        assert SPEED in bench.client.read()
+
+    def test_nothing_is_left_of_one_that_has_gone(self, bench: "Bench") -> None:
+        gone = bench.clients[2]
+        gone.tell(hello())
+        bench.endpoint.close_channel(gone.channel)
+        bench.run_ms(2000)
+        assert gone.channel.take_output() == b""
+        assert not [route for route in bench.endpoint.routes.routes if route.channel == gone.channel.index]
+
+    def test_the_next_begins_anew_with_its_number(self, bench: "Bench") -> None:
+        gone = bench.clients[2].channel
+        bench.clients[2].tell(COMMAND_LONG(1, 1, 511, 0, 32.0, 20_000.0, 0, 0, 0, 0, 0))
+        bench.endpoint.close_channel(gone)
+        counted = bench.endpoint.verdict_counts()
+        channel = bench.endpoint.open_channel("link0#2", beside=bench.client.channel, now_us=bench.now_us)
+        assert (channel.index, channel.intervals_ms) == (gone.index, bench.client.channel.intervals_ms)
+        assert bench.endpoint.verdict_counts() == counted
+
+
 class TestHeartbeat:
     """HEARTBEAT, out."""
 

@@ -80,7 +80,16 @@ export function showState(state, lost) {
   for (let set = 1; set <= 3; set += 1) {
     byId(`action-source${set}`)?.setAttribute("aria-pressed", String(state.source_set === set - 1));
   }
+  showClients(state.clients);
   showPreArm(state);
+}
+
+function showClients(clients) {
+  const list = byId("clients");
+  while (list.children.length > clients.length) list.lastChild.remove();
+  while (list.children.length < clients.length) list.append(element("li"));
+  clients.forEach(([link, peer], index) => setText(list.children[index], `${peer} on ${link}`));
+  byId("clients-empty").hidden = clients.length > 0;
 }
 
 function showTiles(tiles) {

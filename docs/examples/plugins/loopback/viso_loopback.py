@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A link that hears what it says, for trying out what a program does with its own messages."""
 
-from mav_handlers.links import Link, LinkFactory, LinkStats
+from mav_handlers.links import Link, LinkFactory, LinkStats, News
 
 
 class Loopback:
@@ -11,7 +11,11 @@ class Loopback:
     def __init__(self, name: str) -> None:
         self.name, self.baud = name, None
         self._bytes, self._open = bytearray(), True
-        self.stats = LinkStats()
+        self.stats, self.news = LinkStats(), News()
+        self.peer_names: tuple[str, ...] = ()
+
+    def admit(self) -> None:
+        """Return None: nobody else can come."""
 
     def receive(self, max_bytes: int = 65536) -> bytes:
         """Return the oldest bytes that were sent."""

@@ -1,19 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""TCP: a client that comes back, and a server for one client at a time."""
+"""TCP: a client that comes back, and a server for one client at a time, or for several."""
 
 import os
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
 
 from mav_handlers.links import Link, LinkError, open_link, wait_readable
 from mav_handlers.links import tcp as tcp_module
-from mav_handlers.links.tcp import TcpLink, TcpServerLink, is_connected_to_itself
+from mav_handlers.links.tcp import MAX_CLIENTS, TcpLink, TcpServerLink, is_connected_to_itself
 
 Collect = Callable[[Link, int], bytes]
 Until = Callable[[Callable[[], bool], Link], None]
+Admit = Callable[[int], tuple[list[socket.socket], list[Link]]]
 
 
 class Clock:
@@ -186,6 +188,73 @@ class TestServer:
                 assert view.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
+class TestSeveralClients:
+    @pytest.fixture
+    def told(self, server: TcpServerLink) -> list[str]:
+        told: list[str] = []
+        server.news.tell(told.append)
+        return told
+
+    @pytest.fixture
+    def admit(self, server: TcpServerLink, until: Until) -> Iterator[Admit]:
+        """Return a function that connects so many clients; it returns them, and the links of all but the first."""
+        with ExitStack() as stack:
+
+            def connect_all(count: int) -> tuple[list[socket.socket], list[Link]]:
+                clients: list[socket.socket] = []
+                links: list[Link] = []
+
+                def all_in() -> bool:
+                    if (link := server.admit()) is not None:
+                        links.append(link)
+                    return len(server.peer_names) == len(clients)
+
+                for _ in range(count):
+                    clients.append(stack.enter_context(connect(server)))
+                    until(all_in, server)
+                return clients, links
+
+            yield connect_all
+
+    def test_each_has_a_link_of_its_own(self, server: TcpServerLink, collect: Collect, admit: Admit) -> None:
+        clients, (other,) = admit(2)
+        for client, sent in zip(clients, (b"first", b"other"), strict=True):
+            client.sendall(sent)
+        assert (collect(server, 5), collect(other, 5)) == (b"first", b"other")
+        other.send(b"to the other")
+        server.send(b"to the first")
+        assert [client.recv(100) for client in clients] == [b"to the first", b"to the other"]
+        assert other.name == "tcpin:0#2"
+
+    def test_all_are_told_by_address(self, server: TcpServerLink, told: list[str], until: Until, admit: Admit) -> None:
+        clients, (other,) = admit(2)
+        first, second = (f"127.0.0.1:{client.getsockname()[1]}" for client in clients)
+        clients[1].close()
+        until(lambda: not other.receive() and not other.peer_names, other)
+        assert told == [f"{first} connected", f"{second} (#2) connected", f"{second} (#2) left: end of stream"]
+        assert server.peer_names == (first,)
+
+    def test_newcomer_gets_the_place_of_one_that_has_left(
+        self, server: TcpServerLink, until: Until, admit: Admit
+    ) -> None:
+        clients, (other,) = admit(2)
+        clients[1].close()
+        until(lambda: not other.receive() and not other.peer_names, other)
+        with connect(server) as client:
+            until(lambda: (link := server.admit()) is not None and link.name == "tcpin:0#2", server)
+            assert client.getsockname()[1] == int(server.peer_names[1].split()[0].partition(":")[2])
+
+    def test_one_too_many_is_turned_away_by_name(
+        self, server: TcpServerLink, told: list[str], until: Until, admit: Admit
+    ) -> None:
+        admit(MAX_CLIENTS)
+        with connect(server) as client:
+            until(lambda: server.admit() is None and server.stats.open_failures == 1, server)
+            assert client.recv(1) == b""
+            name = f"127.0.0.1:{client.getsockname()[1]}"
+        assert told[-1] == f"{name} refused: {MAX_CLIENTS} are served already"
+
+
 class TestClient:
     def test_absent_server_is_no_error_but_counted(self, unserved_port: int, until: Until) -> None:
         link = TcpLink("tcp:x", ("127.0.0.1", unserved_port), monotonic=Clock())
@@ -197,6 +266,9 @@ class TestClient:
         until(failed, link)
         assert link.fileno() == -1
         assert link.stats.unreached == "connection refused"
+        told: list[str] = []
+        link.news.tell(told.append)
+        assert told == ["connection refused; attempts go on"]
         link.close()
 
     def test_send_before_the_connection_stands_is_counted(self, unserved_port: int) -> None:

@@ -250,6 +250,28 @@ def test_restarted_vehicle_counts_its_time_from_zero_and_keeps_its_links(make: C
     assert [beat for beat in messages(rig.clients[0]) if isinstance(beat, HEARTBEAT)]
 
 
+def test_further_client_is_served_beside_the_first_also_after_a_restart(
+    make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = make()
+    end, client = make_pair(("vehicle1#2", "client3"))
+    waiting: list[Link | None] = [end]
+    server = rig.pacer._links[0]
+    monkeypatch.setattr(server, "admit", lambda: waiting.pop() if waiting else None)
+    frame = Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3))
+    client.send(frame)
+    rig.run_to(10_000)
+    assert [channel.frames_received for channel in rig.powered.channels] == [0, 0, 1]
+    rig.vehicle.reboot_requested = True
+    rig.run_to(1_500_000)
+    client.send(frame)
+    rig.run_to(1_510_000)
+    assert [(channel.port, channel.frames_received) for channel in rig.powered.channels] == [(0, 0), (1, 0), (0, 1)]
+    client.close()
+    rig.run_to(1_520_000)
+    assert [channel.name for channel in rig.powered.channels] == ["vehicle1", "vehicle2"]
+
+
 def records_of(vehicle: Vehicle) -> list[tuple[str, str]]:
     """Return a list to which the records of a vehicle are appended."""
     records: list[tuple[str, str]] = []

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import HEARTBEAT
 from tests.unit.viso.conftest import Bench, odometry
 from viso.web.desk import Desk
@@ -35,7 +36,8 @@ class Watched:
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
         switches = FaultSwitches([])
-        self.feed = Feed(Desk(switches), switches, now_s=lambda: bench.scheduler.now_us / 1e6)
+        self.link, self.client = make_pair(("a link", "a client"))
+        self.feed = Feed(Desk(switches), switches, links=[self.link], now_s=lambda: bench.scheduler.now_us / 1e6)
         self.state = LiveState("a banner", lambda: self.feed.seen.lost)
         vehicle = bench.vehicle
         vehicle.endpoint.on_event = lambda event: self.feed.take("client", event)
@@ -64,6 +66,17 @@ def rows(batch: dict[str, Any], link: str = "client") -> list[tuple[str, str, st
 
 
 @pytest.mark.slow
+def test_clients_are_shown_while_they_are_connected(watch: Callable[..., Watched]) -> None:
+    watched = watch()
+    assert watched.batch()["state"]["clients"] == [["a link", "a client"]]
+    watched.client.close()
+    watched.feed.take_news("a link", "a client left")
+    watched.bench.run_for(0.2)
+    batch = watched.batch()
+    assert batch["state"]["clients"] == []
+    assert batch["texts"][-1][1:] == [6, "a link: a client left"]
+
+
 def test_dropped_odometry_is_told_with_its_reason(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(0.5, frame_id=1)
