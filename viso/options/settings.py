@@ -4,7 +4,8 @@
 
 import logging
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +24,10 @@ _log = logging.getLogger(__name__)
 
 WHOLE_VEHICLE: Final = 200
 """A file of so many parameters was saved by a ground station."""
+OWN_GROUPS: Final = ("VISO_", "EK3_")
+"""In a shorter file, which somebody wrote, an unknown name of these groups is a slip: they are all here."""
+_BETWEEN_WORDS: Final = re.compile(r"[\s,=]+")
+_CHOICES: Final = ("VISO_TYPE", "EK3_SRC")
 _NAMED: Final = 8
 
 
@@ -43,13 +48,14 @@ def load_parm_file(
 
     Names that ask for what the filter here does not do are kept, so that the vehicle can tell.
 
-    A file that a ground station has saved holds hundreds of names that no parameter here has: they are passed over, and
-    that is logged in one line. In a shorter file, which somebody wrote, such a name is a slip.
+    A real vehicle has hundreds of names that no parameter here has: they are passed over, and that is logged in one
+    line. In a file of less than 200 parameters, which somebody wrote, such a name is a slip if it begins as those of
+    external navigation or of the EKF do, or if another release has it.
 
     Args:
         path: the file.
         table: the parameters that there are.
-        allow_unknown: pass over names that no parameter has in any file.
+        allow_unknown: pass over slips as well.
         renames: what the firmware calls otherwise than earlier ones.
 
     Raises:
@@ -62,13 +68,13 @@ def load_parm_file(
     for line in lines:
         if table.find(line.name) is not None or line.name in renames or may_ask(line.name):
             values[line.name] = float(line.value)
-        elif len(lines) >= WHOLE_VEHICLE:
-            foreign.append(line.name)
-        elif not allow_unknown:
+        elif not allow_unknown and len(lines) < WHOLE_VEHICLE and _is_slip(line.name, table):
             hint = _hint(line.name, table)
             raise InputError(
                 f"{path}:{line.line_number}: unknown parameter: {line.name!r}{hint} (--allow-unknown passes over it)"
             )
+        else:
+            foreign.append(line.name)
     if foreign:
         _log.warning("%s: without effect here, and passed over: %s", path, _first(foreign))
     carried = carry_over(values, table, renames)
@@ -79,6 +85,10 @@ def load_parm_file(
     return carried.values
 
 
+def _is_slip(name: str, table: ParamTable) -> bool:
+    return name.startswith(OWN_GROUPS) or bool(_hint(name, table))
+
+
 def _first(names: Sequence[str]) -> str:
     others = f" and {len(names) - _NAMED} others" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + others
@@ -86,6 +96,8 @@ def _first(names: Sequence[str]) -> str:
 
 def read_assignment(text: str, option: str = "--param") -> ParmLine:
     """Return what ``NAME=VALUE`` says, whatever parameters there are. Raises InputError if it has another form."""
+    if len(_BETWEEN_WORDS.split(text.strip())) > 2:
+        raise InputError(f"{option} {text!r}: not NAME=VALUE but more: give {option} to each")
     try:
         (line,) = parse_parm(text, option)
     except (ParmFileError, ValueError) as error:
@@ -147,4 +159,15 @@ def load_settings(
     for path in files:
         values.update(load_parm_file(path, table, allow_unknown=allow_unknown, renames=firmware.params.renames))
     values.update(parse_assignment(text, table) for text in assignments)
+    for line in _no_such_choices(values, table):
+        _log.warning(line)
     return values
+
+
+def _no_such_choices(values: Mapping[str, float], table: ParamTable) -> Iterator[str]:
+    """Yield a line for each parameter that chooses what nothing stands for."""
+    for slot in (slot for group in table.groups for slot in group.slots if slot.name.startswith(_CHOICES)):
+        value, choices = values.get(slot.name), slot.row.values
+        if value is not None and choices and value not in choices:
+            known = ", ".join(f"{number} {meaning}" for number, meaning in choices.items())
+            yield f"{slot.name} is {value:g}, which stands for nothing; there are {known}"

@@ -69,16 +69,35 @@ def test_assignment_to_an_unknown_parameter_is_refused() -> None:
     assert str(raised.value) == "--param 'NO_SUCH=1': unknown parameter NO_SUCH"
 
 
-def test_unknown_name_in_a_file_is_an_error_with_its_line(tmp_path: Path) -> None:
-    path = parm(tmp_path, "VISO_TYPE 2\n\nNO_SUCH 1\n")
+@pytest.mark.parametrize("name", ["VISO_TIPE", "EK3_SRC4_YAW"])
+def test_slip_in_a_file_is_an_error_with_its_line(tmp_path: Path, name: str) -> None:
+    path = parm(tmp_path, f"VISO_TYPE 2\n\n{name} 1\n")
     with pytest.raises(InputError) as raised:
         load_settings([path], [], links=1)
-    assert str(raised.value) == f"{path}:3: unknown parameter: 'NO_SUCH' (--allow-unknown passes over it)"
+    assert str(raised.value) == f"{path}:3: unknown parameter: {name!r} (--allow-unknown passes over it)"
 
 
-def test_unknown_name_is_passed_over_when_allowed(tmp_path: Path) -> None:
-    path = parm(tmp_path, "NO_SUCH 1\nVISO_TYPE 2\n")
-    assert load_settings([path], [], links=1, allow_unknown=True) == {"VISO_TYPE": 2.0}
+@pytest.mark.parametrize(("name", "allow_unknown"), [("VISO_TIPE", True), ("SERVO1_MIN", False)])
+def test_name_that_is_passed_over_is_told(
+    tmp_path: Path, name: str, allow_unknown: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = parm(tmp_path, f"{name} 1\nVISO_TYPE 2\n")
+    assert load_settings([path], [], links=1, allow_unknown=allow_unknown) == {"VISO_TYPE": 2.0}
+    assert caplog.messages == [f"{path}: without effect here, and passed over: {name}"]
+
+
+@pytest.mark.parametrize("text", ["VISO_TYPE=1,VISO_SCALE=2", "VISO_TYPE 1 VISO_SCALE 2"])
+def test_several_assignments_in_one_are_refused(text: str) -> None:
+    with pytest.raises(InputError) as raised:
+        load_settings([], [text], links=1)
+    assert str(raised.value) == f"--param {text!r}: not NAME=VALUE but more: give --param to each"
+
+
+def test_choice_that_there_is_not_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    load_settings([], ["VISO_TYPE=9", "EK3_SRC1_YAW=6", "VISO_SCALE=9"], links=1)
+    assert caplog.messages == [
+        "VISO_TYPE is 9, which stands for nothing; there are 0 None, 1 MAVLink, 2 IntelT265, 3 VOXL(ModalAI)"
+    ]
 
 
 def test_name_that_asks_for_what_the_filter_does_not_do_is_kept(tmp_path: Path) -> None:
