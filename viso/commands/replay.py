@@ -3,7 +3,7 @@
 """``viso replay``: feed a recorded stream to the vehicle in virtual time."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -17,7 +17,9 @@ from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.companion.trials.evaluation import TimedPoses
+from viso.doctor.evidence import Assumed
 from viso.doctor.measures.vehicle_position import PositionSeries, position_in
+from viso.doctor.trial_parameters import fitting, vision_carried
 from viso.errors import InputError
 from viso.files.text_files import write_text
 from viso.firmware.flown import notes_on
@@ -44,9 +46,9 @@ from viso.replay.feed import ReplayedMessage
 from viso.replay.figures import Judge, Row
 from viso.replay.merit import merit_lines, merit_rows, merit_table
 from viso.replay.observability import doubts
-from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay
+from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay, why_nothing_fused
 from viso.sensors.inertial_sources import FLOWN
-from viso.streams.heard import firmware_of_recording, params_of_recording
+from viso.streams.heard import firmware_of_recording, params_heard, params_of_recording
 from viso.streams.stream_kinds import DATAFLASH_LOG, Stream, TrajectoryOptions, kind_of, read_stream
 from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
@@ -133,7 +135,9 @@ def replay(
     Without --ahrs, --imu and --ekf the vehicle stands still, level, with the given heading. A line of --records holds
     arrival_us, type, out (the VISO, VISP and VISV records, floats as hex bits) and verdict.
 
-    With --ekf the vehicle moves as the stream says, as far as a vehicle can, and it is told what the filter, a model of
+    With --ekf the vehicle moves as the stream says, as far as a vehicle can. Parameters that neither the recording nor
+    the command line tells are assumed so that the stream can be used, and that is told; so is why nothing was fused.
+    It is told what the filter, a model of
     EKF3, makes of each sample, how far off samples are, and when it navigates. A line of --records then has filter as
     well: what became of the message's samples.
 
@@ -162,14 +166,17 @@ def replay(
     recorded = params_of_recording(stream)
     settings = {**recorded, **load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)}
     assigned = parse_assignments(param or [], "--param", links=1, firmware=profile)
+    imu = of_stream(imu, stream_file)
+    with_filter = with_filter or (imu or "").startswith(FLOWN)
+    assumed = _assumed(stream, {*settings, *assigned}) if with_filter and ahrs is None else []
+    recorded = {**recorded, **{one.name: one.value for one in assumed}}
+    settings = {**settings, **{one.name: one.value for one in assumed}}
     changes = parse_assignments(changed or [], "--set", links=1, firmware=profile)
     uart_rate = (stream.baud if baud is None else baud) or None
     if uart_rate is not None and uart_rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
     if with_filter and ahrs is not None:
         raise InputError("--ekf and --ahrs: a vehicle that follows a log has no filter")
-    imu = of_stream(imu, stream_file)
-    with_filter = with_filter or (imu or "").startswith(FLOWN)
     choice = AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)
     make_ahrs = ahrs_maker(choice, "follow" if with_filter else "bench")
     setup = ReplaySetup(make_ahrs, uart_rate, with_filter, profile)
@@ -184,6 +191,9 @@ def replay(
     truth = position_in(read_columns(stream_file)) if is_judged else None
     outcomes, judges = _run_all(stream, runs, log, records, truth)
     _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
+    if assumed:
+        named = ", ".join(f"{one.name}={one.value:g}" for one in assumed)
+        err.print(f"note: nothing tells these parameters; assumed so that the stream can be used: {named}")
     for line in judges[0].notes:
         err.print(f"note: {line}")
     if changes:
@@ -201,6 +211,14 @@ def replay(
         out.print_json(data={"stream": stream.name, **_as_dict(outcomes[0])})
     else:
         _tell(outcomes[0])
+    if with_filter and (reason := why_nothing_fused(outcomes[-1])):
+        err.print(f"note: nothing of external navigation was fused: {reason}")
+
+
+def _assumed(stream: Stream, known: Collection[str]) -> list[Assumed]:
+    """Return what is assumed of a vehicle whose recording does not have all parameters."""
+    tells_all = bool(stream.params) or params_heard(stream).has_all
+    return [] if tells_all else fitting(vision_carried(stream), known)
 
 
 class _Run(NamedTuple):

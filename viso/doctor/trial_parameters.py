@@ -6,12 +6,15 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, Assumed
 from viso.doctor.measures.tracks import POSE_TYPES, VELOCITY_TYPES
 from viso.doctor.measures.vehicle_data import VehicleData
 from viso.firmware.flown import FlownVersion
 from viso.firmware.releases import Firmware
+from viso.streams.stream import message_id_of
 from viso.streams.stream_kinds import Stream
 
 _BARO = 1
@@ -20,6 +23,7 @@ _NONE = 0
 _EKF3: Final = 3
 _HEIGHT_SOURCES: Final = {1: 2, 2: 3, 3: 4, 4: EXTNAV}  # of EKn_ALT_SOURCE, as the firmware of 4.1 converts it
 _POSES = frozenset(cls.__name__ for cls in POSE_TYPES)
+_VISION: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 _VELOCITIES = frozenset(cls.__name__ for cls in (*VELOCITY_TYPES, VISION_POSITION_DELTA))
 
 
@@ -105,12 +109,27 @@ def settle(
     assumed = list[Assumed]()
     if names and flown is not None:
         assumed += [one for one in _of_older(flown, told) if one.name not in given]
-    if names and not tells_all:
-        sources_told = any(name.startswith("EK3_SRC") for name in (*told, *(one.name for one in assumed)))
-        known = {*told, *(one.name for one in assumed)}
-        assumed += [
-            one
-            for one in _fitting(names)
-            if one.name not in known and not (sources_told and one.name.startswith("EK3_SRC"))
-        ]
+    if not tells_all:
+        assumed += fitting(names, {*told, *(one.name for one in assumed)})
     return Settled(firmware, told, tuple(assumed), tells_all)
+
+
+def vision_carried(stream: Stream) -> frozenset[str]:
+    """Return the names of a stream's messages of external navigation."""
+    kinds = {message_id_of(one.frame) for one in stream.messages}
+    return _VISION & {message_name(kind) for kind in kinds}
+
+
+def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
+    """Return what a vehicle needs to navigate by a stream, of what is not known: sources only if none is.
+
+    Args:
+        names: of the messages of external navigation in the stream; without any nothing is needed.
+        known: names of the parameters that are.
+    """
+    sources_known = any(name.startswith("EK3_SRC") for name in known)
+    return [
+        one
+        for one in (_fitting(names) if names else ())
+        if one.name not in known and not (sources_known and one.name.startswith("EK3_SRC"))
+    ]

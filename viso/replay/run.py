@@ -4,18 +4,21 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
-from viso.fates.labels import FilterCounts
+from mav_handlers.handlers import VISION_MESSAGES
+from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts, what_became
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
-from viso.terminal.console import VerdictCounts
+from viso.terminal.console import VerdictCounts, reason_of
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
+
+_VISION: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 
 
 class SaidText(NamedTuple):
@@ -68,6 +71,21 @@ class ReplayOutcome:
     aiding: tuple[AidingSpan, ...] | None = None
     messages: tuple[ReplayedMessage, ...] = field(default=(), repr=False)
     notes: tuple[str, ...] = ()
+
+
+def why_nothing_fused(outcome: ReplayOutcome) -> str:
+    """Return what became of most samples, or of most messages if none had a sample; empty if one was fused."""
+    fates = final_counts(outcome.filter_counts)
+    if any(fate_of(rule) is Fate.FUSED for _, rule, _ in fates):
+        return ""
+    if fates:
+        kind, rule, count = max(fates, key=lambda row: row[2])
+        return f"{count} samples of {kind} {what_became(rule)}"
+    messages = {key: count for key, count in outcome.verdicts.items() if key[0] in _VISION}
+    if not messages:
+        return "no message of external navigation came"
+    (name, verdict, code), count = max(messages.items(), key=lambda row: row[1])
+    return f"{count} {name} {verdict.value}: {reason_of(code)}"
 
 
 def run_replay(

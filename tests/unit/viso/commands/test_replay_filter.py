@@ -83,6 +83,46 @@ def replayed(viso: Viso, *args: str | Path) -> dict[str, Any]:
     return answer
 
 
+ASSUMED = (
+    "note: nothing tells these parameters; assumed so that the stream can be used: GPS1_TYPE=0, EK3_SRC1_POSXY=6, "
+    "EK3_SRC1_VELXY=0, EK3_SRC1_POSZ=1, EK3_SRC1_VELZ=0, EK3_SRC1_YAW=6\n"
+)
+
+
+@pytest.fixture
+def poses(tmp_path: Path) -> Path:
+    """Return a trajectory of a second, at rest."""
+    path = tmp_path / "poses.tum"
+    path.write_text("".join(f"{number * 0.05:.2f} 0 0 -1 0 0 0 1\n" for number in range(20)))
+    return path
+
+
+@pytest.mark.slow
+def test_stream_without_parameters_is_fused_with_those_that_fit(viso: Viso, poses: Path) -> None:
+    outcome = viso("replay", poses, "--as", "vision", "--ekf", "--lead", "12", "--param", "VISO_TYPE=2", "--json")
+    assert ASSUMED in outcome.err
+    assert "fused" in {row["outcome"] for row in json.loads(outcome.out)["filter"]}
+    assert "nothing of external" not in outcome.err
+
+
+def test_sources_that_are_told_are_left_as_they_are(viso: Viso, poses: Path) -> None:
+    outcome = viso("replay", poses, "--as", "vision", "--ekf", "--lead", "1", "--param", "EK3_SRC1_POSXY=0")
+    assert "can be used: VISO_TYPE=1, GPS1_TYPE=0\n" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("viso_type", "reason"),
+    [
+        (1, "20 samples of pose refused: the estimator does not run yet"),
+        (0, "20 VISION_POSITION_ESTIMATE dropped: "),
+    ],
+)
+def test_replay_in_which_nothing_was_fused_ends_with_why(viso: Viso, poses: Path, viso_type: int, reason: str) -> None:
+    outcome = viso("replay", poses, "--as", "vision", "--ekf", "--lead", "1", "--param", f"VISO_TYPE={viso_type}")
+    assert ASSUMED in outcome.err
+    assert f"note: nothing of external navigation was fused: {reason}" in outcome.err.splitlines()[-1]
+
+
 @pytest.mark.slow
 def test_replay_tells_what_the_filter_makes_of_a_stream(viso: Viso, leaping: Path) -> None:
     outcome = viso("replay", leaping, "--ekf")
