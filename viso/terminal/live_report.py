@@ -3,11 +3,13 @@
 """What a vehicle that is running says on the terminal, and who is told of each message and each sample."""
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from rich.console import Console
 
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from viso.fates.labels import Fate, basis, fate_of, is_final, sentence
@@ -16,9 +18,29 @@ from viso.vehicle.vehicle import Vehicle
 OnMessage = Callable[[str, MessageEvent], None]
 OnOutcome = Callable[[int, FilterOutcome], None]
 
+SETTLED_US: Final = 1_000_000
+"""So long after tilt and yaw were aligned the filter has begun to use what it is going to use."""
+_OF_STARTING: Final = frozenset(
+    rule.code
+    for rule in (
+        rules.NOT_STARTED,
+        rules.NOT_INITIALISED,
+        rules.OVERWRITTEN,
+        rules.SUPERSEDED,
+        rules.TOO_OLD,
+        rules.UNUSED,
+        rules.RESET_TO,
+        rules.ALIGNED_TO,
+    )
+)
+_STARTING: Final = "filter: starting; until it is aligned, some 6 s after boot, it uses no sample"
+_PATIENCE_US: Final = 10_000_000
+
 
 class LiveReport:
     """Prints texts as they come, and what becomes of messages and samples for the first time, if they are not used.
+
+    While the filter starts, the fates that every sample has then are one line.
 
     Args:
         console: where to print.
@@ -40,6 +62,8 @@ class LiveReport:
         if self._vehicle is not None:
             self._print("restart")
         self._vehicle = vehicle
+        self._aligned_us: int | None = None
+        self._told_start = False
         vehicle.texts.on_text.append(lambda severity, text: self._print(f"({severity}) {text}"))
         vehicle.endpoint.on_event = lambda event: self._event(vehicle.endpoint.channels[event.channel].name, event)
         if isinstance(vehicle.ahrs, Ekf3Ahrs):
@@ -68,7 +92,20 @@ class LiveReport:
             listener(now_us, outcome)
         rule = outcome.rule
         key = (outcome.kind, rule.code)
+        if rule.code in _OF_STARTING and self._is_starting(now_us):
+            if not self._told_start:
+                self._told_start = True
+                self._print(_STARTING)
+            return
         if not is_final(rule) or fate_of(rule) is Fate.FUSED or key in self._seen:
             return
         self._seen.add(key)
         self._print(f"filter: first {outcome.kind} {sentence(outcome)} ({basis(rule)})")
+
+    def _is_starting(self, now_us: int) -> bool:
+        """Tell whether the filter is still to be aligned, or has just been; one that never is shows why in time."""
+        ahrs = None if self._vehicle is None else self._vehicle.ahrs
+        if self._aligned_us is None and isinstance(ahrs, Ekf3Ahrs) and ahrs.core is not None and ahrs.core.is_aligned:
+            self._aligned_us = now_us
+        end_us = _PATIENCE_US if self._aligned_us is None else self._aligned_us + SETTLED_US
+        return now_us < min(end_us, _PATIENCE_US)

@@ -74,6 +74,25 @@ def test_first_fate_of_each_kind_that_is_not_use_is_told(
     ]
 
 
+def test_start_of_the_filter_is_one_line(make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]) -> None:
+    bench = make_bench(VISO_TYPE=1, EK3_SRC1_POSXY=6, EK3_SRC1_VELXY=6, EK3_SRC1_YAW=6, GPS1_TYPE=0)
+    LiveReport(out).watch(bench.vehicle)
+    bench.see(0.3)
+    (told,) = [line for line in capsys.readouterr().out.splitlines() if "filter:" in line]
+    assert told.endswith(" s  filter: starting; until it is aligned, some 6 s after boot, it uses no sample")
+
+
+@pytest.mark.slow
+def test_sample_that_stays_unused_is_told_once_the_filter_has_started(
+    make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = make_bench(VISO_TYPE=1, EK3_SRC2_POSXY=6)
+    LiveReport(out).watch(bench.vehicle)
+    bench.see(9.0)
+    told = [line for line in capsys.readouterr().out.splitlines() if "filter: first" in line]
+    assert any("first pose unused" in line for line in told)
+
+
 @pytest.mark.slow
 def test_rejected_sample_is_told_as_a_models_opinion(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
