@@ -36,6 +36,9 @@ __all__ = [
     "AvailableMode",
     "CopterPort",
     "EndpointPort",
+    "FlightPort",
+    "FlightTruth",
+    "GuidedTarget",
     "Location",
     "LogPort",
     "OriginResult",
@@ -153,6 +156,68 @@ class HomePort(Protocol):
         """Tell, once, that home has changed and is to be told to all links."""
 
 
+@dataclass(frozen=True, slots=True)
+class GuidedTarget:
+    """What a companion wants of a vehicle in GUIDED; None for what it leaves open.
+
+    Attributes:
+        pos_ned_m: a place, from the EKF origin.
+        vel_ned_m_s: a velocity; with a place, that of the place.
+        acc_ned_m_s2: an acceleration.
+        yaw_rad: where to look, or by what angle to turn if ``is_yaw_relative``.
+        yaw_rate_rad_s: how fast to turn.
+    """
+
+    pos_ned_m: tuple[float, float, float] | None = None
+    vel_ned_m_s: tuple[float, float, float] | None = None
+    acc_ned_m_s2: tuple[float, float, float] | None = None
+    yaw_rad: float | None = None
+    yaw_rate_rad_s: float | None = None
+    is_yaw_relative: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FlightTruth:
+    """Where a simulated vehicle really is, and how it moves.
+
+    Attributes:
+        place: on earth, None without an EKF origin.
+        vel_ned_m_s: its velocity.
+        quat_wxyz: its attitude, body (FRD) to earth (NED).
+        rpy_rad: the same as roll, pitch and yaw.
+        acc_frd_m_s2, rates_frd_rad_s: what ideal inertial sensors say.
+    """
+
+    place: Location | None
+    vel_ned_m_s: tuple[float, float, float]
+    quat_wxyz: tuple[float, float, float, float]
+    rpy_rad: tuple[float, float, float]
+    acc_frd_m_s2: tuple[float, float, float]
+    rates_frd_rad_s: tuple[float, float, float]
+
+
+class FlightPort(Protocol):
+    """Who flies the vehicle."""
+
+    def guide(self, target: GuidedTarget | None) -> None:
+        """Obey a target in GUIDED; None to stay where the vehicle is."""
+
+    def place_ned(self, place: Location) -> tuple[float, float, float] | None:
+        """Return where a place is, m from the EKF origin; None without an origin."""
+
+    def turn_to(self, yaw_rad: float, slew_rad_s: float, direction: int, *, is_relative: bool) -> None:
+        """Look somewhere: at a heading, or turn by an angle; slew 0 is as fast as may be, direction 0 the short way."""
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Fly to targets with this horizontal speed from now on."""
+
+    def override_sticks(self, pwm_us: Sequence[int]) -> None:
+        """Move the pilot's sticks, by channel from 1 on; 65535 leaves a channel as it is, 0 gives it back."""
+
+    def truth(self) -> FlightTruth:
+        """Return where the vehicle really is."""
+
+
 class CopterPort(Protocol):
     """What makes the vehicle a copter: its mode, its home, arming, and whether it stands on the ground.
 
@@ -161,6 +226,10 @@ class CopterPort(Protocol):
     """
 
     safety_on: bool
+
+    @property
+    def flight(self) -> FlightPort | None:
+        """Who flies it; None if nobody does."""
 
     @property
     def mission(self) -> Mission:

@@ -79,6 +79,19 @@ NO_HIL_INPUT: Final = dropped(
     "no_hil_input", "no HIL input; serve with --imu hil", "none: HIL is an input of the emulator's own"
 )
 
+NO_FLIGHT: Final = dropped(
+    "no_flight", "nobody flies the vehicle; serve with --imu fly", "none: the vehicle has motors with --imu fly alone"
+)
+NOT_GUIDED: Final = dropped(
+    "not_guided",
+    "the mode is not GUIDED; the firmware is silent",
+    "GCS_MAVLink_Copter.cpp, handle_message_set_position_target_local_ned",
+)
+TARGET_REFUSED: Final = dropped(
+    "target_refused",
+    "a frame, mask or number that GUIDED does not take; the vehicle stays where it is",
+    "GCS_MAVLink_Copter.cpp, handle_message_set_position_target_local_ned",
+)
 MODE_REFUSED: Final = dropped(
     "mode_refused",
     "no such mode, or it may not be entered; a text says why",

@@ -10,6 +10,7 @@ from mav_handlers.context import Context
 from mav_handlers.handlers import (
     clocks,
     commands,
+    guided,
     hil,
     missions,
     modes,
@@ -65,6 +66,9 @@ HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict]]] = {
     m.DISTANCE_SENSOR: neighbours.handle_distance_sensor,
     m.ADSB_VEHICLE: neighbours.handle_adsb_vehicle,
     m.NAMED_VALUE_FLOAT: neighbours.handle_named_value_float,
+    m.SET_POSITION_TARGET_LOCAL_NED: guided.handle_set_position_target_local_ned,
+    m.SET_POSITION_TARGET_GLOBAL_INT: guided.handle_set_position_target_global_int,
+    m.RC_CHANNELS_OVERRIDE: guided.handle_rc_channels_override,
     m.HIL_SENSOR: hil.handle_hil_sensor,
     m.HIL_STATE_QUATERNION: hil.handle_hil_state_quaternion,
     m.FILE_TRANSFER_PROTOCOL: transfers.handle_file_transfer_protocol,

@@ -9,7 +9,18 @@ simulator's build), GCS_MAVLink/GCS_MAVLink_Parameters.cpp for the groups.
 from collections.abc import Mapping
 from typing import Final
 
-from mav_handlers.senders import attitude, available_modes, gps, ground, inertial, parked, position, status, sys_status
+from mav_handlers.senders import (
+    attitude,
+    available_modes,
+    gps,
+    ground,
+    inertial,
+    parked,
+    position,
+    simulation,
+    status,
+    sys_status,
+)
 from mav_handlers.senders.builder import Builder, nothing_to_report
 
 # FIRMWARE PARITY: the firmware has something to say in some of the rows that have nothing to report here.
@@ -43,8 +54,8 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "SYSTEM_TIME": status.system_time,
     "PARAM_VALUE": nothing_to_report,
     "FENCE_STATUS": nothing_to_report,
-    "SIMSTATE": nothing_to_report,
-    "SIM_STATE": nothing_to_report,
+    "SIMSTATE": simulation.simstate,
+    "SIM_STATE": simulation.sim_state,
     "HWSTATUS": parked.hwstatus,
     "WIND": nothing_to_report,
     "RANGEFINDER": ground.rangefinder,

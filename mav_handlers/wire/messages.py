@@ -673,6 +673,52 @@ class SET_POSITION_TARGET_LOCAL_NED(Message):
 
 
 @message
+class SET_POSITION_TARGET_GLOBAL_INT(Message):
+    """Where to fly: degE7 and m, m/s, m/s/s NED, rad, rad/s; the mask says what to ignore."""
+
+    time_boot_ms: int
+    target_system: int
+    target_component: int
+    coordinate_frame: int
+    type_mask: int
+    lat_int: int
+    lon_int: int
+    alt: float
+    vx: float
+    vy: float
+    vz: float
+    afx: float
+    afy: float
+    afz: float
+    yaw: float
+    yaw_rate: float
+
+
+@message
+class RC_CHANNELS_OVERRIDE(_Targeted):
+    """Pulse lengths in us in place of the radio's; 65535 is none, and 0 gives a channel back to the radio."""
+
+    chan1_raw: int
+    chan2_raw: int
+    chan3_raw: int
+    chan4_raw: int
+    chan5_raw: int
+    chan6_raw: int
+    chan7_raw: int
+    chan8_raw: int
+    chan9_raw: int = 0
+    chan10_raw: int = 0
+    chan11_raw: int = 0
+    chan12_raw: int = 0
+    chan13_raw: int = 0
+    chan14_raw: int = 0
+    chan15_raw: int = 0
+    chan16_raw: int = 0
+    chan17_raw: int = 0
+    chan18_raw: int = 0
+
+
+@message
 class AUTOPILOT_VERSION_REQUEST(_Targeted):
     """Request for AUTOPILOT_VERSION."""
 

@@ -135,7 +135,7 @@ APRIL_2026: Final = Firmware(
     endpoint.APRIL_2026,
     EKF3_BEFORE_EKF2,
     log_releases.APRIL_2026,
-    params.FEBRUARY_2026,
+    params.APRIL_2026,
     filters.APRIL_2026,
     ("EKF variance: over thresholds", "EKF variance: position lost"),
 )

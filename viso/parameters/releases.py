@@ -6,17 +6,18 @@ Types, defaults and order: ArduCopter/Parameters.cpp, GCS_MAVLink/GCS_MAVLink_Pa
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
-from viso.parameters import copter, sensors
+from viso.parameters import copter, flying, sensors
 from viso.parameters.conversion import Rename, Renames, metres_of_centimetres, skip_instead_of_check
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
+from viso.parameters.flying import FlyingParameters
 
 MAX_LINKS: Final = 8
 """How many MAVLink links the firmware can have (GCS_MAVLink.h, MAVLINK_COMM_NUM_BUFFERS)."""
@@ -62,6 +63,7 @@ class ParameterRelease:
         flow_limit: what the limit of optical flow rates is called in the EK3_ group.
         range_finder: the group of a range finder.
         range_unit: in what that is.
+        flying: how the vehicle flies.
     """
 
     early: Sequence[ParamInfo]
@@ -78,6 +80,7 @@ class ParameterRelease:
     flow_limit: str = FLOW_LIMIT
     range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
     range_unit: RangeUnit = _METRES
+    flying: FlyingParameters = flying.REFERENCE
 
 
 _MAV_IDS: Final = (
@@ -216,11 +219,12 @@ RENAMES_OF_4_7: Final[Renames] = {
     **dict(_renamed_streams()),
     **dict(_renamed_ranges()),
 }
-ALL_RENAMES: Final[Renames] = {
+_RENAMES_OF_FEBRUARY_2026: Final[Renames] = {
     **RENAMES_OF_4_7,
     "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check),
     f"EK3_{FLOW_LIMIT}": Rename(f"EK3_{FLOW_LIMIT_LATER}"),
 }
+ALL_RENAMES: Final[Renames] = {**_RENAMES_OF_FEBRUARY_2026, **flying.RENAMES}
 """Those of all releases."""
 
 
@@ -252,8 +256,10 @@ FEBRUARY_2026: Final = ParameterRelease(
     _ARMING_LATER,
     "SKIPCHK",
     checks_not_skipped,
-    ALL_RENAMES,
+    _RENAMES_OF_FEBRUARY_2026,
     _ORIGIN,
     _FLIGHTS,
     FLOW_LIMIT_LATER,
 )
+
+APRIL_2026: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.APRIL_2026)

@@ -126,6 +126,7 @@ def make_groups(
         _top_level(copter.MODES),
         _object("ARMING_", release.arming, "ARMING_"),
         _top_level(copter.FAILSAFE),
+        _top_level(release.flying.rows),
         _object("COMPASS_", sensors.COMPASS, "COMPASS_"),
         _object("INS", sensors.INS, "INS"),
         *release.early_links(number_of_links),

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from ekf_stub.inputs.sensors import SensorSource
 from viso.errors import InputError
 from viso.sensors.flown.source import read_recorded_source
+from viso.sensors.flying.source import FlyingSource
 from viso.sensors.hil.source import HilSource
 from viso.sensors.options import ImuOptions
 from viso.sensors.script.script import read_script_source
@@ -42,6 +43,7 @@ IMU_SOURCES: Final[Mapping[str, ImuSource]] = MappingProxyType(
         "bench": ImuSource("", "stands still", lambda _: BenchSource),
         "script": ImuSource("FILE", "moves as a TOML file says", read_script_source),
         "follow": ImuSource("", "moves as external navigation says", lambda _: FollowSource),
+        "fly": ImuSource("", "flies as it is commanded, a model of a multicopter", lambda _: FlyingSource),
         "hil": ImuSource("", "HIL_SENSOR and HIL_STATE_QUATERNION over MAVLink", lambda _: HilSource),
         FLOWN: ImuSource("FILE", "moves as a DataFlash log says", read_recorded_source),
     }

@@ -40,6 +40,7 @@ from viso.parameters.left_out import left_out
 from viso.parameters.table import make_groups
 from viso.sensors.flown.flight import Event, Happening
 from viso.sensors.flown.source import RecordedSource
+from viso.sensors.flying.source import FlyingSource
 from viso.sensors.hil.source import HilSource
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
@@ -89,7 +90,7 @@ def _log_end_us(disarmed_us: int, now_us: int) -> int:
 
 
 class Vehicle:
-    """A vehicle without motors: its parameters, external navigation, log, checks and MAVLink endpoint.
+    """A vehicle: its parameters, external navigation, log, checks and MAVLink endpoint.
 
     A scheduler or a real-time pacer sets the ``clock``, and calls ``loop`` and ``receive_bytes``.
 
@@ -98,6 +99,7 @@ class Vehicle:
         battery_monitor: BATT_MONITOR at boot, 0 for none.
         ahrs, visual_odom, gps, flow, ranges, rtc, copter: what it is made of.
         hil: the simulator that its sensors come from, None where they do not.
+        airframe: what flies, and where it really is; None of a vehicle that nobody flies.
         endpoint: its end of MAVLink.
         reboot_requested: a client has asked for a restart.
 
@@ -154,6 +156,7 @@ class Vehicle:
         )
         self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
+        self.airframe = self.ahrs.source if isinstance(self.ahrs.source, FlyingSource) else None
         self.flown = self.ahrs.source if isinstance(self.ahrs.source, RecordedSource) else None
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,
@@ -230,6 +233,7 @@ class Vehicle:
                 is_downloading=lambda: self.endpoint.log_transfer.is_active,
                 on_mode=self._send_heartbeat,
                 on_armed=lambda: self.endpoint.log_transfer.pause(),
+                airframe=self.airframe,
             )
         )
 

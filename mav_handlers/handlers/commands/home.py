@@ -49,7 +49,7 @@ _ORIGIN_RESULTS: Final = {
 }
 
 
-def _location_problem(ctx: Context, command: COMMAND_INT) -> bool:
+def location_problem(ctx: Context, command: COMMAND_INT) -> bool:
     # GCS_MAVLINK::location_from_command_t
     if math.isnan(command.z) or abs(command.z) > LOCATION_ALT_MAX_M:
         return True
@@ -65,7 +65,7 @@ def _location(command: COMMAND_INT) -> Location:
 
 def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Set the EKF origin: degE7 and metres."""
-    if _location_problem(ctx, command):
+    if location_problem(ctx, command):
         return MavResult.DENIED
     return _ORIGIN_RESULTS[set_ekf_origin(ctx, _location(command))]
 
@@ -77,13 +77,13 @@ def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
         return accepted_if(copter.set_home_here())
     if not is_zero(f32(command.param1)):
         return MavResult.FAILED
-    if _location_problem(ctx, command):
+    if location_problem(ctx, command):
         return MavResult.DENIED
-    place = _absolute(ctx, command)
+    place = absolute_place(ctx, command)
     return accepted_if(place is not None and copter.set_home(place))
 
 
-def _absolute(ctx: Context, command: COMMAND_INT) -> Location | None:
+def absolute_place(ctx: Context, command: COMMAND_INT) -> Location | None:
     # Location::change_alt_frame: a height above home needs one, and there is no terrain data.
     place, home = _location(command), ctx.vehicle.copter.home.place
     if command.frame in ABSOLUTE_FRAMES:

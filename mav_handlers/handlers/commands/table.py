@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands import arming, aux_functions, home, message_intervals, modes, system
+from mav_handlers.handlers.commands import arming, aux_functions, flight, home, message_intervals, modes, system
 from mav_handlers.handlers.commands.results import MavCmd, MavResult
 from mav_handlers.wire.messages import COMMAND_INT
 
@@ -19,8 +19,11 @@ COMMANDS: Final[Mapping[int, CommandHandler]] = {
     MavCmd.NAV_TAKEOFF: modes.nav_takeoff,
     MavCmd.NAV_VTOL_TAKEOFF: modes.nav_takeoff,
     MavCmd.NAV_VTOL_LAND: modes.nav_land,
+    MavCmd.CONDITION_YAW: flight.condition_yaw,
     MavCmd.DO_SET_MODE: modes.do_set_mode,
+    MavCmd.DO_CHANGE_SPEED: flight.do_change_speed,
     MavCmd.DO_SET_HOME: home.do_set_home,
+    MavCmd.DO_REPOSITION: flight.do_reposition,
     MavCmd.DO_AUX_FUNCTION: aux_functions.do_aux_function,
     MavCmd.PREFLIGHT_CALIBRATION: system.preflight_calibration,
     MavCmd.PREFLIGHT_STORAGE: system.preflight_storage,

@@ -65,7 +65,7 @@ class ScriptSource(UnmovedSource):
         dt = 1e-6 * (now_us - self._last_us)
         self._last_us, self._last = now_us, now
         self._read_slow_sensors(now_us)
-        return self._model.apply(Sensors(_delta_between(before, now, dt), self._baro, self._mag))
+        return self._model.apply(Sensors(delta_between(before, now, dt), self._baro, self._mag))
 
     def _state(self, time_us: int) -> State:
         return self._trajectory.at(0.0 if self._start_us is None else 1e-6 * (time_us - self._start_us))
@@ -98,7 +98,8 @@ class ScriptSource(UnmovedSource):
         return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z))
 
 
-def _delta_between(before: State, now: State, dt: float) -> InertialDelta:
+def delta_between(before: State, now: State, dt: float) -> InertialDelta:
+    """Return what inertial sensors feel from one state to another, in ``dt`` seconds."""
     north, east, down = added(now.vel, before.vel, -1.0)
     del_vel = rotate_to_body(halfway(before.quat, now.quat), (north, east, down - GRAVITY_MSS * dt))
     return exact_delta(del_vel, rotation_between(before.quat, now.quat), dt)

@@ -3,25 +3,36 @@
 """The part of the vehicle that is ArduCopter: mode, home, arming, and whether it flies."""
 
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import Final
 
 from ap_core.cint import u8
 from ap_core.location import Location
 from mav_handlers.mission import Mission
 from mav_handlers.ports import AvailableMode
+from viso.sensors.flying.source import FlyingSource
 from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
 from viso.vehicle.copter.estimates import Estimates
+from viso.vehicle.copter.flying.flight_control import FlightControl, FlownCopter
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
-from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeReason
+from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.parts import CopterParts
 
 EV_EKF_ALT_RESET: Final = 60
 ERR_SUBSYSTEM_EKF_PRIMARY: Final = 24
 
 _MAV_SEVERITY_WARNING: Final = 4
+
+
+class EkfAction(IntEnum):
+    """Values of FS_EKF_ACTION that differ from the others (ArduCopter/defines.h)."""
+
+    REPORT = 0
+    ALT_HOLD = 2
+    ALWAYS_LAND = 3
 
 
 class Copter:
@@ -34,6 +45,7 @@ class Copter:
         arming: the checks, and whether the vehicle is armed.
         landing: whether it stands on the ground.
         estimates: whether what the estimator says is good enough.
+        flight: who flies it; None if nobody does.
         safety_on: the safety switch keeps the motors off.
         disarmed_us: when it was disarmed, or arming it failed; None before the first time.
     """
@@ -54,6 +66,7 @@ class Copter:
         self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
         self.disarmed_us: int | None = None
         self._was_stable = True
+        self.flight = None if parts.airframe is None else self._make_flight(parts.airframe)
 
     def _make_ekf_check(self) -> EkfCheck:
         parts = self._parts
@@ -67,7 +80,44 @@ class Copter:
             has_position=self.estimates.has_position,
             is_armed=self.is_armed,
             variance_texts=parts.variance_texts,
+            act=self._act_on_ekf_failure,
         )
+
+    def _make_flight(self, airframe: FlyingSource) -> FlightControl:
+        parts = self._parts
+        copter = FlownCopter(
+            parts.ahrs,
+            parts.params,
+            parts.clock,
+            self.modes,
+            self.landing,
+            self.estimates,
+            self.home,
+            parts.release.flying,
+        )
+        flight = FlightControl(airframe, copter)
+        self.landing.has_touched_down = flight.has_touched_down
+        return flight
+
+    def _act_on_ekf_failure(self) -> str | None:
+        """Leave a mode that needs a position, as FS_EKF_ACTION has it; return the new one's name if it was left.
+
+        Source: Copter::failsafe_ekf_event.
+        """
+        # FIRMWARE PARITY: a vehicle that nobody flies stays in its mode.
+        action, flight, mode = self._parts.params.get_int("FS_EKF_ACTION"), self.flight, self.modes.current
+        if flight is None or action == EkfAction.REPORT:
+            return None
+        if mode.number == ModeNumber.LAND and flight.land.holds_position:
+            flight.land.holds_position = False
+            return None
+        if not mode.requires_position and action != EkfAction.ALWAYS_LAND:
+            return None
+        if action != EkfAction.ALT_HOLD or not self.modes.set_mode(ModeNumber.ALT_HOLD, ModeReason.EKF_FAILSAFE):
+            self.modes.set_mode(ModeNumber.LAND, ModeReason.EKF_FAILSAFE)
+            flight.land_later()
+        self._parts.on_mode()
+        return self.modes.current.name
 
     def _aids_relative_position(self) -> bool:
         return self._parts.visual_odom.enabled() or self._parts.flow.enabled()
@@ -89,6 +139,8 @@ class Copter:
     def update(self) -> None:
         """Set home, lift off, land; once a pass of the main loop."""
         self.home.update()
+        if self.flight is not None:
+            self.flight.update(armed=self.arming.armed)
         if self.arming.armed:
             self.landing.update()
             if self.landing.has_landed_by_itself():
@@ -96,8 +148,10 @@ class Copter:
 
     def quiet_until_us(self) -> int:
         """Return until when ``update`` has nothing to do as things are; 0 if it may."""
-        home_us = self.home.quiet_until_us()
-        return min(home_us, self.landing.quiet_until_us()) if self.arming.armed else home_us
+        until_us = self.home.quiet_until_us()
+        if self.flight is not None:
+            until_us = min(until_us, self.flight.quiet_until_us(armed=self.arming.armed))
+        return min(until_us, self.landing.quiet_until_us()) if self.arming.armed else until_us
 
     def check_estimator(self) -> None:
         """See whether the estimator is to be trusted; ten times a second."""

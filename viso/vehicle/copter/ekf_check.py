@@ -51,6 +51,7 @@ class EkfCheck:
         has_position: tells whether the estimator has a position, failsafe or not.
         is_armed: tells whether the vehicle is armed.
         variance_texts: what is told as variances are over thresholds, and as the position is lost.
+        act: leaves a mode that needs a position, of an armed vehicle; returns what it is called that it enters.
 
     Attributes:
         failed: whether the estimator is not to be trusted.
@@ -69,6 +70,7 @@ class EkfCheck:
         has_position: Callable[[], bool],
         is_armed: Callable[[], bool],
         variance_texts: tuple[str, str],
+        act: Callable[[], str | None],
     ) -> None:
         self._ahrs = ahrs
         self._params = params
@@ -79,6 +81,7 @@ class EkfCheck:
         self._has_position = has_position
         self._is_armed = is_armed
         self._variance_texts = variance_texts
+        self._act = act
         self._failures = 0
         self._has_ever_passed = False
         self._last_warning_ms = 0
@@ -130,9 +133,10 @@ class EkfCheck:
         self.in_failsafe = True
         self._log.error(ERR_SUBSYSTEM_FAILSAFE_EKFINAV, ERR_FAILSAFE_OCCURRED)
         if self._is_armed():
-            # FIRMWARE PARITY: the firmware leaves a mode that needs a position, as FS_EKF_ACTION has it.
             self._failsafe_was_told = True
-            self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF Failsafe")
+            mode = self._act()
+            changed = "" if mode is None else f": changed to {mode} Mode"
+            self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"EKF Failsafe{changed}")
 
     def _end_failsafe(self) -> None:
         if not self.in_failsafe:

@@ -33,10 +33,10 @@ SLOW_DESCENT_M_S: Final = 0.6
 class Landing:
     """Whether the vehicle stands on the ground.
 
-    FIRMWARE PARITY: there are no motors. After an accepted take-off the vehicle counts as flying, wherever external
-    navigation says that it is, and as taking off until it is nearly as high as asked for; in a mode that lands it
-    counts as landed when it is not above the place of arming. A take-off is no longer expected once it is above that,
-    whoever lifts it. No controller asks for a speed: a touchdown is expected of the mode and of how fast the vehicle
+    FIRMWARE PARITY: unless somebody flies it there are no motors. After an accepted take-off the vehicle counts as
+    flying, wherever external navigation says that it is, and as taking off until it is nearly as high as asked for; in
+    a mode that lands it counts as landed when it is not above the place of arming. A take-off is no longer expected
+    once it is above that, whoever lifts it. A touchdown is expected of the mode and of how fast the vehicle
     is, and GND_EFFECT_COMP counts as 1.
 
     Args:
@@ -50,6 +50,7 @@ class Landing:
         landed: whether it stands on the ground.
         expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
         is_told: somebody else tells when it lifts off, lands and is disarmed.
+        has_touched_down: tells whether who flies it has landed it; None if nobody flies it.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Landing:
         self.landed = True
         self.expected = False, False
         self.is_told = False
+        self.has_touched_down: Callable[[], bool] | None = None
 
     def flying_ms(self) -> int:
         """Return for how long the vehicle has been flying, 0 on the ground (AP_Vehicle::get_time_flying_ms)."""
@@ -103,6 +105,14 @@ class Landing:
         self._takeoff = self._mode(), self._down_m() - climb_m
         return True
 
+    def takeoff_down_m(self) -> float:
+        """Return where a take-off that is under way ends, m below the origin."""
+        return self._down_m() if self._takeoff is None else self._takeoff[1]
+
+    def end_take_off(self) -> None:
+        """Be taking off no longer, as something else is asked for."""
+        self._takeoff = None
+
     def update(self) -> None:
         """Lift off, or land, of an armed vehicle; every main loop."""
         if self.is_told:
@@ -112,14 +122,19 @@ class Landing:
             self._set_landed(False)
         if self._takeoff is not None and self._down_m() <= self._takeoff[1] + HIGH_ENOUGH_M:
             self._takeoff = None
-        if not self.landed and self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
+        if not self.landed and self._is_down():
             self._set_landed(True)
+
+    def _is_down(self) -> bool:
+        if self.has_touched_down is not None:
+            return self.has_touched_down()
+        return self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M
 
     def quiet_until_us(self) -> int:
         """Return until when ``update`` has nothing to do for an armed vehicle as things are; 0 if it may."""
         if self.is_told:
             return NEVER
-        if self._mode().lands or self._takeoff is not None:
+        if self.has_touched_down is None and (self._mode().lands or self._takeoff is not None):
             return 0
         return NEVER if self._lift_off_us is None else self._lift_off_us
 

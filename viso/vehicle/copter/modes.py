@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flight modes: which there are, and when one may be entered (ArduCopter/mode.h, ArduCopter/mode.cpp).
 
-FIRMWARE PARITY: there is no flight controller. A mode is a number that is told and logged, with the firmware's rules
-about entering it, arming in it and taking off in it; none flies.
+FIRMWARE PARITY: a mode is a number that is told and logged, with the firmware's rules about entering it, arming in it
+and taking off in it; none flies, but those of the model in ``viso.vehicle.copter.flying`` if there is one.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,6 +28,7 @@ class ModeReason(IntEnum):
     """Why the mode is what it is (AP_Vehicle/ModeReason.h)."""
 
     GCS_COMMAND = 2
+    EKF_FAILSAFE = 6
     INITIALISED = 26
 
 

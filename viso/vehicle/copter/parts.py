@@ -15,6 +15,7 @@ from ekf_stub.inputs.gps_sample import GpsSample
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.releases import REFERENCE, ParameterRelease
+from viso.sensors.flying.source import FlyingSource
 from viso.vehicle.flow import MavlinkFlow
 from viso.vehicle.ranges import MavlinkRanges
 
@@ -32,6 +33,7 @@ class CopterParts:
         on_mode: called when the mode has changed.
         on_armed: called when the vehicle has been armed.
         release: which parameters there are.
+        airframe: what flies; None of a vehicle that nobody flies.
         variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
     """
 
@@ -50,5 +52,6 @@ class CopterParts:
     is_downloading: Callable[[], bool]
     on_mode: Callable[[], None]
     on_armed: Callable[[], None]
+    airframe: FlyingSource | None = None
     release: ParameterRelease = REFERENCE
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Commands to a vehicle in flight (ArduCopter/GCS_MAVLink_Copter.cpp); who has no motors does not support them."""
+
+import math
+from typing import Final
+
+from ap_core.cint import int_of_float
+from ap_core.fmath import f32, is_zero
+from ap_core.param_info import is_equal
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands.home import absolute_place, location_problem
+from mav_handlers.handlers.commands.results import MavResult
+from mav_handlers.ports import FlightPort, GuidedTarget
+from mav_handlers.wire.messages import COMMAND_INT
+
+GUIDED: Final = 4
+CHANGE_MODE: Final = 1
+AIRSPEED: Final = 0
+GROUND_SPEED: Final = 1
+FULL_TURN_DEG: Final = 360.0
+
+
+def condition_yaw(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Turn to param1 degrees at param2 degrees a second, param3 -1 to the left; relative if param4 is 1."""
+    flight = ctx.vehicle.copter.flight
+    if flight is None:
+        return MavResult.UNSUPPORTED
+    is_relative = is_equal(f32(command.param4), f32(1))
+    if not 0.0 <= command.param1 <= FULL_TURN_DEG or not (is_relative or is_zero(f32(command.param4))):
+        return MavResult.FAILED
+    slew_rad_s = math.radians(command.param2) if command.param2 > 0 else 0.0
+    direction = (command.param3 > 0) - (command.param3 < 0)
+    flight.turn_to(math.radians(command.param1), slew_rad_s, direction, is_relative=is_relative)
+    return MavResult.ACCEPTED
+
+
+def do_change_speed(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Fly to targets at param2 m/s; climb and descent rates are those of the parameters here."""
+    flight = ctx.vehicle.copter.flight
+    if flight is None:
+        return MavResult.UNSUPPORTED
+    if not 0.0 < command.param2 < math.inf:
+        return MavResult.DENIED
+    if int_of_float(command.param1) not in (AIRSPEED, GROUND_SPEED):
+        return MavResult.FAILED
+    flight.change_speed(command.param2)
+    return MavResult.ACCEPTED
+
+
+def do_reposition(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Fly to a place, in GUIDED or into GUIDED if bit 0 of param2 is set (handle_command_int_do_reposition)."""
+    copter = ctx.vehicle.copter
+    flight = copter.flight
+    if flight is None:
+        return MavResult.UNSUPPORTED
+    changes_mode = int_of_float(command.param2) & CHANGE_MODE
+    if copter.custom_mode() != GUIDED and not changes_mode:
+        return MavResult.DENIED
+    if location_problem(ctx, command):
+        return MavResult.DENIED
+    target = _target(ctx, flight, command)
+    if target is None:
+        return MavResult.DENIED
+    if copter.custom_mode() != GUIDED and not copter.set_mode(GUIDED):
+        return MavResult.FAILED
+    flight.guide(target)
+    return MavResult.ACCEPTED
+
+
+def _target(ctx: Context, flight: FlightPort, command: COMMAND_INT) -> GuidedTarget | None:
+    place = absolute_place(ctx, command)
+    if place is None or not place.is_valid() or not (place.lat or place.lng):
+        return None
+    pos_ned = flight.place_ned(place)
+    return None if pos_ned is None else GuidedTarget(pos_ned_m=pos_ned)

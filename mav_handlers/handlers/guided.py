@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handlers of what a companion or a pilot wants the vehicle to do in flight.
+
+Source: ArduCopter/GCS_MAVLink_Copter.cpp (handle_message_set_position_target_local_ned and _global_int),
+GCS_Common.cpp (handle_rc_channels_override).
+"""
+
+import math
+from typing import Final
+
+from ap_core.verdict import Verdict
+from mav_handlers.context import Context
+from mav_handlers.handlers.commands.home import ABSOLUTE_FRAMES
+from mav_handlers.ports import FlightPort, GuidedTarget, Location
+from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
+from mav_handlers.wire.messages import (
+    RC_CHANNELS_OVERRIDE,
+    SET_POSITION_TARGET_GLOBAL_INT,
+    SET_POSITION_TARGET_LOCAL_NED,
+)
+
+GUIDED: Final = 4
+POS_IGNORE: Final = 0b111
+VEL_IGNORE: Final = 0b111 << 3
+ACC_IGNORE: Final = 0b111 << 6
+FORCE_SET: Final = 1 << 9
+YAW_IGNORE: Final = 1 << 10
+YAW_RATE_IGNORE: Final = 1 << 11
+LOCAL_NED: Final = 1
+LOCAL_OFFSET_NED: Final = 7
+BODY_FRAMES: Final = frozenset({8, 9})
+RELATIVE_ALT_FRAMES: Final = frozenset({3, 6})
+MOST_SANE: Final = 1000.0
+
+_Three = tuple[float, float, float]
+
+
+def _flight_in_guided(ctx: Context) -> FlightPort | Verdict:
+    """Return who flies, or why a target has no effect."""
+    flight = ctx.vehicle.copter.flight
+    if flight is None:
+        return NO_FLIGHT
+    return flight if ctx.vehicle.copter.custom_mode() == GUIDED else NOT_GUIDED
+
+
+def handle_set_position_target_local_ned(ctx: Context, message: SET_POSITION_TARGET_LOCAL_NED) -> Verdict:
+    """Fly to a place, or at a velocity or acceleration; what is not understood makes the vehicle stay."""
+    flight = _flight_in_guided(ctx)
+    if isinstance(flight, Verdict):
+        return flight
+    frame = message.coordinate_frame
+    is_known = frame in (LOCAL_NED, LOCAL_OFFSET_NED) or frame in BODY_FRAMES
+    pos: _Three = message.x, message.y, message.z
+    vel: _Three = message.vx, message.vy, message.vz
+    acc: _Three = message.afx, message.afy, message.afz
+    if frame in BODY_FRAMES:
+        yaw = float(ctx.vehicle.ahrs.get_yaw_rad())
+        pos, vel, acc = (_turned(vector, yaw) for vector in (pos, vel, acc))
+    if frame != LOCAL_NED and not message.type_mask & POS_IGNORE:
+        here = ctx.vehicle.ahrs.get_relative_position_NED_origin_float()
+        is_known = is_known and here is not None
+        if here is not None:
+            pos = pos[0] + float(here.x), pos[1] + float(here.y), pos[2] + float(here.z)
+    place = None if message.type_mask & POS_IGNORE else pos
+    target = _target(message, place, vel, acc, is_relative=frame in BODY_FRAMES) if is_known else None
+    return _obey(flight, target)
+
+
+def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TARGET_GLOBAL_INT) -> Verdict:
+    """The same with a place on earth, or with a velocity or acceleration; there is no terrain data."""
+    flight = _flight_in_guided(ctx)
+    if isinstance(flight, Verdict):
+        return flight
+    place = None
+    is_known = True
+    if not message.type_mask & POS_IGNORE:
+        place = _place_ned(ctx, flight, message)
+        is_known = place is not None
+    vel, acc = (message.vx, message.vy, message.vz), (message.afx, message.afy, message.afz)
+    return _obey(flight, _target(message, place, vel, acc, is_relative=False) if is_known else None)
+
+
+def _place_ned(ctx: Context, flight: FlightPort, message: SET_POSITION_TARGET_GLOBAL_INT) -> _Three | None:
+    if not math.isfinite(message.alt):
+        return None
+    place = Location(message.lat_int, message.lon_int, round(100 * message.alt))
+    if message.coordinate_frame in RELATIVE_ALT_FRAMES:
+        home = ctx.vehicle.copter.home.place
+        if home is None:
+            return None
+        place = Location(place.lat, place.lng, place.alt_cm + home.alt_cm)
+    elif message.coordinate_frame not in ABSOLUTE_FRAMES:
+        return None
+    return flight.place_ned(place) if place.is_valid() else None
+
+
+def _target(
+    message: SET_POSITION_TARGET_LOCAL_NED | SET_POSITION_TARGET_GLOBAL_INT,
+    pos: _Three | None,
+    vel: _Three,
+    acc: _Three,
+    *,
+    is_relative: bool,
+) -> GuidedTarget | None:
+    """Return what is asked for, or None for what the firmware does not understand."""
+    mask = message.type_mask
+    has_vel, has_acc = not mask & VEL_IGNORE, not mask & ACC_IGNORE
+    is_unknown = (has_acc and mask & FORCE_SET) or not (pos or has_vel or has_acc)
+    is_place_with_acceleration = pos is not None and has_acc and not has_vel
+    used = (*(pos or ()), *(vel if has_vel else ()), *(acc if has_acc else ()))
+    is_absurd = not all(map(math.isfinite, used)) or (has_vel and max(map(abs, vel)) > MOST_SANE)
+    if is_unknown or is_place_with_acceleration or is_absurd:
+        return None
+    return GuidedTarget(
+        pos_ned_m=pos,
+        vel_ned_m_s=vel if has_vel else None,
+        acc_ned_m_s2=acc if has_acc and not has_vel else None,
+        yaw_rad=None if mask & YAW_IGNORE or not math.isfinite(message.yaw) else message.yaw,
+        yaw_rate_rad_s=None if mask & YAW_RATE_IGNORE or not math.isfinite(message.yaw_rate) else message.yaw_rate,
+        is_yaw_relative=is_relative,
+    )
+
+
+def _turned(vector: _Three, yaw_rad: float) -> _Three:
+    ahead, right, down = vector
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    return cos * ahead - sin * right, sin * ahead + cos * right, down
+
+
+def _obey(flight: FlightPort, target: GuidedTarget | None) -> Verdict:
+    flight.guide(target)
+    return TARGET_REFUSED if target is None else HANDLED
+
+
+def handle_rc_channels_override(ctx: Context, message: RC_CHANNELS_OVERRIDE) -> Verdict:
+    """Move the pilot's sticks, if the ground station in charge says so."""
+    flight = ctx.vehicle.copter.flight
+    if flight is None:
+        return NO_FLIGHT
+    if not ctx.vehicle.release.params.is_ground_station(ctx.vehicle.params, ctx.header.system_id):
+        return NOT_ACCEPTED
+    flight.override_sticks(
+        (
+            *(message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw),
+            *(message.chan5_raw, message.chan6_raw, message.chan7_raw, message.chan8_raw),
+        )
+    )
+    return HANDLED

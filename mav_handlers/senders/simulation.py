@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The truth of a vehicle that flies, as the firmware's simulator tells it (SITL/SITL.cpp)."""
+
+from ap_core.location import Location
+from mav_handlers.channel import Channel
+from mav_handlers.ports import VehiclePort
+from mav_handlers.wire.messages import SIM_STATE, SIMSTATE
+
+_NOWHERE = Location(0, 0, 0)
+
+
+def simstate(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIMSTATE | None:
+    """Attitude, inertial data and place; nothing of a vehicle that nobody flies (SIM::simstate_send)."""
+    flight = vehicle.copter.flight
+    if flight is None:
+        return None
+    truth = flight.truth()
+    place = truth.place or _NOWHERE
+    return SIMSTATE(*truth.rpy_rad, *truth.acc_frd_m_s2, *truth.rates_frd_rad_s, place.lat, place.lng)
+
+
+def sim_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIM_STATE | None:
+    """The same with the velocity; places in 1e-7 degrees, as the simulator has them (SIM::sim_state_send)."""
+    flight = vehicle.copter.flight
+    if flight is None:
+        return None
+    truth = flight.truth()
+    place = truth.place or _NOWHERE
+    return SIM_STATE(
+        *truth.quat_wxyz,
+        *truth.rpy_rad,
+        *truth.acc_frd_m_s2,
+        *truth.rates_frd_rad_s,
+        float(place.lat),
+        float(place.lng),
+        0.01 * place.alt_cm,
+        0.0,
+        0.0,
+        *truth.vel_ned_m_s,
+        place.lat,
+        place.lng,
+    )

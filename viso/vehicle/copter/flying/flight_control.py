@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The flight controller: 50 times a second, from what the estimator says to lean angles, a thrust and a turn.
+
+It knows where the vehicle is by the vehicle's own estimate alone. An estimate that is wrong flies it away.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from ap_core.clock import NEVER, Clock
+from ap_core.location import Location
+from ap_core.param import ParamTable
+from ap_core.param_cache import FromParams
+from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs.ahrs_base import AhrsBase
+from ekf_stub.filter.inertial import GRAVITY_MSS
+from mav_handlers.ports import FlightTruth, GuidedTarget
+from viso.parameters.flying import FlyingParameters
+from viso.sensors.flying.airframe import MOTORS_OFF, Demand
+from viso.sensors.flying.source import FlyingSource
+from viso.sensors.vectors import Three
+from viso.vehicle.copter.estimates import Estimates
+from viso.vehicle.copter.flying.descents import Land, ReturnHome
+from viso.vehicle.copter.flying.guided import Guided
+from viso.vehicle.copter.flying.limits import Limits
+from viso.vehicle.copter.flying.piloted import Brake, HoldHeight, Loiter
+from viso.vehicle.copter.flying.position_control import Estimate
+from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
+from viso.vehicle.copter.flying.sticks import PilotSticks
+from viso.vehicle.copter.home import Home
+from viso.vehicle.copter.landing import Landing
+from viso.vehicle.copter.modes import FlightModes, ModeNumber
+
+PERIOD_US: Final = round(1e6 * PERIOD_S)
+TOUCHDOWN_US: Final = 1_000_000
+"""How long it stands on the ground and still descends until it has landed (LAND_DETECTOR_TRIGGER_SEC)."""
+SLOW_M_S: Final = 1.0
+LEAST_THRUST_M_S2: Final = 0.1 * GRAVITY_MSS
+
+
+class _Mode(Protocol):
+    """A flight mode."""
+
+    def enter(self) -> None:
+        """Begin."""
+
+    def run(self) -> Lean | None:
+        """Move the way on for a period; return lean angles instead where nothing holds a horizontal position."""
+
+
+@dataclass(frozen=True)
+class FlownCopter:
+    """What the controller is told by the copter around it."""
+
+    ahrs: AhrsBase
+    params: ParamTable
+    clock: Clock
+    modes: FlightModes
+    landing: Landing
+    estimates: Estimates
+    home: Home
+    flying: FlyingParameters
+
+
+class FlightControl:
+    """Flies the airframe.
+
+    Args:
+        airframe: what is flown.
+        copter: the modes, and the rest of the copter.
+
+    Attributes:
+        guided, land: modes that others have a say in.
+    """
+
+    def __init__(self, airframe: FlyingSource, copter: FlownCopter) -> None:
+        self._airframe = airframe
+        self._copter = copter
+        self._limits = FromParams(copter.params, lambda: Limits.of(copter.params, copter.flying))
+        self._steering = Steering(self._limits())
+        self._sticks = PilotSticks(copter.params, copter.clock)
+        self.guided = Guided(self._steering)
+        self.land = Land(self._steering, copter.estimates.position_ok, self._height_m)
+        returns = ReturnHome(self._steering, self.land, self._home_ned)
+        loiter, height = Loiter(self._steering), HoldHeight(self._steering)
+        self._modes: Mapping[int, _Mode] = {
+            ModeNumber.GUIDED: self.guided,
+            ModeNumber.LAND: self.land,
+            ModeNumber.RTL: returns,
+            ModeNumber.SMART_RTL: returns,
+            ModeNumber.BRAKE: Brake(self._steering),
+            **dict.fromkeys((ModeNumber.STABILIZE, ModeNumber.ACRO, ModeNumber.ALT_HOLD), height),
+            ModeNumber.GUIDED_NOGPS: height,
+        }
+        self._others = loiter
+        self._mode: _Mode | None = None
+        self._next_us = 0
+        self._is_flying = False
+        self._takeoff_down_m: float | None = None
+        self._grounded_us: int | None = None
+
+    # What others ask
+
+    def quiet_until_us(self, *, armed: bool) -> int:
+        """Return when it decides next; never while the motors are off."""
+        return self._next_us if armed or self._is_flying else NEVER
+
+    def has_touched_down(self) -> bool:
+        """Tell whether the vehicle has stood on the ground long enough to have landed."""
+        return self._grounded_us is not None and self._steering.now_us - self._grounded_us >= TOUCHDOWN_US
+
+    def guide(self, target: GuidedTarget | None) -> None:
+        """Obey a target in GUIDED, or stay where the vehicle is."""
+        self._copter.landing.end_take_off()
+        self._takeoff_down_m = None
+        if target is None:
+            self.guided.enter()
+        else:
+            self.guided.guide(target)
+
+    def land_later(self) -> None:
+        """Stay for a while before the descent of a landing that a failsafe asks for (set_mode_land_with_pause)."""
+        self._enter(self.land)
+        self.land.pause()
+
+    def override_sticks(self, pwm_us: Sequence[int]) -> None:
+        """Move the pilot's sticks."""
+        self._sticks.override(pwm_us)
+
+    def truth(self) -> FlightTruth:
+        """Return where the vehicle really is, as of the last pass."""
+        airframe, origin = self._airframe, self._copter.ahrs.origin()
+        truth, state = airframe.truth(), airframe.state
+        acc_frd, rates_frd = airframe.felt()
+        place = None if origin is None else origin.offset(Vector3f(*truth.pos_ned))
+        return FlightTruth(place, truth.vel_ned, truth.quat_wxyz, state.rpy, acc_frd, rates_frd)
+
+    def turn_to(self, yaw_rad: float, slew_rad_s: float, direction: int, *, is_relative: bool) -> None:
+        """Look somewhere (CONDITION_YAW); ``Heading.turn_to`` has the arguments."""
+        self._steering.heading.turn_to(yaw_rad, slew_rad_s, direction, is_relative=is_relative)
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Fly to targets with another horizontal speed until the mode changes (DO_CHANGE_SPEED)."""
+        self._steering.speed = speed_m_s
+
+    def place_ned(self, place: Location) -> Three | None:
+        """Return where a place is, m from the origin; None without one."""
+        origin = self._copter.ahrs.origin()
+        if origin is None:
+            return None
+        way = origin.distance_ned(place)
+        return float(way.x), float(way.y), float(way.z)
+
+    def _home_ned(self) -> Three | None:
+        home = self._copter.home.place
+        return None if home is None else self.place_ned(home)
+
+    def _height_m(self) -> float:
+        home = self._home_ned()
+        down_m = self._steering.way.pos[2]
+        return -down_m if home is None else home[2] - down_m
+
+    # What it does
+
+    def update(self, *, armed: bool) -> None:
+        """Decide, if it is time to; once a pass of the main loop."""
+        now_us = self._copter.clock.micros64()
+        if now_us < self._next_us:
+            return
+        self._next_us = now_us + PERIOD_US
+        steering = self._steering
+        steering.now_us, steering.limits, steering.sticks = now_us, self._limits(), self._sticks.now()
+        steering.estimate = self._estimate()
+        if not armed or self._copter.landing.landed:
+            self._idle()
+        else:
+            self._fly()
+
+    def _estimate(self) -> Estimate:
+        ahrs = self._copter.ahrs
+        pos, vel = ahrs.get_relative_position_NED_origin_float(), ahrs.get_velocity_NED()
+        return Estimate(
+            None if pos is None else (float(pos.x), float(pos.y), float(pos.z)),
+            (0.0, 0.0, 0.0) if vel is None else (float(vel.x), float(vel.y), float(vel.z)),
+            float(ahrs.get_yaw_rad()),
+        )
+
+    def _idle(self) -> None:
+        self._airframe.demand(MOTORS_OFF)
+        self._is_flying = not self._airframe.state.is_at_rest()
+        self._grounded_us = self._mode = None
+        self._takeoff_down_m = None
+
+    def _fly(self) -> None:
+        steering, landing = self._steering, self._copter.landing
+        if not self._is_flying or self._mode is None:
+            steering.restart()
+        self._is_flying = True
+        steering.way.heed_reset(steering.estimate, PERIOD_S)
+        mode = self._modes.get(self._copter.modes.current.number, self._others)
+        if mode is not self._mode:
+            self._enter(mode)
+        if landing.is_taking_off():
+            self._climb_out()
+            self._demand(None)
+        else:
+            self._demand(self._run(mode))
+        self._watch_ground()
+
+    def _enter(self, mode: _Mode) -> None:
+        self._mode, self._steering.speed = mode, None
+        mode.enter()
+
+    def _climb_out(self) -> None:
+        """Climb straight up to where the take-off ends."""
+        self._takeoff_down_m = self._copter.landing.takeoff_down_m()
+        pace = self._steering.travel_pace()
+        self._steering.way.at_velocity(0.0, 0.0, pace, PERIOD_S)
+        self._steering.way.to_height(self._takeoff_down_m, pace, PERIOD_S)
+
+    def _run(self, mode: _Mode) -> Lean | None:
+        if self._takeoff_down_m is not None and mode is self.guided:
+            self.guided.stay_at_height(self._takeoff_down_m)
+        self._takeoff_down_m = None
+        return mode.run()
+
+    def _demand(self, lean: Lean | None) -> None:
+        steering = self._steering
+        most = steering.limits.angle_max
+        north, east, down = steering.way.acceleration(steering.estimate, PERIOD_S)
+        if lean is None and steering.estimate.pos is None:
+            lean = Lean(0.0, 0.0)
+        if lean is None:
+            cos, sin = math.cos(steering.estimate.yaw_rad), math.sin(steering.estimate.yaw_rad)
+            ahead, right = cos * north + sin * east, cos * east - sin * north
+            pitch = math.atan(-ahead / GRAVITY_MSS)
+            roll = math.atan(right * math.cos(pitch) / GRAVITY_MSS)
+            largest = max(abs(pitch), abs(roll))
+            scale = 1.0 if largest <= most else most / largest
+            lean = Lean(scale * roll, scale * pitch)
+        turn = steering.heading.rate(
+            steering.estimate.yaw_rad, steering.way.vel[:2], steering.limits.atc_slew_yaw, PERIOD_S
+        )
+        thrust = max(GRAVITY_MSS - down, LEAST_THRUST_M_S2) / (math.cos(lean.roll) * math.cos(lean.pitch))
+        self._airframe.demand(Demand(lean.roll, lean.pitch, thrust, turn))
+
+    def _watch_ground(self) -> None:
+        steering = self._steering
+        descends = steering.way.vel[2] > 0.0 and abs(steering.estimate.vel[2]) < SLOW_M_S
+        if not (descends and self._airframe.state.is_on_ground()):
+            self._grounded_us = None
+        elif self._grounded_us is None:
+            self._grounded_us = steering.now_us

@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Modes in which a pilot flies, or the vehicle stays (mode_loiter.cpp, mode_althold.cpp, mode_brake.cpp)."""
+
+import math
+from typing import Final
+
+from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
+
+TURN_RAD_S: Final = math.radians(202.5)
+"""PILOT_Y_RATE's default."""
+BRAKE_M_S2: Final = 7.5
+CLIMB_M_S2: Final = 2.5
+"""PILOT_ACCEL_Z's default."""
+
+
+def _climb_and_turn(steering: Steering) -> None:
+    limits, sticks = steering.limits, steering.sticks
+    up = limits.pilot_speed_up if sticks.throttle > 0 else limits.pilot_speed_dn
+    pace = steering.travel_pace()._replace(
+        speed_up=limits.pilot_speed_up, speed_down=limits.pilot_speed_dn, accel_z=CLIMB_M_S2
+    )
+    steering.way.climb(up * sticks.throttle, pace, PERIOD_S)
+    if sticks.yaw:
+        steering.heading.turn_at(TURN_RAD_S * sticks.yaw)
+    else:
+        steering.heading.stop_turning()
+
+
+class Loiter:
+    """Sticks ask for a velocity; centred, the vehicle stays. Other modes that hold a position do the same here."""
+
+    def __init__(self, steering: Steering) -> None:
+        self._steering = steering
+
+    def enter(self) -> None:
+        """Stay."""
+        self._steering.heading.hold()
+
+    def run(self) -> Lean | None:
+        """Go on for a period."""
+        steering, limits, sticks = self._steering, self._steering.limits, self._steering.sticks
+        cos, sin = math.cos(steering.estimate.yaw_rad), math.sin(steering.estimate.yaw_rad)
+        ahead, right = -limits.loit_speed * sticks.pitch, limits.loit_speed * sticks.roll
+        pace = steering.travel_pace()._replace(speed=limits.loit_speed, accel=limits.loit_acc_max)
+        steering.way.at_velocity(cos * ahead - sin * right, sin * ahead + cos * right, pace, PERIOD_S)
+        _climb_and_turn(steering)
+        return None
+
+
+class HoldHeight:
+    """Sticks ask for lean angles and a climb rate. Modes with a manual throttle do the same here."""
+
+    def __init__(self, steering: Steering) -> None:
+        self._steering = steering
+
+    def enter(self) -> None:
+        """Keep the height."""
+        self._steering.heading.hold()
+
+    def run(self) -> Lean | None:
+        """Go on for a period."""
+        _climb_and_turn(self._steering)
+        most = self._steering.limits.angle_max
+        return Lean(most * self._steering.sticks.roll, most * self._steering.sticks.pitch)
+
+
+class Brake:
+    """Stops as fast as it can, and stays."""
+
+    def __init__(self, steering: Steering) -> None:
+        self._steering = steering
+
+    def enter(self) -> None:
+        """Stop."""
+        self._steering.heading.hold()
+
+    def run(self) -> Lean | None:
+        """Go on for a period."""
+        pace = self._steering.travel_pace()._replace(accel=BRAKE_M_S2, accel_z=BRAKE_M_S2)
+        self._steering.way.at_velocity(0.0, 0.0, pace, PERIOD_S)
+        self._steering.way.climb(0.0, pace, PERIOD_S)
+        return None
