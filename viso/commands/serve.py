@@ -35,6 +35,7 @@ from viso.parameters.releases import MAX_LINKS
 from viso.parameters.store import ParamStore
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer
+from viso.sensors.inertial_sources import wants_vicon
 from viso.terminal.console import err, out, verdict_rows
 from viso.terminal.filter_report import filter_rows, tables_of
 from viso.terminal.line_writer import LineWriter
@@ -128,6 +129,14 @@ def serve(
     imu: ImuOption = None,
     imu_error: ImuErrorOption = None,
     imu_seed: ImuSeedOption = 0,
+    vision: Annotated[
+        str | None,
+        typer.Option(
+            help="vicon: the simulator's own camera, which SIM_VICON_ parameters spoil, on a link of its own; "
+            "takes --imu fly.",
+            metavar="CAMERA",
+        ),
+    ] = None,
     heading: HeadingOption = 0.0,
     ahrs: AhrsOption = None,
     baud: Annotated[
@@ -157,7 +166,7 @@ def serve(
 ) -> None:
     """Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter does.
 
-    It stands still unless --imu tells otherwise. External navigation is off until VISO_TYPE is set. Ctrl-C closes the
+    It stands still unless --imu tells otherwise; with --imu fly it obeys a companion in GUIDED and a pilot's sticks. External navigation is off until VISO_TYPE is set. Ctrl-C closes the
     log and ends with tables of what became of each message, and of each sample in the filter; the filter is a model of
     EKF3, and what it decides is marked as a model's. The exit code is 1 if anything that was to be kept is lost.
 
@@ -176,8 +185,9 @@ def serve(
         raise InputError("--json and --verdicts both take standard output: use --verdicts-file")
     profile = firmware_of(firmware)
     files = [*preset_files(preset), *(defaults or [])]
-    settings = load_settings(files, [], links=len(names), allow_unknown=allow_unknown, firmware=profile)
-    overrides = load_settings([], param or [], links=len(names), firmware=profile)
+    vicon = wants_vicon(vision, imu, "--vision")
+    settings = load_settings(files, [], links=len(names) + vicon, allow_unknown=allow_unknown, firmware=profile)
+    overrides = load_settings([], param or [], links=len(names) + vicon, firmware=profile)
     with file_errors(f"--log-dir {log_dir}"):
         log_dir.mkdir(parents=True, exist_ok=True)
     store = LogStore(log_dir)
@@ -189,6 +199,7 @@ def serve(
     config = VehicleConfig(
         ahrs_maker(AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)),
         links=len(names),
+        vicon=vicon,
         defaults=settings,
         overrides=overrides,
         log_store=store,

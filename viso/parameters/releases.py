@@ -64,6 +64,7 @@ class ParameterRelease:
         range_finder: the group of a range finder.
         range_unit: in what that is.
         flying: how the vehicle flies.
+        vicon_has_quality: the simulator's own camera has a quality.
     """
 
     early: Sequence[ParamInfo]
@@ -81,6 +82,7 @@ class ParameterRelease:
     range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
     range_unit: RangeUnit = _METRES
     flying: FlyingParameters = flying.REFERENCE
+    vicon_has_quality: bool = False
 
 
 _MAV_IDS: Final = (
@@ -223,8 +225,9 @@ _RENAMES_OF_FEBRUARY_2026: Final[Renames] = {
     **RENAMES_OF_4_7,
     "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check),
     f"EK3_{FLOW_LIMIT}": Rename(f"EK3_{FLOW_LIMIT_LATER}"),
+    **flying.RENAMES,
 }
-ALL_RENAMES: Final[Renames] = {**_RENAMES_OF_FEBRUARY_2026, **flying.RENAMES}
+ALL_RENAMES: Final[Renames] = {**_RENAMES_OF_FEBRUARY_2026, **flying.ALL_RENAMES}
 """Those of all releases."""
 
 
@@ -260,6 +263,8 @@ FEBRUARY_2026: Final = ParameterRelease(
     _ORIGIN,
     _FLIGHTS,
     FLOW_LIMIT_LATER,
+    flying=flying.IN_METRES,
+    vicon_has_quality=True,
 )
 
-APRIL_2026: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.APRIL_2026)
+APRIL_2026: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.ALL_IN_METRES)

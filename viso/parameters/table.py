@@ -18,7 +18,9 @@ from ap_core.param_info import ParamInfo, ParamType
 from viso.parameters import copter, sensors
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import make_ekf3_group
+from viso.parameters.flying import AFTER_INS, AFTER_RC
 from viso.parameters.releases import REFERENCE, ParameterRelease
+from viso.parameters.vicon import VICON, VICON_QUALITY
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
 _LOG_DISARMED: Final = {0: "No", 1: "Yes", 2: "Not with USB", 3: "Yes, discarded if never armed"}
@@ -120,19 +122,24 @@ def make_groups(
     Raises:
         ValueError: more links than the firmware has parameters for.
     """
+
+    def flown(rows: Sequence[ParamInfo]) -> list[ParamInfo]:
+        return [info for row in rows for info in (row, *release.flying.spots.get(row.name, ()))]
+
     return [
-        _top_level(copter.FORMAT_VERSION),
+        _top_level(flown(copter.FORMAT_VERSION)),
         _top_level(release.early),
-        _top_level(copter.MODES),
+        _top_level(flown(copter.MODES)),
         _object("ARMING_", release.arming, "ARMING_"),
-        _top_level(copter.FAILSAFE),
-        _top_level(release.flying.rows),
+        _top_level(flown(copter.FAILSAFE)),
         _object("COMPASS_", sensors.COMPASS, "COMPASS_"),
         _object("INS", sensors.INS, "INS"),
+        _top_level(release.flying.spots[AFTER_INS]),
         *release.early_links(number_of_links),
         _object("AHRS_", (*sensors.AHRS, *release.more_ahrs), "AHRS_"),
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
+        _object("SIM_VICON_", (*VICON, *([VICON_QUALITY] if release.vicon_has_quality else [])), "SIM_"),
         _object("GPS1_", sensors.GPS1, "GPS"),
         _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),
@@ -141,7 +148,8 @@ def make_groups(
         _object("FLOW", sensors.FLOW, "FLOW"),
         _object("", (*release.second_table, *copter.FRAME_CLASS), ""),
         *(_object(f"RC{stick}_", copter.RC_CHANNEL, "") for stick in range(1, copter.NUMBER_OF_STICKS + 1)),
-        _object("", copter.LATE_FAILSAFE, ""),
+        _object("", release.flying.spots.get(AFTER_RC, ()), ""),
+        _object("", flown(copter.LATE_FAILSAFE), ""),
         *([] if visual_odom is None else [visual_odom]),
         _object("STAT", (*_STAT, *release.more_stat), ""),
         _object("LOG", _LOG, ""),

@@ -20,6 +20,10 @@ MakeSource = Callable[[ImuOptions], SensorSource]
 
 FLOWN: Final = "log"
 """The source that flies a log again."""
+FLIES: Final = "fly"
+"""The source that flies as it is commanded."""
+VICON: Final = "vicon"
+"""The camera that sees what flies."""
 
 _OPTION: Final = "--imu"
 
@@ -43,7 +47,7 @@ IMU_SOURCES: Final[Mapping[str, ImuSource]] = MappingProxyType(
         "bench": ImuSource("", "stands still", lambda _: BenchSource),
         "script": ImuSource("FILE", "moves as a TOML file says", read_script_source),
         "follow": ImuSource("", "moves as external navigation says", lambda _: FollowSource),
-        "fly": ImuSource("", "flies as it is commanded, a model of a multicopter", lambda _: FlyingSource),
+        FLIES: ImuSource("", "flies as it is commanded, a model of a multicopter", lambda _: FlyingSource),
         "hil": ImuSource("", "HIL_SENSOR and HIL_STATE_QUATERNION over MAVLink", lambda _: HilSource),
         FLOWN: ImuSource("FILE", "moves as a DataFlash log says", read_recorded_source),
     }
@@ -68,3 +72,14 @@ def read_source(text: str) -> MakeSource:
     if colon and not source.argument:
         raise InputError(f"{_OPTION} {text}: {name} takes nothing behind it")
     return source.read(argument)
+
+
+def wants_vicon(vision: str | None, imu: str | None, option: str) -> bool:
+    """Tell whether the simulator's own camera is asked for. Raises InputError for another, or if nothing flies."""
+    if vision is None:
+        return False
+    if vision != VICON:
+        raise InputError(f"{option} {vision}: no such camera; there is {VICON}")
+    if imu != FLIES:
+        raise InputError(f"{option} {vision}: it sees a vehicle that flies alone; add {_OPTION} {FLIES}")
+    return True

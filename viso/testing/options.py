@@ -14,7 +14,7 @@ from viso.firmware.releases import PROFILES, REFERENCE
 from viso.logs.sink import LogSink
 from viso.options.presets import PRESETS
 from viso.options.settings import load_settings
-from viso.sensors.inertial_sources import read_source
+from viso.sensors.inertial_sources import read_source, wants_vicon
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import VehicleConfig, by_ekf3
 
@@ -44,6 +44,7 @@ class AutopilotOptions:
         imu: what its sensors say, as for ``viso serve --imu``: ``follow`` moves as external navigation says, ``bench``
             stands still.
         firmware: which one it is, by name.
+        vision: ``vicon`` for the simulator's own camera, which sees a vehicle that flies; None for none.
 
     Raises:
         ValueError: a parameter's value is no finite number.
@@ -53,6 +54,7 @@ class AutopilotOptions:
     preset: str | None = None
     imu: str = "follow"
     firmware: str = REFERENCE.name
+    vision: str | None = None
 
     def __post_init__(self) -> None:
         """Look at the values of parameters; all else is looked at when the vehicle is built."""
@@ -73,6 +75,7 @@ class AutopilotOptions:
             raise ValueError(f"firmware {self.firmware!r}: no such firmware; there are {', '.join(PROFILES)}")
         try:
             source = read_source(self.imu)
+            vicon = wants_vicon(self.vision, self.imu, "--vision")
         except InputError as error:
             raise ValueError(str(error).removeprefix("--")) from None
         return VehicleConfig(
@@ -80,6 +83,7 @@ class AutopilotOptions:
             defaults={**self._preset_params(), **self._own_params()},
             open_log=open_log,
             firmware=PROFILES[self.firmware],
+            vicon=vicon,
         )
 
     def _preset_params(self) -> Mapping[str, float]:

@@ -58,6 +58,7 @@ class VehicleConfig:
     Attributes:
         make_ahrs: makes the AHRS; a vehicle on the bench, heading north, unless told otherwise.
         links: how many links it will have.
+        vicon: whether the simulator's own camera sees it, on one link more; it takes a vehicle that flies.
         defaults: parameter values by name that count as its defaults, as from a defaults file.
         overrides: parameter values by name that hold whatever defaults and stored values say.
         open_log: opens the next log; None for no logging, or for the next one of ``log_store``.
@@ -71,6 +72,7 @@ class VehicleConfig:
 
     make_ahrs: Callable[[AhrsParts], AhrsBase] = field(default_factory=bench)
     links: int = 1
+    vicon: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict)
     overrides: Mapping[str, float] = field(default_factory=dict)
     open_log: Callable[[], LogSink] | None = None

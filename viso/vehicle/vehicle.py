@@ -42,6 +42,7 @@ from viso.sensors.flown.flight import Event, Happening
 from viso.sensors.flown.source import RecordedSource
 from viso.sensors.flying.source import FlyingSource
 from viso.sensors.hil.source import HilSource
+from viso.sensors.standing import BenchSource
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
@@ -52,6 +53,7 @@ from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
+from viso.vehicle.vicon import Vicon
 
 __all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleConfig", "bench"]
 
@@ -104,7 +106,7 @@ class Vehicle:
         reboot_requested: a client has asked for a restart.
 
     Raises:
-        ValueError: a default that its parameter cannot take.
+        ValueError: a default that its parameter cannot take, or a camera that has nothing to see.
     """
 
     def __init__(self, config: VehicleConfig) -> None:
@@ -113,7 +115,8 @@ class Vehicle:
         self.clock = VirtualClock()
         self.internal_errors = InternalErrors()
         visual_odom_params = make_params()
-        self.params = ParamTable(make_groups(config.links, visual_odom_params, config.firmware.params))
+        links = config.links + config.vicon
+        self.params = ParamTable(make_groups(links, visual_odom_params, config.firmware.params))
         renames = config.firmware.params.renames
         defaults = carry_over(config.defaults, self.params, renames)
         self.unknown_defaults = (*defaults.lost, *self.params.apply_defaults(defaults.values, "defaults"))
@@ -157,6 +160,8 @@ class Vehicle:
         self.ahrs: AhrsBase = config.make_ahrs(parts)
         self.hil = self.ahrs.source if isinstance(self.ahrs.source, HilSource) else None
         self.airframe = self.ahrs.source if isinstance(self.ahrs.source, FlyingSource) else None
+        self._vicon = self._make_vicon() if config.vicon else None
+        self._vicon_channel: Channel | None = None
         self.flown = self.ahrs.source if isinstance(self.ahrs.source, RecordedSource) else None
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,
@@ -196,6 +201,23 @@ class Vehicle:
         )
         self.endpoint = MavEndpoint(self, config.message_intervals)
 
+    def _make_vicon(self) -> Vicon:
+        if self.airframe is None:
+            raise ValueError("the simulator's own camera sees a vehicle that flies alone")
+        return Vicon(self.airframe, self.params.group("SIM_VICON_"))
+
+    def _see(self, now_us: int) -> None:
+        """Let the simulator's own camera look, on the link that comes after those of clients."""
+        vicon, channel = self._vicon, self._vicon_channel
+        if vicon is None:
+            return
+        if channel is None:
+            channel = self._vicon_channel = self.endpoint.open_channel("vicon", now_us=now_us)
+        arrived = vicon.update(now_us)
+        if arrived:
+            self.receive_bytes(channel, arrived)
+        self.endpoint.bytes_to_send(channel)
+
     def _make_log_library(self) -> StoredLogs | NoLogs:
         if self._config.log_store is None:
             return NoLogs()
@@ -234,6 +256,7 @@ class Vehicle:
                 on_mode=self._send_heartbeat,
                 on_armed=lambda: self.endpoint.log_transfer.pause(),
                 airframe=self.airframe,
+                stands_for_ever=isinstance(self.ahrs.source, BenchSource),
             )
         )
 
@@ -261,6 +284,7 @@ class Vehicle:
         if self._initialised:
             self._run_sensors(now_us)
         self._run_slow_tasks(now_us)
+        self._see(now_us)
         self.endpoint.poll(now_us)
         self.logger.update(self._log_wanted(), self.params)
 
@@ -321,6 +345,7 @@ class Vehicle:
             NEVER if self.ranges.is_idle else self._next_range_us,
             self._next_throttle_us if self.copter.is_near_ground else NEVER,
             NEVER if self.flown is None else self.flown.next_event_us(),
+            NEVER if self._vicon is None else self._vicon.next_us(),
             NEVER if disarmed_us is None else _log_end_us(disarmed_us, self.clock.micros64()),
             self.copter.quiet_until_us(),
             self.endpoint.quiet_until_us(),

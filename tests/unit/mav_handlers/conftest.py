@@ -25,7 +25,9 @@ from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running import virtual_time
 from viso.running.virtual_time import Scheduler
-from viso.vehicle.config import bench
+from viso.sensors.flying.source import FlyingSource
+from viso.sensors.options import ImuOptions
+from viso.vehicle.config import bench, by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)
@@ -142,6 +144,7 @@ class Bench:
         firmware: which release the vehicle is.
         until_ms: for how long it has run, 0 for not at all.
         filter_runs: whether the filter goes on from there; it is most of the work, and little of it is ever told.
+        flies: whether it can fly.
     """
 
     def __init__(
@@ -153,12 +156,14 @@ class Bench:
         until_ms: int,
         firmware: Firmware = REFERENCE,
         filter_runs: bool = True,
+        flies: bool = False,
     ) -> None:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
 
         def make_ahrs(parts: AhrsParts) -> AhrsBase:
-            spies.append(SpyAhrs(bench()(parts)))
+            make = by_ekf3(FlyingSource, ImuOptions()) if flies else bench()
+            spies.append(SpyAhrs(make(parts)))
             return cast("AhrsBase", spies[-1])
 
         config = VehicleConfig(
@@ -245,22 +250,32 @@ def make_bench() -> MakeBench:
         until_ms: int = SETTLED_MS,
         firmware: Firmware = REFERENCE,
         filter_runs: bool | None = None,
+        flies: bool = False,
         **params: float,
     ) -> Bench:
         filter_runs = until_ms == 0 if filter_runs is None else filter_runs
-        return settled(tuple(bauds), version, until_ms, firmware.name, filter_runs, **params).make()
+        return settled(tuple(bauds), version, until_ms, firmware.name, filter_runs, flies, **params).make()
 
     return make
 
 
 @cache
 def settled(
-    bauds: tuple[int | None, ...], version: int, until_ms: int, firmware: str, filter_runs: bool, **params: float
+    bauds: tuple[int | None, ...],
+    version: int,
+    until_ms: int,
+    firmware: str,
+    filter_runs: bool,
+    flies: bool,
+    **params: float,
 ) -> Copies[Bench]:
     """Return a vehicle that has run for a while; settling takes ten times as long as copying."""
     values = {"VISO_TYPE": 1, **params}
     release = PROFILES[firmware]
-    return Copies(Bench(values, bauds, version=version, until_ms=until_ms, firmware=release, filter_runs=filter_runs))
+    bench = Bench(
+        values, bauds, version=version, until_ms=until_ms, firmware=release, filter_runs=filter_runs, flies=flies
+    )
+    return Copies(bench)
 
 
 @pytest.fixture(name="bench")

@@ -24,6 +24,9 @@ from viso.vehicle.copter.parts import CopterParts
 EV_EKF_ALT_RESET: Final = 60
 ERR_SUBSYSTEM_EKF_PRIMARY: Final = 24
 
+STANDS_TEXT: Final = "Takeoff refused: nothing moves it; use --imu fly"
+"""At most 50 bytes: one STATUSTEXT."""
+
 _MAV_SEVERITY_WARNING: Final = 4
 
 
@@ -233,6 +236,9 @@ class Copter:
     def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
         """Start a take-off to a height above home; tell whether it was accepted (Mode::do_user_takeoff)."""
         if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
+            return False
+        if self._parts.stands_for_ever:
+            self._parts.texts.send_text(_MAV_SEVERITY_WARNING, STANDS_TEXT)
             return False
         return self.landing.take_off(must_navigate, 0.01 * (altitude_cm - self._height_above_home_cm()))
 

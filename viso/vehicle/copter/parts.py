@@ -34,6 +34,7 @@ class CopterParts:
         on_armed: called when the vehicle has been armed.
         release: which parameters there are.
         airframe: what flies; None of a vehicle that nobody flies.
+        stands_for_ever: nothing can move it.
         variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
     """
 
@@ -53,5 +54,6 @@ class CopterParts:
     on_mode: Callable[[], None]
     on_armed: Callable[[], None]
     airframe: FlyingSource | None = None
+    stands_for_ever: bool = False
     release: ParameterRelease = REFERENCE
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")

@@ -83,7 +83,7 @@ def test_log_takes_the_place_of_the_filter() -> None:
         replace(NOTHING, log=LOG, imu_errors=["baro_noise_m=1"]),
         "--ahrs and --imu-error: a vehicle that follows a log has no sensors",
     ),
-    (replace(NOTHING, imu="gps"), "--imu gps: no such source; there are bench, script, follow, hil, log"),
+    (replace(NOTHING, imu="gps"), "--imu gps: no such source; there are bench, script, follow, fly, hil, log"),
     (replace(NOTHING, imu="script:"), "--imu script:: not script:FILE"),
     (replace(NOTHING, imu="follow:me"), "--imu follow:me: follow takes nothing behind it"),
     (replace(NOTHING, heading_deg=math.nan), "--heading nan: not an angle in degrees"),

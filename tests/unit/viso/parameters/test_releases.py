@@ -14,6 +14,7 @@ from ap_visualodom.ap_visualodom import make_params
 from tests.places import DATA
 from tests.unit.viso.log_records import records
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.parameters import flying
 from viso.parameters.table import make_groups
 
 RECORDED: Final = {
@@ -84,8 +85,9 @@ def test_defaults_are_those_of_the_recorded_release(firmware: Firmware) -> None:
 
 def test_parameters_that_came_and_went() -> None:
     names = {name: {param.name for param in table(one)} for name, one in PROFILES.items()}
-    assert names[FEBRUARY_2026.name] - names[REFERENCE.name] == SINCE_FEBRUARY
-    assert names[REFERENCE.name] - names[FEBRUARY_2026.name] == {"ARMING_CHECK", "EK3_MAX_FLOW"}
+    moved = {name: rename.new for name, rename in flying.RENAMES.items()}
+    assert names[FEBRUARY_2026.name] - names[REFERENCE.name] == SINCE_FEBRUARY | {*moved.values()}
+    assert names[REFERENCE.name] - names[FEBRUARY_2026.name] == {"ARMING_CHECK", "EK3_MAX_FLOW", *moved}
     gone = {name for name in names[STABLE_4_6.name] - names[REFERENCE.name] if not name.startswith("SR")}
     assert gone == {"SYSID_THISMAV", "SYSID_MYGCS", "SYSID_ENFORCE", "TELEM_DELAY"}
 

@@ -42,7 +42,8 @@ class Limits:
         """Return what parameters say, those of speeds and accelerations never 0 or less."""
 
         def value(name: str) -> float:
-            return flying.factor * params.get_number(flying.names[name])
+            here, factor = flying.sources[name]
+            return factor * params.get_number(here)
 
         def rate(name: str, fallback: float = 0.01) -> float:
             return abs(value(name)) or fallback

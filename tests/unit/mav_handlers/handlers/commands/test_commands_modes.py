@@ -110,7 +110,18 @@ class TestSetMode:
 
 
 class TestTakeoff:
-    """NAV_TAKEOFF."""
+    """NAV_TAKEOFF of a vehicle that can fly."""
+
+    @pytest.fixture
+    def bench(self, make_bench: "MakeBench") -> "Bench":
+        return make_bench(until_ms=SETTLED_MS, flies=True)
+
+    def test_what_nothing_can_move_says_how_it_would_fly(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(until_ms=SETTLED_MS)
+        self.arm_in(bench, 20)
+        assert bench.client.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 5.0) == FAILED
+        bench.run_ms(3)
+        assert bench.client.read_texts() == ["Takeoff refused: nothing moves it; use --imu fly"]
 
     def arm_in(self, bench: "Bench", mode: int) -> None:
         assert bench.client.command(ARM, 1, FORCE) == ACCEPTED

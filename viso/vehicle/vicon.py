@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The camera of the firmware's simulator, on a link of its own (SITL/SIM_Vicon.cpp).
+
+It knows where the vehicle is, and tells it late: each message waits for 25 to 124 ms, and there is room for three.
+"""
+
+import math
+import random
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.clock import NEVER
+from ap_core.param_group import ParamGroup
+from ekf_stub.filter import quaternions as quaternion
+from ekf_stub.filter.attitude import euler_of
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import (
+    HEARTBEAT,
+    ODOMETRY,
+    VICON_POSITION_ESTIMATE,
+    VISION_POSITION_DELTA,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+    Message,
+)
+from viso.sensors.attitude import quat_of_rpy, rotate_to_body
+from viso.sensors.flying.source import FlyingSource
+from viso.sensors.vectors import Three, added
+
+SYSTEM_ID: Final = 17
+COMPONENT_ID: Final = 18
+PLACES: Final = 3
+HEARTBEAT_US: Final = 500_000
+LEAST_DELAY_MS: Final = 25
+DELAYS_MS: Final = 100
+MOST_OFFSET_S: Final = 7000
+QUALITY: Final = 50
+"""Before there was a parameter for it."""
+
+_LOCAL_FRD, _BODY_FRD, _VIO = 20, 12, 3
+_GCS, _INVALID_AUTOPILOT = 6, 8
+_POSE, _SPEED, _VICON, _DELTA, _ODOMETRY = (1 << bit for bit in range(5))
+_POSE_DIAGONAL: Final = (0, 6, 11)
+
+
+@dataclass
+class _Waiting:
+    """A place for a message that waits to be sent."""
+
+    frame: bytes = b""
+    send_us: int = 0
+
+
+class Vicon:
+    """The camera.
+
+    Args:
+        airframe: what it sees.
+        params: the SIM_VICON_ group.
+        seed: of its delays and noise, and of how far its clock is off.
+    """
+
+    def __init__(self, airframe: FlyingSource, params: ParamGroup, seed: int = 0) -> None:
+        self._airframe = airframe
+        self._params = params
+        self._draw = random.Random(seed)
+        self._codec = Codec(SYSTEM_ID, COMPONENT_ID)
+        self._clock_off_us = self._draw.randrange(MOST_OFFSET_S) * 1_000_000
+        self._places = [_Waiting() for _ in range(PLACES)]
+        self._heartbeat_us = self._observed_us = 0
+        self._last_pos: Three = (0.0, 0.0, 0.0)
+        self._last_quat = quaternion.quaternion(1.0, 0.0, 0.0, 0.0)
+
+    def next_us(self) -> int:
+        """Return when it does something next."""
+        sending = [place.send_us for place in self._places if place.send_us]
+        observing = NEVER if self._is_blind() else self._observed_us + 1_000_000 // self._params.get_int("RATE")
+        return min(self._heartbeat_us + HEARTBEAT_US, observing, *sending)
+
+    def _is_blind(self) -> bool:
+        # FIRMWARE PARITY: whether a message waits is asked of the last place alone.
+        is_waiting = self._places[-1].send_us != 0
+        return is_waiting or self._params.get_int("RATE") <= 0 or self._params.get_int("FAIL") != 0
+
+    def update(self, now_us: int) -> bytes:
+        """Look at the vehicle if it is time to, and return what arrives of it now."""
+        if now_us - self._heartbeat_us >= HEARTBEAT_US and self._put(
+            HEARTBEAT(_GCS, _INVALID_AUTOPILOT, 0, 0, 0, 0), now_us
+        ):
+            self._heartbeat_us = now_us
+        arrived = b""
+        for place in self._places:
+            if 0 < place.send_us <= now_us:
+                arrived += place.frame
+                place.send_us = 0
+        if not self._is_blind() and now_us - self._observed_us >= 1_000_000 // self._params.get_int("RATE"):
+            self._observe(now_us)
+        return arrived
+
+    def _put(self, message: Message, send_us: int) -> bool:
+        for place in self._places:
+            if not place.send_us:
+                place.frame, place.send_us = self._codec.encode(message), send_us
+                return True
+        return False
+
+    def _vector(self, name: str) -> Three:
+        x, y, z = self._params.get_vector(name).to_tuple()
+        return float(x), float(y), float(z)
+
+    def _noise(self, name: str) -> Three:
+        spread = float(self._params.get_float(name))
+        return self._draw.gauss(0.0, spread), self._draw.gauss(0.0, spread), self._draw.gauss(0.0, spread)
+
+    def _observe(self, now_us: int) -> None:
+        params, truth, rates = self._params, self._airframe.truth(), self._airframe.felt()[1]
+        attitude = quaternion.quaternion(*truth.quat_wxyz)
+        roll, pitch, yaw = self._airframe.state.rpy
+        markers = self._vector("POS")
+        pos = added(added(truth.pos_ned, _to_earth(attitude, markers)), self._vector("GLIT"))
+        pos = added(pos, self._noise("P_SD"))
+        vel = added(added(truth.vel_ned, _to_earth(attitude, _cross(rates, markers))), self._vector("VGLI"))
+        turned_rad = math.radians(params.get_int("YAW"))
+        if turned_rad:
+            yaw = math.remainder(yaw - turned_rad, 2.0 * math.pi)
+            pos, vel = _turned(pos, -turned_rad), _turned(vel, -turned_rad)
+        vel = added(vel, self._noise("V_SD"))
+        yaw = math.remainder(yaw + math.radians(params.get_int("YAWERR")), 2.0 * math.pi)
+        send_us = now_us + 1000 * (LEAST_DELAY_MS + self._draw.randrange(DELAYS_MS))
+        stamp_us, mask = now_us + self._clock_off_us, params.get_int("TMASK")
+        pose_covariance = _diagonal(float(params.get_float("P_SD")) ** 2)
+        quat = quat_of_rpy(roll, pitch, yaw).conj()
+        if mask & _POSE:
+            self._put(VISION_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw, pose_covariance), send_us)
+        if mask & _VICON:
+            self._put(VICON_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw), send_us)
+        if mask & _SPEED:
+            variance = float(params.get_float("V_SD")) ** 2
+            covariance = (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
+            self._put(VISION_SPEED_ESTIMATE(stamp_us, *vel, covariance), send_us)
+        if mask & _ODOMETRY:
+            ahead, right, down = rotate_to_body(attitude, vel).tolist()
+            velocity_covariance = _diagonal(float(params.get_float("V_SD")) ** 2)
+            # FIRMWARE PARITY: the attitude is the true one, whatever YAW and YAWERR say.
+            message = ODOMETRY(
+                *(stamp_us, _LOCAL_FRD, _BODY_FRD, *pos, truth.quat_wxyz, ahead, right, down, *rates),
+                pose_covariance=pose_covariance,
+                velocity_covariance=velocity_covariance,
+                estimator_type=_VIO,
+                quality=self._quality(),
+            )
+            self._put(message, send_us)
+        if mask & _DELTA:
+            self._put(self._delta(stamp_us, now_us - self._observed_us, pos, quat), send_us)
+        self._observed_us, self._last_pos, self._last_quat = now_us, pos, quat
+
+    def _quality(self) -> int:
+        has_quality = any(row.name == "QUAL" for row in self._params.var_info)
+        return max(-1, min(self._params.get_int("QUAL"), 100)) if has_quality else QUALITY
+
+    def _delta(self, stamp_us: int, since_us: int, pos: Three, quat: quaternion.quaternion) -> VISION_POSITION_DELTA:
+        turn = quat * self._last_quat.conj()
+        way = rotate_to_body(quat.conj(), added(pos, self._last_pos, -1.0)).tolist()
+        return VISION_POSITION_DELTA(stamp_us, since_us, euler_of(turn), (*way,), 0.0)
+
+
+def _diagonal(variance: float) -> tuple[float, ...]:
+    return tuple(variance if index in _POSE_DIAGONAL else 0.0 for index in range(21))
+
+
+def _to_earth(attitude: quaternion.quaternion, vector: Three) -> Three:
+    x, y, z = rotate_to_body(attitude.conj(), vector).tolist()
+    return x, y, z
+
+
+def _cross(one: Three, other: Three) -> Three:
+    return (
+        one[1] * other[2] - one[2] * other[1],
+        one[2] * other[0] - one[0] * other[2],
+        one[0] * other[1] - one[1] * other[0],
+    )
+
+
+def _turned(vector: Three, angle_rad: float) -> Three:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1], vector[2]
