@@ -3,7 +3,8 @@
 """The emulated autopilot in virtual time, within the process of a test."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -11,7 +12,8 @@ from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import Message
 from viso.fates.watch import FilterWatch
 from viso.files.outputs import replace_file
-from viso.testing import claims
+from viso.sensors.script.script import Truth
+from viso.testing import claims, flights
 from viso.testing.booted import booted_vehicle
 from viso.testing.golden import GoldenFiles
 from viso.testing.observations import MessageVerdict, Record, StatusText
@@ -22,6 +24,15 @@ from viso.testing.sender import Sender
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 M = TypeVar("M", bound=Message)
+
+
+@dataclass(slots=True)
+class _Call:
+    """What is called again and again, and when next."""
+
+    period_us: int
+    call: Callable[[], None]
+    at_us: int
 
 
 class Autopilot:
@@ -42,6 +53,9 @@ class Autopilot:
         ValueError: an option cannot be used.
     """
 
+    _stride_us = 50_000
+    """After so much time, what it has sent is taken over, and what was sent to it by other ways taken in."""
+
     def __init__(self, options: AutopilotOptions | None = None, golden: GoldenFiles | None = None) -> None:
         booted = booted_vehicle(options or AutopilotOptions())
         self.vehicle = booted.vehicle
@@ -54,6 +68,7 @@ class Autopilot:
         self._observer = Observer(self.vehicle, self._watch)
         self._sender = Sender()
         self._unread = bytearray()
+        self._calls: list[_Call] = []
 
     def close(self) -> None:
         """Let go of everything; the fixture does that."""
@@ -82,7 +97,12 @@ class Autopilot:
     def _run_until(self, time_us: int) -> None:
         while (pass_us := self._next_pass_us()) <= time_us:
             self._take_input()
-            self._pass(pass_us)
+            until_us = min(time_us, self.now_us + self._stride_us, *(due.at_us for due in self._calls))
+            self._pass(max(pass_us, until_us))
+            for due in self._calls:
+                if due.at_us <= self.now_us:
+                    due.at_us += due.period_us
+                    due.call()
         self._scheduler.run_until(time_us)
 
     def _next_pass_us(self) -> int:
@@ -148,6 +168,55 @@ class Autopilot:
 
     def _put_output(self, data: bytes) -> None:
         """Send bytes by other ways."""
+
+    # Flight
+
+    def every(self, ms: float, call: Callable[[], None]) -> None:
+        """Have something called again and again while time goes on, such as a camera that sends what it sees.
+
+        Raises ValueError: the period is less than a pass of the main loop, 2.5 ms.
+        """
+        period_us = round(1e3 * ms)
+        if period_us < LOOP_PERIOD_US:
+            raise ValueError(f"every {ms} ms: less than a pass of the main loop, 2.5 ms")
+        self._calls.append(_Call(period_us, call, self.now_us + period_us))
+
+    @property
+    def truth(self) -> Truth:
+        """Where the vehicle really is: ``pos_ned`` in m, ``vel_ned`` in m/s, ``quat_wxyz``; with imu="fly" alone."""
+        return flights.truth_of(self)
+
+    def takeoff(self, height_m: float, *, within_s: float = 30.0) -> None:
+        """Change to GUIDED, arm, take off, and wait until the vehicle is there by its own estimate.
+
+        Raises:
+            AssertionError: it refused, or was not there in time; the text tells what it said.
+            ValueError: it is no vehicle that flies.
+        """
+        __tracebackhide__ = True
+        flights.take_off(self, height_m, within_s)
+
+    def goto(
+        self, north_m: float, east_m: float, height_m: float, *, yaw_deg: float | None = None, within_s: float = 60.0
+    ) -> None:
+        """Fly to a place, counted from the EKF's origin, and wait until the vehicle is there by its own estimate.
+
+        Raises:
+            AssertionError: it was not there in time; the text tells where it is and what it said.
+            ValueError: it is no vehicle that flies.
+        """
+        __tracebackhide__ = True
+        flights.go_to(self, north_m, east_m, height_m, yaw_deg, within_s)
+
+    def land(self, *, within_s: float = 60.0) -> None:
+        """Land, and wait until the vehicle has disarmed itself.
+
+        Raises:
+            AssertionError: it refused, or did not in time; the text tells what it said.
+            ValueError: it is no vehicle that flies.
+        """
+        __tracebackhide__ = True
+        flights.land(self, within_s)
 
     # What is seen of it
 

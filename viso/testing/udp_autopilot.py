@@ -29,6 +29,8 @@ class UdpAutopilot(Autopilot):
         LinkError: the system gives no port.
     """
 
+    _stride_us = LOOP_PERIOD_US
+
     def __init__(self, options: AutopilotOptions | None = None, golden: GoldenFiles | None = None) -> None:
         super().__init__(options, golden)
         self._is_running = False
