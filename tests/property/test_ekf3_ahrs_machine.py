@@ -108,7 +108,9 @@ class Trip:
 
     def __init__(self, kind: str, start_us: int = 0, **defaults: float) -> None:
         self.log = MemoryLog()
-        config = VehicleConfig(MAKERS[kind], defaults={**DEFAULTS, **defaults}, open_log=lambda: self.log)
+        config = VehicleConfig(
+            MAKERS[kind], defaults={**DEFAULTS, **defaults}, open_log=lambda: self.log, vicon=kind == "fly"
+        )
         self.vehicle = Vehicle(config)
         self.channel = self.vehicle.endpoint.open_channel("link")
         self._codec = Codec(255, 190)

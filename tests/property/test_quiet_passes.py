@@ -15,12 +15,20 @@ import numpy as np
 import pytest
 
 from ap_core.location import Location
-from mav_handlers.wire.messages import GPS_INPUT, HIL_SENSOR, OPTICAL_FLOW, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
+from mav_handlers.wire.messages import (
+    GPS_INPUT,
+    HIL_SENSOR,
+    OPTICAL_FLOW,
+    PARAM_SET,
+    SET_GPS_GLOBAL_ORIGIN,
+    SET_POSITION_TARGET_LOCAL_NED,
+)
 from tests.property import test_ekf3_ahrs_machine as machine
 from viso.running.virtual_time import Scheduler
 from viso.sensors.errors import SensorErrors
 from viso.sensors.flown.flight import PASS_US, Basis, Event, Flight, Happening, readings
 from viso.sensors.flown.source import RecordedSource
+from viso.sensors.flying.source import FlyingSource
 from viso.sensors.hil.source import HilSource
 from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
@@ -66,6 +74,7 @@ def flown() -> Flight:
 
 
 machine.MAKERS.update(
+    fly=by_ekf3(FlyingSource, ImuOptions()),
     noisy=by_ekf3(BenchSource, NOISY),
     hil=by_ekf3(HilSource, ImuOptions()),
     log=by_ekf3(lambda options: RecordedSource(options, flown()), ImuOptions()),
@@ -91,10 +100,11 @@ class Trip(machine.Trip):
         """Let time pass, up to each message from without."""
         end_us = self.now_us + round(1e6 * seconds)
         while self.now_us < end_us:
-            due = [end_us, *([self._next_us] if self.is_seen else []), *([self._next_hil_us] * (self._kind == "hil"))]
+            is_seen = self.is_seen and self._kind != "fly"  # which has a camera of its own
+            due = [end_us, *([self._next_us] if is_seen else []), *([self._next_hil_us] * (self._kind == "hil"))]
             self.now_us = max(min(due), self.now_us)
             self._scheduler.run_until(self.now_us)
-            if self.is_seen and self.now_us >= self._next_us:
+            if is_seen and self.now_us >= self._next_us:
                 self._next_us = self.now_us + machine.PERIOD_US
                 self.send(self.seen())
             if self._kind == "hil" and self.now_us >= self._next_hil_us:
@@ -116,7 +126,8 @@ class Trip(machine.Trip):
 
 def happen(trip: Trip, draw: random.Random) -> None:
     """Do something to a vehicle, and let some time pass."""
-    kind = draw.choice(("param", "arm", "takeoff", "mode", "source", "origin", "gps", "flow", "blind", "sense", "odd"))
+    kinds = ["param", "arm", "takeoff", "mode", "source", "origin", "gps", "flow", "blind", "sense", "odd"]
+    kind = draw.choice([*kinds, *(["up", "guide", "guide"] if trip.vehicle.airframe is not None else [])])
     if kind == "param":
         trip.send(PARAM_SET(1, 1, draw.choice(PARAMETERS), float(draw.randint(0, 6)), 9))
     elif kind == "arm":
@@ -136,6 +147,15 @@ def happen(trip: Trip, draw: random.Random) -> None:
         trip.send(gps)
     elif kind == "flow":
         trip.send(machine.any_message(draw, OPTICAL_FLOW))
+    elif kind == "up":
+        trip.command(machine.ARM_DISARM, 1.0, machine.BY_FORCE)
+        trip.command(176, 1.0, 20.0)
+        trip.command(machine.TAKEOFF, *[0.0] * 6, 5.0)
+    elif kind == "guide":
+        trip.command(176, 1.0, 4.0)
+        mask = draw.choice((0b110111111000, 0b110111000111, 0b111111000000))
+        place = draw.uniform(-5.0, 5.0), draw.uniform(-5.0, 5.0), draw.uniform(-8.0, 0.0)
+        trip.send(SET_POSITION_TARGET_LOCAL_NED(0, 1, 1, draw.choice((1, 8)), mask, *place, 1.0, -0.5, *(0.0,) * 6))
     elif kind == "sense":
         machine.tell_sense(trip, draw)
     elif kind == "odd":

@@ -166,9 +166,10 @@ def serve(
 ) -> None:
     """Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter does.
 
-    It stands still unless --imu tells otherwise; with --imu fly it obeys a companion in GUIDED and a pilot's sticks. External navigation is off until VISO_TYPE is set. Ctrl-C closes the
-    log and ends with tables of what became of each message, and of each sample in the filter; the filter is a model of
-    EKF3, and what it decides is marked as a model's. The exit code is 1 if anything that was to be kept is lost.
+    It stands still unless --imu tells otherwise; with --imu fly it obeys a companion in GUIDED, and a pilot's sticks.
+    External navigation is off until VISO_TYPE is set. Ctrl-C closes the log and ends with tables of what became of
+    each message, and of each sample in the filter; the filter is a model of EKF3, and what it decides is marked as a
+    model's. The exit code is 1 if anything that was to be kept is lost.
 
     Example: viso serve --param VISO_TYPE=1 --duration 1
     """

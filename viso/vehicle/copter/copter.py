@@ -142,9 +142,8 @@ class Copter:
     def update(self) -> None:
         """Set home, lift off, land; once a pass of the main loop."""
         self.home.update()
-        if self.flight is not None:
-            self.flight.update(armed=self.arming.armed)
-        if self.arming.armed:
+        decides = self.flight is None or self.flight.update(armed=self.arming.armed)
+        if self.arming.armed and (decides or self.landing.quiet_until_us() <= self._parts.clock.micros64()):
             self.landing.update()
             if self.landing.has_landed_by_itself():
                 self._disarm(ArmMethod.LANDED)

@@ -98,7 +98,7 @@ class FlightControl:
         self._others = loiter
         self._mode: _Mode | None = None
         self._next_us = 0
-        self._is_flying = False
+        self._is_flying = self._was_idle = False
         self._takeoff_down_m: float | None = None
         self._grounded_us: int | None = None
 
@@ -116,6 +116,7 @@ class FlightControl:
         """Obey a target in GUIDED, or stay where the vehicle is."""
         self._copter.landing.end_take_off()
         self._takeoff_down_m = None
+        self._steering.now_us, self._steering.limits = self._copter.clock.micros64(), self._limits()
         if target is None:
             self.guided.enter()
         else:
@@ -165,12 +166,16 @@ class FlightControl:
 
     # What it does
 
-    def update(self, *, armed: bool) -> None:
-        """Decide, if it is time to; once a pass of the main loop."""
+    def update(self, *, armed: bool) -> bool:
+        """Decide, if it is time to; tell whether it was. Once a pass of the main loop."""
         now_us = self._copter.clock.micros64()
-        if now_us < self._next_us:
-            return
-        self._next_us = now_us + PERIOD_US
+        late_us = now_us - self._next_us
+        if late_us < 0:
+            return False
+        self._next_us = (now_us // PERIOD_US + 1) * PERIOD_US
+        if self._was_idle and late_us >= PERIOD_US and now_us % PERIOD_US:
+            self._was_idle = False
+            return False  # passes were left out; it decides when it would have if they had not been
         steering = self._steering
         steering.now_us, steering.limits, steering.sticks = now_us, self._limits(), self._sticks.now()
         steering.estimate = self._estimate()
@@ -178,6 +183,7 @@ class FlightControl:
             self._idle()
         else:
             self._fly()
+        return True
 
     def _estimate(self) -> Estimate:
         ahrs = self._copter.ahrs
@@ -189,6 +195,7 @@ class FlightControl:
         )
 
     def _idle(self) -> None:
+        self._was_idle = True
         self._airframe.demand(MOTORS_OFF)
         self._is_flying = not self._airframe.state.is_at_rest()
         self._grounded_us = self._mode = None
@@ -199,6 +206,7 @@ class FlightControl:
         if not self._is_flying or self._mode is None:
             steering.restart()
         self._is_flying = True
+        self._was_idle = False
         steering.way.heed_reset(steering.estimate, PERIOD_S)
         mode = self._modes.get(self._copter.modes.current.number, self._others)
         if mode is not self._mode:

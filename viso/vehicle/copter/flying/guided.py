@@ -14,21 +14,21 @@ class Guided:
         self._target: GuidedTarget | None = None
         self._target_us = 0
         self._place: tuple[float, float, float] | None = None
+        self._down_m: float | None = None
 
     def enter(self) -> None:
         """Stay, until somebody says where to."""
-        self._target = self._place = None
+        self._target = self._place = self._down_m = None
         self._steering.heading.hold()
 
     def stay_at_height(self, down_m: float) -> None:
         """Stay at a height, m below the origin, to which the vehicle has taken off."""
-        pos = self._steering.way.pos
-        self._place = pos[0], pos[1], down_m
+        self._down_m = down_m
 
     def guide(self, target: GuidedTarget) -> None:
         """Obey a target."""
         self._target, self._target_us = target, self._steering.now_us
-        self._place = target.pos_ned_m
+        self._place, self._down_m = target.pos_ned_m, None
         self._look(target)
 
     def _look(self, target: GuidedTarget) -> None:
@@ -67,5 +67,9 @@ class Guided:
             way.at_velocity(north, east, pace, PERIOD_S)
             way.climb(-down, pace, PERIOD_S)
         else:
-            steering.stay()
+            way.at_velocity(0.0, 0.0, pace, PERIOD_S)
+            if self._down_m is None:
+                way.climb(0.0, pace, PERIOD_S)
+            else:
+                way.to_height(self._down_m, pace, PERIOD_S)
         return None

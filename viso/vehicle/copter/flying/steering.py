@@ -55,9 +55,3 @@ class Steering:
         limits = self.limits
         speed = self.speed or limits.wpnav_speed
         return Pace(speed, limits.wpnav_accel, limits.wpnav_speed_up, limits.wpnav_speed_dn, limits.wpnav_accel_z)
-
-    def stay(self) -> None:
-        """Come to a halt, and stay there."""
-        pace = self.travel_pace()
-        self.way.at_velocity(0.0, 0.0, pace, PERIOD_S)
-        self.way.climb(0.0, pace, PERIOD_S)

@@ -1,0 +1,322 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a vehicle does in its modes, with an estimator that knows where it is, or does not."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from ap_core.fmath import f32
+from ap_core.location import Location
+from ap_core.vector3 import Vector3f
+from ekf_stub.reports.filter_status import FilterFlag
+from mav_handlers.ports import GuidedTarget
+from viso.sensors.flying.source import FlyingSource
+from viso.sensors.options import ImuOptions
+from viso.vehicle.copter.copter import Copter
+from viso.vehicle.copter.modes import ModeNumber, ModeReason
+
+if TYPE_CHECKING:
+    from tests.unit.viso.conftest import CopterRig
+
+PERIOD_US = 20_000
+PLACE = Location(473977420, 85455940, 48800)
+KNOWS = FilterFlag(
+    FilterFlag.ATTITUDE
+    | FilterFlag.HORIZ_VEL
+    | FilterFlag.VERT_VEL
+    | FilterFlag.HORIZ_POS_REL
+    | FilterFlag.HORIZ_POS_ABS
+    | FilterFlag.VERT_POS
+)
+
+
+class Flyer:
+    """A copter that flies; its estimator says what is so, but for what a test adds to it.
+
+    Attributes:
+        off_ned: how far off the estimated position is, m.
+        off_yaw_rad: how far off the estimated yaw is.
+        is_lost: the estimator has no position.
+    """
+
+    def __init__(self, rig: "CopterRig") -> None:
+        self.airframe = FlyingSource(ImuOptions())
+        self.rig = rig
+        rig.copter = Copter(replace(rig.copter._parts, airframe=self.airframe))
+        self.copter = rig.copter
+        self.off_ned = (0.0, 0.0, 0.0)
+        self.off_yaw_rad = 0.0
+        self.is_lost = False
+        rig.ahrs.ekf_origin = PLACE
+        rig.ahrs.navigate(KNOWS)
+        rig.ahrs.get_yaw_rad = lambda: f32(self.airframe.state.rpy[2] + self.off_yaw_rad)  # type: ignore[attr-defined]
+        self._estimate()
+
+    def _estimate(self) -> None:
+        state, ahrs = self.airframe.state, self.rig.ahrs
+        pos = [at + off for at, off in zip(state.pos, self.off_ned, strict=True)]
+        ahrs.pos = None if self.is_lost else Vector3f(*pos)
+        ahrs.place = None if self.is_lost else PLACE.offset(Vector3f(*pos))
+        ahrs.velocity = Vector3f(*state.vel)
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        for _ in range(round(seconds * 1e6 / PERIOD_US)):
+            self.rig.clock.set_us(self.rig.clock.micros64() + PERIOD_US)
+            self.airframe.sense(self.rig.clock.micros64())
+            self._estimate()
+            self.copter.update()
+            if until():
+                return True
+        return False
+
+    def take_off(self, height_m: float = 5.0, mode: ModeNumber = ModeNumber.GUIDED) -> None:
+        self.copter.modes.set_mode(mode, ModeReason.GCS_COMMAND)
+        self.run(0.1)
+        assert self.copter.arm(do_checks=False)
+        assert self.copter.take_off(100 * height_m, must_navigate=True)
+        self.run(8.0)
+        assert self.pos == pytest.approx((0.0, 0.0, -height_m), abs=0.15)
+
+    def set_mode(self, mode: ModeNumber) -> None:
+        assert self.copter.modes.set_mode(mode, ModeReason.GCS_COMMAND)
+
+    def guide(self, **target: object) -> None:
+        assert self.copter.flight is not None
+        self.copter.flight.guide(GuidedTarget(**target))  # type: ignore[arg-type]
+
+    @property
+    def pos(self) -> tuple[float, float, float]:
+        return self.airframe.state.pos
+
+    @property
+    def yaw_deg(self) -> float:
+        return math.degrees(self.airframe.state.rpy[2])
+
+
+@pytest.fixture
+def flyer(rig: "CopterRig") -> Flyer:
+    """Return a vehicle on the ground."""
+    return Flyer(rig)
+
+
+@pytest.fixture
+def up(flyer: Flyer) -> Flyer:
+    """Return a vehicle in GUIDED, 5 m above the ground."""
+    flyer.take_off()
+    return flyer
+
+
+def test_armed_vehicle_stands_until_it_takes_off(flyer: Flyer) -> None:
+    flyer.set_mode(ModeNumber.GUIDED)
+    flyer.copter.arm(do_checks=False)
+    flyer.guide(pos_ned_m=(4.0, 0.0, -5.0))
+    flyer.run(2.0)
+    assert flyer.pos == (0.0, 0.0, 0.0)
+
+
+def test_it_lifts_off_when_the_recorded_motors_did(flyer: Flyer) -> None:
+    flyer.set_mode(ModeNumber.GUIDED)
+    flyer.copter.arm(do_checks=False)
+    flyer.copter.take_off(500.0, must_navigate=True)
+    flyer.run(1.2)
+    assert flyer.copter.is_landed()
+    flyer.run(0.5)
+    assert not flyer.copter.is_landed()
+    assert flyer.pos[2] < 0.0
+
+
+def test_it_flies_to_a_place_and_stays(up: Flyer) -> None:
+    up.guide(pos_ned_m=(4.0, -3.0, -8.0))
+    up.run(12.0)
+    assert up.pos == pytest.approx((4.0, -3.0, -8.0), abs=0.05)
+    assert max(map(abs, up.airframe.state.vel)) < 0.05
+
+
+@pytest.mark.parametrize(("name", "value", "most"), [("WPNAV_SPEED", 150.0, 1.5), ("WPNAV_SPEED", 400.0, 4.0)])
+def test_it_keeps_the_speed_of_its_parameters(up: Flyer, name: str, value: float, most: float) -> None:
+    up.rig.params.set(name, value)
+    up.guide(pos_ned_m=(60.0, 0.0, -5.0))
+    up.run(8.0)
+    assert up.airframe.state.vel[0] == pytest.approx(most, rel=0.05)
+
+
+def test_speed_that_a_command_asks_for_holds_until_the_mode_changes(up: Flyer) -> None:
+    assert up.copter.flight is not None
+    up.copter.flight.change_speed(2.0)
+    up.guide(pos_ned_m=(60.0, 0.0, -5.0))
+    up.run(6.0)
+    assert up.airframe.state.vel[0] == pytest.approx(2.0, rel=0.1)
+
+
+def test_velocity_that_is_not_repeated_ends_after_guid_timeout(up: Flyer) -> None:
+    up.guide(vel_ned_m_s=(1.0, 0.0, -0.5))
+    up.run(2.5)
+    assert up.airframe.state.vel == pytest.approx((1.0, 0.0, -0.5), abs=0.1)
+    up.run(4.0)
+    assert max(map(abs, up.airframe.state.vel)) < 0.05
+
+
+def test_velocity_down_to_the_ground_lands(up: Flyer) -> None:
+    for _ in range(12):
+        up.guide(vel_ned_m_s=(0.0, 0.0, 0.8))
+        up.run(1.0)
+    assert up.copter.is_landed()
+    assert up.copter.is_armed()
+
+
+def test_nose_follows_the_way_unless_told_otherwise(up: Flyer) -> None:
+    up.guide(pos_ned_m=(0.0, 8.0, -5.0))
+    up.run(8.0)
+    assert up.yaw_deg == pytest.approx(90.0, abs=3.0)
+    up.rig.params.set("WP_YAW_BEHAVIOR", 0)
+    up.guide(pos_ned_m=(0.0, 0.0, -5.0))
+    up.run(8.0)
+    assert up.yaw_deg == pytest.approx(90.0, abs=3.0)
+    up.guide(pos_ned_m=(0.0, 0.0, -5.0), yaw_rad=math.radians(-45.0))
+    up.run(5.0)
+    assert up.yaw_deg == pytest.approx(-45.0, abs=1.0)
+
+
+def test_condition_yaw_turns_the_way_and_as_fast_as_asked(up: Flyer) -> None:
+    assert up.copter.flight is not None
+    up.copter.flight.turn_to(math.radians(90.0), math.radians(30.0), -1, is_relative=False)
+    up.run(3.0)
+    assert up.yaw_deg == pytest.approx(-90.0, abs=6.0)
+    up.run(8.0)
+    assert up.yaw_deg == pytest.approx(90.0, abs=1.0)
+    up.copter.flight.turn_to(math.radians(20.0), 0.0, -1, is_relative=True)
+    up.run(3.0)
+    assert up.yaw_deg == pytest.approx(70.0, abs=1.0)
+
+
+def test_land_descends_slowly_and_disarms(up: Flyer) -> None:
+    up.set_mode(ModeNumber.LAND)
+    up.run(3.0)
+    assert up.airframe.state.vel[2] == pytest.approx(0.5, abs=0.05)
+    assert up.run(15.0, until=lambda: not up.copter.is_armed())
+    up.run(1.0)
+    assert up.airframe.state.is_at_rest()
+
+
+def test_rtl_climbs_along_its_cone_returns_waits_and_lands(up: Flyer) -> None:
+    up.guide(pos_ned_m=(3.0, 0.0, -5.0))
+    up.run(8.0)
+    up.set_mode(ModeNumber.RTL)
+    up.run(6.0)
+    highest = -up.pos[2]
+    assert highest == pytest.approx(9.0, abs=0.6)  # RTL_CONE_SLOPE times the way home
+    assert up.run(60.0, until=lambda: not up.copter.is_armed())
+    assert up.pos == pytest.approx((0.0, 0.0, 0.0), abs=0.6)
+
+
+def test_brake_stops_where_it_is(up: Flyer) -> None:
+    up.guide(pos_ned_m=(60.0, 0.0, -5.0))
+    up.run(4.0)
+    at_m = up.pos[0]
+    up.set_mode(ModeNumber.BRAKE)
+    up.run(4.0)
+    assert abs(up.airframe.state.vel[0]) < 0.1
+    assert up.pos[0] - at_m < 12.0
+
+
+def test_sticks_move_it_in_loiter_and_it_stays_without_them(up: Flyer) -> None:
+    up.set_mode(ModeNumber.LOITER)
+    assert up.copter.flight is not None
+    for _ in range(3):
+        up.copter.flight.override_sticks((1500, 1300, 1600, 65535))
+        up.run(1.0)
+    vel = up.airframe.state.vel
+    assert vel[0] > 3.0
+    assert vel[2] == pytest.approx(-0.25 * 2.5, abs=0.1)
+    up.run(12.0)  # nobody repeats them
+    assert max(map(abs, up.airframe.state.vel)) < 0.1
+
+
+def test_sticks_lean_it_in_alt_hold(up: Flyer) -> None:
+    up.set_mode(ModeNumber.ALT_HOLD)
+    assert up.copter.flight is not None
+    up.copter.flight.override_sticks((1700, 1500, 1500, 1500))
+    up.run(1.5)
+    assert math.degrees(up.airframe.state.rpy[0]) == pytest.approx(15.0, abs=0.5)
+    up.copter.flight.override_sticks((0, 0, 0, 0))
+    up.run(1.0)
+    assert math.degrees(up.airframe.state.rpy[0]) == pytest.approx(0.0, abs=0.5)
+
+
+def test_estimate_that_is_reset_does_not_throw_it_about(up: Flyer) -> None:
+    up.off_ned = (6.0, 0.0, 0.0)
+    up.run(3.0)
+    assert up.pos == pytest.approx((0.0, 0.0, -5.0), abs=0.3)
+
+
+def test_estimate_that_drifts_flies_it_away(up: Flyer) -> None:
+    for number in range(50):
+        up.off_ned = (-0.04 * number, 0.0, 0.0)
+        up.run(0.1)
+    assert up.pos[0] == pytest.approx(2.0, abs=0.5)
+
+
+def test_heading_that_is_wrong_makes_it_circle(up: Flyer) -> None:
+    up.off_yaw_rad = math.radians(80.0)
+    up.guide(pos_ned_m=(4.0, 0.0, -5.0), yaw_rad=0.0)
+    up.run(4.0)
+    assert abs(up.pos[1]) > 1.0
+
+
+class TestEkfFailsafe:
+    """What FS_EKF_ACTION makes of an estimator that fails."""
+
+    @pytest.mark.parametrize(
+        ("action", "mode", "entered", "told"),
+        [
+            (1, ModeNumber.GUIDED, ModeNumber.LAND, "EKF Failsafe: changed to LAND Mode"),
+            (2, ModeNumber.GUIDED, ModeNumber.ALT_HOLD, "EKF Failsafe: changed to ALT_HOLD Mode"),
+            (0, ModeNumber.GUIDED, ModeNumber.GUIDED, "EKF Failsafe"),
+            (1, ModeNumber.ALT_HOLD, ModeNumber.ALT_HOLD, "EKF Failsafe"),
+            (3, ModeNumber.ALT_HOLD, ModeNumber.LAND, "EKF Failsafe: changed to LAND Mode"),
+        ],
+    )
+    def test_it_leaves_modes_that_need_a_position(
+        self, up: Flyer, action: int, mode: ModeNumber, entered: ModeNumber, told: str
+    ) -> None:
+        up.rig.params.set("FS_EKF_ACTION", action)
+        up.set_mode(mode)
+        self.fail(up)
+        assert up.copter.modes.current.number == entered
+        assert told in up.rig.take_texts()
+
+    def test_it_waits_then_lands_without_a_position(self, up: Flyer) -> None:
+        self.fail(up)
+        up.run(3.5)
+        assert up.pos[2] == pytest.approx(-5.0, abs=0.2)
+        assert up.run(20.0, until=lambda: not up.copter.is_armed())
+
+    def test_vehicle_that_lands_holds_its_position_no_longer(self, up: Flyer) -> None:
+        up.set_mode(ModeNumber.LAND)
+        up.run(0.1)
+        assert up.copter.flight is not None
+        assert up.copter.flight.land.holds_position
+        self.fail(up)
+        assert not up.copter.flight.land.holds_position
+
+    def fail(self, up: Flyer) -> None:
+        up.copter.check_estimator()
+        up.rig.ahrs.navigate(FilterFlag.ATTITUDE, FilterFlag.VERT_POS, FilterFlag.VERT_VEL)
+        up.is_lost = True
+        up.run(0.02)
+        for _ in range(10):
+            up.copter.check_estimator()
+
+
+def test_vehicle_tells_its_truth_on_earth(up: Flyer) -> None:
+    assert up.copter.flight is not None
+    up.guide(vel_ned_m_s=(2.0, 0.0, 0.0))
+    up.run(2.0)
+    truth = up.copter.flight.truth()
+    assert truth.place == PLACE.offset(Vector3f(*up.pos))
+    assert truth.vel_ned_m_s == up.airframe.state.vel
+    assert math.hypot(*truth.acc_frd_m_s2) == pytest.approx(9.8, abs=0.5)
