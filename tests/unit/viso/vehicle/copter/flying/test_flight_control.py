@@ -53,7 +53,7 @@ class Flyer:
         self.is_lost = False
         rig.ahrs.ekf_origin = PLACE
         rig.ahrs.navigate(KNOWS)
-        rig.ahrs.get_yaw_rad = lambda: f32(self.airframe.state.rpy[2] + self.off_yaw_rad)  # type: ignore[attr-defined]
+        rig.ahrs.get_yaw_rad = lambda: f32(self.airframe.state.rpy[2] + self.off_yaw_rad)  # type: ignore[method-assign]
         self._estimate()
 
     def _estimate(self) -> None:
