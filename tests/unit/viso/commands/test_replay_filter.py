@@ -231,7 +231,7 @@ def test_empty_stream_has_nothing_to_tell_of_the_filter(viso: Viso, tmp_path: Pa
 @pytest.mark.parametrize(("args", "line"), [
     (["--ekf", "--ahrs", LOG], "--ekf and --ahrs: a vehicle that follows a log has no filter"),
     (["--ahrs", LOG, "--imu", "bench"], "--ahrs and --imu: a vehicle that follows a log has no sensors"),
-    (["--imu", "gps"], "--imu gps: no such source; there are bench, script, follow, hil, log"),
+    (["--imu", "gps"], "--imu gps: no such source; there are bench, script, follow, fly, hil, log"),
     (["--imu", "script"], "--imu script: not script:FILE"),
     (
         ["--imu-error", "baro_noise_m=loud"],

@@ -31,6 +31,7 @@ SINCE_FEBRUARY: Final = {
     "EK3_FLOW_MAX",
     "STAT_FLTCNT",
     "STAT_DISTFLWN",
+    "SIM_VICON_QUAL",
     "MAV_GCS_SYSID_HI",
 }
 RECORDED_SET_UP: Final = {

@@ -21,7 +21,7 @@ def found(tmp_path: Path) -> ParameterFacts:
     maker.parameter("VISO_QUAL_MIN", 20, time_s=5.0)
     maker.parameter("VISO_QUAL_MIN", 0, time_s=6.0)
     maker.parameter("VISO_POS_M_NSE", 0.2, 0.2)
-    maker.parameter("WPNAV_SPEED", 500, 1000)
+    maker.parameter("WPNAV_RADIUS", 500, 1000)
     maker.parameter("NO_SUCH", 3)
     maker.parameter("STAT_RUNTIME", 61)
     return parameter_facts(material_of(maker, tmp_path / "a.BIN"))
@@ -33,7 +33,7 @@ def test_what_differs_or_changes_is_told(found: ParameterFacts) -> None:
     assert quality == ChangedParameter("VISO_QUAL_MIN", 0, 0, 0, ((5.0, 20.0), (6.0, 0.0)))
     assert (kind.name, kind.value, kind.firmware_default) == ("VISO_TYPE", 2, 0)
     assert math.isnan(kind.log_default)
-    assert (speed.name, speed.value, speed.log_default) == ("WPNAV_SPEED", 500, 1000)
+    assert (speed.name, speed.value, speed.log_default) == ("WPNAV_RADIUS", 500, 1000)
     assert math.isnan(speed.firmware_default)
 
 
@@ -42,7 +42,7 @@ def test_those_without_a_default_are_counted(found: ParameterFacts) -> None:
 
 
 def test_what_is_about_vision_is_told_apart(found: ParameterFacts) -> None:
-    assert [one.name for one in found.changed if not one.about_vision] == ["WPNAV_SPEED"]
+    assert [one.name for one in found.changed if not one.about_vision] == ["WPNAV_RADIUS"]
 
 
 @pytest.mark.parametrize(("name", "firmware_default"), [("4.6", 1.0), ("4.7-dev", math.nan), ("2026-02", math.nan)])

@@ -11,6 +11,7 @@ from ekf_stub.inputs.sensors import SensorSource
 from tests.places import DATA
 from viso.errors import InputError
 from viso.sensors.flown.source import RecordedSource
+from viso.sensors.flying.source import FlyingSource
 from viso.sensors.hil.source import HilSource
 from viso.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, read_source
 from viso.sensors.options import ImuOptions
@@ -24,6 +25,7 @@ KINDS = {
     "bench": BenchSource,
     "script": ScriptSource,
     "follow": FollowSource,
+    "fly": FlyingSource,
     "hil": HilSource,
     "log": RecordedSource,
 }
@@ -55,8 +57,8 @@ def test_argument_may_hold_a_colon(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "error"), [
-    ("", "no such source; there are bench, script, follow, hil, log"),
-    ("Bench", "no such source; there are bench, script, follow, hil, log"),
+    ("", "no such source; there are bench, script, follow, fly, hil, log"),
+    ("Bench", "no such source; there are bench, script, follow, fly, hil, log"),
     ("script", "not script:FILE"),
     ("log:", "not log:FILE"),
     ("bench:", "bench takes nothing behind it"),
