@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run the project's checks one after the other and sum them up; `tools/check` starts this."""
+"""Run the project's checks, the tests beside all others, and sum them up; `tools/check` starts this."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,21 +109,51 @@ STEPS = (
 )
 
 
+# The tests, what they need and what is made of them: one after the other, while the others run beside.
+TESTING = {"clients", "tests", "coverage"}
+
+
 def _environment() -> dict[str, str]:
     # Tests start hundreds of processes: without compiled modules each takes more than a second longer.
     return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
-def run_step(step: Step, run: Run) -> Result:
-    """Run all commands of a step, their output going straight to ours, and return how it went."""
+def run_step(step: Step, run: Run, *, beside: bool = False) -> Result:
+    """Run all commands of a step and return how it went.
+
+    Their output goes straight to ours; of a step that runs `beside` others it comes in one piece when the step ends.
+    """
     commands = step.commands(run)
-    print(f"\n== {step.name}: {step.about}", flush=True)
+    title = f"\n== {step.name}: {step.about}"
+    if not beside:
+        print(title, flush=True)
+    out, err = (subprocess.PIPE, subprocess.STDOUT) if beside else (None, None)
     started = time.monotonic()
-    codes = [subprocess.run(command, cwd=ROOT, env=_environment(), check=False).returncode for command in commands]
-    state = ("FAIL" if any(codes) else "ok") if codes else "skip"
+    done = [
+        subprocess.run(command, cwd=ROOT, env=_environment(), check=False, text=True, stdout=out, stderr=err)
+        for command in commands
+    ]
+    state = ("FAIL" if any(one.returncode for one in done) else "ok") if done else "skip"
     result = Result(step.name, state, time.monotonic() - started)
-    print(f"-- {result.name} {result.state}, {result.seconds:.1f} s", flush=True)
+    told = [title, "\n", *(one.stdout for one in done)] if beside else []
+    print("".join(told) + f"-- {result.name} {result.state}, {result.seconds:.1f} s", flush=True)
     return result
+
+
+def run_steps(steps: Sequence[Step], run: Run) -> list[Result]:
+    """Run steps and return how each went; those that are no tests run beside the tests, which leave time for them."""
+    testing = [step for step in steps if step.name in TESTING]
+    others = [step for step in steps if step.name not in TESTING]
+    if not testing:
+        return [run_step(step, run) for step in others]
+    with ThreadPoolExecutor(1) as pool:
+        beside = [pool.submit(run_step, step, run, beside=True) for step in others]
+        try:
+            results = [run_step(step, run) for step in testing]
+            return [*(one.result() for one in beside), *results]
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def _suites(folder: Path) -> list[ElementTree.Element]:
@@ -149,14 +180,13 @@ def count_tests(folder: Path) -> dict[str, int]:
     return counts
 
 
-def closing_lines(results: Sequence[Result], counts: dict[str, int]) -> list[str]:
-    """Return the summary: a line for each step, then the tests' counts (the steps' without tests)."""
+def closing_lines(results: Sequence[Result], counts: dict[str, int], seconds: float) -> list[str]:
+    """Return the summary: a line for each step, then the counts of tests (else of steps) and the whole time."""
     lines = ["", "== summary"]
     lines += [f"{result.state:4}  {result.name:9} {result.seconds:6.1f} s" for result in results]
     if not counts:
         failed = sum(result.state == "FAIL" for result in results)
         counts = {"passed": sum(result.state == "ok" for result in results), "failed": failed}
-    seconds = sum(result.seconds for result in results)
     return [*lines, ", ".join(f"{number} {what}" for what, number in counts.items()) + f" in {seconds:.1f}s"]
 
 
@@ -185,8 +215,10 @@ def main(args: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="viso-check-") as folder:
         everything = options.all or os.environ.get("CI", "").lower() == "true"
         run = Run(everything, Path(folder))
-        results = [run_step(step, run) for step in chosen]
-        print("\n".join(closing_lines(results, count_tests(run.counts))), flush=True)
+        started = time.monotonic()
+        results = run_steps(chosen, run)
+        lines = closing_lines(results, count_tests(run.counts), time.monotonic() - started)
+        print("\n".join(lines), flush=True)
     return 1 if any(result.state == "FAIL" for result in results) else 0
 
 

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The check runner reads pytest's counts and sums up."""
 
+import os
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -36,14 +38,14 @@ def test_missing_or_broken_report_gives_no_counts(tmp_path: Path) -> None:
 
 def test_last_line_holds_the_tests_counts() -> None:
     results = [Result("lint", "FAIL", 1.0), Result("tests", "ok", 2.0)]
-    lines = checks.closing_lines(results, {"passed": 4, "failed": 0, "skipped": 1})
-    assert lines[-1] == "4 passed, 0 failed, 1 skipped in 3.0s"
+    lines = checks.closing_lines(results, {"passed": 4, "failed": 0, "skipped": 1}, 2.5)
+    assert lines[-1] == "4 passed, 0 failed, 1 skipped in 2.5s"
     assert "FAIL  lint         1.0 s" in lines
 
 
 def test_without_tests_the_last_line_counts_steps() -> None:
     results = [Result("lint", "FAIL", 1.0), Result("types", "ok", 1.0), Result("docs", "skip", 0.0)]
-    assert checks.closing_lines(results, {})[-1] == "1 passed, 1 failed in 2.0s"
+    assert checks.closing_lines(results, {}, 2.0)[-1] == "1 passed, 1 failed in 2.0s"
 
 
 def test_slow_and_interop_tests_run_only_when_everything_is_asked_for() -> None:
@@ -101,6 +103,24 @@ def test_exit_code_tells_whether_a_step_failed(failing: bool, code: int, monkeyp
     )
     monkeypatch.setattr(checks, "STEPS", steps)
     assert checks.main([]) == code
+
+
+def test_others_run_beside_the_tests_and_are_told_in_one_piece(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)  # which opens for one when it does for the other
+    programs = {"lint": f"print(open({str(pipe)!r}).read())", "tests": f"open({str(pipe)!r}, 'w').write('met')"}
+    steps = [Step(name, "x", partial(_python, program)) for name, program in programs.items()]
+    monkeypatch.setattr(checks, "STEPS", steps)
+    assert checks.main([]) == 0
+    output = capfd.readouterr().out
+    assert "\n== lint: x\nmet\n-- lint ok, " in output
+    assert output.index("ok    lint ") < output.index("ok    tests ")
+
+
+def _python(program: str, run: Run) -> list[list[str]]:
+    return [[sys.executable, "-c", program]]
 
 
 @pytest.mark.parametrize(("ci", "args", "everything"), [("true", [], True), ("", [], False), ("", ["--all"], True)])
