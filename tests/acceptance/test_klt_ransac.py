@@ -24,6 +24,8 @@ from tests.acceptance.trials import (
 from tools.trial import Trial
 from viso.companion.vio.types import VioState
 
+pytestmark = pytest.mark.slow
+
 NAME = "klt_ransac"
 SEEDS = range(6)
 WRONG_HEIGHT = 1.03
@@ -31,7 +33,6 @@ AT_REST = 20  # frames at the end, 2 s
 WRONG_HEIGHT_SEEDS = range(4)
 
 
-@pytest.mark.slow
 class TestShortSurvey:
     """A part of the survey below, for every run."""
 
@@ -50,7 +51,6 @@ def short_survey() -> Trial:
     return fly_nadir(NAME, 0, duration_s=20.0)
 
 
-@pytest.mark.slow
 class TestSurvey:
     """A minute at 8 m/s and 40 m above ground, from six starts (A1, A8)."""
 
@@ -75,14 +75,12 @@ class TestSurvey:
         assert trace_of(fly_nadir_again(NAME, 0)) == trace_of(fly_nadir(NAME, 0))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("speed_m_s", "height_m"), [(15.0, 100.0), (20.0, 150.0)])
 def test_fast_and_high_it_drifts_by_less_than_a_little_more(speed_m_s: float, height_m: float) -> None:
     """A2."""
     assert fly_nadir(NAME, 0, speed_m_s=speed_m_s, height_m=height_m).drift_share() <= 0.006
 
 
-@pytest.mark.slow
 class TestWrongHeight:
     """A height that is 3 % wrong all the way (A3)."""
 
@@ -101,21 +99,17 @@ def wrong_height_nees(scale_sigma: float) -> float:
 class TestClip:
     """19 s of hand-shaken motion, then still; from states 1 degree and 0.2 m/s off (A4, A5)."""
 
-    @pytest.mark.slow
     def test_one_start_ends_up_near_the_truth(self) -> None:
         assert fly_clip(NAME, 0).absolute_error().rmse_m <= 0.05
 
-    @pytest.mark.slow
     def test_it_stands_still_at_the_end(self) -> None:
         drift_m, speeds_m_s = still_end(fly_clip(NAME, 0))
         assert drift_m < 0.05
         assert speeds_m_s.max() < 0.02
 
-    @pytest.mark.slow
     def test_median_error_is_small(self) -> None:
         assert np.median(clip_errors_m(NAME)) <= 0.05
 
-    @pytest.mark.slow
     def test_run_with_a_large_error_has_said_so(self) -> None:
         errors_m = clip_errors_m(NAME)
         claims = [claims_to_track(fly_clip(NAME, seed)) for seed in CLIP_SEEDS]
@@ -123,7 +117,6 @@ class TestClip:
             error_m for error_m, claim in zip(errors_m, claims, strict=True) if claim and error_m > LARGE_ERROR_M
         ]
 
-    @pytest.mark.slow
     @pytest.mark.parametrize("seed", CLIP_SEEDS)
     def test_from_all_starts_it_stands_still_at_the_end(self, seed: int) -> None:
         drift_m, speeds_m_s = still_end(fly_clip(NAME, seed))
@@ -132,6 +125,5 @@ class TestClip:
         assert speeds_m_s.mean() < 0.02
         assert speeds_m_s[-AT_REST:].max() < 0.02
 
-    @pytest.mark.slow
     def test_it_gives_the_same_bytes_again(self) -> None:
         assert trace_of(fly_clip_again(NAME, 0)) == trace_of(fly_clip(NAME, 0))

@@ -16,6 +16,8 @@ from viso.sweep.request import Wishes
 from viso.sweep.result_tables import age_ms, found
 from viso.sweep.store import table_rows
 
+pytestmark = pytest.mark.slow
+
 BY_GYRO_MS = 26.3
 """Age of the flight's poses on arrival, by ``estimate_delay`` with its gyroscopes: +-0.7 ms."""
 STEP_MS = 12.5
@@ -30,7 +32,6 @@ def best_delay(**wishes: Any) -> Best:
     return best
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [30.0, 20.0])
 def test_delay_that_is_known_is_found(tmp_path: Path, delay_ms: float) -> None:
     files = late_camera(tmp_path, delay_ms, end_s=11.0)
@@ -40,7 +41,6 @@ def test_delay_that_is_known_is_found(tmp_path: Path, delay_ms: float) -> None:
     assert age_ms(best) == pytest.approx(delay_ms, abs=STEP_MS / 2)
 
 
-@pytest.mark.slow
 def test_delay_of_the_recorded_flight_is_found() -> None:
     best = best_delay(
         streams=[DATA / "captures" / "flight_t265.jsonl.gz"],

@@ -17,6 +17,8 @@ from viso.streams.stream_kinds import StreamMessage, read_capture
 if TYPE_CHECKING:
     from tests.fault.conftest import Bench, MakeBench
 
+pytestmark = pytest.mark.slow
+
 CAPTURES = sorted((DATA / "captures").glob("*.jsonl.gz"))
 FRAMES = 300
 # The beginning of one of them stands for the rest unless there is time.
@@ -110,13 +112,11 @@ def name_of(damage: Damage) -> str:
     return damage.__name__
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES, ids=name_of)
 def test_damaged_traffic_yields_nothing_but_what_was_sent(make_bench: "MakeBench", damage: Damage) -> None:
     stand_damage(make_bench(), SHORTENED, damage, FEW_FRAMES)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("capture", CAPTURES)
 @pytest.mark.parametrize("damage", DAMAGES, ids=name_of)
 def test_every_recorded_stream_stands_damage(make_bench: "MakeBench", damage: Damage, capture: Path) -> None:

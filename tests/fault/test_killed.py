@@ -13,6 +13,8 @@ import pytest
 from viso.logs.files import CHUNK_BYTES, LogStore
 from viso.parameters.store import ParamStore
 
+pytestmark = pytest.mark.slow
+
 # A vehicle at full speed that takes samples, and every second of its time a new value for one of two parameters.
 RUN_UNTIL_KILLED = """
 import sys
@@ -94,6 +96,5 @@ def kill_again_and_again(folder: Path, rounds: int, seed: int) -> None:
         check_what_is_left(folder, number)
 
 
-@pytest.mark.slow
 def test_vehicle_killed_at_ten_moments_leaves_whole_files(tmp_path: Path) -> None:
     kill_again_and_again(tmp_path, rounds=10, seed=2)

@@ -15,6 +15,8 @@ from mav_handlers.wire.messages import HEARTBEAT
 if TYPE_CHECKING:
     from tests.fault.conftest import Bench, MakeBench
 
+pytestmark = pytest.mark.slow
+
 STEP_US = 5000
 SECOND_US = 1_000_000
 RATES_HZ = {
@@ -73,6 +75,5 @@ def stand_soak(bench: "Bench", seconds: int) -> None:
     assert sum(path.stat().st_size for path in bench.store.directory.glob("*.BIN")) == bench.vehicle.logger.size
 
 
-@pytest.mark.slow
 def test_five_minutes_at_200_hz_lose_nothing(make_bench: "MakeBench") -> None:
     stand_soak(make_bench(**STREAMS), 300)

@@ -18,6 +18,8 @@ from viso.vehicle.vehicle import VehicleConfig
 if TYPE_CHECKING:
     from tests.fault.conftest import MakeBench
 
+pytestmark = pytest.mark.slow
+
 BOOT_US = 5_000_000
 SET_MESSAGE_INTERVAL = 511
 ATTITUDE_ID = 30
@@ -68,7 +70,6 @@ def count_heartbeats(messages: list[Message]) -> int:
     return sum(isinstance(message, HEARTBEAT) for message in messages)
 
 
-@pytest.mark.slow
 def test_link_that_stalls_for_a_minute_keeps_no_other_waiting() -> None:
     pairs = [make_pair(), make_pair()]
     links = [ours for ours, _ in pairs]
@@ -97,7 +98,6 @@ def test_link_that_stalls_for_a_minute_keeps_no_other_waiting() -> None:
     powered.close()
 
 
-@pytest.mark.slow
 def test_output_for_a_link_that_takes_nothing_is_bounded_and_counted(make_bench: "MakeBench") -> None:
     bench = make_bench()
     bench.send(0, *[TIMESYNC(0, -1)] * QUESTIONS)

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 WARM_UP_FRAMES = 30
 PROGRAM = """
 import json, sys
@@ -29,7 +31,6 @@ print(json.dumps(resident))
 """
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("width", "height", "enlargement", "frames", "limit_mb"),
     [pytest.param(640, 480, 1, 300, 250, id="small"), pytest.param(5472, 3648, 4, 100, 600, id="full size")],

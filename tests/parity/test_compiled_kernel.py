@@ -18,6 +18,8 @@ from viso.ekf_runs.comparison import compare
 from viso.ekf_runs.run import EkfReplay, EkfRun
 from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 
+pytestmark = pytest.mark.slow
+
 WORST: Final = 1e-5
 """By how much an estimate may differ, in the unit of its field; what is logged in hundredths, by one of these."""
 
@@ -47,7 +49,6 @@ def check_kernels_agree(name: str, until_s: float, monkeypatch: pytest.MonkeyPat
     return compiled
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bench_no_yaw_source", "bench_odometry", "flight_mav_extyaw"])
 def test_compiled_filter_says_what_the_plain_one_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     compiled = check_kernels_agree(name, math.inf, monkeypatch)
@@ -55,6 +56,5 @@ def test_compiled_filter_says_what_the_plain_one_says(name: str, monkeypatch: py
     assert [dataclasses.asdict(check) for check in comparison.checks if not check.passed] == []
 
 
-@pytest.mark.slow
 def test_compiled_filter_begins_as_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
     check_kernels_agree("bench_glitch_radius_0", 7.0, monkeypatch)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from ardupilot_log_reader.reader import Ardupilot
 from pymavlink.DFReader import DFReader_binary
 
 from tests.places import DATA
@@ -209,6 +208,8 @@ def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
 def test_log_reader_gives_frames_of_visual_odometry(replayed: Replays, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAVLINK20", "1")  # the reader sets it, for good
     run = replayed("t265")
+    from ardupilot_log_reader.reader import Ardupilot  # with pandas, half a second in every process that collects
+
     parsed = Ardupilot.parse(str(run.log), types=["VISP", "VISV"])
     poses = [out for line in run.ours.lines for out in line["out"] if out[0] == "VISP"]
     assert len(parsed.dfs["VISP"]) == len(parsed.dfs["VISV"]) == len(poses)

@@ -53,6 +53,8 @@ from viso.sensors.stream.follow import FollowSource
 from viso.vehicle.config import bench, by_ekf3
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
+pytestmark = pytest.mark.slow
+
 WRAP_US = (1 << 32) * 1000
 DAY_US = 86_400_000_000
 PERIOD_US = 35_000
@@ -358,12 +360,10 @@ def steps(examples: int) -> settings:
     )
 
 
-@pytest.mark.slow
 def test_whatever_comes_the_vehicle_goes_on() -> None:
     run_state_machine_as_test(AhrsMachine, settings=steps(10))
 
 
-@pytest.mark.slow
 def test_two_vehicles_do_the_same() -> None:
     run_state_machine_as_test(TwinMachine, settings=steps(6))
 
@@ -385,7 +385,6 @@ def stormy_trip(kind: str, seed: int, minutes: float) -> Trip:
     return trip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", MAKERS)
 def test_storm_of_messages_does_no_harm(kind: str) -> None:
     trip = stormy_trip(kind, 7, 3.0)
@@ -407,7 +406,6 @@ print(stormy_trip("follow", 3, 0.25).fingerprint())
 """
 
 
-@pytest.mark.slow
 def test_same_input_gives_the_same_bytes_in_any_process() -> None:
     prints = set()
     for hash_seed in ("1", "2"):
@@ -437,7 +435,6 @@ def estimates_of_flight(start_us: int) -> list[tuple[Any, ...]]:
     return said
 
 
-@pytest.mark.slow
 def test_flight_does_not_notice_the_wrap_of_milliseconds() -> None:
     usual, wrapped = map(estimates_of_flight, (20 * DAY_US, (WRAP_US - 9_000_000) // 100_000 * 100_000))
     assert len(usual) > 2000

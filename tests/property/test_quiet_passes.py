@@ -35,6 +35,8 @@ from viso.sensors.standing import BenchSource
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA, PLAIN
 
+pytestmark = pytest.mark.slow
+
 PLACE: Final = Location(-353632610, 1491652300, 58400)
 NOISY: Final = ImuOptions(errors=SensorErrors(gyro_noise_deg_s_rthz=0.02, baro_noise_m=0.1, compass_noise_mgauss=2.0))
 PARAMETERS: Final = (
@@ -177,7 +179,6 @@ def check_twins(kind: str, seed: int, times: int, **defaults: float) -> None:
     assert one.outcome() == other.outcome()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kernel", [PLAIN, NUMBA])
 @pytest.mark.parametrize("kind", sorted(machine.MAKERS))
 def test_same_comes_of_passes_in_one_and_of_each_by_itself(

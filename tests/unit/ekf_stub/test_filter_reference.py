@@ -10,7 +10,6 @@ import math
 import numpy as np
 import pytest
 import quaternion
-from filterpy.kalman import KalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -76,6 +75,8 @@ class Reference:
     def __init__(self, quat: quaternion.quaternion) -> None:
         self.nominal = np.zeros(STATES)
         self.nominal[ATT] = quaternion.as_float_array(quat)
+        from filterpy.kalman import KalmanFilter  # with scipy.stats, half a second in every process that collects
+
         self.kalman = KalmanFilter(dim_x=STATES, dim_z=1)
         self.kalman.P = np.zeros((STATES, STATES))
         self.kalman.P[ATT, ATT] = 0.1**2 * self._by_rotation() @ self._by_rotation().T

@@ -10,6 +10,8 @@ from tests.unit.viso.closed_loop.hops import make_setup, play
 from viso.closed_loop.record import AUTOPILOT
 from viso.logs.sink import MemoryLog
 
+pytestmark = pytest.mark.slow
+
 NO_COMPASS = {"EK3_SRC1_YAW": 6, "COMPASS_USE": 0, "LOG_DISARMED": 1, "LOG_REPLAY": 1}
 
 
@@ -21,13 +23,11 @@ def without_compass(_run: int) -> tuple[list[str], bytes]:
     return loop.record.texts(AUTOPILOT), bytes(log.data)
 
 
-@pytest.mark.slow
 def test_yaw_is_aligned_to_external_navigation() -> None:
     wanted = ["EKF3 IMU0 yaw aligned", "EKF3 IMU0 is using external nav data", "Arming motors"]
     assert [text for text in without_compass(0)[0] if text in wanted] == wanted
 
 
-@pytest.mark.slow
 def test_same_set_up_gives_the_same_log() -> None:
     first, second = without_compass(0)[1], without_compass(1)[1]
     assert len(first) > 100_000

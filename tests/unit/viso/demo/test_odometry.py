@@ -13,6 +13,8 @@ from viso.companion.vio.types import VioState
 from viso.demo.odometry import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
 from viso.logs.sink import MemoryLog
 
+pytestmark = pytest.mark.slow
+
 
 @dataclass(frozen=True)
 class Ran:
@@ -35,7 +37,6 @@ def ran() -> Ran:
     return Ran(demo, figures_of(demo.loop), progress)
 
 
-@pytest.mark.slow
 def test_autopilot_says_what_is_expected_in_order() -> None:
     told = [said.text for said in ran().said(AUTOPILOT)]
     assert [text for text in told if "yaw" not in text and "initial " not in text and "IMU1" not in text] == [
@@ -53,7 +54,6 @@ def test_autopilot_says_what_is_expected_in_order() -> None:
     ]
 
 
-@pytest.mark.slow
 def test_odometry_is_degraded_lost_and_begun_anew_when_the_lens_is_covered() -> None:
     (short_s, _), (long_s, _) = COVERED_S
     changes = [(said.time_us * 1e-6, said.text.split(":")[0]) for said in ran().said(COMPANION) if "->" in said.text]
@@ -68,7 +68,6 @@ def test_odometry_is_degraded_lost_and_begun_anew_when_the_lens_is_covered() -> 
     assert times_s[4] == pytest.approx(RESTART_S + 0.2, abs=0.2)
 
 
-@pytest.mark.slow
 def test_odometry_is_good() -> None:
     odometry, path_m = ran().figures.odometry, ran().figures.path_m
     assert path_m > 140
@@ -78,7 +77,6 @@ def test_odometry_is_good() -> None:
     assert odometry.within_2_sigma > 0.9
 
 
-@pytest.mark.slow
 def test_autopilot_navigates_by_it() -> None:
     estimate = ran().figures.estimate
     assert estimate is not None
@@ -86,40 +84,33 @@ def test_autopilot_navigates_by_it() -> None:
     assert estimate.height_max_m < 1.0
 
 
-@pytest.mark.slow
 def test_autopilot_navigates_from_the_first_pose_to_the_end() -> None:
     aiding = ran().figures.aiding
     assert set(aiding) == {"none", "absolute"}
     assert aiding["none"] == pytest.approx(COMPANION_S + 0.75, abs=0.1)
 
 
-@pytest.mark.slow
 def test_every_state_is_shown() -> None:
     assert set(ran().figures.states) == {state.value for state in VioState}
 
 
-@pytest.mark.slow
 def test_reset_is_counted_once() -> None:
     assert ran().figures.reset_counter == 1
 
 
-@pytest.mark.slow
 def test_vehicle_is_armed_for_the_flight() -> None:
     armed_s = [estimate.time_us * 1e-6 for estimate in ran().demo.loop.record.estimates if estimate.is_armed]
     assert [armed_s[0], armed_s[-1]] == pytest.approx([ARM_S, DISARM_S], abs=0.06)
 
 
-@pytest.mark.slow
 def test_progress_goes_to_the_end() -> None:
     assert ran().progress == [float(second) for second in range(1, int(END_S) + 1)]
 
 
-@pytest.mark.slow
 def test_log_is_closed_at_the_end() -> None:
     assert not ran().demo.loop.vehicle.logger.is_open
 
 
-@pytest.mark.slow
 def test_run_can_be_stopped() -> None:
     demo = VioDemo(1, MemoryLog)
     seconds: list[float] = []
@@ -129,7 +120,6 @@ def test_run_can_be_stopped() -> None:
     assert not demo.loop.vehicle.logger.is_open
 
 
-@pytest.mark.slow
 def test_log_is_closed_when_something_goes_wrong() -> None:
     demo = VioDemo(1, MemoryLog)
 
@@ -141,6 +131,5 @@ def test_log_is_closed_when_something_goes_wrong() -> None:
     assert not demo.loop.vehicle.logger.is_open
 
 
-@pytest.mark.slow
 def test_seed_is_that_of_both_ends() -> None:
     assert (demo_setup(7).seed, demo_setup(7).flight.seed) == (7, 7)

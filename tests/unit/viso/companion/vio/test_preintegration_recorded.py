@@ -21,7 +21,7 @@ FOLDER = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data")) / "e
 SECOND_NS = 1_000_000_000
 GRAVITY = np.array([0, 0, -GRAVITY_MSS])
 
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="needs the data set euroc_v102_imu")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not FOLDER.is_dir(), reason="needs the data set euroc_v102_imu")]
 
 
 def table(name: str) -> tuple[list[int], Array]:
@@ -65,13 +65,11 @@ def relative_error(window: ImuWindow, start: Array, end: Array, bias_known: bool
     return relative
 
 
-@pytest.mark.slow
 def test_errors_are_within_three_sigma() -> None:
     errors = np.abs(relative_errors(every=20))
     assert len(errors) > 70
     assert (errors < 3).mean() >= 0.95
 
 
-@pytest.mark.slow
 def test_errors_leave_three_sigma_when_the_bias_is_not_known() -> None:
     assert (np.abs(relative_errors(every=40, bias_known=False)) < 3).mean() < 0.5

@@ -22,6 +22,8 @@ from viso.sensors.options import ImuOptions
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.script.script_file import parse_script
 
+pytestmark = pytest.mark.slow
+
 LOOP_US = 2500
 POSE_US = 33_333
 DELAY_MS = 10
@@ -87,7 +89,6 @@ def observe(core: Ekf3Core, source: ScriptSource, now_us: int) -> None:
     core.ingest.write_velocity(Vector3f(*truth.vel_ned), np.float32(NOISE["vel"]), now_us // 1000, DELAY_MS)
 
 
-@pytest.mark.slow
 def test_filter_follows_a_flight_through_eights() -> None:
     source = ScriptSource(ImuOptions(), parse_script(FLIGHT, "test", 0.5))
     core = make_core()

@@ -18,6 +18,8 @@ from viso.vehicle.config import by_ekf3
 if TYPE_CHECKING:
     from tests.unit.viso.conftest import Bench
 
+pytestmark = pytest.mark.slow
+
 ARM, ACCEPTED, DENIED = 400, 0, 4
 RATE_HZ = 30
 HEADING_RAD = math.radians(40)
@@ -80,7 +82,6 @@ def follower(make_bench: Callable[..., "Bench"]) -> Follower:
     return made
 
 
-@pytest.mark.slow
 def test_vehicle_starts_aiding_aligns_and_arms(follower: Follower) -> None:
     assert follower.bench.command(ARM, 1) != ACCEPTED
     follower.run_to(READY_S)
@@ -91,7 +92,6 @@ def test_vehicle_starts_aiding_aligns_and_arms(follower: Follower) -> None:
     assert follower.bench.command(ARM, 1) == ACCEPTED
 
 
-@pytest.mark.slow
 def test_estimate_goes_where_the_camera_goes_turned_to_the_vehicles_heading(follower: Follower) -> None:
     follower.run_to(READY_S)
     assert follower.bench.command(ARM, 1) == ACCEPTED
@@ -104,7 +104,6 @@ def test_estimate_goes_where_the_camera_goes_turned_to_the_vehicles_heading(foll
         assert math.dist(follower.place(), there) < 0.1
 
 
-@pytest.mark.slow
 def test_leap_of_the_camera_is_rejected_by_the_gate(follower: Follower) -> None:
     follower.run_to(READY_S)
     before = follower.place()
