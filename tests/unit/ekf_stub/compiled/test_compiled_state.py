@@ -3,6 +3,7 @@
 """The compiled filter does what the plain one does, but for rounding."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -57,7 +58,9 @@ class Pair:
         return float(max(by_cov.max(), by_state.max(), math.hypot(turn.x, turn.y, turn.z) / sigma[ATT].max()))
 
 
+@cache
 def led_about(seed: int) -> Pair:
+    """Return a pair that has run for a while, for looking at alone."""
     rng, pair = np.random.default_rng(seed), Pair(forgets_frozen=seed == 2)
     for number in range(STEPS):
         if number == 200:
@@ -88,14 +91,14 @@ def test_both_go_the_same_way(seed: int) -> None:
     assert (plain.refused, compiled.refused) == (0, 0)
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(derandomize=True)
 @given(
     index=st.integers(VEL.start, VEL.start + 5),
     innovation=st.floats(-100, 100) | st.floats(),
     variance=st.floats(1e-9, 100) | st.floats(),
 )
 def test_fusion_has_the_same_results_in_the_same_filter(index: int, innovation: float, variance: float) -> None:
-    plain, _ = SETTLED.both
+    plain, _ = led_about(1).both
     pair = Pair()
     for state in pair.both:
         state.quat, state.states, state.cov = plain.quat, plain.states, plain.cov.copy()
@@ -108,7 +111,7 @@ def test_fusion_has_the_same_results_in_the_same_filter(index: int, innovation: 
     assert ours.refused == other.refused
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(derandomize=True)
 @given(
     wanted=st.lists(
         st.tuples(
@@ -122,7 +125,7 @@ def test_fusion_has_the_same_results_in_the_same_filter(index: int, innovation: 
     aided=st.booleans(),
 )
 def test_fusion_of_several_is_that_of_one_after_the_other(wanted: list[tuple[int, float, float]], aided: bool) -> None:
-    plain, _ = SETTLED.both
+    plain, _ = led_about(1).both
     pair = Pair()
     for state in pair.both:
         state.quat, state.states, state.cov = plain.quat, plain.states, plain.cov.copy()
@@ -138,14 +141,11 @@ def test_fusion_of_several_is_that_of_one_after_the_other(wanted: list[tuple[int
 
 @pytest.mark.parametrize("by_321", [True, False])
 def test_spread_of_yaw_is_the_same(by_321: bool) -> None:
-    plain, compiled = SETTLED.both
+    plain, compiled = led_about(1).both
     spread, expected = plain.spread_of_yaw(by_321=by_321)
     other_spread, other_expected = compiled.spread_of_yaw(by_321=by_321)
     assert np.allclose(other_spread, spread, rtol=1e-6, atol=1e-12)
     assert other_expected == pytest.approx(expected, rel=1e-6)
-
-
-SETTLED = led_about(3)
 
 
 def test_compiled_one_keeps_what_others_hold() -> None:

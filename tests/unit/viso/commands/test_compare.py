@@ -14,6 +14,7 @@ import pytest
 
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.report.log_maker import LogMaker
 from viso.firmware.releases import PROFILES, REFERENCE
 
 MESSAGES = 12
@@ -301,8 +302,9 @@ def test_folder_without_recordings_and_contradiction_are_one_line(viso: Viso, tm
 def test_log_without_replay_records_is_passed_over_in_a_folder(viso: Viso, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     path = write(folder / "calls.jsonl", [CALL])
-    log = folder / "ordinary.BIN.xz"
-    log.symlink_to(DATA / "real" / "depth_drone_gz_00000006_set_up.BIN.xz")
+    maker = LogMaker()
+    maker.add("XKF1", 1.0)
+    log = maker.save(folder / "ordinary.BIN")
     other = write(folder / "verdicts.jsonl", [{"verdict": 1}])
     outcome = viso("compare", folder, "--json")
     assert [one["recording"] for one in json.loads(outcome.out)["comparisons"]] == [str(path)]

@@ -20,11 +20,20 @@ START_S = 40.0
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(None, id="network"), pytest.param(115200, id="wire", marks=pytest.mark.slow)],
+    params=[
+        pytest.param((None, False), id="network"),
+        pytest.param((None, True), id="network, tried", marks=pytest.mark.slow),
+        pytest.param((115200, True), id="wire", marks=pytest.mark.slow),
+    ],
 )
 def flight(request: pytest.FixtureRequest) -> Evidence:
-    """Return what becomes of a piece of the flight, over a link that takes no time or by the simulator's baud rate."""
-    return gather(piece("flight_t265", START_S, 12.0), replace(shifted("flight_t265", START_S), baud=request.param))
+    """Return what becomes of a piece of the flight, over a link that takes no time or by the simulator's baud rate.
+
+    The usual run only listens, and has no vehicle that tries it.
+    """
+    baud, is_tried = request.param
+    options = replace(shifted("flight_t265", START_S), baud=baud, is_tried=is_tried)
+    return gather(piece("flight_t265", START_S, 12.0), options)
 
 
 def advised_ms(flight: Evidence, delay_ms: int, setting_ms: float) -> list[int]:

@@ -5,6 +5,7 @@
 import dataclasses
 import io
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,12 @@ ICAO = "3C6481"
 
 def last_scene(flight: SyntheticFlight = FLIGHT, **settings: object) -> Scene:
     return flown(flight, **settings)[-1]
+
+
+@cache
+def last_picture(flight: SyntheticFlight = FLIGHT) -> Figure:
+    """Return the picture of that scene, for looking at alone."""
+    return draw(last_scene(flight))
 
 
 def estimated_scene() -> Scene:
@@ -81,7 +88,7 @@ def test_same_scene_gives_the_same_bytes() -> None:
 
 def test_landmarks_are_circles_where_predicted_and_crosses_where_seen() -> None:
     scene = last_scene(OFF)
-    figure = draw(scene)
+    figure = last_picture(OFF)
     shown = elements(figure)
     assert names(figure, "predicted") == names(figure, "observed") == names(figure, "id") == list("01234")
     for one in scene.landmark_residuals.innovations:
@@ -93,7 +100,7 @@ def test_landmarks_are_circles_where_predicted_and_crosses_where_seen() -> None:
 
 def test_arrows_lead_from_prediction_to_observation() -> None:
     scene = last_scene(OFF)
-    shown = elements(draw(scene))
+    shown = elements(last_picture(OFF))
     for one in scene.landmark_residuals.innovations:
         arrow = shown[f"arrow:{one.id}"]
         assert arrow.xy == (one.observed_u_px, one.observed_v_px)
@@ -103,7 +110,7 @@ def test_arrows_lead_from_prediction_to_observation() -> None:
 
 def test_ids_are_at_the_middle() -> None:
     scene = last_scene(OFF)
-    shown = elements(draw(scene))
+    shown = elements(last_picture(OFF))
     one = scene.landmark_residuals.innovations[0]
     middle = 0.5 * (one.predicted_u_px + one.observed_u_px), 0.5 * (one.predicted_v_px + one.observed_v_px)
     assert shown[f"id:{one.id}"].xy == pytest.approx(middle)
@@ -111,14 +118,14 @@ def test_ids_are_at_the_middle() -> None:
 
 
 def test_agreement_has_no_arrow() -> None:
-    figure = draw(last_scene())
+    figure = last_picture()
     assert names(figure, "arrow") == []
     assert "innovation" not in legend(figure, 0)
 
 
 def test_aircraft_are_triangles_with_address_and_range() -> None:
     scene = last_scene()
-    figure = draw(scene)
+    figure = last_picture()
     shown = elements(figure)
     assert names(figure, "aircraft") == names(figure, "aircraft_actual") == [ICAO, "4B1803"]
     assert shown[f"aircraft:{ICAO}"].get_marker() == "^"
@@ -148,7 +155,7 @@ def test_flight_without_aircraft_has_none_in_the_legends() -> None:
 
 
 def test_legend_says_whether_the_actual_place_was_seen() -> None:
-    seen = legend(draw(last_scene()), 0)
+    seen = legend(last_picture(), 0)
     unseen = legend(draw(estimated_scene()), 0)
     assert "aircraft, seen in the picture" in seen
     assert "aircraft, by raw odometry (not seen)" not in seen
@@ -157,7 +164,7 @@ def test_legend_says_whether_the_actual_place_was_seen() -> None:
 
 
 def test_texts_are_in_the_corners() -> None:
-    shown = elements(draw(last_scene()))
+    shown = elements(last_picture())
     assert shown["fields"].get_text() == "HFOV 65.24°  VFOV 54.22°"
     assert (shown["fields"].get_ha(), shown["fields"].get_va()) == ("left", "top")
     assert shown["counter"].get_text() == "#6"
@@ -181,7 +188,7 @@ def test_all_texts_are_inside_the_picture() -> None:
 
 
 def test_u_is_to_the_right_and_v_down() -> None:
-    axes = draw(last_scene()).axes[0]
+    axes = last_picture().axes[0]
     assert axes.get_xlim()[0] < axes.get_xlim()[1]
     assert axes.get_ylim()[0] > axes.get_ylim()[1]
 
@@ -236,21 +243,21 @@ def test_colours_are_those_of_the_palette(palette: Palette) -> None:
 
 
 def test_safe_colours_are_drawn_unless_others_are_asked_for() -> None:
-    assert elements(draw(last_scene()))["predicted:0"].get_markeredgecolor() == COLOURS[Palette.SAFE].predicted
+    assert elements(last_picture())["predicted:0"].get_markeredgecolor() == COLOURS[Palette.SAFE].predicted
 
 
 def test_world_is_centred_on_the_vehicle_and_20_km_wide() -> None:
     scene = last_scene()
-    axes = draw(scene).axes[1]
+    axes = last_picture().axes[1]
     at = scene.situation.odometry
     assert axes.get_xlim() == pytest.approx((at.x_m - 10_000, at.x_m + 10_000))
     assert axes.get_ylim() == pytest.approx((at.y_m - 10_000, at.y_m + 10_000))
-    assert place(elements(draw(scene))["vehicle"]) == (at.x_m, at.y_m)
+    assert place(elements(last_picture())["vehicle"]) == (at.x_m, at.y_m)
 
 
 def test_landmarks_and_aircraft_are_in_the_world() -> None:
     scene = last_scene()
-    shown = elements(draw(scene))
+    shown = elements(last_picture())
     assert place(shown["landmark:2"]) == (LANDMARKS[2].x_m, LANDMARKS[2].y_m)
     state = next(one for one in scene.situation.states if one.report.icao == ICAO)
     at = scene.situation.odometry
@@ -285,7 +292,7 @@ def test_estimated_vehicle_and_the_way_to_it_are_drawn() -> None:
 
 
 def test_odometry_alone_has_no_estimated_vehicle() -> None:
-    shown = elements(draw(last_scene()))
+    shown = elements(last_picture())
     assert "estimated" not in shown
     assert "to_estimated" not in shown
 
@@ -310,4 +317,4 @@ def test_sky_has_all_aircraft_above_the_horizon() -> None:
     figure = draw(last_scene(), with_sky=True)
     assert len(figure.axes) == 3
     assert names(figure, "sky_aircraft") == sorted(["3C6481", "4B1803", "4B43AA", "440172"])
-    assert len(draw(last_scene()).axes) == 2
+    assert len(last_picture().axes) == 2
