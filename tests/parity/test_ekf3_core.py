@@ -37,7 +37,7 @@ PIECES: Final = {
 }
 """The beginnings of these, up to so many s since boot."""
 
-USUAL_PIECES: Final = ("bench_odometry", "flow_take_off")
+USUAL_PIECE: Final = "flow_take_off"
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_whole_log_is_the_firmwares(name: str, recordings: Recordings) -> None:
 @pytest.mark.parametrize(
     ("name", "until_s"),
     [
-        pytest.param(name, until_s, marks=() if name in USUAL_PIECES else pytest.mark.slow)
+        pytest.param(name, until_s, marks=() if name == USUAL_PIECE else pytest.mark.slow)
         for name, until_s in PIECES.items()
     ],
 )

@@ -205,6 +205,7 @@ def test_position_is_told_from_the_start_of_aiding_to_its_end(make_bench: MakeBe
 # What it navigates by
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("down", "lost"), [(-0.5, 39), (1.0, 37)])
 def test_poses_alone_lose_their_velocity_too_but_on_the_ground(make_bench: MakeBench, down: float, lost: int) -> None:
     # The ground is where the first pose puts the vehicle, which the barometer puts elsewhere after that.
@@ -301,6 +302,7 @@ def test_armed_vehicle_without_a_yaw_source_goes_on(make_bench: MakeBench) -> No
     assert "EKF3 IMU0 stopped aiding" not in bench.said()
 
 
+@pytest.mark.slow
 def test_sources_named_after_boot_get_nothing(make_bench: MakeBench) -> None:
     bench = make_bench("00101", has_compass=True)
     bench.run_to(7)

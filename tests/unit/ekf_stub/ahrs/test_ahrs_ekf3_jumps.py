@@ -59,6 +59,7 @@ def test_reset_counter_moves_height_too_when_it_comes_from_poses(make_bench: Mak
     assert bench.position == pytest.approx((0, 0, -5), abs=0.05)
 
 
+@pytest.mark.slow
 def test_reset_counter_leaves_height_alone_when_it_comes_from_the_barometer(make_bench: MakeBench) -> None:
     bench = aided(make_bench, "66106", with_velocity=False)
     bench.stream(9.1, lambda: bench.pose(1, 0, -5, reset_ms=9000))
@@ -147,6 +148,7 @@ def test_small_jump_passes_the_gate(make_bench: MakeBench) -> None:
 # Silence
 
 
+@pytest.mark.slow
 def test_poses_that_come_back_before_aiding_ends_are_reset_to_without_a_word(make_bench: MakeBench) -> None:
     bench = aided(make_bench, POSE_ALONE, with_velocity=False)
     bench.run_to(17)
@@ -209,6 +211,7 @@ def test_height_meets_its_gate_after_a_shorter_gap(make_bench: MakeBench) -> Non
     assert bench.report.height_ratio > 1
 
 
+@pytest.mark.slow
 def test_height_of_the_barometer_is_left_as_aiding_starts_and_comes_back_as_recorded(make_bench: MakeBench) -> None:
     bench = make_bench("60106")
     bench.run_to(4.5)
@@ -241,6 +244,7 @@ def test_yaw_that_jumps_on_the_ground_is_followed_slowly(make_bench: MakeBench) 
     assert bench.ahrs.ext_nav_counts["yaw", "model_gate_yaw"] == 0
 
 
+@pytest.mark.slow
 def test_yaw_that_jumps_in_flight_is_rejected_for_good(make_bench: MakeBench) -> None:
     bench = aided(make_bench, with_velocity=False)
     bench.armed, bench.flying_ms = True, 6000

@@ -72,6 +72,7 @@ def test_gps_starts_aiding_and_gives_position_but_not_height(make_bench: MakeBen
     assert bench.position == pytest.approx((1, 0.5, 0), abs=0.2)
 
 
+@pytest.mark.slow
 def test_gps_that_jumps_is_rejected(make_bench: MakeBench) -> None:
     bench = by_gps(make_bench)
     bench.stream_gps(22, bench.place.offset(Vector3f(30, 0, 0)))

@@ -62,7 +62,7 @@ def test_gps_may_give_the_yaw(make_bench: MakeBench) -> None:
     assert math.degrees(yaw_of(bench)) == pytest.approx(-90, abs=0.5)
 
 
-@pytest.mark.parametrize(("sources", "using"), [("66666", True), ("66661", False)])
+@pytest.mark.parametrize(("sources", "using"), [("66666", True), pytest.param("66661", False, marks=pytest.mark.slow)])
 def test_yaw_without_data_counts_as_external_by_its_source(make_bench: MakeBench, sources: str, using: bool) -> None:
     bench = make_bench(sources)
     bench.run_to(12)

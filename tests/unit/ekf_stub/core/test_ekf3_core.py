@@ -145,7 +145,8 @@ def test_accelerating_vehicle_moves_in_the_filter(make_core: MakeCore) -> None:
     assert rig.core.output.now.pos == pytest.approx([1, 0, 0], abs=0.2)
 
 
-@pytest.mark.parametrize("sources", ["66666", pytest.param("00101", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("sources", ["66666", "00101"])
 def test_bias_of_a_gyro_is_found(make_core: MakeCore, sources: str) -> None:
     rig = make_core(sources)
     rig.rate = (0.01, -0.02, 0.0)

@@ -18,7 +18,8 @@ MakeCore = Callable[..., "CoreRig"]
 
 HOME = Location(-353632610, 1491652300, 58400)
 releases = pytest.mark.parametrize(
-    ("release", "later"), [(REFERENCE, False), (FEBRUARY_2026, False), (APRIL_2026, True)]
+    ("release", "later"),
+    [(REFERENCE, False), pytest.param(FEBRUARY_2026, False, marks=pytest.mark.slow), (APRIL_2026, True)],
 )
 
 

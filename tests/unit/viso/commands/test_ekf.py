@@ -83,6 +83,7 @@ def records_of(path: Path, *kinds: str) -> list[Any]:
 # What it prints
 
 
+@pytest.mark.slow
 def test_table_tells_figures_targets_and_marks(viso: Viso, short: Path, written: Path) -> None:
     outcome = viso(short, "-o", "new/out.BIN")
     assert (outcome.code, outcome.err) == (0, "")

@@ -72,7 +72,9 @@ def test_file_is_read_each_time(tmp_path: Path) -> None:
         booted_vehicle(options)
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(
+    "preset", [pytest.param(name, marks=() if name == "motion-capture" else pytest.mark.slow) for name in PRESETS]
+)
 def test_every_preset_boots(preset: str) -> None:
     vehicle = booted_vehicle(AutopilotOptions(preset=preset)).vehicle
     assert vehicle.is_initialised()

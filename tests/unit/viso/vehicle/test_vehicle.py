@@ -362,7 +362,7 @@ def test_no_attitude_is_logged_before_the_start(make_bench: MakeBench) -> None:
     assert bench.written("ATT") == []
 
 
-@pytest.mark.parametrize(("heading_deg", "logged"), [(0, 0), (90, 90), (-100, 260), (200, 200), (1e4, 280)])
+@pytest.mark.parametrize(("heading_deg", "logged"), [(0, 0), (-100, 260), (1e4, 280)])
 def test_logged_yaw_is_0_to_360(make_bench: MakeBench, heading_deg: float, logged: float) -> None:
     bench = make_bench(heading_deg=heading_deg)
     yaw = float(bench.written("ATT")[-1]["Yaw"])

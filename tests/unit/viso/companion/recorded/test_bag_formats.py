@@ -91,7 +91,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "flight"
 
 
-@pytest.fixture(params=["bag", "db3", "mcap", "folder of db3", "folder of mcap"])
+BAGS = ("bag", "db3", "mcap", "folder of db3", "folder of mcap")
+TYPES = tuple(POSE_TYPES)
+
+
+@pytest.fixture(params=BAGS)
 def make_bag(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Path]:
     """Return a function that writes messages, made by a function of the version of ROS, in every kind of bag."""
 
@@ -117,7 +121,16 @@ def complaint(path: Path, topic: str | None = None) -> str:
     return str(raised.value)
 
 
-@pytest.mark.parametrize("kind", POSE_TYPES)
+# The usual run has each kind of bag and each type, but not each with each.
+@pytest.mark.parametrize(
+    ("make_bag", "kind"),
+    [
+        pytest.param(bag, kind, marks=() if kind == TYPES[number % len(TYPES)] else pytest.mark.slow)
+        for number, bag in enumerate(BAGS)
+        for kind in TYPES
+    ],
+    indirect=["make_bag"],
+)
 def test_every_type_is_read_from_every_kind_of_bag(make_bag: Callable[..., Path], kind: str) -> None:
     trajectory = read_bag(make_bag(lambda version: poses(version, kind)), None)
     assert trajectory.times_ns.tolist() == [5_000_000_250, 6_000_000_250]

@@ -106,7 +106,9 @@ def test_tracks_between_two_frames_follow_the_homography_of_the_plane(countrysid
     assert np.abs(np.median(errors, axis=0)).max() < 0.01
 
 
-@pytest.mark.parametrize("height_m", [45.0, 60.0, 100.0, 130.0])
+@pytest.mark.parametrize(
+    "height_m", [45.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (60.0, 100.0)), 130.0]
+)
 def test_what_is_finer_than_a_pixel_is_averaged(height_m: float) -> None:
     board = (255 * (np.indices((800, 800)).sum(axis=0) % 2)).astype(np.uint8)
     renderer = PlaneRenderer(GroundTexture(board, 0.04, MIDDLING), CALIBRATION, noise_sigma=0.0)
@@ -121,7 +123,7 @@ def test_what_is_coarser_than_a_pixel_keeps_its_contrast() -> None:
     assert renderer.render(above(0, 0, 60), 0, 0).pixels.std() > 0.8 * board.std()
 
 
-@pytest.mark.parametrize("pose", [above(0.3, 0.2, 0.3), above(0, 0, 40)])
+@pytest.mark.parametrize("pose", [pytest.param(above(0.3, 0.2, 0.3), marks=pytest.mark.slow), above(0, 0, 40)])
 def test_ground_goes_on_for_ever_mirrored(countryside: GroundTexture, pose: SE3) -> None:
     renderer = PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
     width, height = countryside.extent_m
