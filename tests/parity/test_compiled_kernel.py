@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from tests.parity.behaviours.logs import LOGS
+from tests.parity.behaviours.logs import LOGS, Recordings, recordings_of_run
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.comparison import compare
 from viso.ekf_runs.run import EkfReplay, EkfRun
@@ -26,6 +26,11 @@ WORST: Final = 1e-5
 HUNDREDTH: Final = 0.0101
 
 
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
+    return recordings_of_run(tmp_path_factory)
+
+
 def replayed(name: str, until_s: float, kernel: str, monkeypatch: pytest.MonkeyPatch) -> EkfReplay:
     monkeypatch.setenv(KERNEL_VARIABLE, kernel)
     path = LOGS / f"{name}.BIN.xz"
@@ -36,9 +41,8 @@ def replayed(name: str, until_s: float, kernel: str, monkeypatch: pytest.MonkeyP
     return replay
 
 
-def check_kernels_agree(name: str, until_s: float, monkeypatch: pytest.MonkeyPatch) -> EkfReplay:
-    """Replay a log with both kernels, check that they say the same, and return what the compiled one says."""
-    plain, compiled = (replayed(name, until_s, kernel, monkeypatch) for kernel in (PLAIN, NUMBA))
+def check_kernels_agree(plain: EkfReplay, compiled: EkfReplay) -> None:
+    """Check that both kernels say the same over a log."""
     for label, values in plain.ours.items():
         difference = np.abs(
             (compiled.ours[label] - values + 180) % 360 - 180 if label == "Yaw" else compiled.ours[label] - values
@@ -46,15 +50,19 @@ def check_kernels_agree(name: str, until_s: float, monkeypatch: pytest.MonkeyPat
         assert difference.max() <= HUNDREDTH, label
         assert (difference > WORST).mean() < 0.01, label
     assert compiled.our_texts == plain.our_texts
-    return compiled
 
 
 @pytest.mark.parametrize("name", ["bench_no_yaw_source", "bench_odometry", "flight_mav_extyaw"])
-def test_compiled_filter_says_what_the_plain_one_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled = check_kernels_agree(name, math.inf, monkeypatch)
+def test_compiled_filter_says_what_the_plain_one_says(
+    name: str, recordings: Recordings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(KERNEL_VARIABLE, PLAIN)
+    plain = recordings.replay(name)
+    compiled = replayed(name, math.inf, NUMBA, monkeypatch)
+    check_kernels_agree(plain, compiled)
     comparison = compare(compiled, bench=name.startswith(ekf_targets.BENCH_PREFIX))
     assert [dataclasses.asdict(check) for check in comparison.checks if not check.passed] == []
 
 
 def test_compiled_filter_begins_as_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    check_kernels_agree("bench_glitch_radius_0", 7.0, monkeypatch)
+    check_kernels_agree(*(replayed("bench_glitch_radius_0", 7.0, kernel, monkeypatch) for kernel in (PLAIN, NUMBA)))

@@ -25,19 +25,8 @@ NAMES: Final = sorted(ekf_targets.log_name(path) for path in LOGS.glob("*.BIN.xz
 SHORTEST: Final = "bench_no_yaw_source"
 """The usual run takes this one whole."""
 
-PIECES: Final = {
-    "bench_glitch_radius_0": 12.0,
-    "bench_odometry": 22.0,
-    "bench_pose_baro": 9.0,
-    "bench_steps": 15.0,
-    "bench_velocity_only": 13.0,
-    "bench_vertical_velocity_100hz": 9.0,
-    "dropout": 12.0,
-    "flow_take_off": 5.2,
-}
-"""The beginnings of these, up to so many s since boot."""
-
-USUAL_PIECE: Final = "flow_take_off"
+FLOW: Final = "flow_take_off", 5.2
+"""The usual run takes the beginning of this one as well, up to so many s since boot: it has flow and ranges."""
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +51,8 @@ def test_whole_log_is_the_firmwares(name: str, recordings: Recordings) -> None:
     assert [target for target in comparison.checks if not target.passed] == []
 
 
-@pytest.mark.parametrize(
-    ("name", "until_s"),
-    [
-        pytest.param(name, until_s, marks=() if name == USUAL_PIECE else pytest.mark.slow)
-        for name, until_s in PIECES.items()
-    ],
-)
-def test_beginning_of_a_log_is_the_firmwares(name: str, until_s: float) -> None:
+def test_beginning_of_a_log_with_flow_is_the_firmwares() -> None:
+    name, until_s = FLOW
     run = replay_ekf(LOGS / f"{name}.BIN.xz", until_s=until_s)
     assert run.time_s[-1] > until_s - 0.2
     check(run)

@@ -18,6 +18,7 @@ from tests.places import DATA
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.run import EkfReplay, EkfRun
 from viso.logs.recorded import read_log
+from viso.vehicle.kernels import KERNEL_VARIABLE
 
 LOGS: Final = DATA / "logs"
 SAME_TIME_S: Final = 0.25
@@ -130,7 +131,7 @@ class Recording:
 
 
 class Recordings:
-    """Runs the filter over recorded logs: once for each, however many processes test.
+    """Runs the filter over recorded logs: once for each and each kernel, however many processes test.
 
     Args:
         folder: where what comes of it is kept; of all processes of this run.
@@ -148,7 +149,7 @@ class Recordings:
         return self._replays[name]
 
     def _replay(self, name: str) -> EkfReplay:
-        kept = self._folder / f"{name}.pickle"
+        kept = self._ours(name).with_suffix(".pickle")
         with (self._folder / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not kept.exists():
@@ -161,7 +162,7 @@ class Recordings:
         return replay
 
     def _ours(self, name: str) -> Path:
-        return self._folder / f"{name}.BIN"
+        return self._folder / f"{name}-{os.environ[KERNEL_VARIABLE]}.BIN"
 
     def __call__(self, name: str) -> Recording:
         """Return both logs."""
