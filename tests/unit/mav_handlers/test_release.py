@@ -121,7 +121,10 @@ def shape(messages: list[Message]) -> list[str]:
 SET_TEXTS = ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set"]
 
 
-@silent_firmware
+@pytest.mark.parametrize(
+    "firmware",
+    [pytest.param(STABLE_4_6, id=STABLE_4_6.name, marks=pytest.mark.slow), pytest.param(REFERENCE, id=REFERENCE.name)],
+)
 def test_requester_is_told_of_the_origin_twice(make_bench: "MakeBench", firmware: Firmware) -> None:
     told = shape(answers(navigating(make_bench, firmware), ORIGIN))
     assert told[0] == "GPS_GLOBAL_ORIGIN"

@@ -125,7 +125,10 @@ class TestList:
         bench.run_ms(3)
         assert values(client) != []
 
-    @pytest.mark.parametrize(("rate_hz", "turns"), [(0, 10), (1, 1), (4, 4), (20, 20), (50, 50)])
+    @pytest.mark.parametrize(
+        ("rate_hz", "turns"),
+        [(0, 10), (4, 4), (50, 50), *(pytest.param(rate, rate, marks=pytest.mark.slow) for rate in (1, 20))],
+    )
     def test_turns_come_at_the_rate_of_the_group(self, make_bench: "MakeBench", rate_hz: int, turns: int) -> None:
         bench = make_bench(bauds=(1200,), MAV1_PARAMS=rate_hz, until_ms=6000)
         bench.client.tell(LIST)
