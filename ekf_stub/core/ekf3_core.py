@@ -610,5 +610,5 @@ class Ekf3Core:
 
     @property
     def is_aligned(self) -> bool:
-        """Whether tilt and yaw are aligned."""
-        return self.control.tilt_aligned and self.yaw.aligned
+        """Whether tilt and yaw are aligned; they are not before there is a state."""
+        return self.initialised and self.control.tilt_aligned and self.yaw.aligned

@@ -10,9 +10,13 @@ import pytest
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
+from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
 from tests.unit.viso.conftest import BOOTED_US, Bench
+from viso.running.virtual_time import Scheduler
 from viso.terminal.console import out
 from viso.terminal.live_report import LiveReport
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 def at(after_boot_s: float) -> str:
@@ -80,6 +84,17 @@ def test_start_of_the_filter_is_one_line(make_bench: Callable[..., Bench], capsy
     bench.see(0.3)
     (told,) = [line for line in capsys.readouterr().out.splitlines() if "filter:" in line]
     assert told.endswith(" s  filter: starting; until it is aligned, some 6 s after boot, it uses no sample")
+
+
+def test_camera_may_send_before_the_filter_has_a_state(capsys: pytest.CaptureFixture[str]) -> None:
+    vehicle = Vehicle(VehicleConfig(defaults={"VISO_TYPE": 1, "EK3_SRC1_POSXY": 6, "GPS1_TYPE": 0}))
+    channel, scheduler, codec = vehicle.endpoint.open_channel("camera"), Scheduler(vehicle), Codec(1, 197)
+    LiveReport(out).watch(vehicle)
+    while vehicle.ahrs.get_filter_status() is None or scheduler.now_us < 4_600_000:
+        scheduler.run_until(scheduler.now_us + 100_000)
+        scheduler.deliver(channel, codec.encode(VISION_POSITION_ESTIMATE(scheduler.now_us, *[0.0] * 6)))
+    (told,) = [line for line in capsys.readouterr().out.splitlines() if "filter:" in line]
+    assert "filter: starting" in told
 
 
 @pytest.mark.slow
