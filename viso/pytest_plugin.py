@@ -60,10 +60,13 @@ def _made(request: pytest.FixtureRequest, make: "Callable[[AutopilotOptions, Gol
     from viso.testing.golden import FOLDER, GoldenFiles
 
     golden = GoldenFiles(request.path.parent / FOLDER, update=request.config.getoption(UPDATE_GOLDEN))
+    reason = ""
     try:
         autopilot = make(_wanted(request.node), golden)
     except ValueError as error:
-        pytest.fail(f"{MARKER}: {error}", pytrace=False)
+        reason = f"{MARKER}: {error}"
+    if reason:  # told outside, where pytest does not show the first error as well
+        pytest.fail(reason, pytrace=False)
     try:
         yield autopilot
     finally:

@@ -22,14 +22,15 @@ from viso.report.summary import Summary, summarise
 from viso.terminal.console import err, out, progress
 
 _MISSING_EXTRA: Final = f"figures are drawn with matplotlib; install it with: {pip_install('plot')}"
-_PAGES: Final = (".html", ".htm")
+_PDF: Final = ".pdf"
+_PAGES: Final = (".html", ".htm", _PDF)
 
 
 def report(
     log: Annotated[Path, typer.Argument(help="A DataFlash log (.BIN, .BIN.xz).", metavar="LOG")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="The page, if it ends in .html; else the folder that it goes to."),
+        typer.Option("-o", "--output", help="The page, if it ends in .html or .pdf; else the folder that it goes to."),
         Output.PLACE,
     ] = None,
     png: Annotated[
@@ -137,6 +138,8 @@ def _draw(
 
     written: list[Path] = []
     inline: dict[Any, str | None] = {}
+    drawn: list[Any] = []
+    is_pdf = page is not None and page.suffix.lower() == _PDF
     with progress("drawing", len(FIGURES)) as bar, drawing.style():
         for kind in FIGURES:
             figure = kind.draw(material, facts)
@@ -144,10 +147,18 @@ def _draw(
                 for folder, suffix, convert in ((png, "png", drawing.as_png), (svg, "svg", drawing.as_svg)):
                     if folder is not None:
                         written.append(_write(folder / f"{kind.name}.{suffix}", convert(figure)))
-            if page is not None:
+            if is_pdf:
+                drawn += [] if figure is None else [figure]
+            elif page is not None:
                 inline[kind] = None if figure is None else drawing.as_inline_svg(figure, kind.name, kind.title)
             bar.advance(bar.task_ids[0])
-    if page is not None:
+        if page is not None and is_pdf:
+            lines = [
+                f"{summary.level.badge.upper()}: {summary.sentence}",
+                *(f"- {one.text}" for one in summary.remarks),
+            ]
+            written.append(_write(page, drawing.as_pdf(page.stem, lines, drawn)))
+    if page is not None and not is_pdf:
         text = make_page(material, facts, summary, inline, installed_version())
         written.append(_write(page, text.encode("utf-8", "replace")))
     return written

@@ -4,6 +4,7 @@
 
 import io
 import re
+import textwrap
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -27,6 +28,9 @@ WIDTH_IN: Final = 10.0
 MANY: Final = 1500
 """More points than these become a picture within an SVG, which would be slow to show otherwise."""
 
+_PDF_PAGE_IN: Final = (10.0, 7.0)
+_PDF_COLUMNS: Final = 105
+_PDF_ROWS: Final = 24
 _INK: Final = "#010203"  # in a page its style sheet takes the place of this colour
 _RC: Final[dict[Any, Any]] = {
     "font.size": 9.5,
@@ -131,6 +135,30 @@ def as_png(figure: Figure) -> bytes:
 def as_svg(figure: Figure) -> bytes:
     """Return a figure as an SVG file, on white."""
     return _saved(figure, "svg")
+
+
+def as_pdf(title: str, lines: Sequence[str], figures: Sequence[Figure]) -> bytes:
+    """Return a document: the lines on pages of their own, wrapped, then each figure on one.
+
+    Args:
+        title: stands on each page of text.
+        lines: of any length.
+        figures: drawn within ``style``.
+    """
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    rows = [row for one in lines for row in textwrap.wrap(plain(one), _PDF_COLUMNS) or [""]]
+    data = io.BytesIO()
+    with PdfPages(data, metadata={"Title": plain(title), "CreationDate": None}) as pages:
+        for start in range(0, len(rows), _PDF_ROWS):
+            figure = Figure(figsize=_PDF_PAGE_IN)
+            figure.text(0.07, 0.93, plain(title), fontsize=14, weight="bold", va="top")
+            text = "\n".join(rows[start : start + _PDF_ROWS])
+            figure.text(0.07, 0.88, text, fontsize=10, va="top", linespacing=1.5, parse_math=False)
+            pages.savefig(figure, facecolor="white")
+        for figure in figures:
+            pages.savefig(figure, facecolor="white")
+    return data.getvalue()
 
 
 def _saved(figure: Figure, form: str, ground: str = "white") -> bytes:

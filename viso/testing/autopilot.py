@@ -12,6 +12,7 @@ from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import Message
 from viso.fates.watch import FilterWatch
 from viso.files.outputs import replace_file
+from viso.firmware.releases import PROFILES
 from viso.sensors.script.script import Truth
 from viso.testing import claims, flights
 from viso.testing.booted import booted_vehicle
@@ -22,6 +23,8 @@ from viso.testing.options import AutopilotOptions
 from viso.testing.params import LiveParams
 from viso.testing.sender import Sender
 from viso.vehicle.vehicle import LOOP_PERIOD_US
+
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 
 M = TypeVar("M", bound=Message)
 
@@ -57,7 +60,8 @@ class Autopilot:
     """After so much time, what it has sent is taken over, and what was sent to it by other ways taken in."""
 
     def __init__(self, options: AutopilotOptions | None = None, golden: GoldenFiles | None = None) -> None:
-        booted = booted_vehicle(options or AutopilotOptions())
+        self._options = options or AutopilotOptions()
+        booted = booted_vehicle(self._options)
         self.vehicle = booted.vehicle
         self.params = LiveParams(self.vehicle)
         self._scheduler = booted.scheduler
@@ -295,7 +299,6 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of messages.
             ValueError: no message has that name, or the count is none.
         """
-        __tracebackhide__ = True
         claim = claims.make_claim(Outcome.ACCEPTED, message, None, count)
         verdicts = self.verdicts
         claims.check_claim(claim, verdicts)
@@ -316,7 +319,6 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of messages.
             ValueError: no message has that name, by no rule of that code messages are dropped, or the count is none.
         """
-        __tracebackhide__ = True
         claims.check_claim(claims.make_claim(Outcome.DROPPED, message, reason, count), self.verdicts)
 
     def assert_ignored(
@@ -333,7 +335,6 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of messages.
             ValueError: no message has that name, by no rule of that code messages are ignored, or the count is none.
         """
-        __tracebackhide__ = True
         claims.check_claim(claims.make_claim(Outcome.IGNORED, message, reason, count), self.verdicts)
 
     def assert_fused(self, kind: str = "pose", count: int | None = None) -> None:
@@ -347,7 +348,6 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of samples.
             ValueError: there is no such kind, or the count is none.
         """
-        __tracebackhide__ = True
         claims.check_fused(self.verdicts, kind, count)
 
     def assert_text(self, part: str) -> None:
@@ -355,7 +355,6 @@ class Autopilot:
 
         Raises AssertionError: it did not; the text tells what it did say.
         """
-        __tracebackhide__ = True
         claims.check_text(part, self.status_texts)
 
     def assert_healthy(self) -> None:
@@ -363,12 +362,31 @@ class Autopilot:
 
         Raises AssertionError: the text has the words of the pre-arm checks, and what became of messages.
         """
-        __tracebackhide__ = True
         verdicts = self.verdicts
         failures = self._pre_arm_failures()
         if failures:
             what = claims.what_became(verdicts)
             raise AssertionError(f"expected a healthy vehicle, but {', and '.join(failures)}{what}")
+
+    def assert_no_findings(self, least: str = "warning", but: Collection[str] = ()) -> None:
+        """Claim that the doctor finds nothing wrong with what was sent, since the start or since ``clear``.
+
+        It tries the stream on another vehicle with the same parameters, as ``viso doctor`` does with a recording in
+        which no vehicle is heard; that takes about as long as sending took.
+
+        Args:
+            least: error, warning or note: what is less does not count.
+            but: codes that do not count, such as XN4-03.
+
+        Raises:
+            AssertionError: there are findings; the text has them, each with its evidence and what to change.
+            ValueError: there is no such severity or code.
+        """
+        from viso.testing.diagnosis import check_no_findings, findings_in  # the doctor takes a while to import
+
+        self._sync()
+        firmware = PROFILES[self._options.firmware]
+        check_no_findings(findings_in(self._observer.sent, self.vehicle, firmware), least, but)
 
     def _pre_arm_failures(self) -> list[str]:
         camera = self.vehicle.visual_odom
@@ -394,7 +412,6 @@ class Autopilot:
             AssertionError: the file is missing or tells something else; the text shows the difference.
             ValueError: the name is none, or there are no such records or fields.
         """
-        __tracebackhide__ = True
         if self._golden is None:
             raise ValueError(f"golden log {name!r}: this autopilot was made without a folder of golden logs")
         self._golden.check(name, self.records_of(*records), leave_out)

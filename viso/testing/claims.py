@@ -18,6 +18,8 @@ from viso.fates.labels import Fate
 from viso.fates.watch import UNITS
 from viso.testing.observations import MessageVerdict, StatusText
 
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
 MESSAGE_ROWS: Final = 8
 TEXT_ROWS: Final = 8
 KINDS: Final = tuple(UNITS)
@@ -102,7 +104,6 @@ def check_count(count: int | None) -> None:
 
 def check_claim(claim: Claim, verdicts: Sequence[MessageVerdict]) -> None:
     """Raise AssertionError, with what did happen, unless the claim holds."""
-    __tracebackhide__ = True
     found = sum(map(claim.fits, verdicts))
     if not claim.holds(found):
         raise AssertionError(f"expected {claim}, found {found}{what_became(verdicts)}")
@@ -110,7 +111,6 @@ def check_claim(claim: Claim, verdicts: Sequence[MessageVerdict]) -> None:
 
 def check_nothing_lost(verdicts: Sequence[MessageVerdict], message: str | None) -> None:
     """Raise AssertionError if navigation was dropped or withheld: of one message by its name, or any."""
-    __tracebackhide__ = True
     lost = [
         verdict
         for verdict in verdicts
@@ -146,7 +146,6 @@ def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None
         ValueError: there is no such kind, or the count is negative.
         AssertionError: too few or too many; the text tells what became of samples.
     """
-    __tracebackhide__ = True
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: no such kind of sample; there are {', '.join(KINDS)}")
     check_count(count)
@@ -166,7 +165,6 @@ def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None
 
 def check_text(part: str, texts: Sequence[StatusText]) -> None:
     """Raise AssertionError, with what was said last, unless a text contains a part."""
-    __tracebackhide__ = True
     if any(part in text.text for text in texts):
         return
     rows = [f"{text.time_us * 1e-6:9.3f} s  ({text.severity}) {text.text}" for text in texts]

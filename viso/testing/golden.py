@@ -20,6 +20,8 @@ from viso.files.outputs import replace_file
 from viso.testing.claims import shortened
 from viso.testing.observations import Record
 
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
 UPDATE_OPTION: Final = "--update-golden"
 FOLDER: Final = "golden"
 DIFF_ROWS: Final = 20
@@ -46,7 +48,6 @@ class GoldenFiles:
             ValueError: the name is none, there is no record, or no record has a field of a label to be left out.
             AssertionError: the file is missing, or tells something else; the text shows the difference.
         """
-        __tracebackhide__ = True
         if not _NAME.fullmatch(name):
             raise ValueError(f"golden log {name!r}: a name has letters, digits, '_', '-' and '.'")
         if not records:

@@ -14,6 +14,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
 from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
 from viso.fates.watch import FilterWatch
+from viso.streams.stream import StreamMessage
 from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.vehicle.vehicle import Vehicle
 
@@ -29,6 +30,7 @@ class Observer:
         status_texts: what was said.
         records: those of the log, whether it is open or not.
         received: the messages that the vehicle has sent.
+        sent: the frames that it was sent, with their times of arrival.
     """
 
     def __init__(self, vehicle: Vehicle, watch: FilterWatch) -> None:
@@ -42,13 +44,14 @@ class Observer:
         self.status_texts: list[StatusText] = []
         self.records: list[Record] = []
         self.received: list[Message] = []
+        self.sent: list[StreamMessage] = []
         vehicle.logger.on_write = self._take_record
         vehicle.endpoint.on_event = self._take_event
         vehicle.texts.on_text.append(self._take_text)
 
     def clear(self) -> None:
         """Forget what was seen so far; verdicts that a test has kept still hear of their samples."""
-        for seen in (self.verdicts, self.status_texts, self.records, self.received):
+        for seen in (self.verdicts, self.status_texts, self.records, self.received, self.sent):
             seen.clear()
 
     def take_output(self, data: bytes) -> None:
@@ -76,6 +79,8 @@ class Observer:
 
     def _take_event(self, event: MessageEvent) -> None:
         header, rule = event.header, event.verdict.rule
+        if header is not None:
+            self.sent.append(StreamMessage(event.now_us, header.frame))
         samples = self._fates.take_handed()
         verdict = MessageVerdict(
             event.now_us,

@@ -9,6 +9,8 @@ from viso.parameters.conversion import name_here
 from viso.parameters.releases import ALL_RENAMES
 from viso.vehicle.vehicle import Vehicle
 
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
 
 class LiveParams(Mapping[str, float]):
     """The parameters of a vehicle by name; those it lists at the moment when iterated over.

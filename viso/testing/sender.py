@@ -8,6 +8,8 @@ from typing import Any
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import MESSAGES, Message
 
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
 
 class Sender:
     """Frames of any number of senders, each with a count of its own."""

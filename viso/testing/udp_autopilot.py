@@ -12,6 +12,8 @@ from viso.testing.golden import GoldenFiles
 from viso.testing.options import AutopilotOptions
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
 
 class UdpAutopilot(Autopilot):
     """An autopilot that also has a UDP port on loopback, which the system chooses.

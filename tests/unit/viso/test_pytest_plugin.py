@@ -85,6 +85,7 @@ def test_marker_that_cannot_be_used_is_told_in_one_line(pytester: pytest.Pyteste
     result.stdout.fnmatch_lines([told])
     result.stdout.no_fnmatch_line("*Traceback*")
     result.stdout.no_fnmatch_line("*pytest_plugin.py*")
+    result.stdout.no_fnmatch_line("*another exception*")
 
 
 @pytest.mark.slow
@@ -111,6 +112,14 @@ def test_it(extnav_autopilot):
     extnav_autopilot.send(pose(x={}))
     extnav_autopilot.assert_golden("flight")
 """
+
+
+@pytest.mark.slow
+def test_misuse_points_at_the_test(pytester: pytest.Pytester) -> None:
+    tests = "def test_it(extnav_autopilot):\n    extnav_autopilot.assert_dropped('typing_mistake')"
+    result = run(pytester, tests)
+    result.stdout.fnmatch_lines(["E*ValueError: reason 'typing_mistake': no such rule*", "test_*.py:*: ValueError"])
+    result.stdout.no_fnmatch_line("*claims.py*")
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import numpy as np
 
 from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Sighting, error
+from viso.doctor.findings import Sighting, error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Floats, down_in_body, euler_of_quat, reordered
@@ -21,6 +21,10 @@ from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rot
 
 _LEAST_CLIMB_M: Final = 0.5
 _MIRRORED: Final = -0.7
+_AT_REST: Final = 5
+_STILL_M: Final = 0.1
+_LEAST_SINKING_M: Final = 0.7
+_RISES: Final = 0.15
 _LEVEL_RAD: Final = math.radians(8)
 _TILTED_RAD: Final = math.radians(20)
 
@@ -175,6 +179,29 @@ def _misordered(evidence: Evidence) -> Iterator[Sighting]:
                     f"{math.degrees(apart[1]):.0f} deg if the quaternion is read as x, y, z, w",
                     track,
                 )
+
+
+@warning(
+    "XN2-11",
+    "The vehicle sinks below where it stood",
+    "z is down: a vehicle that takes off goes to negative z. With EK3_SRC1_POSZ 6 the autopilot takes a climb for a "
+    "descent, and climbs on to correct it.",
+    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+    "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them. If "
+    "the vehicle really went below where it began, nothing.",
+)
+def _sinks(evidence: Evidence) -> Iterator[Sighting]:
+    """Find what begins at rest, goes down and never up, where nothing else tells the vehicle's height or attitude."""
+    if evidence.height is not None or evidence.level is not None or evidence.attitude is not None:
+        return
+    for poses in evidence.poses:
+        pos = poses.pos_m[np.isfinite(poses.pos_m).all(axis=1)]
+        if len(pos) < FEWEST or np.ptp(pos[:_AT_REST], axis=0).max() > _STILL_M:
+            continue
+        sunk = pos[:, 2] - pos[0, 2]
+        if sunk.max() >= _LEAST_SINKING_M and -sunk.min() < _RISES * sunk.max():
+            deepest = f"z grows by up to {sunk.max():.1f} m from where it begins, and never falls below that"
+            yield of_some(f"{poses.track.sender}: {deepest}: is z up there?", poses.track)
 
 
 def _median_tilt(quat_wxyz: Floats, vehicle_rad: Floats) -> float:

@@ -31,10 +31,15 @@ def _taken(evidence: Evidence) -> list[SeenMessage]:
 
 
 def _gaps(evidence: Evidence) -> list[tuple[SeenMessage, SeenMessage, int]]:
-    """Return neighbours between which the sensor was unhealthy for a time, and their distance in us."""
-    taken = _taken(evidence)
-    pairs = itertools.pairwise(taken)
-    return [(a, b, b.arrival_us - a.arrival_us) for a, b in pairs if b.arrival_us - a.arrival_us >= _HEALTHY_US]
+    """Return neighbours between which the sensor was unhealthy for a time, and their distance in us.
+
+    What stops once the vehicle has disarmed for good harms nobody.
+    """
+    own = evidence.own_filter
+    over_us = 1e6 * own.armed[-1][1] if own is not None and own.armed else np.inf
+    pairs = itertools.pairwise(_taken(evidence))
+    lengths = ((a, b, b.arrival_us - a.arrival_us) for a, b in pairs)
+    return [(a, b, length) for a, b, length in lengths if length >= _HEALTHY_US and a.arrival_us < over_us]
 
 
 def _is_slow(evidence: Evidence) -> bool:

@@ -42,6 +42,18 @@ def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.slow
+def test_page_may_be_a_pdf_with_the_verdict_and_the_figures(
+    viso: Viso, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures, "FIGURES", figures.FIGURES[-1:])
+    outcome = viso("report", flight().save(tmp_path / "flight.BIN"), "-o", "flight.pdf")
+    assert (outcome.code, outcome.err) == (0, "")
+    data = (tmp_path / "flight.pdf").read_bytes()
+    assert data.startswith(b"%PDF")
+    assert data.count(b"/Type /Page ") == 2
+
+
+@pytest.mark.slow
 def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path) -> None:
     outcome = viso("report", log)
     assert (outcome.code, outcome.err) == (0, "")

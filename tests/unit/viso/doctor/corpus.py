@@ -170,6 +170,7 @@ CORPUS: Final = (
     _case("wrong frames now and then", ODOMETRY, "{kind: frame_ids, probability: 0.05}", "XN2-01"),
     _case("vectors in ENU", SPEED, f"{{kind: axes, world_axes: ENU, of: vectors, {_POSE_ONLY}}}", "XN2-04"),
     _case("positions z up", CLIMB, f"{{kind: axes, world_axes: NEU, of: vectors, {_POSE_ONLY}}}", "XN2-04"),
+    _case("everything z up", CLIMB, "{kind: axes, world_axes: NWU, body_axes: FLU, of: both}", "XN2-11"),
     _case("velocity in FLU", ODOMETRY, "{kind: axes, body_axes: FLU, of: vectors}", "XN2-04"),
     _seen("attitude in ROS axes", SPEED, "{kind: axes, world_axes: ENU, body_axes: FLU, of: attitude}", "XN2-02"),
     _seen("everything in ROS axes", ODOMETRY, "{kind: axes, world_axes: NWU, body_axes: FLU, of: both}", "XN2-02"),

@@ -6,7 +6,7 @@ import json
 import lzma
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -461,3 +461,13 @@ def test_summary_tells_what_the_vehicle_s_own_filter_said() -> None:
     ]
     silent = summary_lines(summarise(evidence_of(stream_of([pose(1)]))))
     assert any(line.startswith("What the vehicle's own filter made of it is not recorded") for line in silent)
+
+
+@pytest.mark.parametrize(("disarmed_s", "codes"), [(START_US * 1e-6 + 3.0, set()), (START_US * 1e-6 + 9.0, {"XN4-04"})])
+def test_gap_after_the_last_disarming_is_no_finding(disarmed_s: float, codes: set[str]) -> None:
+    said = [(1.0, heartbeat(armed=True)), (disarmed_s, heartbeat())]
+    own = heard([*said, (disarmed_s + 30.0, heartbeat())])
+    messages = stream_of([odometry(1_000_000 + number * 40_000) for number in range(100)])
+    gap = [replace(one, arrival_us=one.arrival_us + 1_000_000 * (number >= 90)) for number, one in enumerate(messages)]
+    found = diagnose(evidence_of(gap, own_filter=own), RULES)
+    assert {finding.code for finding in found if finding.code.startswith("XN4")} == codes

@@ -3,6 +3,7 @@
 """The autopilot of a test: its time, its link, what is seen of it, and what may be claimed."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.DFReader import DFReader_binary
@@ -13,6 +14,7 @@ from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT
 from tests.unit.viso.testing.sample_odometry import odometry
 from viso.fates.labels import Fate
 from viso.testing import Autopilot, AutopilotOptions
+from viso.testing.diagnosis import check_no_findings
 
 
 def fly(autopilot: Autopilot, count: int) -> None:
@@ -268,3 +270,38 @@ def test_vehicle_without_external_navigation_is_not_healthy() -> None:
 def test_golden_log_needs_a_folder(autopilot: Autopilot) -> None:
     with pytest.raises(ValueError, match="'flight': this autopilot was made without a folder of golden logs"):
         autopilot.assert_golden("flight")
+
+
+# What the doctor finds
+
+
+def climb(autopilot: Autopilot, up: float) -> None:
+    """Rest for a moment, then climb by 1 m, in a world whose z points up (1) or down (-1)."""
+    for number in range(60):
+        height_m = 0.03 * max(0, number - 20)
+        autopilot.send(odometry(40_000 * number, z=up * height_m, vz=up * 0.75 * (number > 20)))
+        autopilot.advance(ms=40)
+
+
+@pytest.mark.slow
+def test_stream_in_order_has_no_findings(autopilot: Autopilot) -> None:
+    climb(autopilot, up=-1.0)
+    autopilot.assert_fused()
+    autopilot.assert_no_findings()
+
+
+@pytest.mark.slow
+def test_stream_with_z_up_has_a_finding_though_it_is_fused(autopilot: Autopilot) -> None:
+    climb(autopilot, up=1.0)
+    autopilot.assert_fused()
+    with pytest.raises(
+        AssertionError, match=r"(?s)but 1:\nwarning XN2-11 .*z grows by up to 1\.2 m.*\n  fix: From ROS"
+    ):
+        autopilot.assert_no_findings()
+    autopilot.assert_no_findings(but=["XN2-11"])
+
+
+@pytest.mark.parametrize("wrong", [{"least": "fatal"}, {"but": ["XN0-00"]}])
+def test_what_is_no_severity_or_code_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"^(least|but)"):
+        check_no_findings([], **{"least": "warning", "but": (), **wrong})

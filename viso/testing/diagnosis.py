@@ -1,0 +1,47 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The doctor's look at what a test has sent."""
+
+from collections.abc import Collection, Sequence
+
+from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose, gather
+from viso.firmware.releases import Firmware
+from viso.streams.stream import Stream, StreamMessage
+from viso.vehicle.vehicle import Vehicle
+
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
+
+def findings_in(sent: Sequence[StreamMessage], vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
+    """Return what the doctor finds in a stream, tried anew on a vehicle with the same parameters.
+
+    Args:
+        sent: frames with their times of arrival.
+        vehicle: that they were sent to.
+        firmware: of that.
+    """
+    params = {param.name: float(param.value) for param in vehicle.params}
+    stream = Stream("what was sent", tuple(sent), params)
+    return diagnose(gather(stream, GatherOptions(firmware=firmware)), RULES)
+
+
+def check_no_findings(findings: Sequence[Finding], least: str, but: Collection[str]) -> None:
+    """Raise AssertionError if the doctor has found something.
+
+    Args:
+        findings: what it has found.
+        least: error, warning or note: what is less does not count.
+        but: codes that do not count.
+
+    Raises:
+        ValueError: there is no such severity or code.
+        AssertionError: the text has the findings, each with its evidence and what to change.
+    """
+    if least not in list(Severity):
+        raise ValueError(f"least {least!r}: not one of {', '.join(Severity)}")
+    if unknown := sorted(set(but) - {rule.code for rule in RULES}):
+        raise ValueError(f"but: no such code: {', '.join(unknown)}")
+    counting = [one for one in findings if one.severity.at_least(Severity(least)) and one.code not in but]
+    if counting:
+        rows = [f"{one.severity.value} {one.code} {one.title}: {one.evidence}\n  fix: {one.fix}" for one in counting]
+        raise AssertionError(f"expected no findings of the doctor, but {len(rows)}:\n" + "\n".join(rows))
