@@ -72,13 +72,17 @@ _LOG: Final = (
 )
 
 
-def _protocol(number: int) -> ParamInfo:
-    text = f"Protocol of port {number}"
-    return ParamInfo(f"{number}_PROTOCOL", INT8, 2, text, values=_PROTOCOL, reboot_required=True)
+_NO_PROTOCOL, _MAVLINK_2, _GPS = -1, 2, 5
 
 
-def _baud(number: int) -> ParamInfo:
-    return ParamInfo(f"{number}_BAUD", INT32, 57, f"Speed of port {number}, in thousands of baud", values=_BAUD)
+def _port(number: int, protocol: int, baud: int) -> tuple[ParamInfo, ParamInfo]:
+    speed = f"Speed of port {number}, in thousands of baud"
+    return (
+        ParamInfo(
+            f"{number}_PROTOCOL", INT8, protocol, f"Protocol of port {number}", values=_PROTOCOL, reboot_required=True
+        ),
+        ParamInfo(f"{number}_BAUD", INT32, baud, speed, values=_BAUD),
+    )
 
 
 def _serial_options(number: int, kind: ParamType) -> ParamInfo:
@@ -89,12 +93,15 @@ def _serial(options: ParamType) -> tuple[ParamInfo, ...]:
     return (
         ParamInfo("0_BAUD", INT32, 115, "Speed of the USB port, in thousands of baud", values=_BAUD),
         ParamInfo("0_PROTOCOL", INT8, 2, "Protocol of the USB port", values=_CONSOLE_PROTOCOL, reboot_required=True),
-        _protocol(1),
-        _baud(1),
-        _protocol(2),
-        _baud(2),
-        _serial_options(1, options),
-        _serial_options(2, options),
+        *_port(1, _MAVLINK_2, 57),
+        *_port(2, _MAVLINK_2, 57),
+        *_port(3, _GPS, 230),
+        *_port(4, _GPS, 230),
+        *_port(5, _NO_PROTOCOL, 57),
+        *_port(6, _NO_PROTOCOL, 57),
+        *(_serial_options(number, options) for number in range(1, 7)),
+        *_port(7, _NO_PROTOCOL, 57),
+        _serial_options(7, options),
     )
 
 
