@@ -149,6 +149,8 @@ RC_CHANNEL: Final = (
 )
 """Rows of one of the RCn_ groups."""
 
+FENCE: Final = (ParamInfo("ENABLE", INT8, 0, "Keep within a fence, which there is not here", values=_OFF_ON),)
+
 LATE_FAILSAFE: Final = (
     ParamInfo("FS_VIBE_ENABLE", INT8, 1, "Fly on with vibration that the EKF cannot take", values=_OFF_ON),
     ParamInfo("FS_OPTIONS", INT32, 16, "When to carry on in spite of a failsafe, a bit each"),

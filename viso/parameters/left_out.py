@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What parameters ask of the firmware's filter that the filter here does not do."""
+"""What parameters ask of the firmware, for the most part of its filter, that is not done here."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -16,6 +16,7 @@ _ASKING: Final[Mapping[str, tuple[Callable[[float], bool], str]]] = MappingProxy
         "BCN_TYPE": (bool, _BEACONS),
         **{f"EK3_DRAG_{name}": (lambda value: value > 0, _DRAG) for name in ("BCOEF_X", "BCOEF_Y", "MCOEF")},
         "ARSPD_TYPE": (bool, "airspeed is not fused here"),
+        "FENCE_ENABLE": (bool, "no fence is kept here"),
     }
 )
 """By which values a parameter asks for what."""

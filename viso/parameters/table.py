@@ -158,6 +158,7 @@ def make_groups(
         _object("", release.flying.spots.get(AFTER_RC, ()), ""),
         _object("", flown(copter.LATE_FAILSAFE), ""),
         *([] if visual_odom is None else [visual_odom]),
+        _object("FENCE_", copter.FENCE, "FENCE_"),
         _object("STAT", (*_STAT, *release.more_stat), ""),
         _object("LOG", _LOG, ""),
         _object("SERIAL", _serial(release.port_options), ""),

@@ -14,6 +14,7 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
     ("BCN_TYPE", 1, "BCN_TYPE is 1: range beacons are not fused here"),
     ("EK3_DRAG_MCOEF", 0.25, "EK3_DRAG_MCOEF is 0.25: drag is not fused, and wind not estimated here"),
     ("ARSPD_TYPE", 2, "ARSPD_TYPE is 2: airspeed is not fused here"),
+    ("FENCE_ENABLE", 1, "FENCE_ENABLE is 1: no fence is kept here"),
 ])  # fmt: skip
 def test_what_asks_in_vain_is_told(name: str, value: float, line: str) -> None:
     assert left_out({"VISO_TYPE": 1.0, name: value}) == (line,)

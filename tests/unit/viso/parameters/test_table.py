@@ -129,10 +129,11 @@ def test_groups_are_in_the_order_of_a_copter(table: ParamTable) -> None:
     assert sorted(landmarks, key=names.index) == landmarks
 
 
-def test_visual_odom_is_listed_before_the_statistics() -> None:
+def test_visual_odom_is_listed_before_the_fence_and_the_statistics() -> None:
     table = ParamTable(make_groups(0, ParamGroup("VISO", VISO)))
     names = [param.name for param in table]
-    assert names[names.index("STAT_BOOTCNT") - 1] == "VISO_TYPE"
+    end = names.index("STAT_BOOTCNT")
+    assert names[end - 2 : end] == ["VISO_TYPE", "FENCE_ENABLE"]
 
 
 def test_each_link_adds_its_rates_and_options() -> None:
