@@ -152,7 +152,7 @@ def as_pdf(title: str, lines: Sequence[str], figures: Sequence[Figure]) -> bytes
     with PdfPages(data, metadata={"Title": plain(title), "CreationDate": None}) as pages:
         for start in range(0, len(rows), _PDF_ROWS):
             figure = Figure(figsize=_PDF_PAGE_IN)
-            figure.text(0.07, 0.93, plain(title), fontsize=14, weight="bold", va="top")
+            figure.text(0.07, 0.93, plain(title), fontsize=14, weight="bold", va="top", parse_math=False)
             text = "\n".join(rows[start : start + _PDF_ROWS])
             figure.text(0.07, 0.88, text, fontsize=10, va="top", linespacing=1.5, parse_math=False)
             pages.savefig(figure, facecolor="white")

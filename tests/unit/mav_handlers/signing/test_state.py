@@ -242,6 +242,14 @@ def test_first_link_accepts_unsigned_frames(links: Links, version: int) -> None:
     assert links.accepts(Peer(None).frame(version=version), 0)
 
 
+@pytest.mark.parametrize(("port", "accepts"), [(0, True), (1, False)])
+def test_further_client_is_held_to_what_its_link_is(links: Links, port: int, accepts: bool) -> None:
+    links.channels.append(Channel(2, "further", Codec(1, 1), port=port))
+    links.state.open_link(links.channels[2])
+    assert links.accepts(Peer(None).frame(), 2) is accepts
+    assert links.channels[2].codec.encode(TIME)[-13] == 2
+
+
 def test_first_link_accepts_bad_signatures(links: Links) -> None:
     assert links.accepts(Peer(OTHER_KEY).frame(), 0)
 

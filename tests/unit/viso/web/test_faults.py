@@ -167,3 +167,22 @@ def test_everything_else_is_the_links_own(rig: Rig) -> None:
 def test_unknown_fault_is_none(rig: Rig) -> None:
     assert not rig.switches.set("gremlins", on=True)
     assert rig.switches.on == ()
+
+
+@pytest.mark.parametrize("on_before", [True, False])
+def test_further_client_of_a_server_has_the_same_faults(
+    rig: Rig, on_before: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours, client = make_pair()
+    monkeypatch.setattr(rig.inner, "admit", lambda: ours)
+    if on_before:
+        rig.switches.set("silence", on=True)
+    other = rig.link.admit()
+    assert other is not None
+    rig.switches.set("silence", on=True)
+    frames = [Codec(1, 197).encode(message) for message in (odometry(1), ALIVE)]
+    client.send(b"".join(frames))
+    assert other.receive() == frames[1]
+    rig.switches.set("silence", on=False)
+    client.send(frames[0])
+    assert other.receive() == frames[0]
