@@ -197,7 +197,6 @@ class Autopilot:
             AssertionError: it refused, or was not there in time; the text tells what it said.
             ValueError: it is no vehicle that flies.
         """
-        __tracebackhide__ = True
         flights.take_off(self, height_m, within_s)
 
     def goto(
@@ -209,7 +208,6 @@ class Autopilot:
             AssertionError: it was not there in time; the text tells where it is and what it said.
             ValueError: it is no vehicle that flies.
         """
-        __tracebackhide__ = True
         flights.go_to(self, north_m, east_m, height_m, yaw_deg, within_s)
 
     def land(self, *, within_s: float = 60.0) -> None:
@@ -219,7 +217,6 @@ class Autopilot:
             AssertionError: it refused, or did not in time; the text tells what it said.
             ValueError: it is no vehicle that flies.
         """
-        __tracebackhide__ = True
         flights.land(self, within_s)
 
     # What is seen of it

@@ -16,6 +16,8 @@ from mav_handlers.wire.messages import (
 )
 from viso.sensors.script.script import Truth
 
+__tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
+
 if TYPE_CHECKING:
     from viso.testing.autopilot import Autopilot
 
@@ -40,7 +42,6 @@ def truth_of(autopilot: "Autopilot") -> Truth:
 
 def take_off(autopilot: "Autopilot", height_m: float, within_s: float) -> None:
     """Give the vehicle an origin if it has none, arm it in GUIDED once its checks pass, take off, and wait."""
-    __tracebackhide__ = True
     truth_of(autopilot)
     start_m, copter = _height_m(autopilot), autopilot.vehicle.copter
     if autopilot.vehicle.ahrs.origin() is None:
@@ -56,7 +57,6 @@ def go_to(
     autopilot: "Autopilot", north_m: float, east_m: float, height_m: float, yaw_deg: float | None, within_s: float
 ) -> None:
     """Fly to a place, and wait."""
-    __tracebackhide__ = True
     truth_of(autopilot)
     mask = _PLACE_ALONE if yaw_deg is None else _PLACE_ALONE & _YAW_TOO
     zeros = (0.0,) * 6
@@ -72,7 +72,6 @@ def go_to(
 
 def land(autopilot: "Autopilot", within_s: float) -> None:
     """Land, and wait until the vehicle has disarmed itself."""
-    __tracebackhide__ = True
     truth_of(autopilot)
     _command(autopilot, _LAND)
     _wait(autopilot, lambda: not autopilot.vehicle.copter.is_armed(), within_s, "the ground")
@@ -88,7 +87,6 @@ def _tell(autopilot: "Autopilot", message: Message) -> None:
 
 
 def _command(autopilot: "Autopilot", number: int, *params: float) -> None:
-    __tracebackhide__ = True
     _tell(autopilot, COMMAND_LONG(1, 1, number, 0, *params, *(0.0,) * (7 - len(params))))
     answers = [ack.result for ack in autopilot.received_of(COMMAND_ACK) if ack.command == number]
     if answers[-1:] != [0]:
@@ -97,7 +95,6 @@ def _command(autopilot: "Autopilot", number: int, *params: float) -> None:
 
 
 def _wait(autopilot: "Autopilot", is_done: Callable[[], bool], within_s: float, what: str) -> None:
-    __tracebackhide__ = True
     end_us = autopilot.now_us + round(1e6 * within_s)
     while not is_done():
         if autopilot.now_us >= end_us:
