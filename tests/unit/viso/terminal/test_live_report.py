@@ -92,7 +92,7 @@ def test_camera_may_send_before_the_filter_has_a_state(capsys: pytest.CaptureFix
     LiveReport(out).watch(vehicle)
     while vehicle.ahrs.get_filter_status() is None or scheduler.now_us < 4_600_000:
         scheduler.run_until(scheduler.now_us + 100_000)
-        scheduler.deliver(channel, codec.encode(VISION_POSITION_ESTIMATE(scheduler.now_us, *[0.0] * 6)))
+        scheduler.deliver(channel, codec.encode(VISION_POSITION_ESTIMATE(scheduler.now_us, 0, 0, 0, 0, 0, 0)))
     (told,) = [line for line in capsys.readouterr().out.splitlines() if "filter:" in line]
     assert "filter: starting" in told
 
