@@ -14,9 +14,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 link = mavutil.mavlink_connection(sys.argv[1], source_system=255, source_component=190)
 link.wait_heartbeat()
-link.mav.set_gps_global_origin_send(1, 473977420, 85455940, 488000)
-for message, rate_hz in ((mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10), (mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2)):
-    link.mav.command_long_send(1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, message, 1e6 / rate_hz, 0, 0, 0, 0, 0)
+link.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_POSITION, 10, 1)
+while not link.recv_match(type="GPS_GLOBAL_ORIGIN", blocking=True, timeout=1):  # until the filter takes it
+    link.mav.set_gps_global_origin_send(1, 473977420, 85455940, 488000)
 
 
 def command(number, *params):
@@ -39,7 +39,7 @@ def wait_for(north, east, down):
             return
 
 
-link.set_mode("GUIDED")
+command(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4)  # GUIDED
 command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 2)
 wait_for(0, 0, -2)

@@ -4,7 +4,7 @@
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final, Protocol
 
 from ap_core.location import Location
 from mav_handlers.wire.messages import (
@@ -15,11 +15,10 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.sensors.script.script import Truth
+from viso.testing.observations import StatusText
+from viso.vehicle.vehicle import Vehicle
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
-
-if TYPE_CHECKING:
-    from viso.testing.autopilot import Autopilot
 
 GUIDED: Final = 4
 STEP_S: Final = 0.05
@@ -32,7 +31,30 @@ _PLACE_ALONE: Final = 0b0000_1101_1111_1000
 _YAW_TOO: Final = ~(1 << 10)
 
 
-def truth_of(autopilot: "Autopilot") -> Truth:
+class Flown(Protocol):
+    """The autopilot of a test, as far as it takes to fly it."""
+
+    vehicle: Vehicle
+
+    @property
+    def now_us(self) -> int:
+        """The vehicle's time in us since boot."""
+
+    @property
+    def status_texts(self) -> list[StatusText]:
+        """What it said."""
+
+    def advance(self, *, ms: float | None = None, s: float | None = None) -> None:
+        """Let it run for a while."""
+
+    def send(self, message: object, *, system_id: int = 1, component_id: int = 197) -> Any:
+        """Hand it a message."""
+
+    def received_of(self, kind: type[COMMAND_ACK]) -> list[COMMAND_ACK]:
+        """Return the messages of one type that it sent."""
+
+
+def truth_of(autopilot: Flown) -> Truth:
     """Return where the vehicle really is. Raises ValueError if it is none that flies."""
     airframe = autopilot.vehicle.airframe
     if airframe is None:
@@ -40,7 +62,7 @@ def truth_of(autopilot: "Autopilot") -> Truth:
     return airframe.truth()
 
 
-def take_off(autopilot: "Autopilot", height_m: float, within_s: float) -> None:
+def take_off(autopilot: Flown, height_m: float, within_s: float) -> None:
     """Give the vehicle an origin if it has none, arm it in GUIDED once its checks pass, take off, and wait."""
     truth_of(autopilot)
     start_m, copter = _height_m(autopilot), autopilot.vehicle.copter
@@ -54,7 +76,7 @@ def take_off(autopilot: "Autopilot", height_m: float, within_s: float) -> None:
 
 
 def go_to(
-    autopilot: "Autopilot", north_m: float, east_m: float, height_m: float, yaw_deg: float | None, within_s: float
+    autopilot: Flown, north_m: float, east_m: float, height_m: float, yaw_deg: float | None, within_s: float
 ) -> None:
     """Fly to a place, and wait."""
     truth_of(autopilot)
@@ -70,23 +92,23 @@ def go_to(
     _wait(autopilot, is_there, within_s, f"{north_m} m north, {east_m} m east at {height_m} m")
 
 
-def land(autopilot: "Autopilot", within_s: float) -> None:
+def land(autopilot: Flown, within_s: float) -> None:
     """Land, and wait until the vehicle has disarmed itself."""
     truth_of(autopilot)
     _command(autopilot, _LAND)
     _wait(autopilot, lambda: not autopilot.vehicle.copter.is_armed(), within_s, "the ground")
 
 
-def _height_m(autopilot: "Autopilot") -> float:
+def _height_m(autopilot: Flown) -> float:
     pos = autopilot.vehicle.ahrs.get_relative_position_NED_origin_float()
     return 0.0 if pos is None else -float(pos.z)
 
 
-def _tell(autopilot: "Autopilot", message: Message) -> None:
+def _tell(autopilot: Flown, message: Message) -> None:
     autopilot.send(message, system_id=255, component_id=190)
 
 
-def _command(autopilot: "Autopilot", number: int, *params: float) -> None:
+def _command(autopilot: Flown, number: int, *params: float) -> None:
     _tell(autopilot, COMMAND_LONG(1, 1, number, 0, *params, *(0.0,) * (7 - len(params))))
     answers = [ack.result for ack in autopilot.received_of(COMMAND_ACK) if ack.command == number]
     if answers[-1:] != [0]:
@@ -94,7 +116,7 @@ def _command(autopilot: "Autopilot", number: int, *params: float) -> None:
         raise AssertionError(f"command {number} was refused (result {answers[-1:]}){_said(autopilot)}")
 
 
-def _wait(autopilot: "Autopilot", is_done: Callable[[], bool], within_s: float, what: str) -> None:
+def _wait(autopilot: Flown, is_done: Callable[[], bool], within_s: float, what: str) -> None:
     end_us = autopilot.now_us + round(1e6 * within_s)
     while not is_done():
         if autopilot.now_us >= end_us:
@@ -107,6 +129,6 @@ def _wait(autopilot: "Autopilot", is_done: Callable[[], bool], within_s: float, 
         autopilot.advance(s=STEP_S)
 
 
-def _said(autopilot: "Autopilot") -> str:
+def _said(autopilot: Flown) -> str:
     texts = [said.text for said in autopilot.status_texts[-5:]]
     return f"; the autopilot said last: {'; '.join(texts)}" if texts else "; the autopilot said nothing"
