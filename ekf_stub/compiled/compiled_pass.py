@@ -132,6 +132,7 @@ class CompiledPass(InertialPass):
 
     def __init__(self) -> None:
         self._mem: Array = np.zeros(kernel.SIZE)
+        self._row = b""
         self.stillness = self._answer = CompiledStillness(self._mem)
         self._restart()
 
@@ -140,15 +141,10 @@ class CompiledPass(InertialPass):
         mem[kernel.DT_IMU_AVG], mem[kernel.DT_EKF_AVG] = INITIAL_IMU_DT, EKF_TARGET_DT
         mem[kernel.DEL_VEL : kernel.STEP] = 0.0
         mem[kernel.TURNED] = 1.0
-        self._dt_ekf_avg = EKF_TARGET_DT
+        self.dt_ekf_avg = EKF_TARGET_DT
         mem[kernel.GYRO_BEFORE : kernel.RATIOS] = 0.0
         self._answer.note(kernel.HAS_BEFORE)
         mem[_BIAS_RATES] = 0.0
-
-    @property
-    def dt_ekf_avg(self) -> float:
-        """The average interval of the filter's steps, s."""
-        return self._dt_ekf_avg
 
     def accel(self) -> Three:
         """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
@@ -227,7 +223,7 @@ class CompiledPass(InertialPass):
             self._answer.note(known - is_step)
         if not is_step:
             return None
-        self._dt_ekf_avg = self._mem.item(kernel.DT_EKF_AVG)
+        self.dt_ekf_avg = self._mem.item(kernel.DT_EKF_AVG)
         step = self._mem[kernel.STEP : kernel.NOW].copy()
         return InertialStep(now_ms, step[:3], step[3:6], step.item(6), step.item(7))
 

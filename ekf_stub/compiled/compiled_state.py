@@ -20,10 +20,6 @@ from ekf_stub.filter.process_model import ProcessNoise
 from ekf_stub.filter.states import EARTH, STATES
 
 
-def _components(quat: quaternion.quaternion) -> tuple[float, float, float, float]:
-    return quat.w, quat.x, quat.y, quat.z
-
-
 class CompiledErrorState(ErrorState):
     """Nominal state and error covariance at the fusion horizon."""
 
@@ -42,13 +38,13 @@ class CompiledErrorState(ErrorState):
         is_moved: bool = False,
     ) -> None:
         """Move state and covariance on by a step; refuse unsound inertial data."""
-        limits = self.limits
+        limits, quat = self.limits, self.quat
         limits.set_step(dt_ekf_avg)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         states, rotation, accel_filtered = self.states.copy(), self.rotation.copy(), self.accel_filtered.copy()
         w, x, y, z, tilt_variance = kernel.predict(
             self.cov,
-            _components(self.quat),
+            (quat.w, quat.x, quat.y, quat.z),
             states,
             rotation,
             accel_filtered,
@@ -93,9 +89,10 @@ class CompiledErrorState(ErrorState):
         if not self._aided or self.accel_is_bad:
             return super().update_states(wanted)
         states, cov, limits, innovations = self.states.copy(), self.cov.copy(), self.limits, np.empty(len(wanted))
-        refused, *quat = kernel.update_states(
+        quat = self.quat
+        refused, *components = kernel.update_states(
             cov,
-            _components(self.quat),
+            (quat.w, quat.x, quat.y, quat.z),
             states,
             np.array(wanted),
             limits.lowest,
@@ -103,7 +100,7 @@ class CompiledErrorState(ErrorState):
             limits.lowest_var,
             innovations,
         )
-        self.quat = quaternion.quaternion(*quat)
+        self.quat = quaternion.quaternion(*components)
         self.states, self.cov = states, cov
         self.refused += refused
         return innovations.tolist()
@@ -119,14 +116,14 @@ class CompiledErrorState(ErrorState):
         """Fuse a scalar, given what `spread_of` says."""
         if left_alone or not self._can_fuse(innovation, variance, expected):
             return super().fuse_spread(spread, expected, innovation, variance, left_alone)
-        states, after, limits = self.states.copy(), np.empty((STATES, STATES)), self.limits
-        was_fused, *quat = kernel.fuse(
+        states, after, limits, quat = self.states.copy(), np.empty((STATES, STATES)), self.limits, self.quat
+        was_fused, *components = kernel.fuse(
             self.cov,
             spread,
             expected,
             innovation,
             variance,
-            _components(self.quat),
+            (quat.w, quat.x, quat.y, quat.z),
             states,
             limits.lowest,
             limits.highest,
@@ -134,6 +131,6 @@ class CompiledErrorState(ErrorState):
             after,
         )
         if was_fused:
-            self.quat = quaternion.quaternion(*quat)
+            self.quat = quaternion.quaternion(*components)
             self.states, self.cov = states, after
         return bool(was_fused)

@@ -33,19 +33,18 @@ def quat_of_euler(roll: float, pitch: float, yaw: float) -> quaternion.quaternio
 def matrix_of_quat(quat: quaternion.quaternion) -> Array:
     """Return the rotation matrix of a unit quaternion, shape (3, 3)."""
     w, x, y, z = quat.w, quat.x, quat.y, quat.z
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
+    matrix = (  # nine numbers, of which numpy makes an array in half the time that it takes for three rows
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
+    return np.array(matrix).reshape(3, 3)
 
 
 def by_rotation(quat: quaternion.quaternion) -> Array:
     """Return how the components change with a small rotation of the body, shape (4, 3)."""
     w, x, y, z = 0.5 * quat.w, 0.5 * quat.x, 0.5 * quat.y, 0.5 * quat.z
-    return np.array(((-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w)))
+    return np.array((-x, -y, -z, w, -z, y, z, w, -x, -y, x, w)).reshape(4, 3)
 
 
 def yaw_of(quat: quaternion.quaternion, *, by_321: bool) -> float:

@@ -48,7 +48,10 @@ def lower(cov: Array, limits: StateLimits) -> None:
     next fusion makes variances negative. Here covariances shrink too, and correlations stay.
     """
     variances = diagonal(cov)
-    for state in (variances > limits.highest_var).nonzero()[0].tolist():
+    are_large = (variances > limits.highest_var).tolist()
+    if True not in are_large:  # as nearly always
+        return
+    for state in (state for state, is_large in enumerate(are_large) if is_large):
         scale = math.sqrt(limits.highest_var[state] / variances[state])
         cov[state] *= scale
         cov[:, state] *= scale
@@ -58,7 +61,9 @@ def lower(cov: Array, limits: StateLimits) -> None:
 def lift(cov: Array, limits: StateLimits) -> None:
     """Raise variances that are too small; of an axis of the accelerometer's bias, beside the largest of the three."""
     variances = diagonal(cov)
-    limits.lowest_var[ACCEL] = max(MIN_ACCEL_VAR_RATIO * max(variances[ACCEL].tolist()), MIN_ACCEL_VAR)
+    first = ACCEL.start
+    largest = max(cov.item(first, first), cov.item(first + 1, first + 1), cov.item(first + 2, first + 2))
+    limits.lowest_var[ACCEL] = max(MIN_ACCEL_VAR_RATIO * largest, MIN_ACCEL_VAR)
     np.maximum(variances, limits.lowest_var, out=variances)
 
 
@@ -76,7 +81,8 @@ def fused(cov: Array, gain: Array, left_alone: Sequence[int], *, is_sharp: bool)
     if left_alone:
         used = gain.copy()
         used[left_alone] = 0.0
-    after = cov - used[:, np.newaxis] * gain
+    after = used[:, np.newaxis] * gain
+    np.subtract(cov, after, out=after)
     if left_alone:
         after = 0.5 * (after + after.T)
         if not is_positive(after):

@@ -8,9 +8,11 @@ estimated in flight with a compass only. Process noise, limits and order are the
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from ekf_stub.filter import covariance
 from ekf_stub.filter import quaternions as quaternion
@@ -31,6 +33,7 @@ from ekf_stub.filter.states import (
     STATES,
     VEL,
 )
+from ekf_stub.reports.core_report import Three
 
 INITIAL_ATT_VAR: Final = 0.1**2
 INITIAL_GYRO_BIAS_DEG_S: Final = 2.5
@@ -42,7 +45,20 @@ MAX_INNOVATION: Final = 1e7
 MIN_NOISE_VAR: Final = 1e-8
 SHARP: Final = 1e4
 
+_BIASES: Final = slice(GYRO.start - ATT.stop, ACCEL.stop - ATT.stop)
 _FIELDS: Final = slice(EARTH.start, BODY.stop)
+
+
+@cache
+def _apart(*are_frozen: bool, forgets_frozen: bool) -> npt.NDArray[np.bool_]:
+    """Return where a covariance is to be 0, shape (22, 22), as biases of the accelerometer's axes are not learned."""
+    apart = np.zeros((STATES, STATES), np.bool_)
+    for state, is_frozen in enumerate(are_frozen, ACCEL.start):
+        if is_frozen:
+            later = slice(state + 1, ACCEL.stop)
+            apart[state] = apart[:, state] = True
+            apart[state, later] = apart[later, state] = forgets_frozen
+    return apart
 
 
 class ErrorState(NominalState):
@@ -135,18 +151,24 @@ class ErrorState(NominalState):
             return
         self._aided = aided
         self.limits.set_step(dt_ekf_avg)
-        del_ang, del_vel = step.del_ang - self.gyro_bias, step.del_vel - self.accel_bias
+        turned, sped = self._less_biases(step)
         self.move(step, dt_ekf_avg, aided=aided)
         if self.learns_biases:
             self._freeze_unobservable(on_ground=on_ground, is_moved=is_moved)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
         attitude_variance, added = self._process_variances(noise, dt)
-        self._model.predict(self.cov, self, del_ang, del_vel, dt, attitude_variance, added)
+        self._model.predict(self.cov, self, turned, sped, dt, attitude_variance, added)
         self._isolate()
         covariance.lower(self.cov, self.limits)
         covariance.lift(self.cov, self.limits)
         self._keep_a_covariance()
         self.predicted_tilt_variance = self.tilt_variance()
+
+    def _less_biases(self, step: InertialStep) -> tuple[Three, Three]:
+        """Return rotation and change of velocity of a step without the biases, rad and m/s."""
+        gx, gy, gz, bx, by, bz = self.states[_BIASES].tolist()
+        (x, y, z), (vx, vy, vz) = step.del_ang.tolist(), step.del_vel.tolist()
+        return (x - gx, y - gy, z - gz), (vx - bx, vy - by, vz - bz)
 
     def _process_variances(self, noise: ProcessNoise, dt: float) -> tuple[float, Array]:
         """Return what a step adds to the variance of a rotation about any axis, and to all but the attitude's."""
@@ -174,12 +196,13 @@ class ErrorState(NominalState):
         if not self.learns_biases:
             self.clear(GYRO, 0.0)
             self.clear(ACCEL, 10 * MIN_ACCEL_VAR)
-        for state, frozen in enumerate(self._frozen_accel_vars, ACCEL.start):
-            if frozen is not None:
-                with_later = self.cov[state, state + 1 : ACCEL.stop].copy()
-                self.clear(slice(state, state + 1), frozen)
-                if not self.forgets_frozen:
-                    self.cov[state, state + 1 : ACCEL.stop] = self.cov[state + 1 : ACCEL.stop, state] = with_later
+        first, second, third = (frozen is not None for frozen in self._frozen_accel_vars)
+        if first or second or third:
+            np.copyto(self.cov, 0.0, where=_apart(first, second, third, forgets_frozen=self.forgets_frozen))
+            highest = self.limits.highest_var.item(ACCEL.start)
+            for state, frozen in enumerate(self._frozen_accel_vars, ACCEL.start):
+                if frozen is not None:
+                    self.cov[state, state] = max(frozen, 0.0) if frozen <= highest else highest
 
     def _keep_a_covariance(self) -> None:
         """Forget what biases have to do with each other where one is frozen, if with it the covariance were none.

@@ -40,22 +40,19 @@ class InertialPass:
     Attributes:
         stillness: what the test for standing still says.
         output: the present state, from ``begin`` on.
+        dt_ekf_avg: the average interval of the filter's steps, s.
     """
 
     stillness: StillnessAnswer
     output: OutputState
+    _delta: InertialDelta
 
     def __init__(self) -> None:
         self.stillness = self._stillness = Stillness()
         self._sampler = DownSampler()
+        self.dt_ekf_avg = self._sampler.dt_ekf_avg
         self._bias_rates = NO_RATES
         self._row = b""
-        self._delta: InertialDelta
-
-    @property
-    def dt_ekf_avg(self) -> float:
-        """The average interval of the filter's steps, s."""
-        return self._sampler.dt_ekf_avg
 
     def accel(self) -> Three:
         """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
@@ -73,14 +70,16 @@ class InertialPass:
         """Begin anew with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
         self.output = self._output = OutputPredictor(state, length)
         self._sampler = DownSampler()
+        self.dt_ekf_avg = self._sampler.dt_ekf_avg
         self._stillness.reset()
         self._bias_rates = NO_RATES
 
     def sample(self, delta: InertialDelta, now_ms: int, *, scale: float | None) -> None:
         """Test for standing still, and add up the data of a pass, which are taken once more in ``advance``."""
         if scale is not None:
-            self._stillness.test(*self._bias_rates, self._sampler.dt_ekf_avg, scale)
+            self._stillness.test(*self._bias_rates, self.dt_ekf_avg, scale)
         self._sampler.add(delta, LOOP_DT, now_ms)
+        self.dt_ekf_avg = self._sampler.dt_ekf_avg
 
     def advance(
         self,
@@ -108,10 +107,12 @@ class InertialPass:
         if scale is None:
             self._stillness.skip()
         else:
-            self._stillness.test(*self._bias_rates, self._sampler.dt_ekf_avg, scale)
+            self._stillness.test(*self._bias_rates, self.dt_ekf_avg, scale)
         step = self._sampler.add(delta, LOOP_DT, now_ms, may_step=may_step)
         if step is None:
-            self._output.integrate(delta, state, self._sampler.dt_ekf_avg, height_filter_hz=height_filter_hz)
+            self._output.integrate(delta, state, self.dt_ekf_avg, height_filter_hz=height_filter_hz)
+        else:
+            self.dt_ekf_avg = self._sampler.dt_ekf_avg
         return step
 
     def advance_all(
@@ -132,13 +133,14 @@ class InertialPass:
         stillness = self.stillness
         before = stillness.is_still, stillness.is_tested
         for count, now_us in enumerate(times_us, 1):
-            delta = self._delta_of(rows[count - 1])
+            delta = self.delta_of(rows[count - 1])
             step = self.advance(delta, now_us // 1000, state, scale=scale, height_filter_hz=height_filter_hz)
             if step is not None or (stillness.is_still, stillness.is_tested) != before:
                 return count, step
         return len(times_us), None
 
-    def _delta_of(self, row: Array) -> InertialDelta:
+    def delta_of(self, row: Array) -> InertialDelta:
+        """Return the inertial data that eight numbers are (`ekf_stub.filter.inertial.row_of`)."""
         data = row.tobytes()
         if data != self._row:  # a vehicle at rest has the same ones, pass by pass
             self._row, self._delta = data, delta_of(row)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import matrix_of_quat, yaw_of
-from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep, quat_of_rotation
+from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, Array, InertialStep
 from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL, StateLimits, but_attitude, within
 from ekf_stub.reports.core_report import Three
 
@@ -87,22 +87,34 @@ class NominalState:
 
     def move(self, step: InertialStep, dt_ekf_avg: float, *, aided: bool) -> None:
         """Move on by a step, with less than the measured acceleration if that is large and nothing aids."""
-        angle = self.turn_of(step, dt_ekf_avg)
-        angle -= self.earth_rate_ned.dot(self.rotation) * step.del_ang_dt
-        velocity = step.del_vel - self.accel_bias * (step.del_vel_dt / dt_ekf_avg)
-        dt, del_vel_ned = step.del_vel_dt, self.rotation.dot(velocity)
-        del_vel_ned[2] += GRAVITY_MSS * dt
-        self.quat = (self.quat * quat_of_rotation(angle)).normalized()
+        # Number by number, which takes half the time that arrays of three take; products with a matrix are the BLAS's.
+        dt, by_ang, by_vel = step.del_vel_dt, step.del_ang_dt / dt_ekf_avg, step.del_vel_dt / dt_ekf_avg
+        vel_n, vel_e, vel_d, pos_n, pos_e, pos_d, gx, gy, gz, bx, by, bz, *fields = self.states.tolist()
+        turn_x, turn_y, turn_z = self.earth_rate_ned.dot(self.rotation).tolist()
+        x, y, z = step.del_ang.tolist()
+        x, y, z = (
+            x - gx * by_ang - turn_x * step.del_ang_dt,
+            y - gy * by_ang - turn_y * step.del_ang_dt,
+            z - gz * by_ang - turn_z * step.del_ang_dt,
+        )
+        vx, vy, vz = step.del_vel.tolist()
+        north, east, down = self.rotation.dot(np.array((vx - bx * by_vel, vy - by * by_vel, vz - bz * by_vel))).tolist()
+        down += GRAVITY_MSS * dt
+        self.quat = (self.quat * (quaternion.quaternion(0.0, x, y, z) * 0.5).exp()).normalized()
         self.rotation = matrix_of_quat(self.quat)
-        self.accel_filtered = 0.95 * self.accel_filtered + 0.05 / max(dt, MIN_DT) * del_vel_ned
-        horizontal = math.hypot(*self.accel_filtered[:2].tolist())
+        new = 0.05 / max(dt, MIN_DT)
+        x, y, z = self.accel_filtered.tolist()
+        x, y = 0.95 * x + new * north, 0.95 * y + new * east
+        self.accel_filtered = np.array((x, y, 0.95 * z + new * down))
+        horizontal = math.hypot(x, y)
         if not aided and horizontal > MAX_ACCEL_WITHOUT_AIDING:
-            del_vel_ned[:2] *= MAX_ACCEL_WITHOUT_AIDING / horizontal
-        states = self.states.copy()
-        vel, pos = states[_VELOCITY], states[_POSITION]
-        pos += dt * (vel + 0.5 * del_vel_ned)
-        vel += del_vel_ned
-        self.states = within(states, self.limits.lowest, self.limits.highest)
+            north, east = (speed * (MAX_ACCEL_WITHOUT_AIDING / horizontal) for speed in (north, east))
+        moved = (
+            *(vel_n + north, vel_e + east, vel_d + down),
+            *(pos_n + dt * (vel_n + 0.5 * north), pos_e + dt * (vel_e + 0.5 * east), pos_d + dt * (vel_d + 0.5 * down)),
+            *(gx, gy, gz, bx, by, bz, *fields),
+        )
+        self.states = within(np.array(moved), self.limits.lowest, self.limits.highest)
 
     def correct(self, error: Array) -> None:
         """Add to the states, of which the attitude's are components of the quaternion; shape (22,)."""
@@ -118,7 +130,7 @@ class NominalState:
     @property
     def down(self) -> float:
         """The third of the position, m."""
-        return down_of(self.states)
+        return self.states.item(_DOWN)
 
     def acceleration(self) -> float:
         """Return how large the filtered acceleration is, m/s/s."""

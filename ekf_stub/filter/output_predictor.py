@@ -123,33 +123,45 @@ class OutputPredictor(OutputChanges):
         self.height_rate: float = self.now.pure_vel.z
         self._filtered_down: float = self.now.pure_pos.z
         self._filtered_accel = 0.0
+        self._filter_hz, self._omegas = math.nan, (0.0, 0.0, 0.0)
         self._states = state.states
         self._pure_biases = pure_quat(state.gyro_bias), pure_quat(state.accel_bias)
+        self._delta: InertialDelta | None = None
+        self._dt_ekf_avg = 0.0
+        self._turn = self._velocity = self._by_gravity = quaternion.zero
 
     def integrate(
         self, delta: InertialDelta, state: ErrorState, dt_ekf_avg: float, *, height_filter_hz: float = 2.0
     ) -> None:
         """Move on by a pass of the main loop, whose inertial data must be sound."""
-        before = self.now
+        before_quat, before_vel, before_pos = self.now
         dt = delta.del_vel_dt
         if state.states is not self._states:  # which most passes of the main loop leave as they are
-            self._states = state.states
+            self._states, self._delta = state.states, None
             self._pure_biases = pure_quat(state.gyro_bias), pure_quat(state.accel_bias)
-        gyro_bias, accel_bias = self._pure_biases
-        angle = delta.pure_ang - gyro_bias * (delta.del_ang_dt / dt_ekf_avg)
-        velocity = delta.pure_vel - accel_bias * (dt / dt_ekf_avg)
-        quat = (before.quat * ((angle + self._angle_correction) * 0.5).exp()).normalized()
-        by_gravity = quaternion.quaternion(0.0, 0.0, 0.0, GRAVITY_MSS * dt)
-        del_vel = quat * velocity * quat.conjugate() + by_gravity
-        self._filter_height(del_vel.z, dt, 2 * math.pi * limited(height_filter_hz, 0.1, 30.0))
-        vel = before.pure_vel + del_vel
-        self.now = Output(quat, vel, before.pure_pos + (vel + before.pure_vel) * (0.5 * dt))
+        if delta is not self._delta or dt_ekf_avg != self._dt_ekf_avg:  # which are the same while a vehicle is at rest
+            self._delta, self._dt_ekf_avg = delta, dt_ekf_avg
+            gyro_bias, accel_bias = self._pure_biases
+            angle = delta.pure_ang - gyro_bias * (delta.del_ang_dt / dt_ekf_avg)
+            self._turn = ((angle + self._angle_correction) * 0.5).exp()
+            self._velocity = delta.pure_vel - accel_bias * (dt / dt_ekf_avg)
+            self._by_gravity = quaternion.quaternion(0.0, 0.0, 0.0, GRAVITY_MSS * dt)
+        quat = (before_quat * self._turn).normalized()
+        del_vel = quat * self._velocity * quat.conjugate() + self._by_gravity
+        self._filter_height(before_pos.z, del_vel.z, dt, height_filter_hz)
+        vel = before_vel + del_vel
+        self.now = Output(quat, vel, before_pos + (vel + before_vel) * (0.5 * dt))
 
-    def _filter_height(self, del_vel_down: float, dt: float, omega: float) -> None:
-        error = limited(self.now.pure_pos.z - self._filtered_down, -1e5, 1e5)
-        self._filtered_accel += error * omega**3 * dt
-        self.height_rate += del_vel_down + (self._filtered_accel + error * omega**2 * 3) * dt
-        self._filtered_down += (self.height_rate + error * omega * 3) * dt
+    def _filter_height(self, down: float, del_vel_down: float, dt: float, filter_hz: float) -> None:
+        if filter_hz != self._filter_hz:
+            self._filter_hz = filter_hz
+            omega = 2 * math.pi * limited(filter_hz, 0.1, 30.0)
+            self._omegas = omega, omega**2, omega**3
+        omega, squared, cubed = self._omegas
+        error = limited(down - self._filtered_down, -1e5, 1e5)
+        accel = self._filtered_accel = self._filtered_accel + error * cubed * dt
+        rate = self.height_rate = self.height_rate + (del_vel_down + (accel + error * squared * 3) * dt)
+        self._filtered_down += (rate + error * omega * 3) * dt
 
     def follow(self, state: ErrorState, *, delay_s: float, tau_s: float, dt_imu_avg: float, dt_ekf_avg: float) -> None:
         """Steer towards the filter, once a step; velocity and position all along the history.
@@ -166,6 +178,7 @@ class OutputPredictor(OutputChanges):
         error = (delayed.quat.conjugate() * state.quat).normalized()
         attitude_gain = ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
         self._angle_correction = (error - error.conjugate()) * (attitude_gain if error.w >= 0 else -attitude_gain)
+        self._delta = None
         gain = dt_ekf_avg / limited(tau_s, dt_ekf_avg, 10.0)
         vel_x, vel_y, vel_z, pos_x, pos_y, pos_z = state.states[:_END_OF_POS].tolist()
         pos_error = quaternion.quaternion(0.0, pos_x, pos_y, pos_z) - delayed.pure_pos

@@ -21,6 +21,14 @@ _AXES: Final = np.eye(3)
 _DOWN_AXIS: Final = np.diag([0.0, 0.0, 1.0])
 
 
+def _places(rows: slice, columns: slice) -> list[int]:
+    return [row * STATES + column for row in range(STATES)[rows] for column in range(STATES)[columns]]
+
+
+# Where in the transition that stands which differs from step to step; all at once takes half the time.
+_CHANGING: Final = np.array([*_places(slice(0, VEL.stop), ATT), *_places(ATT, GYRO), *_places(VEL, ACCEL)])
+
+
 @dataclass(frozen=True, slots=True)
 class ProcessNoise:
     """Noise densities as EK3_GYRO_P_NSE, ACC_P_NSE, GBIAS_P_NSE, ABIAS_P_NSE, MAGE_P_NSE and MAGB_P_NSE give them."""
@@ -55,18 +63,39 @@ class ProcessNoise:
         return 3 * (vel,) + 3 * (0.0,) + 3 * (gyro,) + 3 * (accel,) + 3 * (earth,) + 3 * (body,)
 
 
+def _by_attitude(
+    quat: quaternion.quaternion, del_ang: tuple[float, float, float], del_vel: tuple[float, float, float]
+) -> tuple[float, ...]:
+    """Return how attitude and velocity after a step depend on the attitude before it, row by row, 28 numbers."""
+    w, x, y, z = 2 * quat.w, 2 * quat.x, 2 * quat.y, 2 * quat.z
+    ax, ay, az = del_ang
+    ax, ay, az = 0.5 * ax, 0.5 * ay, 0.5 * az
+    vx, vy, vz = del_vel
+    return (
+        *(1.0, -ax, -ay, -az),
+        *(ax, 1.0, az, -ay),
+        *(ay, -az, 1.0, ax),
+        *(az, ay, -ax, 1.0),
+        *(vz * y - vy * z, vy * y + vz * z, vz * w + vy * x - 2 * vx * y, vz * x - vy * w - 2 * vx * z),
+        *(vx * z - vz * x, vx * y - 2 * vy * x - vz * w, vx * x + vz * z, vx * w - 2 * vy * z + vz * y),
+        *(vy * x - vx * y, vx * z + vy * w - 2 * vz * x, vy * z - vx * w - 2 * vz * y, vx * x + vy * y),
+    )
+
+
 class ProcessModel:
     """Predicts covariances."""
 
     def __init__(self) -> None:
         self._transition: Array = np.eye(STATES)
+        self._half, self._predicted = np.empty((STATES, STATES)), np.empty((STATES, STATES))
+        self._moves_for: tuple[float, bool] | None = None
 
     def predict(
         self,
         cov: Array,
         state: NominalState,
-        del_ang: Array,
-        del_vel: Array,
+        del_ang: tuple[float, float, float],
+        del_vel: tuple[float, float, float],
         dt: float,
         attitude_variance: float,
         variances: Array,
@@ -83,29 +112,17 @@ class ProcessModel:
             variances: shape (18,), what is added to those of velocity and what follows it.
         """
         by_turn = by_rotation(state.quat)
-        transition = self._transition
-        self._set_attitude(state.quat, del_ang.tolist(), del_vel.tolist())
-        np.negative(by_turn, out=transition[ATT, GYRO])
-        np.negative(state.rotation, out=transition[VEL, ACCEL])
+        turn, rotation = by_turn.reshape(-1).tolist(), state.rotation.reshape(-1).tolist()
+        negative = [-number for number in (*turn, *rotation)]
+        transition, predicted = self._transition, self._predicted
+        transition.reshape(-1)[_CHANGING] = (*_by_attitude(state.quat, del_ang, del_vel), *negative)
         # FIRMWARE PARITY: where the firmware keeps a position from growing less certain it keeps its covariances too.
         is_lost = cov.item(POS.start, POS.start) + cov.item(POS.start + 1, POS.start + 1) > MAX_GROWING_POS_VAR
-        np.multiply(dt, _DOWN_AXIS if is_lost else _AXES, out=transition[POS, VEL])
-        predicted = transition.dot(cov).dot(transition.T)
+        if (dt, is_lost) != self._moves_for:
+            self._moves_for = dt, is_lost
+            np.multiply(dt, _DOWN_AXIS if is_lost else _AXES, out=transition[POS, VEL])
+        np.dot(np.dot(transition, cov, out=self._half), transition.T, out=predicted)
         predicted[ATT, ATT] += attitude_variance * by_turn.dot(by_turn.T)
         np.add(predicted, predicted.T, out=cov)
         cov *= 0.5
         diagonal(cov)[VEL.start :] += variances
-
-    def _set_attitude(self, quat: quaternion.quaternion, del_ang: list[float], del_vel: list[float]) -> None:
-        w, x, y, z = 2 * quat.w, 2 * quat.x, 2 * quat.y, 2 * quat.z
-        ax, ay, az = (0.5 * angle for angle in del_ang)
-        vx, vy, vz = del_vel
-        self._transition[: VEL.stop, ATT] = (
-            (1, -ax, -ay, -az),
-            (ax, 1, az, -ay),
-            (ay, -az, 1, ax),
-            (az, ay, -ax, 1),
-            (vz * y - vy * z, vy * y + vz * z, vz * w + vy * x - 2 * vx * y, vz * x - vy * w - 2 * vx * z),
-            (vx * z - vz * x, vx * y - 2 * vy * x - vz * w, vx * x + vz * z, vx * w - 2 * vy * z + vz * y),
-            (vy * x - vx * y, vx * z + vy * w - 2 * vz * x, vy * z - vx * w - 2 * vz * y, vx * x + vy * y),
-        )

@@ -85,7 +85,10 @@ class Stillness:
             dt_ekf_avg: average interval of the filter's steps, s.
             scale: of all limits (EK3_OGNM_TEST_SF).
         """
-        gyro, accel = _less(self.gyro.value, gyro_bias), _less(self.accel.value, accel_bias)
+        (x, y, z), (bias_x, bias_y, bias_z) = self.gyro.value, gyro_bias
+        gyro = x - bias_x, y - bias_y, z - bias_z
+        (x, y, z), (bias_x, bias_y, bias_z) = self.accel.value, accel_bias
+        accel = x - bias_x, y - bias_y, z - bias_z
         if self._gyro_before is None:
             self._gyro_before, self._accel_before = gyro, accel
             self._gyro_diff, self._accel_diff = GYRO_DIFF_LIMIT, ACCEL_DIFF_LIMIT
@@ -102,7 +105,3 @@ class Stillness:
         )
         worst = max(ratios[0], abs(ratios[1]), ratios[2], ratios[3])
         self.is_still = worst <= scale if self.is_still else worst < scale * HYSTERESIS
-
-
-def _less(first: Three, second: Three) -> Three:
-    return first[0] - second[0], first[1] - second[1], first[2] - second[2]
