@@ -112,10 +112,10 @@ class AhrsBase:
         return 0
 
     def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
-        """Run frames like the last one, up to one that may bring more than steps of the filter; return how many.
+        """Run frames, up to one of which more may come than steps of the filter; return how many.
 
         Args:
-            times_us: of the frames.
+            times_us: of the frames, all before ``quiet_until_us``.
             set_us: sets the clock to the time of one that is run.
             is_quiet: tells whether nothing beside the estimator has to do with what came of the frame at a time.
         """

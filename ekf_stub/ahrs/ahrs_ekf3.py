@@ -120,7 +120,6 @@ class Ekf3Ahrs(AhrsBase):
         self._ranges_imu_pos: Vector3f | None = None
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
-        self._sensed: Sensors | None = None  # for the next frame, which would not be quiet
         self._was_still: bool | None = None
         self._baro_zero_m = self._gps_lag_s = 0.0
         self._is_stirred = self._is_set_up = self._active = self._has_camera = self._stands_still = False
@@ -147,11 +146,11 @@ class Ekf3Ahrs(AhrsBase):
         if self._stands_still:
             return
         self._camera = camera
-        self._is_stirred = False
         now_us = self._clock.micros64()
         armed = self._parts.is_armed()
         self._source.set_armed(armed)
-        sensors, self._sensed = self._sensed or self._source.sense(now_us), None
+        sensors = self._source.sense(now_us)
+        self._is_stirred = sensors is None  # what has changed counts from the next frame on
         if sensors is not None:
             self._sensors = sensors
             if self._is_set_up or self.estimator_started():
@@ -159,19 +158,19 @@ class Ekf3Ahrs(AhrsBase):
         self._quat = None
 
     def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
-        """Run frames like the last one, up to one that may bring more than steps of the filter; return how many."""
-        core, cores, sensors, until_us = self.core, self.cores, self._sensors, self.quiet_until_us()
+        """Run frames, up to one of which more may come than steps of the filter; return how many."""
+        core, cores, sensors = self.core, self.cores, self._sensors
         if core is None or cores is None or sensors is None:
             return 0
-        done, ran_us = 0, -1
+        done, end, expected = 0, len(times_us), self._parts.expected()
+        ran_us, note_us = -1, cores.record_due_us()
         rows, left_from = _NO_ROWS, 0  # what passes from ``left_from`` on get
-        while done < len(times_us) and times_us[done] < until_us:
+        while done < end:
             if done - left_from >= len(rows):
                 rows, left_from = self._source.ahead(times_us[done:]), done
             if len(rows):
-                ahead = times_us[done : left_from + len(rows)]
-                if ahead[-1] >= until_us:
-                    ahead = ahead[: len(range(ahead.start, until_us, ahead.step))]
+                last = end if times_us[end - 1] < note_us else self._count_before(note_us, times_us, done, end - 1) + 1
+                ahead = times_us[done : min(left_from + len(rows), last)]
                 count = cores.lanes.run_alike(rows[done - left_from :], ahead, set_us)
                 self._source.pass_over(ahead[:count])
                 done += count
@@ -181,18 +180,26 @@ class Ekf3Ahrs(AhrsBase):
                 done += 1
                 if found is None:
                     continue
-                row = row_of(found.delta)[np.newaxis]
-                if not (self._brings_nothing(found, sensors) and are_usable(row)[0]):
-                    self._sensed, done = found, done - 1
-                    break
+                row, ran_us = row_of(found.delta)[np.newaxis], times_us[done - 1]
+                brings_nothing = self._brings_nothing(found, sensors) and are_usable(row)[0]
                 self._sensors = sensors = found
-                ran_us = times_us[done - 1]
-                cores.lanes.run_alike(row, times_us[done - 1 : done], set_us)
-            if core.stepped or core.is_still() != self._was_still:
-                self._note_run(cores, ran_us)
-                if not is_quiet(ran_us):
-                    break
-                until_us = self._next_event_us(cores)
+                if brings_nothing:
+                    cores.lanes.run_alike(row, times_us[done - 1 : done], set_us)
+                else:
+                    set_us(ran_us)
+                    self._run_frame(found, ran_us, armed=self._parts.is_armed())
+                    if self._parts.expected() != expected or not is_quiet(ran_us):
+                        break
+                    end, note_us = self._count_before(self.quiet_until_us(), times_us, done, end), cores.record_due_us()
+                    continue
+            brings_nothing = not core.stepped or (core.was_idle and not cores.record_is_due(ran_us))
+            if brings_nothing and ran_us < note_us and core.is_still() == self._was_still:
+                continue
+            self._note_run(cores, ran_us)
+            note_us = cores.record_due_us()
+            if not is_quiet(ran_us):
+                break
+            end = self._count_before(self._next_event_us(cores), times_us, done, end)
         if ran_us >= 0:
             log = self._replay_log
             log.start_frame(ran_us, 0)
@@ -202,16 +209,22 @@ class Ekf3Ahrs(AhrsBase):
         self._quat = None
         return done
 
+    @staticmethod
+    def _count_before(until_us: int, times_us: range, least: int, most: int) -> int:
+        """Return how many of some times come before another, within limits."""
+        return max(least, min(most, -((times_us.start - until_us) // times_us.step)))
+
     def quiet_until_us(self) -> int:
         """Return before when frames may be run like the last one, 0 if the next may not."""
-        cores, may = self.cores, self._active and not (self._is_stirred or self._stands_still)
-        if cores is None or not may or self._sensed is not None or self._replay_log.is_wanted:
+        cores, core = self.cores, self.core
+        may = self._active and not (self._is_stirred or self._stands_still)
+        if cores is None or core is None or not may or not cores.may_be_alike or self._replay_log.is_wanted:
             return 0
         is_same = self._sources.active_set == self._source_set and self._parts.ranges() is self._ranges_said
-        return self._next_event_us(cores) if is_same else 0
+        return self._next_event_us(cores) if is_same and core.fix is self._gps() else 0
 
     def _next_event_us(self, cores: Cores) -> int:
-        until_ms = cores.quiet_until_ms(self._gps())
+        until_ms = cores.quiet_until_ms()
         return 0 if until_ms is None else until_ms * 1000 + 1000
 
     def _brings_nothing(self, found: Sensors, before: Sensors) -> bool:
@@ -237,9 +250,7 @@ class Ekf3Ahrs(AhrsBase):
         self._note_run(cores, now_us)
 
     def _note_run(self, cores: Cores, now_us: int) -> None:
-        core = cores.lanes.cores[0]
-        self._was_still = core.is_still() if core.initialised else None
-        cores.log_run(now_us)
+        self._was_still = cores.log_run(now_us)
         self._follow_primary(cores)
         if self._origin is None:
             self._origin = cores.lanes.origin

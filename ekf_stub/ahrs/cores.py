@@ -21,7 +21,6 @@ from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.inertial_pass import LOOP_DT
 from ekf_stub.filter.kernel import Kernel
 from ekf_stub.inputs.compasses import Compasses, CompassReading
-from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
@@ -109,18 +108,14 @@ class Cores:
         """Run a frame of the first IMU; what others say comes beside it."""
         self.lanes.run(self._frames(frame, imus) if self._differ else (frame,))
 
-    def quiet_until_ms(self, gps: GpsSample | None) -> int | None:
-        """Return until when, included, the only filter may be run as of ``Lanes.run_alike``, None if it may not.
+    @property
+    def may_be_alike(self) -> bool:
+        """Whether there is but one filter, and nobody else is to become primary."""
+        return not self._differ and self.lanes.primary == self.lanes.chosen_by_user()
 
-        Args:
-            gps: the newest solution.
-        """
-        if self._differ or self.lanes.primary != self.lanes.chosen_by_user():
-            return None
-        ((core, log),) = self._logged
-        until_ms = core.quiet_until_ms(gps)
-        record_ms = log.quiet_until_ms(core.is_still() if core.initialised else None)
-        return None if until_ms is None or record_ms is None else min(until_ms, record_ms)
+    def quiet_until_ms(self) -> int | None:
+        """Return until when, included, the only filter may be run as of ``Lanes.run_alike``, None if it may not."""
+        return self.lanes.cores[0].quiet_until_ms()
 
     def _frames(self, frame: Frame, imus: tuple[ImuReading, ...]) -> list[Frame]:
         self._imus.update(imus, LOOP_DT)
@@ -167,12 +162,25 @@ class Cores:
                     return f"EKF3 {axis} inconsistent {int(math.degrees(apart))} deg. Wait or reboot"
         return None
 
-    def log_run(self, now_us: int) -> None:
-        """Log what the filters write by themselves after a frame."""
+    def record_is_due(self, now_us: int) -> bool:
+        """Tell whether the only filter writes anything by itself after a step."""
+        core, log = self._logged[0]
+        return log.is_due(now_us, core.is_still(), is_step=True)
+
+    def record_due_us(self) -> int:
+        """Return from when on the only filter writes something by itself after a frame without a step; 0 if now."""
+        core, log = self._logged[0]
+        return log.due_us(core.is_still())
+
+    def log_run(self, now_us: int) -> bool | None:
+        """Log what the filters write by themselves after a frame; return the first one's answer of ``is_still``."""
+        answer = None
         for core, log in self._logged:
             still = core.is_still() if core.initialised else None
+            answer = still if core is self._logged[0][0] else answer
             if log.is_due(now_us, still, is_step=core.stepped):
                 log.update(run_report_of(core), now_us, is_step=core.stepped)
+        return answer
 
     def log_estimates(self, now_us: int) -> None:
         """Log what they say at the moment."""

@@ -31,7 +31,7 @@ from ekf_stub.core.mode_control import FLYING_MS, ModeControl
 from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inactive_biases import ImuRates, InactiveBiases, with_biases
-from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, delta_of, limited
+from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, limited
 from ekf_stub.filter.inertial_pass import LOOP_DT, StillnessAnswer
 from ekf_stub.filter.kernel import PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
@@ -71,6 +71,7 @@ MOST_FRAMES_OF_STEP: Final = int(EKF_TARGET_DT / LOOP_DT + 0.5) + 3
 AFFINITY_GPS, AFFINITY_BARO, AFFINITY_MAG = 1, 2, 4  # of EK3_AFFINITY
 COMPASS_SHARE: Final = float(np.float32(0.3))
 _FIX_2D: Final = 2
+_U32: Final = 0xFFFFFFFF  # by it, as u32 does, which takes a call
 _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE_P_NSE", "MAGB_P_NSE")
 _ACCEL_NOISE: Final = _NOISES.index("ACC_P_NSE")
 
@@ -106,6 +107,7 @@ class Ekf3Core:
         initialised: it has a state.
         refused: in how many frames which of their fields could not be used.
         stepped: whether the last frame has made a step.
+        was_idle: whether nothing has come of the last step but what the filter holds to be true.
         origin: where its own positions count from, None until it is set.
     """
 
@@ -151,7 +153,7 @@ class Ekf3Core:
         self._origin_height = OriginHeight()
         self._had_flags_ms = self._now_ms = self._frames_of_step = 0
         self._fix: GpsSample | None = None
-        self.initialised = self.stepped = self._has_begun = False
+        self.initialised = self.stepped = self.was_idle = self._has_begun = False
         self._frame: Frame | None = None
 
     def _get_single(self, name: str) -> np.float32:
@@ -175,14 +177,10 @@ class Ekf3Core:
 
     # Frames like the last one
 
-    def quiet_until_ms(self, gps: GpsSample | None) -> int | None:
-        """Return until when, included, `run_alike` will do for frames like the last one; None if it does not now.
-
-        Args:
-            gps: the newest solution.
-        """
+    def quiet_until_ms(self) -> int | None:
+        """Return until when, included, `run_alike` will do for frames like the last one; None if it does not now."""
         frame = self._frame
-        if frame is None or not self.initialised or gps is not frame.gps:
+        if frame is None or not self.initialised:
             return None
         is_settled = (frame.flying_ms == 0 or frame.flying_ms > FLYING_MS) and self._door.is_open
         if not is_settled or frame.is_late or frame.imu_rates is not None:
@@ -218,7 +216,7 @@ class Ekf3Core:
         now_ms = self._now_ms = times_us[count - 1] // 1000
         control.pass_quietly(now_ms)
         self._frames_of_step += count - 1
-        delta = delta_of(rows[count - 1])
+        delta = self._pass.delta_of(rows[count - 1])
         self._door.note(delta)
         set_us(times_us[count - 1])
         self._finish(frame, delta, step, now_ms)
@@ -335,16 +333,21 @@ class Ekf3Core:
         self._frames_of_step = 0 if self.stepped else self._frames_of_step + 1
         if step is not None:
             self._steps.append(step)
+            flags, get = self.control.flags, self._get_float
             self._run_step(frame, now_ms, self._due())
-            get = self._get_float
+            is_same = self.control.flags == flags and self.aiding.mode is _ABSOLUTE
+            self.was_idle = is_same and not (self.ingest.has_due or self._texts.waiting)
             self._pass.follow(
                 delta,
                 self.state,
-                delay_s=1e-3 * u32(now_ms - self.ingest.horizon_ms),
+                delay_s=1e-3 * (now_ms - self.ingest.horizon_ms & _U32),
                 tau_s=limited(0.01 * get("TAU_OUTPUT"), 0.1, 0.5),
                 height_filter_hz=get("HRT_FILT"),
             )
-        self._check_stuck(frame, now_ms)
+        if self.control.flags:
+            self._had_flags_ms = now_ms
+        else:
+            self._check_stuck(frame, now_ms)
         if self._texts.waiting:
             self._texts.flush()
 
@@ -356,7 +359,7 @@ class Ekf3Core:
 
     def _due(self) -> InertialStep:
         step, least = self._steps[0], MIN_STEP * self._pass.dt_ekf_avg
-        self.ingest.horizon_ms = u32(step.time_ms)
+        self.ingest.move_horizon(step.time_ms & _U32)
         if step.del_ang_dt >= least and step.del_vel_dt >= least:
             return step
         return InertialStep(
@@ -368,7 +371,7 @@ class Ekf3Core:
         noise = self._process_noise(get)
         self.yaw.begin_step()
         aided = self.aiding.mode is not _NO_AIDING
-        if self.flow_ingest.is_in_use:
+        if self.flow_ingest.received_ms is not None:
             self.flow_ingest.note_turn(self.state.turn_of(step, dt), step.del_ang_dt)
         is_still, rests = self._pass.stillness.is_still, self.release.fuses_rest
         self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground, is_moved=rests and not is_still)
@@ -376,19 +379,21 @@ class Ekf3Core:
         self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)
         self._read_sensors(frame, now_ms)
-        climbed_m = self.control.climbed_m()
-        self.yaw.step(now_ms, vehicle, step, is_still=is_still, climbed_m=climbed_m)
+        self.yaw.step(now_ms, vehicle, step, is_still=is_still, climbed_m=self.control.climbed_m)
         # Three axes of a compass take so long that the firmware leaves the rest to the next step, once.
         self._fusion_waits = self.yaw.field_was_fused and not self._fusion_waits
         if not self._fusion_waits:
             self.delayed.recall(self.state, step, frame.lever_arm)
-            self._read_gps(frame.gps, now_ms)
+            if frame.gps is not None:
+                self._take_gps(frame.gps, now_ms)
+            self.gps.recall(self.ingest.horizon_ms)
             if frame.ranges is not None:
                 self.ranges.read(frame.ranges, now_ms, on_ground=vehicle.on_ground)
             self.ranges.recall(self.ingest.horizon_ms, self.state.rotation)
             self.fusion.step(now_ms, vehicle, rests=rests and (is_still or frame.takeoff_expected))
             self.flow.step(now_ms, ground_is_datum=self.height.active == RANGE)
-            self.odometry.step(now_ms, step)
+            if self.ingest.has_due:
+                self.odometry.step(now_ms, step)
         self.yaw.correct_by_gps(now_ms, vehicle)
         self.control.update_flags(frame, now_ms)
 
@@ -401,7 +406,7 @@ class Ekf3Core:
         return self._noise
 
     def _read_sensors(self, frame: Frame, now_ms: int) -> None:
-        if frame.baro is not None and u32(frame.baro[0] - self._baro_ms) > SENSOR_INTERVAL_MS:
+        if frame.baro is not None and frame.baro[0] - self._baro_ms & _U32 > SENSOR_INTERVAL_MS:
             self._baro_ms = frame.baro[0]
             time_ms = self._baro_ms - int(self._get_float("HGT_DELAY")) - HALF_FILTER_STEP_MS
             self.height.baro.push(BaroSample(later_ms(u32(time_ms), self.ingest.horizon_ms), frame.baro[1]))
@@ -409,11 +414,6 @@ class Ekf3Core:
         self.yaw.field.declination = frame.declination if table is None else table
         if frame.place_field is not None and self.origin is not None:
             self.yaw.field.use_table(frame.place_field)
-
-    def _read_gps(self, sample: GpsSample | None, now_ms: int) -> None:
-        if sample is not None:
-            self._take_gps(sample, now_ms)
-        self.gps.recall(self.ingest.horizon_ms)
 
     def _take_gps(self, sample: GpsSample, now_ms: int) -> None:
         innovations = self.fusion.innovations
@@ -449,9 +449,7 @@ class Ekf3Core:
 
     def _check_stuck(self, frame: Frame, now_ms: int) -> None:
         """Begin anew once nothing has been right for a while, on the ground."""
-        if self.control.flags:
-            self._had_flags_ms = now_ms
-        elif self._had_flags_ms and now_ms - self._had_flags_ms > FORCED_RESET_MS and not frame.armed:
+        if self._had_flags_ms and now_ms - self._had_flags_ms > FORCED_RESET_MS and not frame.armed:
             self._texts.add("forced reset", MAV_SEVERITY_WARNING)
             self._initialise(frame, now_ms)
 

@@ -86,6 +86,7 @@ class FrameDoor:
     For inertial data that are unsound stand the last that were not; for what another sensor says nothing does.
 
     Attributes:
+        is_open: nothing had to stand in for what came with the last frame but inertial data.
         delta: the inertial data of the last frame, as they came in.
         refused: in how many frames something else came in, by field of the frame.
     """
@@ -96,11 +97,7 @@ class FrameDoor:
         self.refused: Counter[str] = Counter()
         self._seen: Any = (_NOTHING_SEEN,) * len(Frame._fields[_SLOW_FIELDS])
         self._stand_ins: dict[str, Any] = {}
-
-    @property
-    def is_open(self) -> bool:
-        """Whether nothing had to stand in for what came with the last frame but inertial data."""
-        return not self._stand_ins
+        self.is_open = True
 
     def note(self, delta: InertialDelta) -> None:
         """Note usable inertial data that have come in."""
@@ -111,6 +108,7 @@ class FrameDoor:
         if not self._has_been_seen(frame):
             self._seen = frame[_SLOW_FIELDS]
             self._stand_ins = {name: instead for name, (sound, instead) in _SLOW.items() if not sound(frame)}
+            self.is_open = not self._stand_ins
         delta = self.delta = self._sound(frame.delta)
         if delta is frame.delta and not self._stand_ins:
             return frame

@@ -58,6 +58,7 @@ class Lanes:
     ) -> None:
         self.cores = tuple(cores)
         self._count = count or len(self.cores)
+        self._filters = range(self._count) if len(self.cores) > 1 else (0,) * self._count  # by number of the core
         self._common = common
         self._get_float = get_float
         self._texts = texts
@@ -75,18 +76,15 @@ class Lanes:
         wanted = int(self._get_float("PRIMARY"))
         return wanted if 0 <= wanted < self._count else 0
 
-    def _filter_of(self, number: int) -> int:
-        return number if len(self.cores) > 1 else 0
-
     @property
     def primary_filter(self) -> Ekf3Core:
         """The filter of the primary core."""
-        return self.cores[self._filter_of(self.primary)]
+        return self.cores[self._filters[self.primary]]
 
     @property
     def yaw_reset_ms(self) -> int:
         """When yaw jumped last, as the vehicle sees it (getLastYawResetAngle)."""
-        return max(self._switched_ms, self._yaw_reset_ms[self._filter_of(self.primary)])
+        return max(self._switched_ms, self._yaw_reset_ms[self._filters[self.primary]])
 
     def run(self, frames: Sequence[Frame]) -> None:
         """Run one frame of each core, and choose the primary one (UpdateFilter)."""
@@ -104,16 +102,16 @@ class Lanes:
         """Run frames of the only filter as of ``Ekf3Core.run_alike``; return how many."""
 
         def begin_last(now_us: int) -> None:
-            if now_us != times_us[0] and not self._selects:
+            if now_us != times_us[0]:
                 self._now_us = now_us - times_us.step
                 self._settle()
             set_us(now_us)
 
         (core,) = self.cores
-        count = core.run_alike(rows, times_us, begin_last)
+        count = core.run_alike(rows, times_us, set_us if self._selects else begin_last)
         now_us = self._now_us = times_us[count - 1]
-        if core.yaw_resets != self._yaw_resets[0]:
-            self._yaw_resets[0], self._yaw_reset_ms[0] = core.yaw_resets, now_us // 1000
+        if core.yaw.resets != self._yaw_resets[0]:
+            self._yaw_resets[0], self._yaw_reset_ms[0] = core.yaw.resets, now_us // 1000
         if not self._selects:
             self._settle()
         self._select()
@@ -129,7 +127,7 @@ class Lanes:
         return report
 
     def _is_healthy(self, i: int) -> bool:
-        core = self.cores[self._filter_of(i)]
+        core = self.cores[self._filters[i]]
         return core.initialised and core.control.healthy(self._now_us // 1000)
 
     def unhealthy_reason(self, now_ms: int) -> str | None:
@@ -145,14 +143,14 @@ class Lanes:
         self._selects = self._now_us - self._unhealthy_us > SETTLED_US
 
     def _select(self) -> None:
-        by_user = self.chosen_by_user()
         if int(self._get_float("OPTIONS")) & _MANUAL_LANE_SWITCH:
-            self._switch(by_user)
+            self._switch(self.chosen_by_user())
         elif self._armed and self._selects and len(self.cores) > 1:
             self._select_in_flight()
         elif self._armed and self._selects and self.cores[0].stepped:
             self.error_scores[0] = self.cores[0].error_score()
-        if not self._armed and self.primary != by_user and self._is_healthy(by_user):
+        by_user = self.primary if self._armed else self.chosen_by_user()
+        if self.primary != by_user and self._is_healthy(by_user):
             self.primary = by_user
 
     def _select_in_flight(self) -> None:

@@ -48,16 +48,18 @@ class FlowFusion(Fusion):
             now_ms: time of the step.
             ground_is_datum: heights count from the ground, as they come from a range finder.
         """
-        flow, terrain = self._flow.recall(self._ingest.horizon_ms), self._terrain
+        flow = None if self._flow.received_ms is None else self._flow.recall(self._ingest.horizon_ms)
+        terrain = self._terrain
         self.is_valid = now_ms - self._flow.valid_ms < VALID_MS
         self.ground_is_valid = now_ms - terrain.valid_ms < LOST_MS or ground_is_datum
-        seen = flow or _NOTHING
-        if not self.takeoff_detected and terrain.above < FOCUS_M:
-            # So that it can be carried, a vehicle too near the ground to see it sharply counts as standing.
-            seen = seen._replace(flow=(0.0, 0.0), flow_comp=(0.0, 0.0))
-            self.is_valid = True
+        # So that it can be carried, a vehicle too near the ground to see it sharply counts as standing.
+        stands = not self.takeoff_detected and terrain.down - self._state.down < FOCUS_M
+        self.is_valid |= stands
         if (flow is None and not terrain.ranges.is_due) or self._state.rotation.item(2, 2) <= LEAST_UPRIGHT:
             return
+        seen = flow or _NOTHING
+        if stands:
+            seen = seen._replace(flow=(0.0, 0.0), flow_comp=(0.0, 0.0))
         if terrain.ranges.is_due or self._get_float("FLOW_USE") == FLOW_FOR_TERRAIN:
             terrain.estimate(now_ms, seen, is_datum=ground_is_datum)
         if flow is not None:

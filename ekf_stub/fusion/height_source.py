@@ -102,14 +102,15 @@ class HeightSource(Fusion):
 
     def select(self, now_ms: int, vehicle: Vehicle) -> bool:
         """Choose and measure, once a step; tell whether the source has changed and the height must follow."""
-        baro = self.baro.recall(self._ingest.horizon_ms).sample
+        baro = self.baro.recall(self._ingest.horizon_ms).sample if self.baro.samples else None
         if baro is not None:
             self.baro_height = baro.height
         self._choose(now_ms)
         if baro is not None and self.active != BARO:
             error = baro.height + self._state.down - self._baro_offset
             self._baro_offset += _OFFSET_GAIN * limited(error, -_OFFSET_STEP_LIMIT, _OFFSET_STEP_LIMIT)
-        self._correct_origin()
+        if self._gps.is_due:
+            self._correct_origin()
         self.is_new = self._measure(now_ms, baro, vehicle)
         has_changed = self.is_new and self.active != self._fused
         if has_changed:
@@ -119,7 +120,7 @@ class HeightSource(Fusion):
     def _correct_origin(self) -> None:
         """Let GPS tell how high the origin is, while height comes from another sensor."""
         fix, gps = self._gps.delayed, self._gps
-        if not gps.is_due or fix is None or not int(self._get_float("OGN_HGT_MASK")) & _MASKS.get(self.active, 0):
+        if fix is None or not int(self._get_float("OGN_HGT_MASK")) & _MASKS.get(self.active, 0):
             return
         by_slope = STEEPEST * math.hypot(*self._state.vel[:2].tolist())
         self._origin_height.correct(

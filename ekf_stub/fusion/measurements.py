@@ -70,8 +70,10 @@ class Delayed:
             step: the inertial data of the prediction.
             lever_arm: the camera's place from the IMU, m, body (FRD).
         """
-        self._recall_pose(state, lever_arm)
-        self._recall_velocity(state, step, lever_arm)
+        self.has_pose = self.has_velocity = False
+        if self._ingest.has_due:
+            self._recall_pose(state, lever_arm)
+            self._recall_velocity(state, step, lever_arm)
 
     def _recall_pose(self, state: ErrorState, lever_arm: Three) -> None:
         sample = self._ingest.recall_pose()
@@ -79,8 +81,8 @@ class Delayed:
 
     def _take_pose(self, sample: PoseSample, state: ErrorState, lever_arm: Three) -> bool:
         x, y, z, err = map(float, (*sample.pos.to_tuple(), sample.pos_err))
-        if not self._is_finite("pose", sample.time_ms, x + y + z + err):
-            return False
+        if not math.isfinite(x + y + z + err):
+            return self._refuse("pose", sample.time_ms)
         pos = np.array((x, y, z))
         if any(lever_arm):
             pos -= state.rotation @ np.array(lever_arm)
@@ -93,18 +95,16 @@ class Delayed:
 
     def _take_velocity(self, sample: VelocitySample, state: ErrorState, step: InertialStep, lever_arm: Three) -> bool:
         x, y, z, err = map(float, (*sample.vel.to_tuple(), sample.err))
-        if not self._is_finite("velocity", sample.time_ms, x + y + z + err):
-            return False
+        if not math.isfinite(x + y + z + err):
+            return self._refuse("velocity", sample.time_ms)
         vel = np.array((x, y, z))
         if any(lever_arm):
             vel -= state.rotation @ np.cross(step.del_ang / step.del_ang_dt, np.array(lever_arm))
         self.velocity = Velocity(sample.time_ms, vel, err)
         return True
 
-    def _is_finite(self, kind: str, time_ms: int, total: float) -> bool:
-        """Tell whether numbers that were single precision are finite: then their sum is, and only then."""
+    def _refuse(self, kind: str, time_ms: int) -> bool:
+        """Refuse what is not finite: of numbers that were single precision their sum tells."""
         # FIRMWARE PARITY: there an infinite position fails its gate, but is fused once position has timed out.
-        if math.isfinite(total):
-            return True
         self._ingest.tell(kind, rules.NOT_FINITE, time_ms)
         return False

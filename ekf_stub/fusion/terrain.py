@@ -61,7 +61,7 @@ class Terrain(Fusion):
     def constrain(self) -> None:
         """Keep the ground below the vehicle, after a prediction (ConstrainStates)."""
         if not self._is_held:
-            self._keep_below()
+            self.down = max(self.down, self._state.down + self.ranges.on_ground)
 
     def _keep_below(self) -> None:
         self.down = max(self.down, self._state.down + self.ranges.on_ground)

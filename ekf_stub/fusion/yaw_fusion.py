@@ -3,6 +3,7 @@
 """Alignment and fusion of yaw (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, SelectMagFusion)."""
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 from ap_core.fmath import f32
@@ -98,7 +99,7 @@ class YawFusion(Fusion):
         return self._frame_uses_compass
 
     def _look_at_sources(self) -> None:
-        source, has_compass = self._sources.yaw(), self.has_compass()
+        source, has_compass = self._sources.yaw(), self.compass.is_used()
         self._frame_source = _YAW_NONE if source == _YAW_COMPASS and not has_compass else source
         self._frame_uses_compass = source in _BY_COMPASS and has_compass and not self.compass.has_failed
 
@@ -123,7 +124,9 @@ class YawFusion(Fusion):
         if self.field.learn(wanted=self.uses_compass() and self._alignment.wants_field(magcal, vehicle)):
             self._alignment.request_for_field(vehicle)
 
-    def step(self, now_ms: int, vehicle: Vehicle, step: InertialStep, *, is_still: bool, climbed_m: float) -> None:
+    def step(
+        self, now_ms: int, vehicle: Vehicle, step: InertialStep, *, is_still: bool, climbed_m: Callable[[], float]
+    ) -> None:
         """Fuse what came due in a step.
 
         Args:
@@ -131,16 +134,16 @@ class YawFusion(Fusion):
             vehicle: what is known of it.
             step: the inertial data.
             is_still: whether it stands still on the ground.
-            climbed_m: height above the place of take-off.
+            climbed_m: tells the height above the place of take-off.
         """
-        source = self.source()
+        source = self._frame_source
         self._source_changed |= source != self._source
         self._source = source
         if not is_still:
             self._by_321_at_rest = self._state.prefers_321()
             self._yaw_at_rest = self._state.yaw(by_321=self._by_321_at_rest)
         self.field_was_fused = False
-        if source == _YAW_GSF or (not self.uses_compass() and source not in _WITHOUT_COMPASS):
+        if source == _YAW_GSF or (not self._frame_uses_compass and source not in _WITHOUT_COMPASS):
             if self._source_changed or not self.aligned:
                 self._align_by_gps(now_ms, vehicle)
                 self._source_changed = False
@@ -151,20 +154,21 @@ class YawFusion(Fusion):
             if source == _YAW_GPS:
                 return
             if self._gps_ms:
-                self._read_compass(now_ms, vehicle)
+                self.compass.read(now_ms, vehicle, is_in_use=self._frame_uses_compass)
                 return
-        ext_nav = self._ingest.recall_yaw()
+        ext_nav = self._ingest.recall_yaw() if self._ingest.has_due else None
         if ext_nav is not None and not (math.isfinite(ext_nav.yaw) and math.isfinite(ext_nav.yaw_err)):
             self._ingest.tell("yaw", rules.NOT_FINITE, ext_nav.time_ms)
         elif ext_nav is not None:
             self._use_ext_nav(ext_nav, now_ms, vehicle)
-        elif source == _YAW_EXTNAV:
+        elif source == _YAW_EXTNAV and not self.aligned:
             self._wait_for_sensor(now_ms, vehicle, is_still=is_still)
-        self.compass.check_timeout(now_ms, is_in_use=self.uses_compass())
-        self._read_compass(now_ms, vehicle)
-        mag = self.compass.samples.recall(self._ingest.horizon_ms).sample
-        if mag is not None and self.uses_compass():
-            self._align_by_compass(mag, vehicle, climbed_m=climbed_m)
+        self.compass.check_timeout(now_ms, is_in_use=self._frame_uses_compass)
+        self.compass.read(now_ms, vehicle, is_in_use=self._frame_uses_compass)
+        readings = self.compass.samples
+        mag = readings.recall(self._ingest.horizon_ms).sample if readings.samples else None
+        if mag is not None and self._frame_uses_compass:
+            self._align_by_compass(mag, vehicle, climbed_m=climbed_m())
             if self.aligned:
                 self._fuse_compass(mag, vehicle, step)
         self.field.note_learned(is_set_in_flight=self._alignment.field_done)
@@ -178,9 +182,6 @@ class YawFusion(Fusion):
     def wants_alignment(self) -> bool:
         """Whether yaw is to be aligned with the next reading of the compass."""
         return self._alignment.is_requested
-
-    def _read_compass(self, now_ms: int, vehicle: Vehicle) -> None:
-        self.compass.read(now_ms, vehicle, is_in_use=self.uses_compass())
 
     def check_compass(self, now_ms: int, vehicle: Vehicle) -> None:
         """Ask for an alignment once a compass has been off for 5 s on the ground (calcGpsGoodToAlign).

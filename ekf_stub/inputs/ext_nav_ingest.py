@@ -28,6 +28,8 @@ HALF_FILTER_STEP_MS: Final = 6  # of a main loop of 400 Hz
 DT_EKF_AVG: Final = f32(0.0125)  # where the firmware's average settles at that rate
 MIN_YAW_ERR: Final = f32(math.radians(5))
 
+_SIGN: Final = 1 << 31
+
 T = TypeVar("T", bound=Timed)
 
 
@@ -99,6 +101,7 @@ class ExtNavIngest:
         counts: see above.
         initialised: whether the estimator has a state.
         horizon_ms: the time of the oldest inertial data, to which later measurements are compared.
+        has_due: whether anything may have come due as the horizon moved last.
         have_pose, have_odometry: whether one has ever been taken.
         have_velocity: the same of a velocity (useExtNavVel).
         pose_stamp_ms: the stamp of the last pose taken, before any correction (extNavMeasTime_ms).
@@ -128,11 +131,13 @@ class ExtNavIngest:
         self._velocities: ObsRing[VelocitySample] = ObsRing(ext_nav)
         self._odometry: ObsRing[OdometrySample] = ObsRing(slow)
         self._waiting_ms: dict[str, deque[int]] = {kind: deque() for kind in ("pose", "yaw", "velocity", "odometry")}
+        self._waiting = tuple(self._waiting_ms.values())
 
     def reset(self) -> None:
         """Forget everything, as the estimator begins anew (NavEKF3_core::InitialiseVariables)."""
         self.initialised = False
         self.horizon_ms = 0
+        self.has_due = True
         self.have_pose = self.have_velocity = self.have_odometry = False
         self.pose_stamp_ms = 0
         self.velocity_stamp_ms = 0
@@ -249,15 +254,28 @@ class ExtNavIngest:
         waiting_ms.append(sample.time_ms)
         return self.tell(kind, rules.TAKEN, sample.time_ms)
 
+    def move_horizon(self, horizon_ms: int) -> None:
+        """Move the horizon on, and see whether anything comes due; in most steps nothing does."""
+        self.horizon_ms = horizon_ms
+        self.has_due = False
+        for waiting_ms in self._waiting:
+            if waiting_ms and not (horizon_ms - waiting_ms[0]) & _SIGN:  # as i32(...) >= 0, without a call
+                self.has_due = True
+                return
+
     def _recall(self, kind: str, ring: ObsRing[T]) -> T | None:
+        if not self.has_due:
+            return None
         recalled = ring.recall(self.horizon_ms)
         if recalled is NOTHING_DUE:
             return None
         sample, superseded, too_old = recalled
         waiting_ms = self._waiting_ms[kind]
-        left_ms = [waiting_ms.popleft() for _ in range(superseded + too_old + (sample is not None))]
         if superseded or too_old:
-            self._tell_lost(kind, left_ms)
+            left = superseded + too_old + (sample is not None)
+            self._tell_lost(kind, [waiting_ms.popleft() for _ in range(left)])
+        else:
+            waiting_ms.popleft()
         return sample
 
     def _tell_lost(self, kind: str, left_ms: list[int]) -> None:

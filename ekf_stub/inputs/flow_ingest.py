@@ -79,11 +79,6 @@ class FlowIngest:
         self._turned: Array = np.zeros(3)
         self._turned_s = 0.0
 
-    @property
-    def is_in_use(self) -> bool:
-        """Whether anything has come in."""
-        return self.received_ms is not None
-
     def note_turn(self, del_ang: Array, del_ang_dt: float) -> None:
         """Note by how much the vehicle turned in a step, rad, without the gyro's bias, and in which time, s."""
         self._turned = self._turned + del_ang

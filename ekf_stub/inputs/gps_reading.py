@@ -178,7 +178,7 @@ class GpsReading:
 
     def recall(self, horizon_ms: int) -> None:
         """Take out what has come due."""
-        fix = self._ring.recall(horizon_ms).sample
+        fix = self._ring.recall(horizon_ms).sample if self._ring.samples else None
         self.is_due = fix is not None
         if fix is not None:
             self.delayed = self._at_imu(fix)

@@ -8,6 +8,7 @@ from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 from ap_core.cint import i32
 
 RECALL_WINDOW_MS: Final = 100
+_SIGN: Final = 1 << 31
 
 
 class Timed(Protocol):
@@ -36,11 +37,14 @@ class ObsRing(Generic[T]):
     """A buffer in order of arrival; the oldest sample gives way when it is full (ekf_ring_buffer).
 
     It holds ``size`` samples; 0 stands for a buffer that was never allocated.
+
+    Attributes:
+        samples: those that wait, the oldest first.
     """
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._samples: deque[T] = deque()
+        self.samples: deque[T] = deque()
 
     @property
     def exists(self) -> bool:
@@ -49,10 +53,10 @@ class ObsRing(Generic[T]):
 
     def push(self, sample: T) -> bool:
         """Append a sample; tell whether the oldest was overwritten for it."""
-        overwrites = len(self._samples) >= self._size
+        overwrites = len(self.samples) >= self._size
         if overwrites:
-            self._samples.popleft()
-        self._samples.append(sample)
+            self.samples.popleft()
+        self.samples.append(sample)
         return overwrites
 
     def recall(self, horizon_ms: int) -> Recalled[T]:
@@ -60,16 +64,16 @@ class ObsRing(Generic[T]):
 
         A sample from the future blocks those that arrived after it.
         """
-        # In most steps nothing comes due.
-        if not self._samples or i32(horizon_ms - self._samples[0].time_ms) < 0:
+        # In most steps nothing comes due; the second is i32(...) < 0 without a call.
+        if not self.samples or (horizon_ms - self.samples[0].time_ms) & _SIGN:
             return NOTHING_DUE
         found: T | None = None
         superseded = too_old = 0
-        while self._samples:
-            age_ms = i32(horizon_ms - self._samples[0].time_ms)
+        while self.samples:
+            age_ms = i32(horizon_ms - self.samples[0].time_ms)
             if age_ms < 0:
                 break
-            sample = self._samples.popleft()
+            sample = self.samples.popleft()
             if age_ms >= RECALL_WINDOW_MS:
                 too_old += 1
                 continue
@@ -79,7 +83,7 @@ class ObsRing(Generic[T]):
 
     def clear(self) -> None:
         """Forget everything."""
-        self._samples.clear()
+        self.samples.clear()
 
 
 class RingSizes(NamedTuple):

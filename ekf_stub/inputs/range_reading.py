@@ -157,7 +157,7 @@ class RangeReading:
             horizon_ms: the time of the oldest inertial data.
             rotation: body to earth.
         """
-        sample = self._ring.recall(horizon_ms).sample
+        sample = self._ring.recall(horizon_ms).sample if self._ring.samples else None
         self.is_due = sample is not None
         if sample is not None:
             self.distance = sample.distance

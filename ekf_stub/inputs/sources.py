@@ -52,6 +52,22 @@ _NAMES: Final[tuple[dict[str, str], ...]] = (
 EXTNAV: Final = 6  # in every row
 
 
+class _Rows(dict[int, dict[str, int]]):
+    """What sets say, by their index; it fills itself, since to ask a dictionary is the fastest way to ask.
+
+    Args:
+        read: reads a set that is not there.
+    """
+
+    def __init__(self, read: Callable[[int], dict[str, int]]) -> None:
+        super().__init__()
+        self._read = read
+
+    def __missing__(self, index: int) -> dict[str, int]:
+        """Read a set."""
+        return self._read(index)
+
+
 class EkfSources:
     """The three source sets and which one is active.
 
@@ -66,7 +82,7 @@ class EkfSources:
     ) -> None:
         self._get_param = get_param
         self._keeps = on_change is not None
-        self._rows: dict[int, dict[str, int]] = {}
+        self._rows = _Rows(self._read_row)
         self._alignments: dict[int, tuple[bool, bool]] = {}
         self.active_set = 0
         if on_change is not None:
@@ -76,36 +92,34 @@ class EkfSources:
         self._rows.clear()
         self._alignments.clear()
 
-    def _row(self, index: int) -> dict[str, int]:
-        row = self._rows.get(index)
-        if row is None:
-            row = {what: self._get_param(name) for what, name in _NAMES[index].items()}
-            if self._keeps:
-                self._rows[index] = row
+    def _read_row(self, index: int) -> dict[str, int]:
+        row = {what: self._get_param(name) for what, name in _NAMES[index].items()}
+        if self._keeps:
+            self._rows[index] = row
         return row
 
     def value(self, index: int, what: str) -> int:
         """Return a row of a set, such as ``POSXY`` of set 0..2."""
-        return self._row(index)[what]
+        return self._rows[index][what]
 
     def _options(self) -> int:
-        return self._row(SETS)["OPTIONS"]
+        return self._rows[SETS]["OPTIONS"]
 
     def active(self) -> dict[str, int]:
         """Return the active set by row: the same object until a parameter or the active set changes, if it is told."""
-        return self._row(self.active_set)
+        return self._rows[self.active_set]
 
     def pos_xy(self) -> int:
         """Return the active source of horizontal position."""
-        return self._row(self.active_set)["POSXY"]
+        return self._rows[self.active_set]["POSXY"]
 
     def pos_z(self) -> int:
         """Return the active source of height."""
-        return self._row(self.active_set)["POSZ"]
+        return self._rows[self.active_set]["POSZ"]
 
     def yaw(self) -> int:
         """Return the active yaw source."""
-        return self._row(self.active_set)["YAW"]
+        return self._rows[self.active_set]["YAW"]
 
     def uses_vel_xy(self, source: SourceXY) -> bool:
         """Tell whether horizontal velocity is taken from a source (useVelXYSource)."""
@@ -116,7 +130,7 @@ class EkfSources:
         return self._uses_velocity("VELZ", source)
 
     def _uses_velocity(self, what: str, source: int) -> bool:
-        if self.value(self.active_set, what) == source:
+        if self._rows[self.active_set][what] == source:
             return True
         fuse_all = self._options() & OPTION_FUSE_ALL_VELOCITIES != 0
         return fuse_all and self._any_set_has(what, source)

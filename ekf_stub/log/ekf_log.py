@@ -13,7 +13,7 @@ import numpy as np
 
 from ap_core.cint import int_of_float
 from ap_core.clock import NEVER
-from ap_core.fmath import RAD_TO_DEG, f32
+from ap_core.fmath import RAD_TO_DEG, f32, ieee754
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
@@ -93,20 +93,18 @@ class EkfLog:
             is_still: the answer of the test for standing still, None while the test does not run.
             is_step: whether the filter has made a step.
         """
+        now_ms = now_us // 1000
         if is_still is None:
             self._was_still = False
-        elif self._stillness_is_due(now_us // 1000, is_still):
+        elif is_still != self._was_still or (now_ms - self._stillness_ms) & _U32 > STILLNESS_INTERVAL_MS:
             return True
-        return is_step and self._tilt_is_due(now_us // 1000)
+        return is_step and (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS
 
-    def quiet_until_ms(self, is_still: bool | None) -> int | None:
-        """Return until when, included, nothing is due in frames without a step that answer as the last one did.
-
-        None if something is due in the next.
-        """
+    def due_us(self, is_still: bool | None) -> int:
+        """Return from when on something is due in frames without a step that answer as the last one did; 0 if now."""
         if is_still is None:
             return NEVER
-        return self._stillness_ms + STILLNESS_INTERVAL_MS if is_still == self._was_still else None
+        return (self._stillness_ms + STILLNESS_INTERVAL_MS + 1) * 1000 if is_still == self._was_still else 0
 
     def update(self, report: CoreReport | RunReport, now_us: int, *, is_step: bool = True) -> None:
         """Write what the filter itself writes as it runs; called after it, in any frame in which something is due.
@@ -115,19 +113,13 @@ class EkfLog:
         """
         now_ms = now_us // 1000
         still = report.stillness
-        if still is not None and self._stillness_is_due(now_ms, still.is_still):
+        if still is not None and self.is_due(now_us, still.is_still, is_step=False):
             self._stillness_ms, self._was_still = now_ms, still.is_still
             lengths = still.gyro_length_ratio, still.accel_length_ratio
             self._write_all(XKFM, now_us, (still.is_still, *lengths, still.gyro_diff_ratio, still.accel_diff_ratio))
-        if is_step and self._tilt_is_due(now_ms):
+        if is_step and (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS:
             self._tilt_ms = now_ms
             self._write_all(XKTV, now_us, (report.tilt_error_rad**2,) * 2)
-
-    def _stillness_is_due(self, now_ms: int, is_still: bool) -> bool:
-        return is_still != self._was_still or (now_ms - self._stillness_ms) & _U32 > STILLNESS_INTERVAL_MS
-
-    def _tilt_is_due(self, now_ms: int) -> bool:
-        return (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS
 
     def _write_all(self, structure: LogStructure, now_us: int, values: Values) -> None:
         for core in self._cores:
@@ -141,12 +133,11 @@ class EkfLog:
         if level >= _NOTHING:
             return
         primary, cores = self._primary(), self._cores
-        with np.errstate(over="ignore", invalid="ignore"):
-            records = [(XKF4, _xkf4(report, primary), False)]
-            if level != _ONLY_XKF4 and report.gsf is not None:
-                records += [(XKY0, _xky0(report.gsf), False), (XKY1, _xky1(report.gsf), False)]
-            if level < _ONLY_XKF4:
-                records += self._further_records(report, now_us // 1000, of_primary=primary in cores)
+        records = [(XKF4, _xkf4(report, primary), False)]
+        if level != _ONLY_XKF4 and report.gsf is not None:
+            records += [(XKY0, _xky0(report.gsf), False), (XKY1, _xky1(report.gsf), False)]
+        if level < _ONLY_XKF4:
+            records += self._further_records(report, now_us // 1000, of_primary=primary in cores)
         for core in cores:
             for structure, values, is_of_primary in records:
                 if core == primary or not is_of_primary:
@@ -177,6 +168,7 @@ class EkfLog:
         return records
 
 
+@ieee754
 def _xkf1_to_3(report: CoreReport) -> tuple[Values, Values, Values]:
     """Return XKF1, XKF2 and XKF3; what the firmware scales in single precision is scaled all at once."""
     angles = *report.rpy_rad, *report.gyro_bias, report.yaw_innovation
@@ -198,6 +190,7 @@ def _heading_cdeg(yaw_deg: np.float32) -> int:
     return int_of_float(float(cdeg + _FULL_TURN_CDEG if cdeg < 0 else cdeg))
 
 
+@ieee754
 def _xkf4(report: CoreReport, primary: int) -> Values:
     ratios = (report.vel_ratio, report.pos_ratio, report.height_ratio, max(report.mag_ratio, report.yaw_ratio))
     roots = [_ONE * math.sqrt(ratio) for ratio in ratios]  # single precision, in which the firmware scales them
@@ -207,12 +200,14 @@ def _xkf4(report: CoreReport, primary: int) -> Values:
 
 def _xkf5(report: CoreReport) -> Values:
     terrain = report.terrain
-    rates = (1000 * rate for rate in (*terrain.flow_innovation, terrain.ground_innovation))
+    x, y = terrain.flow_innovation
     above = limited(terrain.above, -_HIGHEST_M, _HIGHEST_M)
     heights = above, terrain.down, terrain.range_innovation, terrain.range_m, terrain.sigma
     return (
-        min(100 * terrain.flow_ratio, 255.0),
-        *rates,
+        int_of_float(min(100 * terrain.flow_ratio, 255.0)),
+        int_of_float(1000 * x),
+        int_of_float(1000 * y),
+        int_of_float(1000 * terrain.ground_innovation),
         *heights,
         report.angle_error,
         report.vel_error,

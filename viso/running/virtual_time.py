@@ -13,7 +13,7 @@ class Scheduler:
 
     Attributes:
         period_us: from one pass to the next; longer where nobody looks at more than messages.
-        on_pass: called after each pass of which more may have come than steps of the filter.
+        on_pass: called after each pass of which more may have come than steps of the filter, and after some others.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -39,8 +39,8 @@ class Scheduler:
             if not count:
                 self._vehicle.clock.set_us(self._next_loop_us)
                 self._vehicle.loop()
-                if self.on_pass is not None:
-                    self.on_pass()
+            if self.on_pass is not None:
+                self.on_pass()
             self._next_loop_us += self.period_us * max(1, count)
         self._vehicle.clock.set_us(time_us)
 

@@ -11,6 +11,7 @@ from ap_core.cint import int_of_float, u8, u16, u32
 from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
+from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink, TextSink
 from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT
@@ -64,6 +65,7 @@ class MavlinkGps:
     ) -> None:
         self._clock = clock
         self._params = params
+        self._type = FromParams(params, lambda: params.get_int("GPS1_TYPE"))
         self._texts = texts
         self._logger = logger
         self._set_utc_us = set_utc_us
@@ -75,9 +77,6 @@ class MavlinkGps:
         self._delayed_count = 0
         self._average_delta_ms = f32(0)
         self._sample: GpsSample | None = None  # as long as nothing has changed
-
-    def _type(self) -> int:
-        return self._params.get_int("GPS1_TYPE")
 
     @property
     def has_driver(self) -> bool:
@@ -94,7 +93,7 @@ class MavlinkGps:
 
     def sample(self) -> GpsSample | None:
         """Return the newest solution, or None without a driver."""
-        if not self.has_driver:
+        if self._driver is None or not self.has_driver:
             return None
         if self._sample is None:
             self._sample = self._make_sample()

@@ -289,7 +289,7 @@ class Vehicle:
         self.logger.update(self._log_wanted(), self.params)
 
     def loop_quietly(self, times_us: range) -> int:
-        """Run passes of which nothing comes but what the filter makes of its inertial data.
+        """Run passes of which nothing comes but what the filter makes of its inertial data, and one with a task.
 
         What ``loop`` would have done is done for many at once; and for one of which something came, to its end.
 
@@ -299,12 +299,20 @@ class Vehicle:
         Returns:
             How many were run: all, or until ``loop`` is to run the next.
         """
-        quiet = times_us and times_us[: max(0, -((times_us.start - self.quiet_until_us()) // times_us.step))]
-        count = self.ahrs.run_quietly(quiet, self.clock.set_us, self._is_quiet) if quiet else 0
+        if not times_us:
+            return 0
+        start_us, step_us = times_us.start, times_us.step
+        until_us = self._estimator_quiet_until_us()
+        task_us = self._next_task_us() if until_us > start_us else 0
+        if not task_us:
+            return 0
+        before = -((start_us - until_us) // step_us)
+        quiet = times_us[: min(before, max(0, -((start_us - task_us) // step_us)) + 1)]
+        count = self.ahrs.run_quietly(quiet, self.clock.set_us, self._is_quiet)
         if not count:
             return 0
         now_us = quiet[count - 1]
-        is_quiet = self._is_quiet(now_us)
+        is_quiet = now_us < task_us and self._is_quiet(now_us)
         over = quiet[: count if is_quiet else count - 1]
         if over:
             self._next_gps_us = _next_of(self._next_gps_us, GPS_PERIOD_US, over)
@@ -321,10 +329,15 @@ class Vehicle:
 
     def quiet_until_us(self) -> int:
         """Return before when nothing comes of passes but what the filter makes of its data; 0 if of the next one."""
+        until_us = self._estimator_quiet_until_us()
+        return until_us and min(until_us, self._next_task_us())
+
+    def _estimator_quiet_until_us(self) -> int:
+        """Return before when passes bring no more to the estimator than inertial data, as things are; 0 if the next."""
         if not self._initialised or self._situation() != self._seen:
             return 0
         until_us = self.ahrs.quiet_until_us()
-        return until_us and min(until_us, self._next_task_us())
+        return until_us if self.flown is None else min(until_us, self.flown.next_event_us())
 
     def _is_quiet(self, now_us: int) -> bool:
         """Tell whether nothing but the estimator has to do anything in a pass."""
@@ -344,7 +357,6 @@ class Vehicle:
             NEVER if self.flow.is_idle else self._next_flow_us,
             NEVER if self.ranges.is_idle else self._next_range_us,
             self._next_throttle_us if self.copter.is_near_ground else NEVER,
-            NEVER if self.flown is None else self.flown.next_event_us(),
             NEVER if self._vicon is None else self._vicon.next_us(),
             NEVER if disarmed_us is None else _log_end_us(disarmed_us, self.clock.micros64()),
             self.copter.quiet_until_us(),
@@ -361,7 +373,7 @@ class Vehicle:
             copter.arming.armed,
             copter.landing.landed,
             copter.home.place,
-            self._expected(),
+            copter.landing.expected if self.flown is None else self._expected(),
         )
 
     def receive_bytes(self, channel: Channel, data: bytes, read_us: int | None = None) -> None:

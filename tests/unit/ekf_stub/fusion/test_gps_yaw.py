@@ -53,7 +53,7 @@ class Flight:
             parts.yaw.by_gps.follow_flight(vehicle, takeoff_expected=False, dt_ekf_avg=DT)
             parts.yaw.by_gps.predict(step)
             parts.yaw.control(vehicle)
-            parts.yaw.step(self.now_ms, vehicle, step, is_still=False, climbed_m=1.0)
+            parts.yaw.step(self.now_ms, vehicle, step, is_still=False, climbed_m=lambda: 1.0)
             parts.yaw.correct_by_gps(self.now_ms, vehicle)
 
     def yaw_error_deg(self) -> float:

@@ -51,7 +51,7 @@ def run(
     parts.ingest.horizon_ms = now_ms
     parts.gps.recall(now_ms)
     parts.yaw.control(vehicle)
-    parts.yaw.step(now_ms, vehicle, STEP, is_still=is_still, climbed_m=climbed_m)
+    parts.yaw.step(now_ms, vehicle, STEP, is_still=is_still, climbed_m=lambda: climbed_m)
 
 
 def see(parts: "FilterParts", yaw: float, *, err: float = 0.2, now_ms: int = NOW_MS, vehicle: Vehicle = PARKED) -> None:

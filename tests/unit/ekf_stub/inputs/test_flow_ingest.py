@@ -21,9 +21,9 @@ def write(ingest: FlowIngest, now_ms: int, horizon_ms: int = 0, **changes: Any) 
 
 def test_measurement_waits_until_the_horizon_has_its_middle() -> None:
     ingest = FlowIngest(3)
-    assert not ingest.is_in_use
+    assert ingest.received_ms is None
     assert write(ingest, 1000)
-    assert ingest.is_in_use
+    assert ingest.received_ms is not None
     assert ingest.recall(933) is None
     sample = ingest.recall(934)
     assert sample is not None
@@ -93,7 +93,7 @@ def test_it_begins_anew_without_what_it_had() -> None:
     ingest = FlowIngest(3)
     write(ingest, 1000)
     ingest.reset(5000)
-    assert not ingest.is_in_use
+    assert ingest.received_ms is None
     assert ingest.valid_ms == 5000
     assert ingest.recall(5000) is None
 
