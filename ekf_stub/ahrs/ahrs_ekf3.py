@@ -80,7 +80,7 @@ class Ekf3Ahrs(AhrsBase):
     Args:
         parts: the vehicle around it.
         source: where inertial data and other measurements come from.
-        kernel: what the filter's arithmetic runs on.
+        find_kernel: finds what the filter's arithmetic runs on, once the cores are set up.
         start_us: when the AHRS starts.
         buffer_ms: a delay for which the filter's buffers are long enough in any case.
 
@@ -95,7 +95,7 @@ class Ekf3Ahrs(AhrsBase):
         parts: AhrsParts,
         source: SensorSource,
         *,
-        kernel: Kernel = PLAIN,
+        find_kernel: Callable[[], Kernel] = lambda: PLAIN,
         start_us: int = AHRS_START_US,
         buffer_ms: int = 0,
     ) -> None:
@@ -105,7 +105,7 @@ class Ekf3Ahrs(AhrsBase):
         self.source = self._source = source
         self._has_compass = FromParams(parts.params, parts.has_compass)
         self._place_of_imu = FromParams(parts.params, parts.imu_pos)
-        self._kernel = kernel
+        self._find_kernel = find_kernel
         self._buffer_ms = buffer_ms
         self._camera: VisualOdomFrame | None = None
         self._camera_pos: Vector3f | None = None
@@ -284,7 +284,9 @@ class Ekf3Ahrs(AhrsBase):
             gps_lag_s=self._gps_lag_s,
             least_ms=self._buffer_ms,
         )
-        self.cores = Cores(parts, self._kernel, sizes, imus, differ=differing_imus > 0, has_camera=self._has_camera)
+        self.cores = Cores(
+            parts, self._find_kernel(), sizes, imus, differ=differing_imus > 0, has_camera=self._has_camera
+        )
         lanes = self.cores.lanes
         self.core = lanes.primary_filter
         self._hand_to(*(core.ingest for core in lanes.cores))

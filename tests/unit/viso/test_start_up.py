@@ -21,14 +21,10 @@ HEAVY: Final = {
     *("pymavlink.mavutil", "pymavlink.dialects.v10.all", "pymavlink.dialects.v20.development", "rich.progress"),
     "quaternion",
 }
-WITH_THE_FILTER: Final = {"quaternion", "scipy", "numba"}
-"""The filter's quaternions come with splines, and bring numba where there is one."""
-
-WITHOUT_IT: Final = ("play", "vio")
-EACH: Final = f"""
+EACH: Final = """
 import sys
 from viso.cli import COMMANDS, command_function
-for name in sorted(COMMANDS, key=lambda name: name not in {WITHOUT_IT}):
+for name in COMMANDS:
     before = set(sys.modules)
     command_function(name)
     print(name, *set(sys.modules) - before)
@@ -58,8 +54,6 @@ def test_commands_import_nothing_heavy() -> None:
     command = [sys.executable, "-c", EACH]
     lines = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, timeout=60).stdout.splitlines()
     brought = {name: HEAVY.intersection(modules) for name, *modules in map(str.split, lines)}
-    for name in COMMANDS.keys() - WITHOUT_IT:
-        brought[name] -= WITH_THE_FILTER
     assert brought == {name: set() for name in COMMANDS}
 
 
@@ -103,4 +97,4 @@ def test_serving_imports_nothing_heavy_up_to_an_accepted_message(tmp_path: Path)
                 process.terminate()
                 modules = listed(process.communicate(timeout=60)[1])
     assert "ekf_stub.core.ekf3_core" in modules
-    assert modules & HEAVY <= WITH_THE_FILTER
+    assert modules & HEAVY == set()

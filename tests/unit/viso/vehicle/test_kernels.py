@@ -5,17 +5,20 @@
 import itertools
 import logging
 import sys
+import threading
+from collections.abc import Callable
 
 import pytest
 
 from ekf_stub.compiled import warm_up
+from ekf_stub.compiled.compiled_pass import COMPILED
 from ekf_stub.compiled.compiled_state import CompiledErrorState
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.kernel import PLAIN
 from viso.errors import InputError
 from viso.running.virtual_time import Scheduler
 from viso.vehicle import kernels
-from viso.vehicle.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, kernel_of
+from viso.vehicle.kernels import KERNEL_VARIABLE, KERNELS, chosen_kernel, kernel_of, loading_beside
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 RUNNING_US = 5_000_000
@@ -56,6 +59,37 @@ def test_without_the_extra_it_goes_on_plain_and_says_what_to_install(
         assert kernel_of("numba") is PLAIN
     assert "pip install 'ardupilot-viso[numba]'" in caplog.text
     assert len(caplog.records) == 1
+
+
+def test_kernel_is_there_once_it_is_loaded_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(KERNEL_VARIABLE, "numba")
+    with loading_beside():
+        assert kernel_of("numba") is COMPILED
+
+
+def test_filter_that_begins_while_it_is_compiled_runs_plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    is_compiled = threading.Event()
+
+    def compile_slowly(on_compiled: Callable[[int, int], None]) -> None:
+        on_compiled(1, 2)
+        is_compiled.wait()
+
+    monkeypatch.setattr(warm_up, "warm_up", compile_slowly)
+    monkeypatch.setenv(KERNEL_VARIABLE, "numba")
+    with loading_beside():
+        assert kernel_of("numba") is PLAIN
+        is_compiled.set()
+
+
+def test_what_nobody_needs_is_not_compiled_any_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    def compile_without_end(on_compiled: Callable[[int, int], None]) -> None:
+        for number in itertools.count():
+            on_compiled(number, 2)
+
+    monkeypatch.setattr(warm_up, "warm_up", compile_without_end)
+    monkeypatch.setenv(KERNEL_VARIABLE, "numba")
+    with loading_beside():
+        pass
 
 
 def test_who_waits_for_the_compiler_is_told_how_long_it_takes(
