@@ -69,4 +69,4 @@ def float_of_u64(value: int) -> np.float32:
 
 def later_ms(first: int, second: int) -> int:
     """Return the later of two times in ms that wrap at 2^32 and are less than half of that apart."""
-    return first if i32(first - second) > 0 else second
+    return first if 0 < (first - second & 0xFFFFFFFF) <= _I32_MAX else second

@@ -251,5 +251,5 @@ class Channel:
 
         Source: GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms.
         """
-        local_us = self.arrival_us(message_type, read_us, now_us) or now_us
-        return u32(self.jitter.correct_offboard_timestamp_usec(remote_us, local_us) // 1000)
+        arrival_us = read_us if self.baud is None else self.arrival_us(message_type, read_us, now_us)
+        return u32(self.jitter.correct_offboard_timestamp_usec(remote_us, arrival_us or now_us) // 1000)

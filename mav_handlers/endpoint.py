@@ -46,7 +46,7 @@ from mav_handlers.verdicts import (
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
-from mav_handlers.wire.targets import NO_TARGETS, target_fields
+from mav_handlers.wire.targets import TARGETED, target_fields
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
@@ -161,20 +161,27 @@ class MavEndpoint:
             self._send_first_texts()
 
     def _dispatch(self, channel: Channel, received: Received | BadData, now_us: int, read_us: int) -> None:
+        header: Header | None
+        message: Message | None
         if isinstance(received, BadData):
+            header = message = None
             verdict = signing_verdict(received.reason) or bad_data_verdict(received.reason)
             channel.packets_dropped += 1
-            channel.count("BAD_DATA", verdict, received.length)
-            self._note(MessageEvent(channel.index, now_us, "BAD_DATA", None, None, verdict))
-            return
-        header, message = received
-        channel.frames_received += 1
-        verdict = self._handle(channel, header, message, now_us, read_us)
-        # One name for all that are not known: there may be millions of ids, each of which would be counted.
-        name = UNKNOWN_NAME if verdict is UNKNOWN_MESSAGE else header.name
-        channel.count(name, verdict)
+            name, amount = "BAD_DATA", received.length
+        else:
+            header, message = received
+            channel.frames_received += 1
+            verdict = self._handle(channel, header, message, now_us, read_us)
+            # One name for all that are not known: there may be millions of ids, each of which would be counted.
+            name, amount = UNKNOWN_NAME if verdict is UNKNOWN_MESSAGE else header.name, 1
+        channel.count(name, verdict, amount)
         # The tuples' own way of being made takes twice as long, here and below.
-        self._note(tuple.__new__(MessageEvent, (channel.index, now_us, name, header, message, verdict)))
+        event = tuple.__new__(MessageEvent, (channel.index, now_us, name, header, message, verdict))
+        if len(self._events) == EVENTS_KEPT:
+            self.events_lost += 1
+        self._events.append(event)
+        if self.on_event is not None:
+            self.on_event(event)
 
     def _handle(self, channel: Channel, header: Header, message: Message | None, now_us: int, read_us: int) -> Verdict:
         if message is None and header.name.startswith("UNKNOWN_"):
@@ -182,9 +189,11 @@ class MavEndpoint:
             return UNKNOWN_MESSAGE
         if header.name not in RADIO_MESSAGES:
             channel.active = True
-        refusal = self._route(channel, header, message) or self._refuse(header)
+        refusal = self._route(channel, header, message)
         if refusal is not None:
             return refusal
+        if self._only_gcs() and self._is_refused(header):
+            return NOT_ACCEPTED
         handler = None if message is None else HANDLERS.get(type(message))
         if handler is None:
             return NO_HANDLER
@@ -198,12 +207,11 @@ class MavEndpoint:
         if header.system_id == system_id and header.component_id == MAV_COMP_ID_AUTOPILOT1:
             return OWN_MESSAGE
         self.routes.learn(header, message, channel.index, own_system=system_id)
-        targets = target_fields(header)
-        if len(self.channels) == 1 and targets == NO_TARGETS:  # which is for us, and for nobody else
+        if len(self.channels) == 1 and header.message_id not in TARGETED:  # which is for us, and for nobody else
             return None
         routing = self.routes.decide(
             header,
-            *targets,
+            *target_fields(header),
             channel.index,
             own_system=system_id,
             is_private=self._private().__getitem__,
@@ -214,19 +222,9 @@ class MavEndpoint:
             self.channels[index].forward(header.frame)
         return None if routing.process_locally else NOT_ADDRESSED
 
-    def _refuse(self, header: Header) -> Verdict | None:
-        if self._only_gcs():
-            is_gcs = self._vehicle.release.params.is_ground_station(self._vehicle.params, header.system_id)
-            if not is_gcs and header.system_id != self._system_id() and header.name not in RADIO_MESSAGES:
-                return NOT_ACCEPTED
-        return None
-
-    def _note(self, event: MessageEvent) -> None:
-        if len(self._events) == EVENTS_KEPT:
-            self.events_lost += 1
-        self._events.append(event)
-        if self.on_event is not None:
-            self.on_event(event)
+    def _is_refused(self, header: Header) -> bool:
+        is_gcs = self._vehicle.release.params.is_ground_station(self._vehicle.params, header.system_id)
+        return not is_gcs and header.system_id != self._system_id() and header.name not in RADIO_MESSAGES
 
     def next_event(self) -> MessageEvent | None:
         """Return the oldest event not yet taken, or None; the newest 10000 are kept."""

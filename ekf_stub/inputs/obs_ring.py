@@ -40,16 +40,13 @@ class ObsRing(Generic[T]):
 
     Attributes:
         samples: those that wait, the oldest first.
+        exists: whether it was allocated.
     """
 
     def __init__(self, size: int) -> None:
         self._size = size
         self.samples: deque[T] = deque()
-
-    @property
-    def exists(self) -> bool:
-        """Tell whether it was allocated."""
-        return self._size > 0
+        self.exists = size > 0
 
     def push(self, sample: T) -> bool:
         """Append a sample; tell whether the oldest was overwritten for it."""

@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from ekf_stub.log.log_structure import RBOH, REPH, REVH, ROFH, RVOH
 
 _UNFILLED: Final = (np.float32(0),) * 3
 _NO_HEIGHT: Final = 0.0  # FLOW_HGT_OVR, which rovers have
+
+_Values = Callable[..., tuple[LogValue, ...]]
+"""Makes the values of a record of what was handed in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,7 @@ class ExtNavLog:
     def __init__(self, logger: RecordSink, enabled: Callable[[], bool]) -> None:
         self._logger = logger
         self._enabled = enabled
-        self._last: dict[tuple[str, int], bytes | tuple[LogValue, ...]] = {}
+        self._last: dict[tuple[str, int], bytes | tuple[_Values, tuple[Any, ...]]] = {}
         self._in_frames = False
         self._awaits_camera = False
         self._is_first = False
@@ -65,17 +68,17 @@ class ExtNavLog:
         if self._in_frames and self._enabled():
             self._logger.write(structure, values)
 
-    def _write_changed(
-        self, structure: LogStructure, values: Sequence[LogValue], *, instance: int = 0, force: bool = False
-    ) -> None:
-        key = structure.name, instance
+    def _write_changed(self, structure: LogStructure, values_of: _Values, *given: Any, force: bool = False) -> None:
+        key = structure.name, 0
         if not force and not (self._in_frames and self._enabled()):
-            self._last[key] = tuple(values)  # which may never be needed
+            self._last[key] = values_of, given  # which may never be needed
             return
+        values = values_of(*given)
         payload = structure.pack(values)
         last = self._last.get(key)
         if isinstance(last, tuple):
-            last = structure.pack(last)
+            before_of, before = last
+            last = structure.pack(before_of(*before))
         if force or last != payload:
             self._last[key] = payload
             self._write(structure, values)
@@ -103,14 +106,12 @@ class ExtNavLog:
             self._has_camera = frame.enabled
         if self._has_camera and (self._is_first or frame != self._camera):
             self._camera = frame
-            state = (u32(frame.delay_ms), int(frame.healthy), int(frame.enabled))
-            self._write_changed(RVOH, (*frame.pos_offset.to_tuple(), *state), force=self._is_first)
+            self._write_changed(RVOH, _camera_values, frame, force=self._is_first)
 
     def flow(self, measured: FlowMeasurement, time_ms: int) -> None:
         """Log a call of writeOptFlowMeas: ms since boot; the sensor's place is on the vehicle."""
         self._end_frame()
-        values = *measured.flow, *measured.gyro, time_ms, *measured.offset, _NO_HEIGHT, measured.quality
-        self._write_changed(ROFH, values)
+        self._write_changed(ROFH, _flow_values, measured, time_ms)
 
     def pose(
         self,
@@ -123,18 +124,40 @@ class ExtNavLog:
     ) -> None:
         """Log a call of writeExtNavData: m NED, attitude, (m, rad), ms since boot."""
         self._end_frame()
-        times = timeStamp_ms, resetTime_ms, u16(delay_ms)
-        self._write_changed(REPH, (*pos.to_tuple(), *quat.to_wxyz(), *errors, *times))
+        self._write_changed(REPH, _pose_values, pos, quat, errors, timeStamp_ms, resetTime_ms, delay_ms)
 
     def velocity(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
         """Log a call of writeExtNavVelData: m/s NED, ms since boot."""
         self._end_frame()
-        self._write_changed(REVH, (*vel.to_tuple(), err, timeStamp_ms, u16(delay_ms)))
+        self._write_changed(REVH, _velocity_values, vel, err, timeStamp_ms, delay_ms)
 
     def body_odometry(
         self, quality: np.float32, delPos: Vector3f, delAng: Vector3f, delTime: np.float32, timeStamp_ms: int
     ) -> None:
         """Log a call of writeBodyFrameOdom; the firmware leaves offset and delay of this record unfilled."""
         self._end_frame()
-        deltas = (*delPos.to_tuple(), *delAng.to_tuple(), delTime)
-        self._write_changed(RBOH, (quality, *deltas, timeStamp_ms, *_UNFILLED, 0))
+        self._write_changed(RBOH, _odometry_values, quality, delPos, delAng, delTime, timeStamp_ms)
+
+
+def _camera_values(frame: VisualOdomFrame) -> tuple[LogValue, ...]:
+    return *frame.pos_offset.to_tuple(), u32(frame.delay_ms), int(frame.healthy), int(frame.enabled)
+
+
+def _flow_values(measured: FlowMeasurement, time_ms: int) -> tuple[LogValue, ...]:
+    return *measured.flow, *measured.gyro, time_ms, *measured.offset, _NO_HEIGHT, measured.quality
+
+
+def _pose_values(
+    pos: Vector3f, quat: Quaternion, errors: tuple[np.float32, np.float32], time_ms: int, reset_ms: int, delay_ms: int
+) -> tuple[LogValue, ...]:
+    return *pos.to_tuple(), *quat.to_wxyz(), *errors, time_ms, reset_ms, u16(delay_ms)
+
+
+def _velocity_values(vel: Vector3f, err: np.float32, time_ms: int, delay_ms: int) -> tuple[LogValue, ...]:
+    return *vel.to_tuple(), err, time_ms, u16(delay_ms)
+
+
+def _odometry_values(
+    quality: np.float32, del_pos: Vector3f, del_ang: Vector3f, del_time: np.float32, time_ms: int
+) -> tuple[LogValue, ...]:
+    return quality, *del_pos.to_tuple(), *del_ang.to_tuple(), del_time, time_ms, *_UNFILLED, 0

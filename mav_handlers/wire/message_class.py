@@ -78,14 +78,21 @@ Values = tuple[Any, ...]
 
 def maker_of(cls: type[_M], pick: Callable[[Values], Values]) -> Callable[[Values], _M]:
     """Return what makes a message of values from which the fields, all of them in their order, are picked."""
-    new, puts = object.__new__, cls._puts
-
-    def make(values: Values) -> _M:
-        made = new(cls)
-        for put, value in zip(puts, pick(values)):  # noqa: B905  # as many, and asking takes a sixth of the time
-            put(made, value)
-        return made
-
+    # Fields of a twin that is not frozen are stored by instructions of the interpreter, ten times as fast as by calls.
+    slots = [name for name in cls._names if name in vars(cls)]
+    thawed = {"__slots__": slots, "__setattr__": object.__setattr__, "__delattr__": object.__delattr__}
+    twin = type("Twin", cls.__bases__, thawed)
+    known: dict[str, Any] = {"new": object.__new__, "twin": twin, "cls": cls, "pick": pick}
+    targets = ", ".join(f"made.{name}" for name in cls._names)
+    text = f"""
+def make(values):
+    made = new(twin)
+    {targets}, = pick(values)
+    made.__class__ = cls
+    return made
+"""
+    exec(text, known)
+    make: Callable[[Values], _M] = known["make"]
     return make
 
 

@@ -10,6 +10,8 @@ _V1_HEADER_BYTES: Final = 6
 _V2_HEADER_BYTES: Final = 10
 _OFFSETS: Final = target_offsets()
 NO_TARGETS: Final = (None, None)
+TARGETED: Final = frozenset(msg_id for msg_id, offsets in _OFFSETS.items() if offsets != NO_TARGETS)
+"""Ids of the messages that are addressed."""
 
 
 def target_fields(header: Header) -> tuple[int | None, int | None]:
@@ -19,9 +21,9 @@ def target_fields(header: Header) -> tuple[int | None, int | None]:
 
     Source: GCS_MAVLink/MAVLink_routing.cpp, MAVLink_routing::get_targets.
     """
-    system_at, component_at = _OFFSETS.get(header.message_id, NO_TARGETS)
-    if system_at is None and component_at is None:
+    if header.message_id not in TARGETED:
         return NO_TARGETS
+    system_at, component_at = _OFFSETS[header.message_id]
     start = _V1_HEADER_BYTES if header.version == 1 else _V2_HEADER_BYTES
     payload = header.frame[start : start + header.frame[1]]
     return _byte_at(payload, system_at), _byte_at(payload, component_at)
