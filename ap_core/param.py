@@ -116,6 +116,9 @@ class ParamTable:
         return self._param(slot, NO_INDEX, name)
 
     def _match(self, name: str) -> tuple[ParamSlot, bool] | None:
+        slot = self._by_name.get(name)  # as nearly all are spelled
+        if slot is not None:
+            return slot, False
         if not name.isascii():  # the firmware folds the case of ASCII letters only
             return None
         return next((match for group in self.groups if (match := group.match(name)) is not None), None)

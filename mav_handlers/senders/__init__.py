@@ -7,9 +7,10 @@ A builder returns None when there is nothing to report; the message is then left
 
 from mav_handlers.senders.builder import Builder, nothing_to_report
 from mav_handlers.senders.position import gps_global_origin, home_position
-from mav_handlers.senders.table import SENDERS, STREAM_GROUPS
+from mav_handlers.senders.table import MOVING_ON, SENDERS, STREAM_GROUPS
 
 __all__ = [
+    "MOVING_ON",
     "SENDERS",
     "STREAM_GROUPS",
     "Builder",

@@ -14,7 +14,7 @@ from mav_handlers.params.reads import ParamReads
 from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
 from mav_handlers.schedule.deferred import NEXT_PARAM
-from mav_handlers.senders import SENDERS
+from mav_handlers.senders import MOVING_ON, SENDERS
 from mav_handlers.wire.messages import MESSAGES
 
 SENT_WHILE_BOOTING: Final = frozenset({"HEARTBEAT", NEXT_PARAM, "HIGH_LATENCY2", "AUTOPILOT_VERSION"})
@@ -71,7 +71,8 @@ class Sending:
         return True
 
     def _send(self, channel: Channel, name: str, now_us: int) -> None:
-        message = SENDERS[name](self.vehicle, channel, now_us)
+        # Nobody misses a message that is not made, unless making it moves something on.
+        message = SENDERS[name](self.vehicle, channel, now_us) if channel.has_reader or name in MOVING_ON else None
         if message is not None:
             channel.send(message)
         if name == "HEARTBEAT":

@@ -106,6 +106,9 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "FLIGHT_INFORMATION": nothing_to_report,
 }
 
+MOVING_ON: Final = frozenset({"AVAILABLE_MODES"})
+"""Messages with which the next one is another: to make one changes what the link still has to send."""
+
 # Messages of each stream group, by the id that REQUEST_DATA_STREAM uses and the parameter that holds its rate.
 STREAM_GROUPS: Final[Mapping[int, tuple[str, tuple[str, ...]]]] = {
     1: (
