@@ -1,0 +1,3 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Engines that are programs of their own: the bytes that are spoken with them, the process, and a base for new ones."""
