@@ -9,12 +9,11 @@ the body FLU with its origin in the IMU, a camera's x points right and y down; `
 s, rad unless said.
 """
 
-import dataclasses
 import enum
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -70,177 +69,175 @@ class CovarianceKind(enum.IntEnum):
     """All 144: of keyframe and body together, each (rotation, right perturbation; position, in the world)."""
 
 
-def _wire(code: str, text: str) -> Any:
-    """Return a field: what it is, as of ``struct`` or a number of bytes up to the end, and what it means."""
-    return dataclasses.field(metadata={"code": code, "text": text})
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Setup:
     """The first message: the camera, the IMU and what else does not change."""
 
-    fx: float = _wire("d", "px; the middle of the first pixel is (0, 0)")
-    fy: float = _wire("d", "px")
-    cx: float = _wire("d", "px")
-    cy: float = _wire("d", "px")
-    distortion: Array = _wire("8d", "k1 k2 p1 p2 k3 (radtan), k1 k2 k3 k4 (equidistant), then zeros")
-    body_T_camera: Array = _wire("16d", "where the camera is")
-    body_T_camera_sigma: Array = _wire("2d", "of it: rotation, position; 0 for exact")
-    time_offset_s: float = _wire("d", "what was added to the camera's stamps to get those of IMAGE, in the IMU's time")
-    time_offset_sigma_s: float = _wire("d", "of it; 0 for exact")
-    line_time_s: float = _wire("d", "from a line of the picture to the next; 0 for a global shutter")
-    gyro_noise: float = _wire("d", "density, rad/s/sqrt(Hz)")
-    accel_noise: float = _wire("d", "density, m/s^2/sqrt(Hz)")
-    gyro_walk: float = _wire("d", "density, rad/s^2/sqrt(Hz)")
-    accel_walk: float = _wire("d", "density, m/s^3/sqrt(Hz)")
-    imu_rate_hz: float = _wire("d", "samples a second")
-    gyro_limit: float = _wire("d", "rad/s at which the gyro saturates; infinite if not known")
-    accel_limit: float = _wire("d", "m/s^2 at which the accelerometer saturates; infinite if not known")
-    gravity: float = _wire("d", "m/s^2")
-    width: int = _wire("I", "of the pictures, px")
-    height: int = _wire("I", "of the pictures, px")
-    distortion_model: int = _wire("I", "0 none, 1 radtan, 2 equidistant")
-    max_features: int = _wire("I", "that are tracked at a time")
-    threads: int = _wire("I", "that may be used")
-    seed: int = _wire("I", "of all that is random")
-    mask: bytes = _wire(_BYTES, "nothing, or width * height: 0 where the picture is not to be used")
+    fx: Annotated[float, "d", "px; the middle of the first pixel is (0, 0)"]
+    fy: Annotated[float, "d", "px"]
+    cx: Annotated[float, "d", "px"]
+    cy: Annotated[float, "d", "px"]
+    distortion: Annotated[Array, "8d", "k1 k2 p1 p2 k3 (radtan), k1 k2 k3 k4 (equidistant), then zeros"]
+    body_T_camera: Annotated[Array, "16d", "where the camera is"]
+    body_T_camera_sigma: Annotated[Array, "2d", "of it: rotation, position; 0 for exact"]
+    time_offset_s: Annotated[
+        float, "d", "what was added to the camera's stamps to get those of IMAGE, in the IMU's time"
+    ]
+    time_offset_sigma_s: Annotated[float, "d", "of it; 0 for exact"]
+    line_time_s: Annotated[float, "d", "from a line of the picture to the next; 0 for a global shutter"]
+    gyro_noise: Annotated[float, "d", "density, rad/s/sqrt(Hz)"]
+    accel_noise: Annotated[float, "d", "density, m/s^2/sqrt(Hz)"]
+    gyro_walk: Annotated[float, "d", "density, rad/s^2/sqrt(Hz)"]
+    accel_walk: Annotated[float, "d", "density, m/s^3/sqrt(Hz)"]
+    imu_rate_hz: Annotated[float, "d", "samples a second; 0 if not known"]
+    gyro_limit: Annotated[float, "d", "rad/s at which the gyro saturates; infinite if not known"]
+    accel_limit: Annotated[float, "d", "m/s^2 at which the accelerometer saturates; infinite if not known"]
+    gravity: Annotated[float, "d", "m/s^2"]
+    width: Annotated[int, "I", "of the pictures, px"]
+    height: Annotated[int, "I", "of the pictures, px"]
+    distortion_model: Annotated[int, "I", "0 none, 1 radtan, 2 equidistant"]
+    max_features: Annotated[int, "I", "that are tracked at a time"]
+    threads: Annotated[int, "I", "that may be used"]
+    seed: Annotated[int, "I", "of all that is random"]
+    mask: Annotated[bytes, _BYTES, "nothing, or width * height: 0 where the picture is not to be used"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Options:
     """The table ``vio.native`` of the configuration."""
 
-    text: bytes = _wire(_BYTES, "lines name=value, UTF-8; true and false for what is either")
+    text: Annotated[bytes, _BYTES, "lines name=value, UTF-8; true and false for what is either"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SharedMemory:
     """Where pictures may be put; an engine that cannot map it says so in READY, and gets them in IMAGE."""
 
-    size: int = _wire("Q", "bytes")
-    descriptor: int = _wire("I", "an open file of that size")
-    zero: int = _wire("I", "0")
+    size: Annotated[int, "Q", "bytes"]
+    descriptor: Annotated[int, "I", "an open file of that size"]
+    zero: Annotated[int, "I", "0"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Reset:
     """Forget all; start from a state that holds at the next image, or find one without help."""
 
-    world_T_body: Array = _wire("16d", "the pose")
-    velocity_world: Array = _wire("3d", "m/s")
-    accel_bias: Array = _wire("3d", "m/s^2")
-    gyro_bias: Array = _wire("3d", "rad/s")
-    covariance: Array = _wire(
+    world_T_body: Annotated[Array, "16d", "the pose"]
+    velocity_world: Annotated[Array, "3d", "m/s"]
+    accel_bias: Annotated[Array, "3d", "m/s^2"]
+    gyro_bias: Annotated[Array, "3d", "rad/s"]
+    covariance: Annotated[
+        Array,
         "225d",
         "of (attitude, right perturbation; position, world; velocity, world; gyro bias; accelerometer bias)",
-    )
-    has_state: int = _wire("I", "0: all other fields say nothing")
-    zero: int = _wire("I", "0")
+    ]
+    has_state: Annotated[int, "I", "0: all other fields say nothing"]
+    zero: Annotated[int, "I", "0"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Imu:
     """Samples; their stamps increase. Those up to an image come before it, and one beyond it."""
 
-    samples: bytes = _wire(
-        _BYTES, "of each: stamp (i64, ns), specific force (3 f64, m/s^2), rotation rate (3 f64, rad/s)"
-    )
+    samples: Annotated[
+        bytes, _BYTES, "of each: stamp (i64, ns), specific force (3 f64, m/s^2), rotation rate (3 f64, rad/s)"
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Height:
     """A height of the body above the ground; only for an engine that takes it."""
 
-    t_ns: int = _wire("q", "stamp")
-    height_m: float = _wire("d", "along the vertical")
-    sigma_m: float = _wire("d", "of it")
+    t_ns: Annotated[int, "q", "stamp"]
+    height_m: Annotated[float, "d", "along the vertical"]
+    sigma_m: Annotated[float, "d", "of it"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Image:
     """A grey picture, row by row, without gaps; answered by ESTIMATE."""
 
-    t_ns: int = _wire("q", "stamp")
-    image_id: int = _wire("Q", "one more with each, from 1")
-    width: int = _wire("I", "px")
-    height: int = _wire("I", "px")
-    in_shared_memory: int = _wire("I", "1: at its begin; valid until the answer")
-    zero: int = _wire("I", "0")
-    pixels: bytes = _wire(_BYTES, "width * height, or nothing if they are in shared memory")
+    t_ns: Annotated[int, "q", "stamp"]
+    image_id: Annotated[int, "Q", "one more with each, from 1"]
+    width: Annotated[int, "I", "px"]
+    height: Annotated[int, "I", "px"]
+    in_shared_memory: Annotated[int, "I", "1: at its begin; valid until the answer"]
+    zero: Annotated[int, "I", "0"]
+    pixels: Annotated[bytes, _BYTES, "width * height, or nothing if they are in shared memory"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Hello:
     """The first message."""
 
-    imu_rate_hz: float = _wire("d", "the most samples a second that it wants; 0 for all")
-    version: int = _wire("I", f"of the protocol: {VERSION}")
-    capabilities: int = _wire("I", "bits, see below")
-    image_width_px: int = _wire("I", "the widest picture that it wants; 0 for any")
-    zero: int = _wire("I", "0")
-    name: bytes = _wire(f"{_NAME_BYTES}s", "of the engine, ASCII, zeros at the end")
+    imu_rate_hz: Annotated[float, "d", "fewer samples a second are too few, and viso warns; 0 for any"]
+    version: Annotated[int, "I", f"of the protocol: {VERSION}"]
+    capabilities: Annotated[int, "I", "bits, see below"]
+    image_width_px: Annotated[int, "I", "the widest picture that it wants; 0 for any"]
+    zero: Annotated[int, "I", "0"]
+    name: Annotated[bytes, f"{_NAME_BYTES}s", "of the engine, ASCII, zeros at the end"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ready:
     """The answer to the first RESET: the engine is made."""
 
-    shared_memory: int = _wire("I", "1: it has mapped the shared memory")
-    zero: int = _wire("I", "0")
+    shared_memory: Annotated[int, "I", "1: it has mapped the shared memory"]
+    zero: Annotated[int, "I", "0"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Estimate:
     """The answer to an image. INITIALISING and FAILED need nothing but the identifier and the status."""
 
-    t_ns: int = _wire("q", "the image's stamp")
-    image_id: int = _wire("Q", "the image's")
-    keyframe_id: int = _wire("Q", "the image of keyframe K: the last one before this that was a keyframe, or itself")
-    world_T_body: Array = _wire("16d", "the body in the engine's world")
-    keyframe_T_body: Array = _wire("16d", "the body in K's body; identity where K is this image")
-    velocity_world: Array = _wire("3d", "m/s")
-    accel_bias: Array = _wire("3d", "m/s^2")
-    gyro_bias: Array = _wire("3d", "rad/s")
-    mean_parallax_px: float = _wire("d", "after removing rotation")
-    mre_px: float = _wire("d", "mean reprojection error, over the inliers")
-    coverage: float = _wire("d", "share of the picture that has inliers, 0 to 1")
-    innovation_ratio: float = _wire(
-        "d", "mean normalised residual squared per degree of freedom, inliers; 1 if unknown"
-    )
-    covariance: Array = _wire("144d", "by its kind, row by row from the first number on")
-    status: int = _wire("I", "see below")
-    is_keyframe: int = _wire("I", "1: this image is the keyframe of those after it")
-    covariance_kind: int = _wire("I", "see below")
-    tracked: int = _wire("I", "features found again")
-    lost: int = _wire("I", "features not found again")
-    fresh: int = _wire("I", "features that are new")
-    inliers: int = _wire("I", "features that agree with the estimate")
-    zero: int = _wire("I", "0")
+    t_ns: Annotated[int, "q", "the image's stamp"]
+    image_id: Annotated[int, "Q", "the image's"]
+    keyframe_id: Annotated[int, "Q", "the image of keyframe K: the last one before this that was a keyframe, or itself"]
+    world_T_body: Annotated[Array, "16d", "the body in the engine's world"]
+    keyframe_T_body: Annotated[Array, "16d", "the body in K's body; identity where K is this image"]
+    velocity_world: Annotated[Array, "3d", "m/s"]
+    accel_bias: Annotated[Array, "3d", "m/s^2"]
+    gyro_bias: Annotated[Array, "3d", "rad/s"]
+    mean_parallax_px: Annotated[float, "d", "after removing rotation"]
+    mre_px: Annotated[float, "d", "mean reprojection error, over the inliers"]
+    coverage: Annotated[float, "d", "share of the picture that has inliers, 0 to 1"]
+    innovation_ratio: Annotated[
+        float, "d", "mean normalised residual squared per degree of freedom, inliers; 1 if unknown"
+    ]
+    covariance: Annotated[Array, "144d", "by its kind, row by row from the first number on"]
+    status: Annotated[int, "I", "see below"]
+    is_keyframe: Annotated[int, "I", "1: this image is the keyframe of those after it"]
+    covariance_kind: Annotated[int, "I", "see below"]
+    tracked: Annotated[int, "I", "features found again"]
+    lost: Annotated[int, "I", "features not found again"]
+    fresh: Annotated[int, "I", "features that are new"]
+    inliers: Annotated[int, "I", "features that agree with the estimate"]
+    zero: Annotated[int, "I", "0"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class KeyframeUpdate:
     """A better pose of a keyframe, in the engine's world, ahead of the estimate of the same image."""
 
-    keyframe_id: int = _wire("Q", "its image")
-    world_T_keyframe: Array = _wire("16d", "the body there")
-    is_loop_closure: int = _wire("I", "1: a place was seen again, 0: refined by what came after")
-    zero: int = _wire("I", "0")
+    keyframe_id: Annotated[int, "Q", "its image"]
+    world_T_keyframe: Annotated[Array, "16d", "the body there"]
+    is_loop_closure: Annotated[int, "I", "1: a place was seen again, 0: refined by what came after"]
+    zero: Annotated[int, "I", "0"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Log:
     """A line for the log; at any time."""
 
-    level: int = _wire("I", "10 debug, 20 info, 30 warning, 40 error")
-    text: bytes = _wire(_BYTES, f"UTF-8, at most {MOST_TEXT} bytes")
+    level: Annotated[int, "I", "10 debug, 20 info, 30 warning, 40 error"]
+    text: Annotated[bytes, _BYTES, f"UTF-8, at most {MOST_TEXT} bytes"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Failure:
     """The last message of an engine that gives up: why."""
 
-    text: bytes = _wire(_BYTES, f"UTF-8, one line, at most {MOST_TEXT} bytes")
+    text: Annotated[bytes, _BYTES, f"UTF-8, one line, at most {MOST_TEXT} bytes"]
 
 
 Message = (
@@ -280,11 +277,31 @@ FROM_ENGINE: Final[dict[int, type[Message]]] = {
 IMU_SAMPLE: Final = np.dtype([("t_ns", "<i8"), ("accel", "<f8", 3), ("gyro", "<f8", 3)])
 
 
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a message.
+
+    Attributes:
+        name: of it.
+        code: as of ``struct``, or ``bytes`` for all up to the end.
+        text: what it means.
+    """
+
+    name: str
+    code: str
+    text: str
+
+
+def fields_of(kind: type[Message]) -> list[Field]:
+    """Return the fields of a kind of message, in the order of their bytes."""
+    return [Field(name, *hint.__metadata__) for name, hint in get_type_hints(kind, include_extras=True).items()]
+
+
 class _Layout:
     """How a kind of message lies in bytes."""
 
     def __init__(self, kind: type[Message]) -> None:
-        codes = [(field.name, field.metadata["code"]) for field in dataclasses.fields(kind)]
+        codes = [(field.name, field.code) for field in fields_of(kind)]
         self.tail = codes.pop()[0] if codes[-1][1] == _BYTES else None
         self.arrays = {name: struct.Struct(f"<{code}") for name, code in codes if code[-1] == "d" and code != "d"}
         self.names = [name for name, _ in codes]

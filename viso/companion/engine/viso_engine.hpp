@@ -77,7 +77,7 @@ enum class Distortion : std::uint32_t { NONE = 0, RADTAN = 1, EQUIDISTANT = 2 };
 
 // What the program tells of itself, before it knows anything.
 struct Hello {
-    double imu_rate_hz = 0;  // the most samples a second that it wants; 0 for all
+    double imu_rate_hz = 0;  // fewer samples a second are too few, and viso warns; 0 for any
     std::uint32_t version = VERSION;
     std::uint32_t capabilities = 0;
     std::uint32_t image_width_px = 0;  // the widest picture that it wants; 0 for any
@@ -97,7 +97,7 @@ struct Setup {
     double line_time_s;                    // from a line of the picture to the next; 0 for a global shutter
     double gyro_noise, accel_noise;        // densities, rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
     double gyro_walk, accel_walk;          // densities, rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz)
-    double imu_rate_hz;                    // a deviation per sample is density * sqrt(rate)
+    double imu_rate_hz;                    // 0 if not known; a deviation per sample is density * sqrt(rate)
     double gyro_limit, accel_limit;        // where they saturate; infinite if not known
     double gravity;                        // m/s^2
     std::uint32_t width, height;           // px
