@@ -19,7 +19,7 @@ from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.imu_period import ImuPeriod
 from viso.companion.msckf.stillness import SPAN_NS, Stillness
-from viso.companion.msckf.window_filter import POS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
+from viso.companion.msckf.window_filter import POS, TOLD_SIGMAS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
 from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource
@@ -40,9 +40,6 @@ from viso.companion.vio.types import (
 LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
 _LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)
 
-# Of tilt and yaw in rad, velocity in m/s, gyro bias in rad/s, accelerometer bias in m/s^2: of a state that is told
-# without a covariance.
-_TOLD_SIGMAS: Final = (0.03, 0.1, 0.3, 0.02, 0.2)
 _UNKNOWN_HEIGHT_M: Final = 100.0
 
 
@@ -150,7 +147,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
     def _warm_start(self, pose: WarmStartPose) -> None:
         self._start_over()
         world_T_body = pose.body_T_world.inverse()
-        cov = default_cov(*_TOLD_SIGMAS, world_T_body.R) if pose.covariance is None else pose.covariance
+        cov = default_cov(*TOLD_SIGMAS, world_T_body.R) if pose.covariance is None else pose.covariance
         self._begin(world_T_body, world_T_body.R.dot(pose.velocity_b), pose.bias, cov)
 
     def _begin_at_rest(self) -> None:

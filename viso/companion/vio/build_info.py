@@ -22,8 +22,8 @@ def read_flags() -> Mapping[str, bool]:
         {
             BUILD_KLT_RANSAC: True,
             BUILD_FIXED_LAG: importlib.util.find_spec("gtsam") is not None,
-            BUILD_OKVIS2: False,
-            BUILD_VINS_MONO: False,
+            BUILD_OKVIS2: importlib.util.find_spec("viso_okvis2_native") is not None,
+            BUILD_VINS_MONO: importlib.util.find_spec("viso_vins_mono_native") is not None,
         }
     )
 

@@ -188,15 +188,21 @@ class QueueConfig(_Section):
 
 @dataclass(frozen=True, slots=True)
 class EngineConfig(_Section):
-    """The section ``vio.engine``: how far an engine, such as ``okvis2``, is believed.
+    """The section ``vio.engine``: how an engine, such as ``okvis2``, is run, and how far it is believed.
 
     Attributes:
+        command: starts its program, as in a shell; nothing for an engine that is a module of Python.
+        start_timeout_s: how long its program may take until it is ready.
+        frame_timeout_s: how long its program may take for a frame; after that it is ended and started anew.
         covariance_scale: factor for the covariances that it tells.
         drift_rad: sigma of the rotation 1 s after the keyframe, growing as the root of time, if it tells none.
         drift_m: sigma of the position 1 s after the keyframe, growing as the root of time, if it tells none.
         drift_share: sigma of the position as a share of the distance from the keyframe, if it tells none.
     """
 
+    command: str = ""
+    start_timeout_s: float = _within(10.0, 0.1, 600.0)
+    frame_timeout_s: float = _within(1.0, 0.01, 60.0)
     covariance_scale: float = _within(1.0, 1e-6, 1e6)
     drift_rad: float = _within(0.005, 1e-6, 1.0)
     drift_m: float = _within(0.02, 1e-6, 100.0)
@@ -231,7 +237,7 @@ class VioConfig(_Section):
         imu_noise: densities of the IMU's noise.
         odometry: what goes to the autopilot.
         queue: between camera and worker.
-        engine: how far an engine is believed.
+        engine: how an engine is run, and how far it is believed.
         native: an engine's own options, which it gets as they are; see its documentation.
     """
 

@@ -159,12 +159,16 @@ class HealthMachine:
         """Go to INIT, because a state was given."""
         self._restart(WARM_START, warm=True)
 
+    def start_over(self) -> None:
+        """Go to INIT, because the state is gone."""
+        self._restart(AUTO_REINIT, warm=False)
+
     def auto_reinit(self, t_ns: int) -> bool:
         """Go from LOST to INIT if that is due; tell whether it was."""
         after_s = self._config.auto_reinit_s
         due = self.state is VioState.LOST and after_s > 0 and t_ns - self._lost_since_ns >= round(after_s * 1e9)
         if due:
-            self._restart(AUTO_REINIT, warm=False)
+            self.start_over()
         return due
 
     def _restart(self, reason: str, *, warm: bool) -> None:

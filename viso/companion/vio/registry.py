@@ -23,14 +23,16 @@ class StrategyEntry:
     """A strategy that can be asked for.
 
     Attributes:
-        flag: of the build, that must be on; None for a plug-in, which is there when it is installed.
+        flag: of the build, that must be on; None for what is there in each, and for a plug-in.
         loader: imports the strategy's module and builds it; raises ImportError if that cannot be.
         description: one line, for people.
+        runs_programs: whether ``vio.engine.command`` may name a program, for which no flag is asked.
     """
 
     flag: str | None
     loader: Callable[[StrategyContext], StrategyBase]
     description: str
+    runs_programs: bool = False
 
 
 def _lazy(module: str, class_name: str, extra: str) -> Callable[[StrategyContext], StrategyBase]:
@@ -60,12 +62,20 @@ _STRATEGY_REGISTRY: Final[dict[str, StrategyEntry]] = {
     "okvis2": StrategyEntry(
         build_info.BUILD_OKVIS2,
         _lazy("okvis2", "Okvis2", extra="vio"),
-        "OKVIS2, where its native module is installed",
+        "OKVIS2, where its native module is installed or --engine names its program",
+        runs_programs=True,
     ),
     "vins_mono": StrategyEntry(
         build_info.BUILD_VINS_MONO,
         _lazy("vins_mono", "VinsMono", extra="vio"),
-        "VINS-Mono, where its native module is installed; for comparison only",
+        "VINS-Mono, where its native module is installed or --engine names its program; for comparison only",
+        runs_programs=True,
+    ),
+    "engine": StrategyEntry(
+        None,
+        _lazy("engine", "EngineStrategy", extra="vio"),
+        "any engine that is a program of its own, which --engine names",
+        runs_programs=True,
     ),
 }
 
@@ -107,7 +117,8 @@ def build_vio_strategy(
     entry = _STRATEGY_REGISTRY.get(name) or all_strategies().get(name)
     if entry is None:
         raise ValueError(f"strategy {name!r} is none of {', '.join(all_strategies())}")
-    if entry.flag is not None and not flags[entry.flag]:
+    is_program = entry.runs_programs and config.engine.command
+    if entry.flag is not None and not flags[entry.flag] and not is_program:
         raise StrategyNotAvailableError(name, f"flag {entry.flag} is off")
     try:
         strategy = entry.loader(StrategyContext(config, calibration, clock, logger))

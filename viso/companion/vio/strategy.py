@@ -39,11 +39,13 @@ class FrameReport:
         innovation_ratio: running mean of the inliers' normalised innovation squared per degree of freedom.
         resets: how often the pose has jumped to another origin since the start.
         stage_ms: how long each stage took.
+        counters: of what else has happened since the start, such as restarts of an engine.
     """
 
     innovation_ratio: float = 1.0
     resets: int = 0
     stage_ms: Mapping[str, float] = field(default_factory=dict)
+    counters: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +142,9 @@ class StrategyBase(abc.ABC):
             height_m: from range finder or barometer, corrected for the tilt.
             sigma_m: its standard deviation.
         """
+
+    def close(self) -> None:  # noqa: B027  # few have something to close
+        """Let go of all that the system gave; nothing is processed after that."""
 
     @abc.abstractmethod
     def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:

@@ -1,0 +1,255 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The process of an engine: started, spoken with by frames within a time, and never left behind.
+
+It has a process group of its own, which is killed when the engine fails, is closed, is forgotten, or this program ends;
+where this program is killed, the engine's input ends. Pictures lie in memory without a name, which goes with the last
+who has it. Nothing here waits without a limit.
+"""
+
+import contextlib
+import fcntl
+import mmap
+import os
+import select
+import shlex
+import signal
+import subprocess
+import time
+import weakref
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import IO, Final, cast
+
+from viso.companion.engine.protocol import FROM_ENGINE, Decoder, Failure, Log, M, Message, ProtocolError
+
+READ_BYTES: Final = 65536
+MOST_MESSAGES: Final = 1000
+"""Ahead of an answer: more of them are a flood."""
+MOST_LINES: Final = 50
+"""Of standard error in an exchange; more of them are counted only."""
+MOST_COLUMNS: Final = 300
+EXIT_S: Final = 0.2
+"""How long to wait for the exit code of one that closed its output, and for one that was told to end."""
+
+
+class EngineFailure(Exception):
+    """An engine that cannot be spoken with any more; the text is one line.
+
+    Attributes:
+        kind: ``exits``, ``hangs``, ``protocol_errors`` or ``failures`` (which it told itself).
+    """
+
+    def __init__(self, kind: str, text: str) -> None:
+        super().__init__(text)
+        self.kind = kind
+
+
+OnLine = Callable[[int | None, str], object]
+"""Takes a line for the log: its level, None for one of standard error, and the text."""
+
+
+class EngineChild:
+    """An engine's process.
+
+    Args:
+        command: as in a shell, without its substitutions.
+        on_line: takes what it wants to be logged.
+
+    Raises:
+        EngineFailure: if it cannot be started.
+    """
+
+    def __init__(self, command: str, on_line: OnLine) -> None:
+        self._on_line = on_line
+        self._decoder = Decoder(FROM_ENGINE)
+        self._inbox = deque[Message]()
+        self._lines = _Lines(lambda line: on_line(None, line))
+        self.memory_fd = _memory_fd()
+        self._memory: mmap.mmap | None = None
+        try:
+            words = shlex.split(command) or [""]
+            self._process = subprocess.Popen(
+                words,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                start_new_session=True,
+                pass_fds=() if self.memory_fd is None else (self.memory_fd,),
+            )
+        except (OSError, ValueError) as error:
+            _close_fd(self.memory_fd)
+            raise EngineFailure("exits", f"{command}: {getattr(error, 'strerror', None) or error}") from error
+        self._stdin, self._stdout, self._stderr = (
+            cast(IO[bytes], pipe).fileno() for pipe in (self._process.stdin, self._process.stdout, self._process.stderr)
+        )
+        for fd in (self._stdin, self._stdout, self._stderr):
+            os.set_blocking(fd, False)
+        self._end = weakref.finalize(self, _end, self._process, self.memory_fd)
+
+    @property
+    def pid(self) -> int:
+        """Its process, which leads a group."""
+        return self._process.pid
+
+    @property
+    def dropped_lines(self) -> int:
+        """How many lines of standard error were too many."""
+        return self._lines.dropped
+
+    def share(self, size: int) -> bool:
+        """Give the shared memory its size in bytes, once and for all; tell whether there is any."""
+        if self.memory_fd is None:
+            return False
+        os.ftruncate(self.memory_fd, size)
+        # What the engine cut off would be a bus error here.
+        fcntl.fcntl(self.memory_fd, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL)
+        self._memory = mmap.mmap(self.memory_fd, size)
+        return True
+
+    def put(self, pixels: memoryview) -> None:
+        """Write to the begin of the shared memory."""
+        assert self._memory is not None
+        self._memory[: pixels.nbytes] = pixels
+
+    def exchange(self, frames: Iterable[bytes], until: type[M], timeout_s: float) -> tuple[list[Message], M]:
+        """Send frames, and return what comes up to an answer, and that.
+
+        Raises:
+            EngineFailure: if it does not come within the time, or something else than a message.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        pending, before = memoryview(b"".join(frames)), list[Message]()
+        self._lines.begin()
+        while True:
+            while self._inbox:
+                message = self._inbox.popleft()
+                if isinstance(message, until):
+                    self._read_errors()
+                    return before, message
+                self._take(message, before)
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                raise EngineFailure("hangs", f"no {until.__name__} within {timeout_s:g} s")
+            pending = self._step(pending, left_s)
+
+    def _take(self, message: Message, before: list[Message]) -> None:
+        if isinstance(message, Failure):
+            raise EngineFailure("failures", _one_line(message.text))
+        if isinstance(message, Log):
+            self._on_line(message.level, _one_line(message.text))
+        before.append(message)
+        if len(before) > MOST_MESSAGES:
+            raise EngineFailure("protocol_errors", f"more than {MOST_MESSAGES} messages at once")
+
+    def _step(self, pending: memoryview, wait_s: float) -> memoryview:
+        """Wait until something can be read or written, and do that; return what is still to be written."""
+        poll = select.poll()
+        poll.register(self._stdout, select.POLLIN)
+        poll.register(self._stderr, select.POLLIN if self._lines.is_open else 0)
+        if pending:
+            poll.register(self._stdin, select.POLLOUT)
+        ready = {fd for fd, _ in poll.poll(max(1, wait_s * 1000))}
+        if self._stderr in ready:
+            self._read_errors()
+        if self._stdout in ready:
+            self._read()
+        if pending and self._stdin in ready:
+            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # the end of its output tells
+                return pending[os.write(self._stdin, pending) :]
+        return pending
+
+    def _read(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            data = os.read(self._stdout, READ_BYTES)
+            if not data:
+                raise EngineFailure("exits", self._how_it_ended())
+            try:
+                self._inbox.extend(self._decoder.feed(data))
+            except ProtocolError as error:
+                raise EngineFailure("protocol_errors", str(error)) from error
+
+    def _read_errors(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            self._lines.take(os.read(self._stderr, READ_BYTES) if self._lines.is_open else b"")
+
+    def _how_it_ended(self) -> str:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(EXIT_S)
+        self._read_errors()
+        code, last = self._process.returncode, f": {self._lines.last}" if self._lines.last else ""
+        if code is None:
+            return f"closed its output{last}"
+        name = signal.strsignal(-code) if code < 0 else None
+        return f"ended by signal {-code} ({name}){last}" if code < 0 else f"ended with exit code {code}{last}"
+
+    def close(self, *, grace_s: float = EXIT_S) -> None:
+        """End the process and all that it has started.
+
+        Args:
+            grace_s: how long it may take to end by itself once its input has ended.
+        """
+        if self._end.alive and grace_s > 0 and self._process.returncode is None:
+            cast(IO[bytes], self._process.stdin).close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(grace_s)
+        if self._memory is not None:
+            self._memory.close()
+            self._memory = None
+        self._end()
+
+
+class _Lines:
+    """Makes lines of standard error, no more than can be read."""
+
+    def __init__(self, on_line: Callable[[str], object]) -> None:
+        self._on_line, self._rest, self._told = on_line, b"", 0
+        self.is_open, self.last, self.dropped = True, "", 0
+
+    def begin(self) -> None:
+        """Let lines be told again."""
+        self._told = 0
+
+    def take(self, data: bytes) -> None:
+        """Take bytes; none are the end."""
+        self.is_open = bool(data)
+        *lines, rest = (self._rest + (data or b"\n")).split(b"\n")
+        self._rest = rest[:MOST_COLUMNS]
+        for line in lines:
+            if text := _one_line(line[:MOST_COLUMNS]):
+                self.last = text
+                self._told += 1
+                if self._told > MOST_LINES:
+                    self.dropped += 1
+                else:
+                    self._on_line(text)
+
+
+def _one_line(data: bytes) -> str:
+    text = data.decode(errors="replace").strip()
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
+def _memory_fd() -> int | None:
+    """Return memory without a name, None where the system has none."""
+    if not hasattr(os, "memfd_create"):
+        return None
+    try:
+        return os.memfd_create("viso-engine", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    except OSError:
+        return None
+
+
+def _close_fd(fd: int | None) -> None:
+    if fd is not None:
+        os.close(fd)
+
+
+def _end(process: "subprocess.Popen[bytes]", memory_fd: int | None) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # its group may live on without it
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    for pipe in (process.stdin, process.stdout, process.stderr):
+        cast(IO[bytes], pipe).close()
+    _close_fd(memory_fd)

@@ -1,0 +1,246 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A session with an engine's program: what is told it at the start, and what it answers to an image."""
+
+import dataclasses
+import threading
+from typing import Final
+
+import numpy as np
+
+from viso.companion.engine.child import EngineChild, EngineFailure, OnLine
+from viso.companion.engine.protocol import (
+    IMU_SAMPLE,
+    VERSION,
+    CovarianceKind,
+    Estimate,
+    Height,
+    Hello,
+    Image,
+    Imu,
+    KeyframeUpdate,
+    Message,
+    Options,
+    ProtocolError,
+    Ready,
+    Reset,
+    Setup,
+    SharedMemory,
+    Status,
+    frame_of,
+    nothing,
+)
+from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.msckf.window_filter import TOLD_SIGMAS, default_cov
+from viso.companion.vio.calibration import scaled
+from viso.companion.vio.config import VioConfig
+from viso.companion.vio.frames import GRAVITY_MSS
+from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels, WarmStartPose
+
+SMALLEST_WIDTH_PX: Final = 16
+
+
+class EngineSession:
+    """An engine's program at work: it has said what it is, and was told what it works with.
+
+    Args:
+        command: starts it.
+        calibration: of the pictures that it will be given.
+        config: the configuration; ``engine`` has the times, ``native`` the options.
+        on_line: takes what it wants to be logged.
+
+    Attributes:
+        hello: what it says about itself.
+        child: its process.
+        shares: whether pictures go through shared memory.
+
+    Raises:
+        EngineFailure: if it does not start, or refuses.
+    """
+
+    def __init__(self, command: str, calibration: CameraCalibration, config: VioConfig, on_line: OnLine) -> None:
+        self._timeout_s = config.engine.frame_timeout_s
+        self._image_id = self._keyframe_id = 0  # of none
+        self._queue, self._lock = list[bytes](), threading.Lock()
+        self.child = EngineChild(command, on_line)
+        try:
+            self.hello = self._introduced(config.engine.start_timeout_s)
+            divisor = 1
+            if self.hello.image_width_px:
+                divisor = shrink_factor(calibration.width, max(self.hello.image_width_px, SMALLEST_WIDTH_PX))
+            self._images = WorkingImages(divisor)
+            calibration = scaled(calibration, divisor)
+            first = [_setup(calibration, config), Options(text=_options(config))]
+            size = calibration.width * calibration.height
+            if self.child.share(size):
+                assert self.child.memory_fd is not None
+                first.append(SharedMemory(size=size, descriptor=self.child.memory_fd, zero=0))
+            first.append(_reset(None))
+            frames = [frame_of(message) for message in first]
+            _, ready = self.child.exchange(frames, Ready, config.engine.start_timeout_s)
+            self.shares = bool(ready.shared_memory) and len(first) == 4
+        except BaseException:
+            self.child.close(grace_s=0)
+            raise
+
+    @property
+    def name(self) -> str:
+        """What it calls itself."""
+        return self.hello.name.split(b"\0")[0].decode("ascii", "replace")
+
+    def _introduced(self, timeout_s: float) -> Hello:
+        _, hello = self.child.exchange([], Hello, timeout_s)
+        if hello.version != VERSION:
+            raise EngineFailure("protocol_errors", f"protocol of version {hello.version}, this is {VERSION}")
+        return hello
+
+    def reset(self, start: WarmStartPose | None) -> None:
+        """Let it forget all, and start from a state at the next image or find one."""
+        self._keyframe_id = 0
+        self._add(_reset(start))
+
+    def add_imu(self, t_ns: int, accel: Array, gyro: Array) -> None:
+        """Give it a sample, with the next image."""
+        self._add(Imu(samples=np.array([(t_ns, accel, gyro)], IMU_SAMPLE).tobytes()))
+
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
+        """Give it a height, with the next image; from any thread."""
+        self._add(Height(t_ns=t_ns, height_m=height_m, sigma_m=sigma_m))
+
+    def _add(self, message: Message) -> None:
+        with self._lock:
+            self._queue.append(frame_of(message))
+
+    def add_image(self, t_ns: int, pixels: Pixels) -> tuple[list[KeyframeUpdate], Estimate]:
+        """Give it an image; return what it makes of it.
+
+        Raises:
+            EngineFailure: if there is no answer in time, or none that can be.
+        """
+        image = np.ascontiguousarray(self._images.make(pixels))
+        height, width = image.shape
+        self._image_id += 1
+        if self.shares:
+            self.child.put(memoryview(image).cast("B"))
+        with self._lock:
+            frames, self._queue = self._queue, []
+        told = Image(
+            t_ns=t_ns,
+            image_id=self._image_id,
+            width=width,
+            height=height,
+            in_shared_memory=int(self.shares),
+            zero=0,
+            pixels=b"" if self.shares else image.tobytes(),
+        )
+        before, estimate = self.child.exchange([*frames, frame_of(told)], Estimate, self._timeout_s)
+        try:
+            self._check(estimate)
+            return [_checked_update(one) for one in before if isinstance(one, KeyframeUpdate)], estimate
+        except (ProtocolError, ValueError) as error:
+            raise EngineFailure("protocol_errors", f"estimate: {error}") from error
+
+    def _check(self, estimate: Estimate) -> None:
+        if estimate.image_id != self._image_id:
+            raise ProtocolError(f"of image {estimate.image_id}, the last one is {self._image_id}")
+        status, kind = Status(estimate.status), CovarianceKind(estimate.covariance_kind)
+        if status not in (Status.TRACKING, Status.LOST):
+            return
+        SE3.from_matrix(estimate.world_T_body.reshape(4, 4))
+        SE3.from_matrix(estimate.keyframe_T_body.reshape(4, 4))
+        numbers = (estimate.velocity_world, estimate.accel_bias, estimate.gyro_bias)
+        if not all(np.isfinite(array).all() for array in (*numbers, *([estimate.covariance] if kind else []))):
+            raise ProtocolError("not finite")
+        features = ("mean_parallax_px", "mre_px", "coverage", "innovation_ratio")
+        if not all(getattr(estimate, name) >= 0 for name in features) or estimate.coverage > 1:
+            raise ProtocolError("features that cannot be")
+        if estimate.keyframe_id != (self._keyframe_id or self._image_id):
+            raise ProtocolError(f"keyframe {estimate.keyframe_id}, the last one is {self._keyframe_id}")
+        if estimate.is_keyframe or not self._keyframe_id:
+            self._keyframe_id = self._image_id
+
+    def close(self, *, grace_s: float | None = None) -> None:
+        """End it."""
+        self.child.close(**({} if grace_s is None else {"grace_s": grace_s}))
+
+
+def relative_covariance(joint: Array, keyframe_T_body: SE3, keyframe_R: Array) -> Array:
+    """Return the covariance [6, 6] of a pose relative to a keyframe from that of both poses together.
+
+    Args:
+        joint: [12, 12] of keyframe and body, each (rotation, right perturbation; position, in the world).
+        keyframe_T_body: the relative pose.
+        keyframe_R: the keyframe's rotation into the world.
+    """
+    R, p = keyframe_T_body.R, keyframe_T_body.t
+    skew = np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
+    jacobian = np.zeros((6, 12))
+    jacobian[:3, :3], jacobian[:3, 6:9] = -R.T, np.eye(3)
+    jacobian[3:, :3] = R.T @ skew
+    jacobian[3:, 9:] = R.T @ keyframe_R.T
+    jacobian[3:, 3:6] = -jacobian[3:, 9:]
+    covariance: Array = jacobian @ joint @ jacobian.T
+    return covariance
+
+
+def _checked_update(update: KeyframeUpdate) -> KeyframeUpdate:
+    SE3.from_matrix(update.world_T_keyframe.reshape(4, 4))
+    return update
+
+
+def _setup(camera: CameraCalibration, config: VioConfig) -> Setup:
+    noise = config.imu_noise
+    return Setup(
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        distortion=camera.distortion,
+        body_T_camera=camera.B_T_C.matrix(),
+        body_T_camera_sigma=np.array([camera.rotation_sigma_rad, camera.position_sigma_m]),
+        time_offset_s=camera.time_offset_s,
+        time_offset_sigma_s=camera.time_offset_sigma_s,
+        line_time_s=camera.line_time_s,
+        gyro_noise=noise.gyro,
+        accel_noise=noise.accel,
+        gyro_walk=noise.gyro_walk,
+        accel_walk=noise.accel_walk,
+        imu_rate_hz=camera.imu_rate_hz,
+        gyro_limit=camera.gyro_limit_rad_s,
+        accel_limit=camera.accel_limit_m_s2,
+        gravity=GRAVITY_MSS,
+        width=camera.width,
+        height=camera.height,
+        distortion_model=list(DistortionModel).index(camera.distortion_model),
+        max_features=config.max_features,
+        threads=config.threads,
+        seed=config.seed,
+        mask=b"",
+    )
+
+
+def _options(config: VioConfig) -> bytes:
+    lines = []
+    for name, value in config.native.items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        if "=" in name or "\n" in name + text:
+            raise EngineFailure("protocol_errors", f"vio.native.{name}: a line break, or = in the name")
+        lines.append(f"{name}={text}\n")
+    return "".join(lines).encode()
+
+
+def _reset(start: WarmStartPose | None) -> Reset:
+    reset = Reset(**nothing(Reset))
+    if start is None:
+        return reset
+    pose = start.body_T_world.inverse()
+    return dataclasses.replace(
+        reset,
+        has_state=1,
+        world_T_body=pose.matrix(),
+        velocity_world=pose.R.dot(start.velocity_b),
+        accel_bias=start.bias.accel,
+        gyro_bias=start.bias.gyro,
+        covariance=default_cov(*TOLD_SIGMAS, pose.R) if start.covariance is None else start.covariance,
+    )
