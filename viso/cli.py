@@ -33,6 +33,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "replay": "viso.commands.replay",
     "doctor": "viso.commands.doctor",
     "vio": "viso.commands.vio",
+    "engine": "viso.commands.engine",
     "play": "viso.commands.play",
     "record": "viso.commands.record",
     "landmarks": "viso.commands.landmarks",

@@ -86,7 +86,7 @@ public:
         estimate.tracked = estimate.inliers = cells;
         estimate.coverage = static_cast<double>(cells) / (SIDE * SIDE);
         estimate.covariance_kind = viso::CovarianceKind::RELATIVE;
-        for (int i = 0; i < 6; i++) estimate.covariance[7 * i] = i < 3 ? 1e-6 : 1e-3;
+        for (int i = 0; i < 6; i++) estimate.covariance[7 * i] = i < 3 ? 1e-6 : 1e-2;
         estimate.is_keyframe = images_++ % KEYFRAME_IMAGES == 0;
         if (estimate.is_keyframe) keyframe_ = pose_;
         return estimate;

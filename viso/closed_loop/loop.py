@@ -128,8 +128,9 @@ class CompanionLoop:
             self.now_us += LOOP_PERIOD_US
 
     def close(self) -> None:
-        """Close the vehicle's log."""
+        """Close the vehicle's log and the companion."""
         self.vehicle.close()
+        self.companion.close()
 
     def _step(self, now_us: int) -> None:
         self._scheduler.run_until(now_us)

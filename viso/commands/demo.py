@@ -14,12 +14,15 @@ import typer
 from rich.table import Table
 
 from viso.closed_loop.record import LoopRecord
+from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.registry import STRATEGIES
 from viso.demo import tracking_camera as simulated
 from viso.errors import InputError, told_errors
 from viso.extras import pip_install
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogFile, LogStore
+from viso.options.engine import EngineOption, with_engine
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.outputs import Output
 from viso.terminal.console import err, out, progress, verdict_rows
@@ -32,6 +35,7 @@ _SIMULATED_INSTEAD: Final = f"the camera is simulated: OpenCV is missing; for a 
 _NO_VIO: Final = f"--camera vio: OpenCV is missing; install it with: {pip_install('vio')}; --camera simulated works"
 
 Text = tuple[float, str, int, str]
+Choose = Callable[[VioConfig], VioConfig]
 
 
 class Camera(StrEnum):
@@ -73,7 +77,7 @@ def _texts(record: LoopRecord) -> list[tuple[float, str, int, str]]:
     return [(said.time_us * 1e-6, said.who, said.severity, said.text) for said in record.said]
 
 
-def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
+def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware, _choose: Choose) -> _Flown:
     run = simulated.Demo(seed, lambda: log_file, firmware)
     with _flying(simulated.END_S) as (on_progress, stop):
         result = run.run(on_progress, stop)
@@ -88,13 +92,13 @@ def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
     return _Flown(simulated.END_S, run.vehicle, _texts(result), rows, tables_of(counts, filter_counts), save_plot)
 
 
-def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
+def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware, choose: Choose) -> _Flown:
     # These need OpenCV, without which the rest of the command line works.
     from viso.closed_loop.figures import figures_of, figures_table
     from viso.demo import odometry as demo_vio
 
     with told_errors(StrategyNotAvailableError):
-        run = demo_vio.VioDemo(seed, lambda: log_file, firmware)
+        run = demo_vio.VioDemo(seed, lambda: log_file, firmware, choose)
     with _flying(demo_vio.END_S) as (on_progress, stop):
         run.run(on_progress, stop)
 
@@ -120,9 +124,9 @@ def _choose(camera: Camera | None) -> Camera:
     return camera or (Camera.VIO if has_opencv else Camera.SIMULATED)
 
 
-def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware) -> _Flown:
+def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware, choose: Choose) -> _Flown:
     """Fly to the end, or as far as the user wants."""
-    flown = _FLIGHTS[camera](seed, log_file, firmware)
+    flown = _FLIGHTS[camera](seed, log_file, firmware, choose)
     stopped_s = flown.vehicle.clock.micros64() * 1e-6
     if stopped_s < flown.end_s - 0.5:
         err.print(f"stopped at {stopped_s:.0f} s")
@@ -149,6 +153,10 @@ def demo(
             "there), or simulated, a tracking camera with faults."
         ),
     ] = None,
+    strategy: Annotated[
+        str | None, typer.Option(help=f"With --camera vio: {', '.join(STRATEGIES)}, or a plug-in's.")
+    ] = None,
+    engine: EngineOption = None,
     log_dir: Annotated[Path, typer.Option(help="Where the log and the plot go."), Output.PLACE] = Path("logs"),
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
     plot: Annotated[bool, typer.Option(help="Draw what happened, if matplotlib is there.")] = True,
@@ -168,10 +176,12 @@ def demo(
     """
     profile = firmware_of(firmware)
     chosen = _choose(camera)
+    if chosen is Camera.SIMULATED and (strategy or engine):
+        raise InputError("--strategy, --engine: --camera simulated has no odometry")
     # Opened ahead of the run, so that a place that cannot be written to is told at once.
     log_file = LogStore(log_dir).open_next()
     log_file.is_told_at_end = True
-    flown = _fly(chosen, seed, log_file, profile)
+    flown = _fly(chosen, seed, log_file, profile, lambda config: with_engine(config, strategy, engine))
     if log_file.reason:
         raise InputError(log_file.reason)
     picture = _save_plot(flown, log_file.path.with_suffix(".png")) if plot else None

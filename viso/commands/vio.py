@@ -22,6 +22,7 @@ from viso.errors import InputError
 from viso.extras import pip_install
 from viso.files.text_files import write_text
 from viso.options.checks import within
+from viso.options.engine import EngineOption
 from viso.options.outputs import Output
 from viso.terminal.console import err, out
 from viso.terminal.signals import stop_on_signal
@@ -60,6 +61,7 @@ def vio(
     strategy: Annotated[
         str | None, typer.Option(help=f"In place of the configuration's: {', '.join(STRATEGIES)}, or a plug-in's.")
     ] = None,
+    engine: EngineOption = None,
     imu: Annotated[
         Path | None, typer.Option(help="Inertial data of a video: t_ns or t_s, gx, gy, gz, ax, ay, az.", metavar="CSV")
     ] = None,
@@ -115,7 +117,7 @@ def vio(
     options = SourceOptions(source_name, calibration, imu, imu_start, fps, imu_axes, rotation_of(mounting))
     source = opened(options, kind)
     is_paced = _is_paced(source, master, realtime)
-    config = configured(source, config_file, strategy)
+    config = configured(source, config_file, strategy, engine)
     truth = known_truth(source, truth_file)
     has_own_world = truth_file is not None or not warm_start
     if isinstance(source, Recording) and not warm_start:

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The demonstration with a real odometry: a survey by a camera that looks down, covered twice; virtual time."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Final
 
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 from viso.closed_loop.loop import CompanionLoop, LoopSetup
+from viso.companion.vio.config import VioConfig
 from viso.companion.world.ground import generate_texture
 from viso.demo.survey_flight import SurveyPlan, survey_flight
 from viso.firmware.releases import REFERENCE, Firmware
@@ -43,13 +45,16 @@ _RUN_PREARM_CHECKS: Final = 401
 _ARM_DISARM: Final = 400
 
 
-def demo_setup(seed: int, firmware: Firmware = REFERENCE) -> LoopSetup:
+def demo_setup(
+    seed: int, firmware: Firmware = REFERENCE, choose: Callable[[VioConfig], VioConfig] = lambda config: config
+) -> LoopSetup:
     """Return what the demonstration flies; the seed is that of all noise."""
     covered_s = tuple((start_s - COMPANION_S, end_s - COMPANION_S) for start_s, end_s in COVERED_S)
     texture = generate_texture(size_px=TEXTURE_PX, metres_per_pixel=TEXTURE_METRES_PER_PIXEL)
     flight = survey_flight(PLAN, END_S - COMPANION_S, seed=seed, texture=texture, covered_s=covered_s)
     companion_us = round(COMPANION_S * 1e6)
-    return LoopSetup(flight=flight, companion_us=companion_us, params=PARAMS, seed=seed, firmware=firmware)
+    setup = LoopSetup(flight=flight, companion_us=companion_us, params=PARAMS, seed=seed, firmware=firmware)
+    return dataclasses.replace(setup, config=choose(setup.config))
 
 
 class VioDemo:
@@ -59,6 +64,7 @@ class VioDemo:
         seed: of all noise; the same seed gives the same log, byte for byte.
         open_log: opens the log.
         firmware: which release the autopilot is.
+        choose: returns the odometry's configuration for the usual one.
 
     Attributes:
         loop: the vehicle, the companion and what has happened.
@@ -68,8 +74,14 @@ class VioDemo:
         ModuleNotFoundError: if the renderer's are not.
     """
 
-    def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:
-        self.loop = CompanionLoop(demo_setup(seed, firmware), open_log)
+    def __init__(
+        self,
+        seed: int,
+        open_log: Callable[[], LogSink],
+        firmware: Firmware = REFERENCE,
+        choose: Callable[[VioConfig], VioConfig] = lambda config: config,
+    ) -> None:
+        self.loop = CompanionLoop(demo_setup(seed, firmware, choose), open_log)
 
     def _script(self) -> list[tuple[float, Callable[[], None]]]:
         loop, companion = self.loop, self.loop.companion

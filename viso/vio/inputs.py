@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a visual-inertial odometry is given on the command line; all that is wrong with it is told in one line."""
 
-import dataclasses
 import logging
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import CameraCalibration
 from viso.errors import InputError
+from viso.options.engine import with_engine
 
 
 def rotation_of(text: str) -> Array:
@@ -37,8 +37,16 @@ def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
         raise InputError(str(error)) from error
 
 
-def configured(source: Recording | LiveCamera, file: Path | None, strategy: str | None) -> VioConfig:
-    """Return the configuration: a file's or else what suits the source, with another strategy if one is named.
+def configured(
+    source: Recording | LiveCamera, file: Path | None, strategy: str | None, engine: str | None = None
+) -> VioConfig:
+    """Return the configuration: a file's or else what suits the source, with what is named in its place.
+
+    Args:
+        source: of the data.
+        file: with the configuration.
+        strategy: in place of the configuration's.
+        engine: command that starts the engine's program.
 
     Raises InputError if the file is none, or the strategy is not to be had.
     """
@@ -46,7 +54,7 @@ def configured(source: Recording | LiveCamera, file: Path | None, strategy: str 
         config = source.config if file is None else load_config(file)
     except ConfigError as error:
         raise InputError(str(error)) from error
-    config = config if strategy is None else dataclasses.replace(config, strategy=strategy)
+    config = with_engine(config, strategy, engine)
     _try_strategy(config, source.calibration)
     return config
 
@@ -66,6 +74,6 @@ def _try_strategy(config: VioConfig, calibration: CameraCalibration) -> None:
     # Built in vain, so that whatever is missing is told before anything is opened.
     silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
     try:
-        build_vio_strategy(config, calibration, lambda: 0, silent)
+        build_vio_strategy(config, calibration, lambda: 0, silent).close()
     except (ValueError, StrategyNotAvailableError) as error:
         raise InputError(str(error)) from error

@@ -115,6 +115,7 @@ class VioLog:
             "ms_95": _quantile(times_ms, 95),
             "dropped": 0 if last is None else last.update.dropped,
             "resets": 0 if last is None else last.update.report.resets,
+            **({"engine": dict(last.update.report.counters)} if last and last.update.report.counters else {}),
         }
 
     def _sigma_m(self, update: VioUpdate) -> float | None:

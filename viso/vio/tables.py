@@ -65,6 +65,9 @@ def _rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("dropped", f"{summary['dropped']} frames"),
         ("resets", str(summary["resets"])),
     ]
+    if "engine" in summary:
+        counts = ", ".join(f"{count} {name}" for name, count in summary["engine"].items() if count) or "no failure"
+        rows.append(("engine", counts.replace("_", " ")))
     sent = summary.get("sent")
     if sent is not None:
         rows.append(("sent", ", ".join(f"{count} {name}" for name, count in sent.items()) or "nothing"))

@@ -161,6 +161,10 @@ class VirtualCompanion:
             self.sender.send(self._requests.pop(0))
         self.sender.run(now_us)
 
+    def close(self) -> None:
+        """Let go of what the strategy has of the system."""
+        self._strategy.close()
+
     def _take(self, event: SensorEvent) -> None:
         if isinstance(event, ImuSample):
             self._imu.add(event)

@@ -108,10 +108,10 @@ class EngineChild:
         self._memory = mmap.mmap(self.memory_fd, size)
         return True
 
-    def put(self, pixels: memoryview) -> None:
+    def put(self, pixels: bytes) -> None:
         """Write to the begin of the shared memory."""
         assert self._memory is not None
-        self._memory[: pixels.nbytes] = pixels
+        self._memory[: len(pixels)] = pixels
 
     def exchange(self, frames: Iterable[bytes], until: type[M], timeout_s: float) -> tuple[list[Message], M]:
         """Send frames, and return what comes up to an answer, and that.

@@ -338,7 +338,7 @@ def frame_of(message: Message) -> bytes:
     return HEADER.pack(MAGIC, _NUMBERS[type(message)], len(payload)) + payload
 
 
-def nothing(kind: type[M]) -> dict[str, Any]:
+def nothing(kind: type[Message]) -> dict[str, Any]:
     """Return values for all fields of a kind that say nothing: zeros, and matrices of poses that are identities."""
     layout = _LAYOUTS[kind]
     values = layout.read(bytes(layout.struct.size))

@@ -39,6 +39,8 @@ from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels, WarmStartPose
 
 SMALLEST_WIDTH_PX: Final = 16
+MOST_KEYFRAMES: Final = 1000
+"""Of which updates are understood."""
 
 
 class EngineSession:
@@ -53,6 +55,7 @@ class EngineSession:
     Attributes:
         hello: what it says about itself.
         child: its process.
+        keyframes_ns: stamps of the last keyframes by the identifiers of their images.
         shares: whether pictures go through shared memory.
 
     Raises:
@@ -62,6 +65,7 @@ class EngineSession:
     def __init__(self, command: str, calibration: CameraCalibration, config: VioConfig, on_line: OnLine) -> None:
         self._timeout_s = config.engine.frame_timeout_s
         self._image_id = self._keyframe_id = 0  # of none
+        self.keyframes_ns = dict[int, int]()
         self._queue, self._lock = list[bytes](), threading.Lock()
         self.child = EngineChild(command, on_line)
         try:
@@ -71,7 +75,7 @@ class EngineSession:
                 divisor = shrink_factor(calibration.width, max(self.hello.image_width_px, SMALLEST_WIDTH_PX))
             self._images = WorkingImages(divisor)
             calibration = scaled(calibration, divisor)
-            first = [_setup(calibration, config), Options(text=_options(config))]
+            first: list[Message] = [_setup(calibration, config), Options(text=_options(config))]
             size = calibration.width * calibration.height
             if self.child.share(size):
                 assert self.child.memory_fd is not None
@@ -122,7 +126,7 @@ class EngineSession:
         height, width = image.shape
         self._image_id += 1
         if self.shares:
-            self.child.put(memoryview(image).cast("B"))
+            self.child.put(image.tobytes())
         with self._lock:
             frames, self._queue = self._queue, []
         told = Image(
@@ -136,12 +140,12 @@ class EngineSession:
         )
         before, estimate = self.child.exchange([*frames, frame_of(told)], Estimate, self._timeout_s)
         try:
-            self._check(estimate)
+            self._check(estimate, t_ns)
             return [_checked_update(one) for one in before if isinstance(one, KeyframeUpdate)], estimate
         except (ProtocolError, ValueError) as error:
             raise EngineFailure("protocol_errors", f"estimate: {error}") from error
 
-    def _check(self, estimate: Estimate) -> None:
+    def _check(self, estimate: Estimate, t_ns: int) -> None:
         if estimate.image_id != self._image_id:
             raise ProtocolError(f"of image {estimate.image_id}, the last one is {self._image_id}")
         status, kind = Status(estimate.status), CovarianceKind(estimate.covariance_kind)
@@ -159,6 +163,9 @@ class EngineSession:
             raise ProtocolError(f"keyframe {estimate.keyframe_id}, the last one is {self._keyframe_id}")
         if estimate.is_keyframe or not self._keyframe_id:
             self._keyframe_id = self._image_id
+            self.keyframes_ns[self._image_id] = t_ns
+            if len(self.keyframes_ns) > MOST_KEYFRAMES:
+                del self.keyframes_ns[next(iter(self.keyframes_ns))]
 
     def close(self, *, grace_s: float | None = None) -> None:
         """End it."""

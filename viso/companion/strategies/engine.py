@@ -23,10 +23,11 @@ from viso.companion.strategies.native import (
     NativeBias,
     NativeEngine,
     NativeFeatures,
+    NativeKeyframeUpdate,
     NativePose,
     NativeStatus,
 )
-from viso.companion.vio.config import ImuNoise
+from viso.companion.vio.config import ImuNoise, VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_window import IMU_EMPTY, steps_of, window_fault
@@ -57,13 +58,18 @@ class ProgramEngine:
     Args:
         context: what the strategy is built from.
         name: the strategy's, for the log.
+        calibration: of the pictures that it will be given.
+
+    Attributes:
+        counters: of restarts, answers that took longer than from image to image, and failures by their kinds.
+        session: with the program; None while it is down.
 
     Raises:
         EngineFailure: if it does not start; so does each method that speaks with it.
     """
 
-    def __init__(self, context: StrategyContext, name: str) -> None:
-        self._context, self._name = context, name
+    def __init__(self, context: StrategyContext, name: str, calibration: CameraCalibration) -> None:
+        self._context, self._name, self._calibration = context, name, calibration
         self.counters = Counter[str](restarts=0, late_answers=0)
         self._last_image_ns: int | None = None
         self.session: EngineSession | None = None
@@ -71,8 +77,8 @@ class ProgramEngine:
 
     def start(self) -> None:
         """Start the program."""
-        config, calibration = self._context.config, self._context.calibration
-        self.session = session = EngineSession(config.engine.command, calibration, config, self._on_line)
+        config = self._context.config
+        self.session = session = EngineSession(config.engine.command, self._calibration, config, self._on_line)
         self._hello = session.hello
         self._estimate: Estimate | None = None
         self._updates: list[KeyframeUpdate] = []
@@ -158,6 +164,14 @@ class ProgramEngine:
         keyframe_R = told.world_T_body.reshape(4, 4)[:3, :3] @ relative.R.T
         return relative_covariance(told.covariance.reshape(12, 12), relative, keyframe_R)
 
+    def keyframe_updates(self) -> list[NativeKeyframeUpdate]:
+        """Return the keyframes of the last session whose poses have changed with the last image."""
+        return [
+            NativeKeyframeUpdate(t_ns, update.world_T_keyframe.reshape(4, 4))
+            for update in self._updates
+            if (t_ns := self._running().keyframes_ns.get(update.keyframe_id)) is not None
+        ]
+
     def bias(self) -> NativeBias:
         """Return the IMU's bias."""
         return NativeBias(self._told.accel_bias, self._told.gyro_bias)
@@ -223,15 +237,15 @@ class EngineStrategy(NativeFacade):
         self._failures, self._retry_ns = 0, 0
         super().__init__(context)
 
-    def _load(self, context: StrategyContext) -> NativeEngine:
-        if not context.config.engine.command:
+    def _make_engine(self, calibration: CameraCalibration, config: VioConfig) -> NativeEngine:
+        if not config.engine.command:
             if not self.module:
                 raise ImportError("vio.engine.command, or --engine, has to name its program")
-            return super()._load(context)
+            return super()._make_engine(calibration, config)
         try:
-            self._program = ProgramEngine(context, self.name)
+            self._program = ProgramEngine(self.context, self.name, calibration)
         except EngineFailure as error:
-            raise ImportError(f"{context.config.engine.command}: {error}") from error
+            raise ImportError(f"{config.engine.command}: {error}") from error
         return self._program
 
     def close(self) -> None:

@@ -5,6 +5,7 @@
 Nothing here reads a clock: unless one is given, time is that of the newest data, and the same data give the same trial.
 """
 
+import contextlib
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final, Protocol
@@ -63,11 +64,12 @@ def run_through(
     worker = VioWorker(strategy, config, calibration, buffer, clock_ns=clock_ns, logger=logger, listeners=listeners)
     if warm_start is not None:
         worker.request_warm_start(warm_start)
-    for event in source.events():
-        newest_ns = max(newest_ns, event.t_ns)
-        if isinstance(event, ImuSample):
-            buffer.add(event)
-        elif not isinstance(event, NavCameraFrame):
-            strategy.add_height(event.t_ns, event.height_m, event.sigma_m)
-        elif (update := worker.process_one(event)) is not None:
-            yield update
+    with contextlib.closing(strategy):
+        for event in source.events():
+            newest_ns = max(newest_ns, event.t_ns)
+            if isinstance(event, ImuSample):
+                buffer.add(event)
+            elif not isinstance(event, NavCameraFrame):
+                strategy.add_height(event.t_ns, event.height_m, event.sigma_m)
+            elif (update := worker.process_one(event)) is not None:
+                yield update

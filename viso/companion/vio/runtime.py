@@ -91,8 +91,11 @@ class VioRuntime:
         self.worker.stop()
         self._ingest.stop()
         if not self._started:
+            self.worker.strategy.close()
             return True
         ended = {"worker": self.worker.join(join_s), "camera": self._ingest.join(join_s)}
+        if ended["worker"]:
+            self.worker.strategy.close()
         for name in (name for name, has_ended in ended.items() if not has_ended):
             log_event(self._logger, logging.ERROR, "thread_hangs", f"the {name}'s thread does not end")
         return all(ended.values())
