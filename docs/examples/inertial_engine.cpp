@@ -17,7 +17,7 @@ using viso::Vector3;
 namespace {
 
 constexpr double STILL_GYRO = 0.05, STILL_ACCEL = 0.5;  // rad/s, m/s^2: more is motion
-constexpr std::uint32_t SIDE = 8, FEWEST_CELLS = 8;     // cells of a picture along a side; with contrast
+constexpr std::uint32_t SIDE = 8;                       // cells of a picture along a side
 constexpr std::uint64_t KEYFRAME_IMAGES = 5;
 
 double norm(const Vector3& a) { return std::hypot(a[0], a[1], a[2]); }
@@ -53,13 +53,12 @@ class InertialEngine : public viso::Engine {
 public:
     void set_up(const viso::Setup& setup, viso::Options& options, const std::vector<std::uint8_t>&) override {
         gravity_ = setup.gravity;
-        needs_motion_ = options.flag("needs_motion", false);
+        fewest_cells_ = options.number("fewest_cells", 8);
         options.expect_no_others();
-        if (needs_motion_) viso::log(20, "waits for motion");
     }
 
     void reset(const viso::Start* start) override {
-        *this = InertialEngine(gravity_, needs_motion_);
+        *this = InertialEngine(needs_motion_, gravity_, fewest_cells_);
         if (!start) return;
         has_state_ = is_told_ = true;
         pose_ = start->world_T_body;
@@ -77,7 +76,7 @@ public:
         if (!has_state_) return estimate;
         if (images_ == 0) keyframe_ = pose_;
         const std::uint32_t cells = cells_with_contrast(image);
-        estimate.status = cells < FEWEST_CELLS ? viso::Status::LOST : viso::Status::TRACKING;
+        estimate.status = cells < fewest_cells_ ? viso::Status::LOST : viso::Status::TRACKING;
         estimate.world_T_body = pose_;
         estimate.keyframe_T_body = product(inverse(keyframe_), pose_);
         estimate.velocity_world = velocity_;
@@ -92,10 +91,10 @@ public:
         return estimate;
     }
 
-    InertialEngine() = default;
+    explicit InertialEngine(bool needs_motion, double gravity = 0, double fewest_cells = 0)
+        : needs_motion_(needs_motion), gravity_(gravity), fewest_cells_(fewest_cells) {}
 
 private:
-    InertialEngine(double gravity, bool needs_motion) : gravity_(gravity), needs_motion_(needs_motion) {}
 
     // Carry the state on to the stamp of an image; what was told holds at the first one.
     void advance(std::int64_t to_ns) {
@@ -145,8 +144,8 @@ private:
         return count;
     }
 
-    double gravity_ = 0;
-    bool needs_motion_ = false, has_state_ = false, is_told_ = false;
+    bool needs_motion_, has_state_ = false, is_told_ = false;
+    double gravity_, fewest_cells_;
     std::vector<viso::Imu> samples_;
     std::int64_t last_ns_ = 0;
     double still_s_ = 0, moved_s_ = 0;
@@ -157,7 +156,8 @@ private:
 
 }  // namespace
 
-int main() {
-    return viso::run([] { return std::make_unique<InertialEngine>(); }, "inertial",
-                     viso::STARTS_AT_REST | viso::HAS_COVARIANCE);
+int main(int count, char** words) {
+    const bool needs_motion = count > 1 && std::string(words[1]) == "--needs-motion";  // as some engines do
+    return viso::run([=] { return std::make_unique<InertialEngine>(needs_motion); }, "inertial",
+                     viso::HAS_COVARIANCE | (needs_motion ? 0 : viso::STARTS_AT_REST));
 }

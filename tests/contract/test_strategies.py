@@ -6,14 +6,16 @@ All look at the same scene: a camera before a wall of bright and dark tiles, on 
 whose camera is covered.
 """
 
+import contextlib
 import dataclasses
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.unit.viso.companion.engine.compiled import inertial_engine
 from tests.unit.viso.companion.strategies.fake_native import install
 from tests.unit.viso.companion.vio.strategy_rig import (
     GRAVITY,
@@ -26,7 +28,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     still_window,
 )
 from viso.companion.vio import build_info
-from viso.companion.vio.config import VioConfig
+from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.frames import MOUNTINGS
@@ -56,7 +58,11 @@ PREPARATIONS: dict[str, Prepare] = {
         pytest.importorskip("cv2"),
         install(monkeypatch, "viso_vins_mono_native", starts_at_rest=False),
     ],
+    "engine": lambda monkeypatch: [pytest.importorskip("cv2"), inertial_engine()],
 }
+
+NEEDS_MOTION = "engine --needs-motion"
+"""A program that finds its state by itself only in motion; at rest it is told."""
 
 ALL_ON = dict.fromkeys(build_info.FLAGS, True)
 WIDTH, HEIGHT, TILE = 320, 240, 20
@@ -95,7 +101,10 @@ class Bench:
         self.clock = Ticks()
         mounting = SE3(MOUNTINGS["forward"], np.zeros(3))
         self.calibration = make_calibration(WIDTH, HEIGHT, fx=200.0, fy=200.0, B_T_C=mounting)
-        self.config = VioConfig(strategy=name, lost_frames_fatal=LOST_FRAMES)
+        self.starts_in_motion = name == NEEDS_MOTION
+        name, _, option = name.partition(" ")
+        command = f"{inertial_engine()} {option}" if name == "engine" else ""
+        self.config = VioConfig(strategy=name, lost_frames_fatal=LOST_FRAMES, engine=EngineConfig(command=command))
         strategy = build_vio_strategy(self.config, self.calibration, self.clock, logger, flags=ALL_ON)
         assert isinstance(strategy, StrategyBase)
         self.strategy = strategy
@@ -142,11 +151,19 @@ def values(output: VioOutput | None) -> str:
     return compact_json(None if output is None else dataclasses.asdict(output))
 
 
-@pytest.fixture(params=PREPARATIONS)
-def make_bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Bench]:
-    """Return what makes a bench with a new strategy."""
-    PREPARATIONS[request.param](monkeypatch)
-    return lambda: Bench(request.param)
+@pytest.fixture(params=[*PREPARATIONS, NEEDS_MOTION])
+def make_bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Bench]]:
+    """Yield what makes a bench with a new strategy."""
+    PREPARATIONS[request.param.split()[0]](monkeypatch)
+    benches = list[Bench]()
+
+    def make() -> Bench:
+        benches.append(Bench(request.param))
+        return benches[-1]
+
+    yield make
+    for bench in benches:
+        bench.strategy.close()
 
 
 @pytest.fixture
@@ -165,10 +182,18 @@ class TestStrategy:
         assert (health.state, health.consecutive_lost) == (VioState.INIT, 0)
 
     def test_initializing_before_there_is_a_state(self, bench: Bench) -> None:
-        for _ in range(10):
+        for _ in range(1 if bench.starts_in_motion else 10):
             with pytest.raises(VioInitializingError):
-                bench.process(window=shaken_window)
+                bench.process(window=still_window if bench.starts_in_motion else shaken_window)
         assert bench.state() is VioState.INIT
+
+    def test_motion_starts_what_needs_it(self, bench: Bench) -> None:
+        states = set[VioState]()
+        for _ in range(10):
+            with contextlib.suppress(VioInitializingError, VioDegradedError):
+                bench.process(window=shaken_window)
+            states.add(bench.state())
+        assert (states != {VioState.INIT}) == bench.starts_in_motion
 
     def test_standing_still_brings_outputs(self, bench: Bench) -> None:
         bench.initialise()

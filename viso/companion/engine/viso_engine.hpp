@@ -53,12 +53,11 @@ using Matrix4 = std::array<double, 16>;  // row by row
 
 constexpr Matrix4 IDENTITY = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 
-enum Capability : std::uint32_t {
-    STARTS_AT_REST = 1,    // finds its state while the body stands still; else it needs motion
-    TAKES_HEIGHT = 2,      // add_height is made use of
-    HAS_COVARIANCE = 4,    // estimates have one, of one kind or the other
-    UPDATES_KEYFRAMES = 8  // update_keyframe is called
-};
+// Capabilities, to be combined.
+constexpr std::uint32_t STARTS_AT_REST = 1;     // finds its state while the body stands still; else it needs motion
+constexpr std::uint32_t TAKES_HEIGHT = 2;       // add_height is made use of
+constexpr std::uint32_t HAS_COVARIANCE = 4;     // estimates have one, of one kind or the other
+constexpr std::uint32_t UPDATES_KEYFRAMES = 8;  // update_keyframe is called
 
 enum class Status : std::uint32_t {
     INITIALISING = 0,  // there is no state

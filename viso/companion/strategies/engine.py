@@ -92,6 +92,9 @@ class ProgramEngine:
             strategy=self._name,
         )
 
+        if 0 < self._calibration.imu_rate_hz < session.hello.imu_rate_hz:
+            self._on_line(logging.WARNING, f"wants an IMU of {session.hello.imu_rate_hz:g} Hz or more")
+
     def _on_line(self, level: int | None, text: str) -> None:
         event = "engine_stderr" if level is None else "engine_log"
         level = logging.INFO if level not in (logging.DEBUG, logging.WARNING, logging.ERROR) else level
@@ -204,9 +207,8 @@ class _Good:
     windows: list[ImuWindow]
 
     def carried_on(self, noise: ImuNoise) -> WarmStartPose | None:
-        """Return the state at the end of the inertial data; None where these lack, or it is too long ago."""
-        faults = [window_fault(window, USUAL_PERIOD_NS) for window in self.windows]
-        if IMU_EMPTY in faults or self.windows[-1].end_t_ns - self.t_ns > LONGEST_COAST_S * 1e9:
+        """Return the state at the end of the inertial data; None where these lack."""
+        if any(window_fault(window, USUAL_PERIOD_NS) == IMU_EMPTY for window in self.windows):
             return None
         pose, bias = self.state.body_T_world.inverse(), self.state.bias
         R, p, v = pose.R, pose.t, pose.R.dot(self.state.velocity_b)
@@ -262,10 +264,9 @@ class EngineStrategy(NativeFacade):
         if self._program is None:
             return super()._process(frame, imu_window, calibration)
         try:
+            self._note(imu_window)
             if self._program.session is None:
                 self._restart(imu_window)
-            elif self._good is not None:
-                self._good.windows.append(imu_window)
             return self._kept(super()._process(frame, imu_window, calibration), imu_window)
         except VioDegradedError as error:
             self._kept(error.output, imu_window)
@@ -273,6 +274,13 @@ class EngineStrategy(NativeFacade):
         except EngineFailure as error:
             self._fail(error, imu_window.end_t_ns)
             raise VioInitializingError(f"engine: {error}") from error
+
+    def _note(self, window: ImuWindow) -> None:
+        """Note inertial data, as long as they may be of use."""
+        if self._good is not None:
+            self._good.windows.append(window)
+            if window.end_t_ns - self._good.t_ns > LONGEST_COAST_S * 1e9:
+                self._good = None
 
     def _kept(self, output: VioOutput, window: ImuWindow) -> VioOutput:
         """Note a good state."""
@@ -297,8 +305,6 @@ class EngineStrategy(NativeFacade):
     def _restart(self, window: ImuWindow) -> None:
         """Start the program anew if that is due, from what is known of the state."""
         assert self._program is not None
-        if self._good is not None:
-            self._good.windows.append(window)
         if window.end_t_ns < self._retry_ns:
             raise VioInitializingError("engine: waiting before it is started again")
         self._program.counters["restarts"] += 1
