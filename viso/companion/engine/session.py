@@ -6,6 +6,7 @@ import dataclasses
 import threading
 from typing import Final
 
+import cv2
 import numpy as np
 
 from viso.companion.engine.child import EngineChild, EngineFailure, OnLine
@@ -39,6 +40,8 @@ from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels, WarmStartPose
 
 SMALLEST_WIDTH_PX: Final = 16
+MOST: Final = 1e7
+"""Of any number, in m, m/s, m/s^2, rad/s and the squares of m and rad."""
 MOST_KEYFRAMES: Final = 1000
 """Of which updates are understood."""
 
@@ -75,7 +78,8 @@ class EngineSession:
                 divisor = shrink_factor(calibration.width, max(self.hello.image_width_px, SMALLEST_WIDTH_PX))
             self._images = WorkingImages(divisor)
             calibration = scaled(calibration, divisor)
-            first: list[Message] = [_setup(calibration, config), Options(text=_options(config))]
+            setup = dataclasses.replace(_setup(calibration, config), mask=_mask(config.engine.mask, calibration))
+            first: list[Message] = [setup, Options(text=_options(config))]
             size = calibration.width * calibration.height
             if self.child.share(size):
                 assert self.child.memory_fd is not None
@@ -153,9 +157,10 @@ class EngineSession:
             return
         SE3.from_matrix(estimate.world_T_body.reshape(4, 4))
         SE3.from_matrix(estimate.keyframe_T_body.reshape(4, 4))
-        numbers = (estimate.velocity_world, estimate.accel_bias, estimate.gyro_bias)
-        if not all(np.isfinite(array).all() for array in (*numbers, *([estimate.covariance] if kind else []))):
-            raise ProtocolError("not finite")
+        poses, motion = (estimate.world_T_body, estimate.keyframe_T_body), (estimate.velocity_world,)
+        numbers = (*poses, *motion, estimate.accel_bias, estimate.gyro_bias, *([estimate.covariance] if kind else []))
+        if not all(np.abs(array).max() < MOST for array in numbers):
+            raise ProtocolError("numbers that cannot be")
         features = ("mean_parallax_px", "mre_px", "coverage", "innovation_ratio")
         if not all(getattr(estimate, name) >= 0 for name in features) or estimate.coverage > 1:
             raise ProtocolError("features that cannot be")
@@ -225,6 +230,15 @@ def _setup(camera: CameraCalibration, config: VioConfig) -> Setup:
         seed=config.seed,
         mask=b"",
     )
+
+
+def _mask(file: str, camera: CameraCalibration) -> bytes:
+    if not file:
+        return b""
+    picture = cv2.imread(file, cv2.IMREAD_GRAYSCALE)
+    if picture is None:
+        raise EngineFailure("failures", f"vio.engine.mask: {file}: no picture")
+    return cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_NEAREST).tobytes()
 
 
 def _options(config: VioConfig) -> bytes:

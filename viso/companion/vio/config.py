@@ -194,6 +194,7 @@ class EngineConfig(_Section):
         command: starts its program, as in a shell; nothing for an engine that is a module of Python.
         start_timeout_s: how long its program may take until it is ready.
         frame_timeout_s: how long its program may take for a frame; after that it is ended and started anew.
+        mask: picture, 0 where the camera's is not to be used; for a program that can do with one.
         covariance_scale: factor for the covariances that it tells.
         drift_rad: sigma of the rotation 1 s after the keyframe, growing as the root of time, if it tells none.
         drift_m: sigma of the position 1 s after the keyframe, growing as the root of time, if it tells none.
@@ -203,6 +204,7 @@ class EngineConfig(_Section):
     command: str = ""
     start_timeout_s: float = _within(10.0, 0.1, 600.0)
     frame_timeout_s: float = _within(1.0, 0.01, 60.0)
+    mask: str = ""
     covariance_scale: float = _within(1.0, 1e-6, 1e6)
     drift_rad: float = _within(0.005, 1e-6, 1.0)
     drift_m: float = _within(0.02, 1e-6, 100.0)

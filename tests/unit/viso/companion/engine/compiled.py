@@ -4,6 +4,7 @@
 
 import functools
 import os
+import select
 import shutil
 import subprocess
 import tempfile
@@ -14,6 +15,7 @@ import pytest
 from viso.companion.engine import INCLUDE_DIR
 
 SOURCE = Path(__file__).parents[5] / "docs/examples/inertial_engine.cpp"
+PATIENCE_S = 20.0
 _FOLDER = tempfile.TemporaryDirectory(prefix="viso-engine-")
 
 
@@ -34,9 +36,13 @@ def descriptors() -> int:
     return len(os.listdir("/proc/self/fd"))
 
 
-def is_alive(pid: int) -> bool:
-    """Tell whether there is a process that is not a zombie."""
+def has_ended(pid: int) -> bool:
+    """Tell whether a process has ended, which may take a moment after it was killed."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
+        process = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return True
+    try:
+        return bool(select.select([process], [], [], PATIENCE_S)[0])
+    finally:
+        os.close(process)
