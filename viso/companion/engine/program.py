@@ -7,6 +7,7 @@
 
 import mmap
 import os
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, BinaryIO, Final
@@ -174,6 +175,7 @@ def run(engine: EngineProgram) -> int:
     """Serve viso until it closes the connection; return the program's exit code."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed is not of the protocol
+    sys.stdout = sys.stderr  # which is not held back
     engine._output = output
     hello = Hello(
         imu_rate_hz=engine.imu_rate_hz,
