@@ -159,5 +159,5 @@ private:
 int main(int count, char** words) {
     const bool needs_motion = count > 1 && std::string(words[1]) == "--needs-motion";  // as some engines do
     return viso::run([=] { return std::make_unique<InertialEngine>(needs_motion); }, "inertial",
-                     viso::HAS_COVARIANCE | (needs_motion ? 0 : viso::STARTS_AT_REST));
+                     viso::HAS_COVARIANCE | (needs_motion ? 0 : viso::STARTS_AT_REST), 0, 50);
 }
