@@ -7,8 +7,10 @@ from viso.terminal.console import out
 
 
 def engine() -> None:
-    """Print the folder of viso_engine.hpp, which makes a program of an engine in C++ for viso vio --engine.
+    """Print the folder of viso_engine.hpp, which makes a program for viso vio --engine of an engine in C++.
 
-    Example: g++ -std=c++17 -O2 -I "$(viso engine)" my_engine.cpp -o my_engine
+    As in: g++ -std=c++17 -O2 -I "$(viso engine)" my_engine.cpp -o my_engine
+
+    Example: viso engine
     """
     out.print(str(INCLUDE_DIR), soft_wrap=True, highlight=False, markup=False)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.unit.viso.command_line import Viso, failed_with
+from tests.unit.viso.companion.engine.compiled import inertial_engine
 from viso.demo import odometry as demo_vio
 from viso.demo.odometry import VioDemo
 
@@ -146,6 +147,22 @@ def test_strategy_that_is_not_there_is_one_line(viso: Viso, monkeypatch: pytest.
     assert outcome.code == 2
     assert outcome.err.startswith("viso: strategy klt_ransac is not available: ")
     assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("option", ["--strategy", "--engine"])
+def test_simulated_camera_has_no_odometry(viso: Viso, option: str) -> None:
+    line = "--strategy, --engine: --camera simulated has no odometry"
+    assert failed_with(viso("demo", *SIMULATED, option, "engine"), line)
+
+
+@pytest.mark.slow
+def test_engine_flies(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    cut(monkeypatch, 20.0)
+    outcome = viso("demo", "--strategy", "engine", "--engine", inertial_engine(), "--no-plot", "--json")
+    assert (outcome.code, outcome.err) == (0, "")
+    told = json.loads(outcome.out)
+    assert told["loop"]["states"]["TRACKING"] > 5
+    assert any(text["text"].endswith("is using external nav data") for text in told["texts"])
 
 
 def test_camera_that_nobody_knows_is_refused(viso: Viso) -> None:

@@ -59,6 +59,13 @@ def test_closing_table_tells_all() -> None:
         assert part in text
 
 
+def test_closing_table_tells_how_an_engine_fared() -> None:
+    summary = VioLog(VioConfig()).summary(None)
+    counters = {"restarts": 1, "late_answers": 0, "exits": 2}
+    assert "1 restarts, 2 exits" in drawn(summary_table("none", {**summary, "engine": counters}))
+    assert "no failure" in drawn(summary_table("none", {**summary, "engine": {"restarts": 0}}))
+
+
 def test_closing_table_of_nothing_is_one() -> None:
     summary = VioLog(VioConfig()).summary(None) | {"sent": {}}
     text = drawn(summary_table("none", summary))

@@ -9,16 +9,13 @@ import pytest
 from viso.companion.vio import build_info
 from viso.companion.vio.build_info import read_flags
 
+FLAGS = {"gtsam": "BUILD_FIXED_LAG", "viso_okvis2_native": "BUILD_OKVIS2", "viso_vins_mono_native": "BUILD_VINS_MONO"}
 
-@pytest.mark.parametrize(("gtsam", "on"), [(object(), True), (None, False)])
-def test_flags_of_a_usual_build(monkeypatch: pytest.MonkeyPatch, gtsam: object, on: bool) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", {"gtsam": gtsam}.get)
-    assert read_flags() == {
-        "BUILD_KLT_RANSAC": True,
-        "BUILD_FIXED_LAG": on,
-        "BUILD_OKVIS2": False,
-        "BUILD_VINS_MONO": False,
-    }
+
+@pytest.mark.parametrize("module", [None, *FLAGS])
+def test_strategies_are_there_with_their_modules(monkeypatch: pytest.MonkeyPatch, module: str | None) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", {module: object()}.get)
+    assert read_flags() == {"BUILD_KLT_RANSAC": True} | {flag: name == module for name, flag in FLAGS.items()}
 
 
 def test_process_environment_has_no_say(monkeypatch: pytest.MonkeyPatch) -> None:

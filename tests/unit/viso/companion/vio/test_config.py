@@ -64,6 +64,10 @@ component_id = 198
 depth = 2
 
 [vio.engine]
+command = "./my_engine --fast"
+start_timeout_s = 30
+frame_timeout_s = 0.5
+mask = "mask.png"
 covariance_scale = 16
 drift_rad = 0.01
 drift_m = 0.1
@@ -138,7 +142,16 @@ def test_defaults() -> None:
             "component_id": 197,
         },
         "queue": {"depth": 1},
-        "engine": {"covariance_scale": 1.0, "drift_rad": 0.005, "drift_m": 0.02, "drift_share": 0.02},
+        "engine": {
+            "command": "",
+            "start_timeout_s": 10.0,
+            "frame_timeout_s": 1.0,
+            "mask": "",
+            "covariance_scale": 1.0,
+            "drift_rad": 0.005,
+            "drift_m": 0.02,
+            "drift_share": 0.02,
+        },
         "native": {},
     }
 

@@ -17,11 +17,12 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     make_logger,
 )
 from viso.companion.vio import build_info, registry
-from viso.companion.vio.config import VioConfig
+from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy, describe
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 
+FLAGGED = ("klt_ransac", "fixed_lag", "okvis2", "vins_mono")
 ALL_ON = dict.fromkeys(build_info.FLAGS, True)
 ALL_OFF = dict.fromkeys(build_info.FLAGS, False)
 
@@ -46,21 +47,30 @@ def wax(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_names() -> None:
-    assert STRATEGIES == ("klt_ransac", "fixed_lag", "okvis2", "vins_mono")
+    assert (*FLAGGED, "engine") == STRATEGIES
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_each_has_its_flag_and_a_description(name: str) -> None:
-    assert registry._STRATEGY_REGISTRY[name].flag == f"BUILD_{name.upper()}"
+    assert registry._STRATEGY_REGISTRY[name].flag == (f"BUILD_{name.upper()}" if name in FLAGGED else None)
     assert describe(name)
 
 
+@pytest.mark.parametrize("name", ["okvis2", "vins_mono", "engine"])
+def test_program_wants_no_flag(name: str) -> None:
+    config = VioConfig(strategy=name, engine=EngineConfig(command="/nowhere"))
+    with pytest.raises(StrategyNotAvailableError, match=r"/nowhere: No such file or directory$"):
+        build_vio_strategy(config, make_calibration(), Ticks(), make_logger()[0], flags=ALL_OFF)
+
+
 def test_unknown_name_lists_the_names_whatever_the_flags() -> None:
-    with pytest.raises(ValueError, match=r"^strategy 'slam' is none of klt_ransac, fixed_lag, okvis2, vins_mono$"):
+    with pytest.raises(
+        ValueError, match=r"^strategy 'slam' is none of klt_ransac, fixed_lag, okvis2, vins_mono, engine$"
+    ):
         build("slam", ALL_OFF)
 
 
-@pytest.mark.parametrize("name", STRATEGIES)
+@pytest.mark.parametrize("name", FLAGGED)
 def test_flag_that_is_off_comes_before_the_import(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setitem(sys.modules, f"viso.companion.strategies.{name}", None)
     assert refusal(name, ALL_OFF).reason == f"flag BUILD_{name.upper()} is off"
