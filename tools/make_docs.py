@@ -34,6 +34,7 @@ from mav_handlers.wire.messages import MESSAGES
 from tools import ekf_sources, rooms_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function
+from viso.companion.engine import protocol as engine_protocol
 from viso.companion.faults.kinds import FAULTS
 from viso.companion.faults.parameters import parameters_of
 from viso.companion.recorded.frame_change import PRESETS as AXES
@@ -320,6 +321,32 @@ def _doctor_sections() -> Iterator[str]:
         yield f"What to do: {rule.fix}\n"
 
 
+def _engine_protocol() -> Iterator[str]:
+    for sender, kinds in (("viso", engine_protocol.FROM_VISO), ("the engine", engine_protocol.FROM_ENGINE)):
+        for number, kind in kinds.items():
+            name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).upper()
+            yield f"### {name}, {number}, from {sender}\n"
+            yield f"{first_line(kind)}\n"
+            rows = [(f"`{one.name}`", f"`{one.code}`", one.text) for one in engine_protocol.fields_of(kind)]
+            yield _in_markdown([("field", "code", "what it is"), ("---", "---", "---"), *rows])
+    for choices in (engine_protocol.Capability, engine_protocol.Status, engine_protocol.CovarianceKind):
+        yield f"### {choices.__name__}\n"
+        texts = _choice_texts(choices)
+        rows = [(f"`{one.name}`", str(one.value), texts[str(one.name)]) for one in choices]
+        yield _in_markdown([("name", "value", "what it means"), ("---", "---", "---"), *rows])
+
+
+def _choice_texts(choices: type[enum.IntEnum | enum.IntFlag]) -> dict[str, str]:
+    """Return what stands below each member of an enumeration."""
+    (body,) = ast.parse(inspect.getsource(choices)).body
+    assert isinstance(body, ast.ClassDef)
+    texts = {}
+    for line, below in itertools.pairwise([*body.body, ast.Pass()]):
+        if isinstance(line, ast.Assign) and isinstance(line.targets[0], ast.Name):
+            texts[line.targets[0].id] = ast.literal_eval(below.value) if isinstance(below, ast.Expr) else ""
+    return texts
+
+
 def _as_toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
@@ -446,7 +473,10 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
 }
 
 
-TEXTS: Final[Mapping[str, Callable[[], Iterable[str]]]] = {"doctor_sections": _doctor_sections}
+TEXTS: Final[Mapping[str, Callable[[], Iterable[str]]]] = {
+    "doctor_sections": _doctor_sections,
+    "engine_protocol": _engine_protocol,
+}
 
 
 def render(name: str) -> str:
@@ -456,7 +486,10 @@ def render(name: str) -> str:
         KeyError: if there is no table of that name.
     """
     head, rows = TABLES[name]
-    lines = [head, tuple("---" for _ in head), *rows()]
+    return _in_markdown([head, tuple("---" for _ in head), *rows()])
+
+
+def _in_markdown(lines: Rows) -> str:
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 

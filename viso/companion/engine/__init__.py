@@ -3,7 +3,17 @@
 """Engines that are programs of their own: the bytes that are spoken with them, the process, and a base for new ones."""
 
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+from ap_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from viso.companion.engine.program import EngineProgram, run
+    from viso.companion.engine.protocol import Capability, Reset, Setup, Status
+
+__all__ = ["INCLUDE_DIR", "Capability", "EngineProgram", "Reset", "Setup", "Status", "run"]
 
 INCLUDE_DIR: Final = Path(__file__).parent
 """Where ``viso_engine.hpp`` is."""
+
+__getattr__, __dir__ = lazily(__name__)

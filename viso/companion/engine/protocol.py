@@ -63,6 +63,7 @@ class CovarianceKind(enum.IntEnum):
     """What the numbers of an estimate's covariance are."""
 
     NONE = 0
+    """There are none."""
     RELATIVE = 1
     """The first 36: of ``keyframe_T_body``, right perturbation, (rx, ry, rz, tx, ty, tz) in the body."""
     JOINT = 2

@@ -15,12 +15,11 @@ from tests.unit.viso.companion.vio.strategy_rig import make_calibration, make_wa
 from viso.companion.engine.child import EngineFailure
 from viso.companion.engine.protocol import Capability, Status
 from viso.companion.engine.session import EngineSession
-from viso.companion.vio.config import EngineConfig, VioConfig
+from viso.companion.vio.config import EngineConfig, Scalar, VioConfig
 
 PROGRAM = '''
 import numpy as np
-from viso.companion.engine.program import EngineProgram, run
-from viso.companion.engine.protocol import Capability, Status
+from viso.companion.engine import Capability, EngineProgram, run
 
 class Mean(EngineProgram):
     """Its x is the mean of the picture, its y the sum of the samples' stamps, its z the height."""
@@ -60,7 +59,7 @@ AMPLE = EngineConfig(start_timeout_s=60.0, frame_timeout_s=60.0)
 class Mean:
     """The program in a session, and the lines that it lets be logged."""
 
-    def __init__(self, folder: Path, **native: str) -> None:
+    def __init__(self, folder: Path, **native: Scalar) -> None:
         file = folder / "mean.py"
         file.write_text(PROGRAM)
         self.lines = list[tuple[int | None, str]]()

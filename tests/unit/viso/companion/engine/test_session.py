@@ -247,8 +247,13 @@ def test_updates_of_keyframes_come_with_the_estimate() -> None:
 
 def test_failure_at_the_start_leaves_nothing(wax: type[WaxChild], monkeypatch: pytest.MonkeyPatch) -> None:
     children = list[WaxChild]()
-    monkeypatch.setattr(wax, "share", lambda self, _size: children.append(self) or 1 / 0)
-    with pytest.raises(ZeroDivisionError):
+
+    def share(self: WaxChild, size: int) -> bool:
+        children.append(self)
+        raise OSError("no memory")
+
+    monkeypatch.setattr(wax, "share", share)
+    with pytest.raises(OSError, match="no memory"):
         begin()
     assert children[0].closed
 

@@ -51,7 +51,7 @@ class Flight:
         logger, self.log = make_logger()
         self.clock = Ticks()
         self.calibration = make_calibration(WIDTH, HEIGHT)
-        fields = {"command": command, "start_timeout_s": 60.0, "frame_timeout_s": 60.0}
+        fields: dict[str, Any] = {"command": command, "start_timeout_s": 60.0, "frame_timeout_s": 60.0}
         self.config = VioConfig(strategy="engine", engine=EngineConfig(**(fields | engine)))
         strategy = build_vio_strategy(self.config, self.calibration, self.clock, logger)
         assert isinstance(strategy, EngineStrategy)
