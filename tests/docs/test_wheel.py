@@ -56,6 +56,13 @@ def test_environment_is_small(installed: Path) -> None:
 
 
 @pytest.mark.slow
+def test_header_for_engines_comes_with_it(installed: Path, tmp_path: Path) -> None:
+    folder = Path(run(installed / "viso", "engine", cwd=tmp_path).rstrip("\n"))
+    assert folder.is_relative_to(site_packages(installed))
+    assert (folder / "viso_engine.hpp").is_file()
+
+
+@pytest.mark.slow
 def test_only_our_packages_come_with_it(installed: Path) -> None:
     site = site_packages(installed)
     (record,) = site.glob("ardupilot_viso-*.dist-info/RECORD")

@@ -126,6 +126,8 @@ class EngineChild:
             while self._inbox:
                 message = self._inbox.popleft()
                 if isinstance(message, until):
+                    if pending:
+                        raise EngineFailure("protocol_errors", f"{until.__name__} ahead of what it answers")
                     self._read_errors()
                     return before, message
                 self._take(message, before)

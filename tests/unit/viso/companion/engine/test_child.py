@@ -131,6 +131,13 @@ def test_program_that_does_not_read_ends_with_the_time(rig: Rig) -> None:
         child.exchange([bytes(10_000_000)], Hello, SHORT_S)
 
 
+def test_answer_ahead_of_the_question_is_none(rig: Rig) -> None:
+    with rig.running(f"{rig.sends(HELLO, HELLO)}; exec sleep 100") as child:
+        child.exchange([], Hello, AMPLE_S)
+        with pytest.raises(EngineFailure, match=r"^Hello ahead of what it answers$"):
+            child.exchange([bytes(10_000_000)], Hello, AMPLE_S)
+
+
 def test_program_that_closes_its_input_is_not_waited_for(rig: Rig) -> None:
     with rig.running(f"exec 0<&-; {rig.sends(HELLO)}; exec sleep 100") as child:
         child.exchange([], Hello, AMPLE_S)
