@@ -34,7 +34,17 @@ def live_table(frame: LoggedFrame | None) -> Table:
         sigma = _NONE if frame.sigma_m is None else f"{frame.sigma_m:.2f} m"
         cells = [str(quality.tracked), str(quality.inliers), f"{quality.mean_parallax_px:.1f} px", position, sigma]
     state = Text(frame.state.value, STYLES[frame.state])
-    table.add_row(state, frame.update.health.reason, *cells, f"{frame.total_ms:.0f}", str(frame.update.dropped))
+    row: list[str | Text] = [
+        state,
+        frame.update.health.reason,
+        *cells,
+        f"{frame.total_ms:.0f}",
+        str(frame.update.dropped),
+    ]
+    if counters := frame.update.report.counters:
+        table.add_column("engine")
+        row.append(_counts(counters))
+    table.add_row(*row)
     return table
 
 
@@ -66,12 +76,16 @@ def _rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("resets", str(summary["resets"])),
     ]
     if "engine" in summary:
-        counts = ", ".join(f"{count} {name}" for name, count in summary["engine"].items() if count) or "no failure"
-        rows.append(("engine", counts.replace("_", " ")))
+        rows.append(("engine", _counts(summary["engine"])))
     sent = summary.get("sent")
     if sent is not None:
         rows.append(("sent", ", ".join(f"{count} {name}" for name, count in sent.items()) or "nothing"))
     return rows
+
+
+def _counts(counters: Mapping[str, int]) -> str:
+    counts = (f"{count} {name.replace('_', ' ')}" for name, count in counters.items() if count)
+    return ", ".join(counts) or "no failure"
 
 
 def _error(summary: Mapping[str, Any]) -> str:

@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import IO, Final, cast
 
-from viso.companion.engine.protocol import FROM_ENGINE, Decoder, Failure, Log, M, Message, ProtocolError
+from viso.companion.engine.protocol import FROM_ENGINE, Decoder, Failure, Log, M, Message, ProtocolError, SharedMemory
 
 READ_BYTES: Final = 65536
 MOST_MESSAGES: Final = 1000
@@ -65,7 +65,7 @@ class EngineChild:
         self._decoder = Decoder(FROM_ENGINE)
         self._inbox = deque[Message]()
         self._lines = _Lines(lambda line: on_line(None, line))
-        self.memory_fd = _memory_fd()
+        self._memory_fd = _memory_fd()
         self._memory: mmap.mmap | None = None
         try:
             words = shlex.split(command) or [""]
@@ -76,17 +76,17 @@ class EngineChild:
                 stderr=subprocess.PIPE,
                 bufsize=0,
                 start_new_session=True,
-                pass_fds=() if self.memory_fd is None else (self.memory_fd,),
+                pass_fds=() if self._memory_fd is None else (self._memory_fd,),
             )
         except (OSError, ValueError) as error:
-            _close_fd(self.memory_fd)
+            _close_fd(self._memory_fd)
             raise EngineFailure("exits", f"{command}: {getattr(error, 'strerror', None) or error}") from error
         self._stdin, self._stdout, self._stderr = (
             cast(IO[bytes], pipe).fileno() for pipe in (self._process.stdin, self._process.stdout, self._process.stderr)
         )
         for fd in (self._stdin, self._stdout, self._stderr):
             os.set_blocking(fd, False)
-        self._end = weakref.finalize(self, _end, self._process, self.memory_fd)
+        self._end = weakref.finalize(self, _end, self._process, self._memory_fd)
 
     @property
     def pid(self) -> int:
@@ -98,15 +98,15 @@ class EngineChild:
         """How many lines of standard error were too many."""
         return self._lines.dropped
 
-    def share(self, size: int) -> bool:
-        """Give the shared memory its size in bytes, once and for all; tell whether there is any."""
-        if self.memory_fd is None:
-            return False
-        os.ftruncate(self.memory_fd, size)
+    def share(self, size: int) -> SharedMemory | None:
+        """Give the shared memory its size in bytes, once and for all; return what tells of it, None without any."""
+        if self._memory_fd is None:
+            return None
+        os.ftruncate(self._memory_fd, size)
         # What the engine cut off would be a bus error here.
-        fcntl.fcntl(self.memory_fd, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL)
-        self._memory = mmap.mmap(self.memory_fd, size)
-        return True
+        fcntl.fcntl(self._memory_fd, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL)
+        self._memory = mmap.mmap(self._memory_fd, size)
+        return SharedMemory(size=size, descriptor=self._memory_fd, zero=0)
 
     def put(self, pixels: bytes) -> None:
         """Write to the begin of the shared memory."""
@@ -158,8 +158,11 @@ class EngineChild:
         if self._stdout in ready:
             self._read()
         if pending and self._stdin in ready:
-            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # the end of its output tells
-                return pending[os.write(self._stdin, pending) :]
+            with contextlib.suppress(BlockingIOError):
+                try:
+                    return pending[os.write(self._stdin, pending) :]
+                except BrokenPipeError:  # why, the end of its output will tell, or its silence
+                    return memoryview(b"")
         return pending
 
     def _read(self) -> None:

@@ -9,7 +9,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from viso.companion.engine.child import EngineChild, EngineFailure, OnLine
+from viso.companion.engine.child import EXIT_S, EngineChild, EngineFailure, OnLine
 from viso.companion.engine.protocol import (
     IMU_SAMPLE,
     VERSION,
@@ -26,7 +26,6 @@ from viso.companion.engine.protocol import (
     Ready,
     Reset,
     Setup,
-    SharedMemory,
     Status,
     frame_of,
     nothing,
@@ -80,14 +79,12 @@ class EngineSession:
             calibration = scaled(calibration, divisor)
             setup = dataclasses.replace(_setup(calibration, config), mask=_mask(config.engine.mask, calibration))
             first: list[Message] = [setup, Options(text=_options(config))]
-            size = calibration.width * calibration.height
-            if self.child.share(size):
-                assert self.child.memory_fd is not None
-                first.append(SharedMemory(size=size, descriptor=self.child.memory_fd, zero=0))
+            if (memory := self.child.share(calibration.width * calibration.height)) is not None:
+                first.append(memory)
             first.append(_reset(None))
             frames = [frame_of(message) for message in first]
             _, ready = self.child.exchange(frames, Ready, config.engine.start_timeout_s)
-            self.shares = bool(ready.shared_memory) and len(first) == 4
+            self.shares = memory is not None and bool(ready.shared_memory)
         except BaseException:
             self.child.close(grace_s=0)
             raise
@@ -172,9 +169,9 @@ class EngineSession:
             if len(self.keyframes_ns) > MOST_KEYFRAMES:
                 del self.keyframes_ns[next(iter(self.keyframes_ns))]
 
-    def close(self, *, grace_s: float | None = None) -> None:
-        """End it."""
-        self.child.close(**({} if grace_s is None else {"grace_s": grace_s}))
+    def close(self, *, grace_s: float = EXIT_S) -> None:
+        """End it; in peace, if it does so within the time."""
+        self.child.close(grace_s=grace_s)
 
 
 def relative_covariance(joint: Array, keyframe_T_body: SE3, keyframe_R: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.engine.child import EngineFailure
+from viso.companion.engine.child import EXIT_S, EngineFailure
 from viso.companion.engine.protocol import Capability, CovarianceKind, Estimate, KeyframeUpdate, Status
 from viso.companion.engine.session import EngineSession, relative_covariance
 from viso.companion.strategies.facade import USUAL_PERIOD_NS, NativeFacade
@@ -82,7 +82,12 @@ class ProgramEngine:
         self._hello = session.hello
         self._estimate: Estimate | None = None
         self._updates: list[KeyframeUpdate] = []
-        fields = {"pid": session.child.pid, "name": session.name, "shared_memory": session.shares}
+        fields = {
+            "pid": session.child.pid,
+            "name": session.name,
+            "capabilities": [one.name for one in Capability if one & session.hello.capabilities],
+            "shared_memory": session.shares,
+        }
         log_event(
             self._context.logger,
             logging.INFO,
@@ -100,7 +105,7 @@ class ProgramEngine:
         level = logging.INFO if level not in (logging.DEBUG, logging.WARNING, logging.ERROR) else level
         log_event(self._context.logger, level, event, text, strategy=self._name)
 
-    def stop(self, *, grace_s: float | None = None) -> None:
+    def stop(self, *, grace_s: float = EXIT_S) -> None:
         """End the program."""
         if self.session is not None:
             self.counters["lines_dropped"] += self.session.child.dropped_lines

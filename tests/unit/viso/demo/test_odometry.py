@@ -2,16 +2,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The demonstration with a real odometry: what happens when, how well it navigates, and that it can be stopped."""
 
+import os
+import signal
 from dataclasses import dataclass
 from functools import cache
 
 import pytest
 
+from ekf_stub.fusion.aiding import AidingMode
+from tests.unit.viso.companion.engine.compiled import inertial_engine
 from viso.closed_loop.figures import LoopFigures, figures_of
 from viso.closed_loop.record import AUTOPILOT, COMPANION, Said
+from viso.companion.strategies.engine import EngineStrategy
 from viso.companion.vio.types import VioState
 from viso.demo.odometry import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
 from viso.logs.sink import MemoryLog
+from viso.options.engine import with_engine
 
 pytestmark = pytest.mark.slow
 
@@ -129,6 +135,22 @@ def test_log_is_closed_when_something_goes_wrong() -> None:
     with pytest.raises(RuntimeError):
         demo.run(fail)
     assert not demo.loop.vehicle.logger.is_open
+
+
+def test_autopilot_goes_on_while_an_engine_is_started_anew() -> None:
+    demo = VioDemo(1, MemoryLog, choose=lambda config: with_engine(config, None, inertial_engine()))
+    loop, strategy = demo.loop, demo.loop.companion.worker.strategy
+    assert isinstance(strategy, EngineStrategy)
+    loop.run_until(12_000_000)
+    assert strategy._program is not None
+    assert strategy._program.session is not None
+    os.kill(strategy._program.session.child.pid, signal.SIGKILL)
+    loop.run_until(15_000_000)
+    loop.close()
+    (begun,) = (span for span in loop.watch.aiding() if span.mode is AidingMode.ABSOLUTE)
+    assert begun.end_us >= 15_000_000
+    assert strategy.health_snapshot().state in (VioState.TRACKING, VioState.DEGRADED)
+    assert strategy.frame_report().counters["restarts"] == 1
 
 
 def test_seed_is_that_of_both_ends() -> None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tables of an odometry, live and in the end."""
 
+import dataclasses
 from io import StringIO
 
 import numpy as np
@@ -30,6 +31,14 @@ def test_live_table_shows_the_last_frame() -> None:
 
 def test_live_table_has_no_figures_without_an_output() -> None:
     assert " - " in drawn(live_table(flown(Flight().lose()).last))
+
+
+def test_live_table_shows_how_an_engine_fares() -> None:
+    frame = flown(Flight().init().fly(2)).last
+    assert frame is not None
+    report = dataclasses.replace(frame.update.report, counters={"restarts": 1, "late_answers": 2, "hangs": 0})
+    frame = dataclasses.replace(frame, update=dataclasses.replace(frame.update, report=report))
+    assert "1 restarts, 2 late" in drawn(live_table(frame))
 
 
 def test_live_table_is_there_before_the_first_frame() -> None:

@@ -168,10 +168,10 @@ def test_forgotten_is_closed(rig: Rig) -> None:
 
 def test_memory_cannot_be_cut_off(rig: Rig) -> None:
     with rig.running("exec sleep 100") as child:
-        assert child.share(100)
-        assert child.memory_fd is not None
+        memory = child.share(100)
+        assert memory is not None
         with pytest.raises(PermissionError):
-            os.ftruncate(child.memory_fd, 10)
+            os.ftruncate(memory.descriptor, 10)
 
 
 COMPANION = """

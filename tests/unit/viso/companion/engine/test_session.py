@@ -51,7 +51,6 @@ class WaxChild:
         before: messages ahead of the next estimate.
     """
 
-    memory_fd: int | None = 77
     shares = True
     wanted_width_px = 0
     dropped_lines = 0
@@ -67,8 +66,8 @@ class WaxChild:
         self.closed = False
         self._decoder = Decoder(FROM_VISO, 10_000_000)
 
-    def share(self, size: int) -> bool:
-        return self.shares
+    def share(self, size: int) -> SharedMemory | None:
+        return SharedMemory(size=size, descriptor=77, zero=0) if self.shares else None
 
     def put(self, pixels: bytes) -> None:
         self.memory = pixels
@@ -248,7 +247,7 @@ def test_updates_of_keyframes_come_with_the_estimate() -> None:
 def test_failure_at_the_start_leaves_nothing(wax: type[WaxChild], monkeypatch: pytest.MonkeyPatch) -> None:
     children = list[WaxChild]()
 
-    def share(self: WaxChild, size: int) -> bool:
+    def share(self: WaxChild, size: int) -> None:
         children.append(self)
         raise OSError("no memory")
 
