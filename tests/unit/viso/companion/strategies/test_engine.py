@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.viso.companion.engine.compiled import inertial_engine
+from tests.unit.viso.companion.engine.compiled import descriptors, has_ended, inertial_engine
 from tests.unit.viso.companion.vio.strategy_rig import (
     GRAVITY,
     IMU_PERIOD_NS,
@@ -141,6 +141,20 @@ def test_killed_engine_goes_on_where_the_imu_has_come_to(fly: Fly) -> None:
     assert output.velocity_b == pytest.approx(expected.velocity_b, abs=1e-3)
     assert killed.counters == {"exits": 1, "restarts": 1}
     assert killed.strategy.frame_report().resets == 1
+
+
+def test_restarts_leave_nothing(fly: Fly) -> None:
+    flight = fly()
+    flight.start()
+    flight.see(3)
+    before, pids = descriptors(), list[int]()
+    for _ in range(20):
+        pids.append(flight.pid)
+        flight.kill()
+        flight.see(4)
+    assert flight.counters == {"exits": 20, "restarts": 20}
+    assert descriptors() == before
+    assert all(has_ended(pid) for pid in pids)
 
 
 def test_failure_is_logged_with_its_counters(fly: Fly) -> None:
