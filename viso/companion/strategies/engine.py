@@ -70,7 +70,7 @@ class ProgramEngine:
 
     def __init__(self, context: StrategyContext, name: str, calibration: CameraCalibration) -> None:
         self._context, self._name, self._calibration = context, name, calibration
-        self.counters = Counter[str](restarts=0, late_answers=0)
+        self.counters = Counter[str](restarts=0, late_answers=0, lines_dropped=0)
         self._last_image_ns: int | None = None
         self.session: EngineSession | None = None
         self.start()
@@ -111,6 +111,11 @@ class ProgramEngine:
             self.counters["lines_dropped"] += self.session.child.dropped_lines
             self.session.close(grace_s=grace_s)
             self.session = None
+
+    def counts(self) -> dict[str, int]:
+        """Return the counters as they are now."""
+        dropped = 0 if self.session is None else self.session.child.dropped_lines
+        return {**self.counters, "lines_dropped": self.counters["lines_dropped"] + dropped}
 
     @property
     def starts_at_rest(self) -> bool:
@@ -263,7 +268,7 @@ class EngineStrategy(NativeFacade):
     def frame_report(self) -> FrameReport:
         """Return what there is to say about the last frame."""
         report = super().frame_report()
-        return report if self._program is None else dataclasses.replace(report, counters=dict(self._program.counters))
+        return report if self._program is None else dataclasses.replace(report, counters=self._program.counts())
 
     def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
         if self._program is None:
@@ -300,7 +305,7 @@ class EngineStrategy(NativeFacade):
         program.stop(grace_s=0)
         program.counters[error.kind] += 1
         self._failures += 1
-        fields = {"kind": error.kind, "in_a_row": self._failures, "counters": dict(program.counters)}
+        fields = {"kind": error.kind, "in_a_row": self._failures, "counters": program.counts()}
         log_event(self.context.logger, logging.WARNING, "engine_failed", str(error), fields, strategy=self.name)
         if self._failures > MOST_FAILURES:
             raise VioFatalError(f"engine failed {self._failures} times in a row: {error}") from error

@@ -24,7 +24,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     make_frame,
     make_logger,
 )
-from viso.companion.engine.child import EngineChild
+from viso.companion.engine.child import MOST_LINES, EngineChild
 from viso.companion.engine.protocol import FROM_ENGINE, Decoder, Estimate, frame_of
 from viso.companion.strategies.engine import BACKOFF_S, LONGEST_COAST_S, MOST_FAILURES, EngineStrategy
 from viso.companion.vio.config import EngineConfig, VioConfig
@@ -155,6 +155,14 @@ def test_restarts_leave_nothing(fly: Fly) -> None:
     assert flight.counters == {"exits": 20, "restarts": 20}
     assert descriptors() == before
     assert all(has_ended(pid) for pid in pids)
+
+
+def test_lines_that_are_not_logged_are_counted(fly: Fly) -> None:
+    flight = fly(f"sh -c {shlex.quote(f'seq {MOST_LINES + 7} >&2; exec {inertial_engine()}')}")
+    assert flight.counters == {"lines_dropped": 7}
+    flight.strategy.close()
+    assert flight.counters == {"lines_dropped": 7}
+    assert len(flight.log.events("engine_stderr")) == MOST_LINES
 
 
 def test_failure_is_logged_with_its_counters(fly: Fly) -> None:
