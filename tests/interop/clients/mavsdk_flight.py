@@ -39,8 +39,8 @@ def main() -> None:
     places: list[Any] = []
     armed: list[bool] = []
     handles = [
-        telemetry.subscribe_position_velocity_ned(lambda value: places.append(value.position)),
-        telemetry.subscribe_armed(armed.append),
+        telemetry.subscribe_position_velocity_ned(lambda value, *_rest: places.append(value.position)),
+        telemetry.subscribe_armed(lambda value, *_rest: armed.append(value)),
     ]
     telemetry.set_rate_position_velocity_ned(10.0)
 
