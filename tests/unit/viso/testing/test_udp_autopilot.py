@@ -159,10 +159,11 @@ def test_what_is_no_speed_is_refused(autopilot: UdpAutopilot, speedup: float) ->
 
 
 def test_failure_of_the_vehicle_reaches_the_test(autopilot: UdpAutopilot, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail() -> None:
+    def fail(*_times_us: range) -> int:
         raise ZeroDivisionError
 
     monkeypatch.setattr(autopilot.vehicle, "loop", fail)
+    monkeypatch.setattr(autopilot.vehicle, "loop_quietly", fail)
     with pytest.raises(ZeroDivisionError), autopilot.running(speedup=100):
         _join()
 
