@@ -5,6 +5,7 @@
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -167,6 +168,23 @@ def test_dropped_odometry_has_its_reason_and_its_place_in_the_firmware(page: Pag
         page.wait("document.querySelector(arguments[0]) === null", others)
         page.find("#fault-frames").click()
         page.wait("document.querySelector('#fault-frames').getAttribute('aria-pressed') === 'false'")
+
+
+def test_handled_messages_are_hidden_until_asked_for(page: Page) -> None:
+    with closing(mavutil.mavlink_connection(f"tcp:127.0.0.1:{page.vehicle.ports[1]}", source_system=255)) as client:
+        client.mav.heartbeat_send(6, 8, 0, 0, 4)
+        page.wait("document.querySelector('#verdict-list li[data-outcome=handled]')?.hidden")
+        page.find("#outcomes button[data-outcome=handled]").click()
+        page.wait("!document.querySelector('#verdict-list li[data-outcome=handled]').hidden")
+        page.find("#outcomes button[data-outcome=handled]").click()
+
+
+def test_parameters_of_external_navigation_come_first(page: Page) -> None:
+    script = "return [...document.querySelectorAll('#params label')].map((label) => label.textContent)"
+    names = page.driver.execute_script(script)
+    ranks = [0 if name.startswith("VISO_") else 1 if name.startswith("EK3_SRC") else 2 for name in names]
+    assert ranks == sorted(ranks)
+    assert set(ranks) == {0, 1, 2}
 
 
 def test_page_keeps_up_with_200_messages_a_second(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,8 @@
 
 import { byId, element, setText } from "./format.js";
 
+const FIRST = ["VISO_", "EK3_SRC"];
+
 const list = byId("params");
 let rows = new Map();
 let words = [];
@@ -76,10 +78,17 @@ function filter() {
   setText(byId("param-note"), rows.size ? `${shown} of ${rows.size}` : "");
 }
 
+/** Return how far down the list a parameter is: those of external navigation come first. */
+function rankOf({ name }) {
+  const rank = FIRST.findIndex((start) => name.startsWith(start));
+  return rank < 0 ? FIRST.length : rank;
+}
+
 /** Show all parameters anew. */
 export function takeTable(table) {
   const focused = document.activeElement?.id;
-  rows = new Map(table.map((param) => [param.name, makeRow(param)]));
+  const sorted = [...table].sort((a, b) => rankOf(a) - rankOf(b));
+  rows = new Map(sorted.map((param) => [param.name, makeRow(param)]));
   list.replaceChildren(...[...rows.values()].map((row) => row.box));
   for (const row of rows.values()) show(row);
   filter();

@@ -10,7 +10,7 @@ const OUTCOMES = ["accepted", "ignored", "dropped", "handled", "filter"];
 
 const rows = new Map();
 const held = new Map();
-const hidden = new Set((recall("viso.hidden") ?? "filter").split(",").filter((name) => OUTCOMES.includes(name)));
+const hidden = new Set((recall("viso.hidden") ?? "handled,filter").split(",").filter((name) => OUTCOMES.includes(name)));
 let isHeld = false;
 let words = [];
 
