@@ -198,6 +198,45 @@ def test_page_keeps_up_with_200_messages_a_second(page: Page, monkeypatch: pytes
     assert "not shown" not in page.find("#tiles").text
 
 
+SLIDE = """
+const slider = document.querySelector('#scrubber');
+slider.value = Number(slider.max) - 1;
+slider.dispatchEvent(new Event('input'));
+return Number(slider.value);
+"""
+
+
+def test_cursor_goes_through_all_plots_and_back_to_the_newest(page: Page) -> None:
+    with Companion(page.vehicle.ports[0]):
+        page.wait_text("#quality-now", "median 90")
+        page.wait("Number(document.querySelector('#scrubber').max) > 2")
+        chosen_s = page.driver.execute_script(SLIDE)
+        page.wait_text("#shown-time", rf"^\d+:{chosen_s % 60:04.1f} of")
+        page.find("#newest").click()
+        page.wait("document.querySelector('#scrubber').getAttribute('aria-valuetext') === 'the newest'")
+
+
+def test_held_plots_stay_while_data_goes_on(page: Page) -> None:
+    with Companion(page.vehicle.ports[0]):
+        page.find("#hold-plots").click()
+        held = page.wait_text("#shown-time", " of ")
+        row = "#verdict-list li[data-outcome=accepted]"
+        count = "Number(document.querySelector(arguments[0])?.dataset.count ?? 0)"
+        page.wait(f"{count} > arguments[1]", row, page.driver.execute_script(f"return {count}", row) + 10)
+        assert page.find("#shown-time").text == held
+        page.find("#hold-plots").click()
+        page.wait("document.querySelector('#shown-time').textContent !== arguments[0]", held)
+
+
+def test_path_is_turned_by_keys_and_pointer(page: Page) -> None:
+    page.find("#view-space").click()
+    page.wait("document.querySelector('#plan').getAttribute('aria-label').startsWith('Path in space')")
+    page.find("#view-above").click()
+    page.wait("document.querySelector('#plan').getAttribute('aria-label').startsWith('Path from above')")
+    page.find("#plan").send_keys(Keys.ARROW_LEFT)
+    page.wait("document.querySelector('#view-above').getAttribute('aria-pressed') === 'false'")
+
+
 def test_changed_parameter_reaches_the_vehicle_and_every_link(page: Page) -> None:
     client = mavutil.mavlink_connection(f"tcp:127.0.0.1:{page.vehicle.ports[1]}", source_system=255)
     try:
@@ -258,12 +297,12 @@ def test_refused_arming_is_told_with_its_reasons(page: Page) -> None:
 def test_focus_goes_through_the_page_in_order_and_is_seen(page: Page) -> None:
     page.driver.execute_script("document.body.tabIndex = -1; document.body.focus()")
     seen = []
-    for _ in range(5):
+    for _ in range(4):
         page.press(Keys.TAB)
         focused = page.driver.switch_to.active_element
         seen.append(focused.get_attribute("id") or focused.get_attribute("class"))
         assert focused.value_of_css_property("outline-style") == "solid"
-    assert seen == ["skip", "theme", "help", "action-align", "action-check"]
+    assert seen == ["skip", "theme", "help", "hold-plots"]
 
 
 def test_dark_and_light_follow_the_system_until_chosen(page: Page) -> None:

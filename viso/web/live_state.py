@@ -95,6 +95,7 @@ class LiveState:
         self._changed_params: dict[str, Any] = {}
         self._has_new_table = False
         self._lags_ms: list[float] = []
+        self._qualities: list[int] = []
         self._vision: dict[str, Any] | None = None
         self._innovations: dict[str, _Innovation] = {}
 
@@ -114,6 +115,7 @@ class LiveState:
         self._vision = None
         self._innovations = {}
         self._lags_ms = []
+        self._qualities = []
         self._now_us = 0
         if self._boots > 1:
             self._add_text(0, 6, "— restart —")
@@ -145,6 +147,7 @@ class LiveState:
         """Take a VISP or a VISV record: its values, TimeUS first."""
         time_us, _, corrected_ms = (int(value) for value in values[:3])
         self._lags_ms.append(i32(time_us // 1000 - corrected_ms) + time_us % 1000 / 1e3)  # the stamp has 32 bits
+        self._qualities.append(int(values[-1]))
         if has_position:
             x, y, z = (finite(value, 3) for value in values[3:6])
             self._vision = {"pos": None if None in (x, y, z) else [x, y, z], "ignored": bool(values[-2])}
@@ -225,13 +228,14 @@ class LiveState:
 
     def _point(self) -> dict[str, Any]:
         """Return what curves and paths grow by."""
-        lags_ms = sorted(self._lags_ms)
+        lags_ms, qualities = sorted(self._lags_ms), sorted(self._qualities)
         return {
             "t": self._now_us / 1e6,
             "ekf": self._state.get("ekf"),
             "yaw_deg": self._state.get("yaw_deg"),
             "vision": self._vision,
             "lag": [round(lags_ms[len(lags_ms) // 2], 1), round(lags_ms[-1], 1)] if lags_ms else None,
+            "quality": [qualities[len(qualities) // 2], qualities[0]] if qualities else None,
             "innovations": {kind: one.as_dict() for kind, one in self._innovations.items()},
         }
 

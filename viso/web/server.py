@@ -42,7 +42,7 @@ FILES: Final = {
     "/icon.svg": ("icon.svg", "image/svg+xml"),
     **{
         f"/{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
-        for name in ("app", "charts", "controls", "format", "path", "params", "rates", "verdicts")
+        for name in ("app", "charts", "controls", "format", "params", "plots", "rates", "space", "time", "verdicts")
     },
 }
 

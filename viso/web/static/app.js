@@ -5,12 +5,14 @@
 import { readPalette } from "./charts.js";
 import { clearTexts, connectControls, makeButtons, showState, takeTexts, tell } from "./controls.js";
 import { byId, setText } from "./format.js";
-import { connectParams, takeParams, takeTable } from "./params.js";
-import { drawHeight, drawInnovations, drawLag, drawPlan } from "./path.js";
+import { connectParams, takeParams, takeTable, valueOf } from "./params.js";
+import { drawHeight, drawInnovations, drawLag, drawQuality } from "./plots.js";
 import { showRates } from "./rates.js";
+import { connectSpace, drawSpace } from "./space.js";
+import { connectTime, takeTimes, time } from "./time.js";
 import { clearVerdicts, markLive, takeRuns } from "./verdicts.js";
 
-const POINTS_KEPT = 1200;
+const POINTS_KEPT = 3000;
 const RETRY_MS = 1000;
 const ANSWER_MS = 5000;
 
@@ -19,6 +21,7 @@ const waiting = new Map();
 let socket = null;
 let requests = 0;
 let isDue = false;
+let heldPoints = null;
 
 function connect() {
   socket = new WebSocket(`ws://${location.host}/live`);
@@ -97,18 +100,23 @@ function draw() {
   isDue = true;
   requestAnimationFrame(() => {
     isDue = false;
-    const nowS = shown.points.at(-1)?.t ?? 0;
     showState(shown.state, shown.lost);
     showRates(shown.rates);
-    markLive(nowS);
-    drawPlan(shown.points);
-    drawHeight(shown.points, nowS);
-    drawInnovations(shown.points, nowS, shown.units);
-    drawLag(shown.points, nowS);
+    markLive(shown.points.at(-1)?.t ?? 0);
+    heldPoints = time.isHeld ? (heldPoints ?? [...shown.points]) : null;
+    const points = heldPoints ?? shown.points;
+    takeTimes(points[0]?.t ?? 0, points.at(-1)?.t ?? 0);
+    drawSpace(points);
+    drawHeight(points);
+    drawInnovations(points, shown.units);
+    drawLag(points);
+    drawQuality(points, valueOf("VISO_QUAL_MIN"));
   });
 }
 
 connectParams(ask);
+connectTime(draw);
+connectSpace(draw);
 connectControls(ask, () => {
   readPalette();
   draw();

@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The viso authors
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Drawing on canvases: colours of the theme, sharp lines, curves over the last minute.
+// Drawing on canvases: colours of the theme, sharp lines, curves over the time that is shown.
 
-export const WINDOW_S = 60;
+import { clock } from "./format.js";
+import { time } from "./time.js";
 
 const NAMES = ["vision", "ekf", "warn", "bad", "good", "muted", "text", "grid", "edge", "sunk"];
+const SECONDS = [0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600];
 const probe = document.createElement("span");
 let palette = {};
 
@@ -70,20 +72,21 @@ function line(context, points, { stroke, dash = [], width = 1.5 }) {
 }
 
 /**
- * Draw curves over the last minute.
+ * Draw curves over the time that is shown, with the cursor.
  *
  * curves: [{ values: [[t, y or null], ...], colour, dash, dots }]; limits: [low, high] or null for what is there;
  * mark: a level to be drawn as a line.
  */
-export function drawStrip(canvas, nowS, curves, { limits = null, mark = null, labels = true } = {}) {
+export function drawStrip(canvas, curves, { limits = null, mark = null, labels = true } = {}) {
   const begun = begin(canvas);
   if (!begun) return;
   const { context, width, height } = begun;
   const left = labels ? 40 : 4;
   const bottom = labels ? height - 16 : height - 3;
   const top = 5;
-  const startS = nowS - WINDOW_S;
-  const shown = curves.map((curve) => curve.values.filter(([t]) => t >= startS && t <= nowS));
+  const { startS, endS, spanS } = time;
+  canvas.dataset.left = left;
+  const shown = curves.map((curve) => curve.values.filter(([t]) => t >= startS && t <= endS));
   let [low, high] = limits || [Infinity, -Infinity];
   if (!limits) {
     for (const values of shown) {
@@ -99,9 +102,9 @@ export function drawStrip(canvas, nowS, curves, { limits = null, mark = null, la
     low -= margin;
     high += margin;
   }
-  const toX = (t) => left + ((t - startS) / WINDOW_S) * (width - left - 4);
+  const toX = (t) => left + ((t - startS) / spanS) * (width - left - 4);
   const toY = (y) => bottom - ((Math.min(Math.max(y, low), high) - low) / (high - low)) * (bottom - top);
-  if (labels) drawGrid(context, { low, high, toX, toY, left, width, bottom, startS, nowS });
+  if (labels) drawGrid(context, { low, high, toX, toY, left, width, bottom });
   if (mark !== null) {
     line(context, [[left, toY(mark)], [width - 4, toY(mark)]], { stroke: colour("bad"), dash: [5, 3], width: 1 });
   }
@@ -112,9 +115,13 @@ export function drawStrip(canvas, nowS, curves, { limits = null, mark = null, la
       for (const [x, y] of points) if (y !== null) context.fillRect(x - 1.5, y - 1.5, 3, 3);
     } else line(context, points, { stroke: colour(curve.colour), dash: curve.dash });
   });
+  if (time.cursorS !== null && time.cursorS >= startS && time.cursorS <= endS) {
+    const x = toX(time.cursorS);
+    line(context, [[x, 0], [x, height]], { stroke: colour("text"), width: 1 });
+  }
 }
 
-function drawGrid(context, { low, high, toX, toY, left, width, bottom, startS, nowS }) {
+function drawGrid(context, { low, high, toX, toY, left, width, bottom }) {
   context.textBaseline = "middle";
   context.textAlign = "right";
   const step = stepOf(high - low, 3);
@@ -124,11 +131,12 @@ function drawGrid(context, { low, high, toX, toY, left, width, bottom, startS, n
     context.fillText(tick(y, step), left - 5, toY(y));
   }
   context.textAlign = "center";
-  for (let t = Math.ceil(startS / 15) * 15; t <= nowS; t += 15) {
-    if (t < 0 || toX(t) > width - 16) continue;
+  const every = SECONDS.find((seconds) => seconds >= (time.spanS * 70) / (width - left)) ?? time.spanS;
+  for (let t = Math.ceil(Math.max(time.startS, 0) / every) * every; t <= time.endS; t += every) {
+    if (toX(t) > width - 16) continue;
     line(context, [[toX(t), bottom], [toX(t), bottom + 3]], { stroke: colour("edge"), width: 1 });
     context.fillStyle = colour("muted");
-    context.fillText(`${t} s`, toX(t), bottom + 10);
+    context.fillText(clock(t, every < 1 ? 1 : 0), toX(t), bottom + 10);
   }
 }
 
@@ -136,4 +144,3 @@ function drawGrid(context, { low, high, toX, toY, left, width, bottom, startS, n
 export function describe(canvas, text) {
   if (canvas.getAttribute("aria-label") !== text) canvas.setAttribute("aria-label", text);
 }
-

@@ -3,6 +3,7 @@
 // Buttons, faults, keys, the tiles at the top, the texts.
 
 import { byId, clock, element, recall, remember, setText, SEVERITIES } from "./format.js";
+import { toggleHoldPlots, zoom } from "./time.js";
 import { searchVerdicts, toggleHold } from "./verdicts.js";
 
 const TEXTS_KEPT = 200;
@@ -197,6 +198,9 @@ addKey("/", "Search the verdicts", () => focusOn("verdict-search"));
 addKey("x", "Forget that search", () => searchVerdicts(""));
 addKey("p", "Search the parameters", () => focusOn("param-search"));
 addKey("h", "Hold the verdicts", toggleHold);
+addKey("f", "Hold the plots", toggleHoldPlots);
+addKey("+", "Show less time", () => zoom(0.5));
+addKey("-", "Show more time", () => zoom(2));
 addKey("t", "Theme: auto, light, dark", nextTheme);
 
 byId("theme").addEventListener("click", nextTheme);

@@ -107,6 +107,9 @@ export function takeParams(values) {
   if (onlyChanged && Object.keys(values).length) filter();
 }
 
+/** Return a parameter's value; undefined of one that is not there. */
+export const valueOf = (name) => rows.get(name)?.param.value;
+
 /** Say how to ask for a change. */
 export function connectParams(how) {
   ask = how;

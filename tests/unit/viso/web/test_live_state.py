@@ -169,6 +169,14 @@ def test_lag_survives_the_wrap_of_the_corrected_stamp_after_49_days(arrived_ms: 
     assert state.batch()["point"]["lag"] == [20.5, 20.5]
 
 
+def test_quality_is_the_median_and_the_worst_of_what_came() -> None:
+    state = LiveState("a banner")
+    for quality in (90, -1, 80):
+        state.take_record(False, (0, 0, 0, 0, quality))
+    assert state.batch()["point"]["quality"] == [80, -1]
+    assert state.batch()["point"]["quality"] is None
+
+
 def test_numbers_that_are_none_become_null(watch: Callable[..., Watched]) -> None:
     watched = watch()
     watched.bench.see(0.2, x=math.nan)
