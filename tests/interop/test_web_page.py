@@ -228,6 +228,14 @@ def test_held_plots_stay_while_data_goes_on(page: Page) -> None:
         page.wait("document.querySelector('#shown-time').textContent !== arguments[0]", held)
 
 
+def test_doctor_examines_the_last_minute_and_offers_its_findings(page: Page) -> None:
+    with Companion(page.vehicle.ports[0]):
+        page.find("#diagnose").click()
+        page.wait_text("#findings li", "Fix: ")
+        assert page.find("#save-text").is_displayed()
+        assert page.find("#save-json").is_displayed()
+
+
 def test_path_is_turned_by_keys_and_pointer(page: Page) -> None:
     page.find("#view-space").click()
     page.wait("document.querySelector('#plan').getAttribute('aria-label').startsWith('Path in space')")

@@ -97,6 +97,7 @@ class Vehicle:
     A scheduler or a real-time pacer sets the ``clock``, and calls ``loop`` and ``receive_bytes``.
 
     Attributes:
+        firmware: the release that it is.
         clock, params, texts, log, logger, logs, files: what all share.
         battery_monitor: BATT_MONITOR at boot, 0 for none.
         ahrs, visual_odom, gps, flow, ranges, rtc, copter: what it is made of.
@@ -111,6 +112,7 @@ class Vehicle:
 
     def __init__(self, config: VehicleConfig) -> None:
         self._config = config
+        self.firmware = config.firmware
         self.release = config.firmware.endpoint
         self.clock = VirtualClock()
         self.internal_errors = InternalErrors()

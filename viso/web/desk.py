@@ -120,6 +120,14 @@ def number_of(text: str) -> int:
         return -1
 
 
+def asks_for_diagnosis(text: str) -> bool:
+    """Tell whether a page asks for the doctor, which needs no vehicle."""
+    try:
+        return _object(text).get("do") == "diagnose"
+    except RequestError:
+        return False
+
+
 def parse_request(client: int, text: str) -> Request:
     """Return what a page asks for. Raises RequestError if it is nothing that can be asked for."""
     fields = _object(text)

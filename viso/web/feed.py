@@ -65,7 +65,8 @@ class Feed:
         self._vehicle = vehicle
         self._generation = -1
         defaults = defaults_of(vehicle.params)
-        self.seen.put(lambda state: state.take_boot(defaults))
+        firmware = vehicle.firmware.name
+        self.seen.put(lambda state: state.take_boot(defaults, firmware))
         vehicle.texts.on_text.append(self._take_text)
         vehicle.logger.on_write = self._take_record
 

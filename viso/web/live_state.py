@@ -17,6 +17,7 @@ from mav_handlers.endpoint import MessageEvent
 from viso.fates.labels import Fate, fate_of, is_final, is_model
 from viso.fates.watch import UNITS, SampleTest
 from viso.web.desk import ACTIONS
+from viso.web.diagnosis import RecentFrames
 from viso.web.events import Answer, VehicleState
 from viso.web.faults import SWITCHES
 from viso.web.params import Reading, row_of, shown
@@ -78,6 +79,8 @@ class LiveState:
         self._lost = lost
         self._runs = Runs()
         self._rates = Rates()
+        self._recent = RecentFrames()
+        self._firmware = ""
         self._texts: deque[list[Any]] = deque(maxlen=TEXTS_KEPT)
         self._points: deque[dict[str, Any]] = deque(maxlen=POINTS_KEPT)
         self._state: dict[str, Any] = {}
@@ -104,12 +107,19 @@ class LiveState:
         for tell in things:
             tell(self)
 
-    def take_boot(self, defaults: Mapping[str, float | None]) -> None:
-        """Take that a vehicle starts, and time counts from 0; with the defaults of its parameters by name."""
+    def take_boot(self, defaults: Mapping[str, float | None], firmware: str) -> None:
+        """Take that a vehicle starts, and time counts from 0.
+
+        Args:
+            defaults: of its parameters by name.
+            firmware: the name of its release, as ``--firmware`` takes it.
+        """
         self._boots += 1
         self._defaults = defaults
         self._runs.close()
         self._rates.restart()
+        self._recent.restart()
+        self._firmware = firmware
         self._points.clear()
         self._pre_arm, self._pre_arm_us = [], -1
         self._vision = None
@@ -125,6 +135,7 @@ class LiveState:
         header, rule = event.header, event.verdict.rule
         self._now_us = max(self._now_us, event.now_us)
         self._rates.take_message(event)
+        self._recent.take(event)
         sender = "" if header is None else f"{header.system_id}:{header.component_id}"
         key = RunKey(link, event.name, sender, event.verdict.outcome.value, rule.code)
         self._runs.take(key, {"reason": rule.text, "source": rule.source, "model": False}, event.now_us)
@@ -206,6 +217,11 @@ class LiveState:
         """Return, once, what became of requests."""
         answers, self._answers = self._answers, []
         return answers
+
+    def material(self) -> dict[str, Any]:
+        """Return what the doctor is to examine: the last minute, with the parameters of the moment."""
+        params = {name: row["value"] for name, row in self._params.items() if row["value"] is not None}
+        return {"firmware": self._firmware, "params": params, "frames": self._recent.as_lists()}
 
     def batch(self) -> dict[str, Any]:
         """Return, once, what has changed since the last call."""

@@ -22,7 +22,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from viso.web.connections import BoundedProtocol
-from viso.web.desk import MAX_REQUEST_CHARS
+from viso.web.desk import MAX_REQUEST_CHARS, asks_for_diagnosis, number_of
+from viso.web.diagnosis import examine
 from viso.web.encoding import encode
 from viso.web.events import Answer
 from viso.web.live_state import LiveState, Seen
@@ -42,7 +43,19 @@ FILES: Final = {
     "/icon.svg": ("icon.svg", "image/svg+xml"),
     **{
         f"/{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
-        for name in ("app", "charts", "controls", "format", "params", "plots", "rates", "space", "time", "verdicts")
+        for name in (
+            "app",
+            "charts",
+            "controls",
+            "doctor",
+            "format",
+            "params",
+            "plots",
+            "rates",
+            "space",
+            "time",
+            "verdicts",
+        )
     },
 }
 
@@ -107,6 +120,7 @@ class Broadcaster:
         self._ask = ask
         self._clients: dict[int, Client] = {}
         self._numbers = 0
+        self._diagnosis: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
         """Go on until cancelled."""
@@ -151,9 +165,30 @@ class Broadcaster:
 
     async def _receive(self, connection: WebSocket, client: Client) -> None:
         while (message := await connection.receive())["type"] == "websocket.receive":
-            answer = self._ask(client.number, message.get("text") or "")
+            text = message.get("text") or ""
+            if asks_for_diagnosis(text):
+                self._diagnose(client, number_of(text))
+                continue
+            answer = self._ask(client.number, text)
             if answer is not None:
                 client.put(_answer_text(answer))
+
+    def _diagnose(self, client: Client, request: int) -> None:
+        if self._diagnosis is not None and not self._diagnosis.done():
+            client.put(_answer_text(Answer(client.number, request, False, "the doctor is at work already")))
+            return
+        self._diagnosis = asyncio.create_task(self._examine(client, request, self._state.material()))
+
+    async def _examine(self, client: Client, request: int, material: dict[str, Any]) -> None:
+        report = await examine(material)
+        told = "the doctor failed" if report is None else f"Doctor: {report['count']}"
+        answer = {"type": "answer", "id": request, "ok": report is not None, "text": told, "report": report}
+        client.put(encode(answer))
+
+    def close(self) -> None:
+        """Examine no more."""
+        if self._diagnosis is not None:
+            self._diagnosis.cancel()
 
 
 def _answer_text(answer: Answer) -> str:
@@ -175,6 +210,7 @@ def make_app(broadcaster: Broadcaster, host: str) -> Starlette:
         task = asyncio.create_task(broadcaster.run())
         yield
         task.cancel()
+        broadcaster.close()
         await asyncio.gather(task, return_exceptions=True)
 
     routes: list[Any] = [Route(path, _file(*file)) for path, file in FILES.items()]

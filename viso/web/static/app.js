@@ -4,6 +4,7 @@
 
 import { readPalette } from "./charts.js";
 import { clearTexts, connectControls, makeButtons, showState, takeTexts, tell } from "./controls.js";
+import { connectDoctor } from "./doctor.js";
 import { byId, setText } from "./format.js";
 import { connectParams, takeParams, takeTable, valueOf } from "./params.js";
 import { drawHeight, drawInnovations, drawLag, drawQuality } from "./plots.js";
@@ -42,7 +43,7 @@ function tellConnection(isOpen) {
 }
 
 /** Ask the server for something; the answer is told, and returned. */
-function ask(request) {
+function ask(request, patienceMs = ANSWER_MS) {
   const id = (requests += 1);
   return new Promise((resolve) => {
     const finish = (answer) => {
@@ -55,7 +56,7 @@ function ask(request) {
       return;
     }
     waiting.set(id, finish);
-    setTimeout(() => waiting.has(id) && finish({ ok: false, text: "no answer" }), ANSWER_MS);
+    setTimeout(() => waiting.has(id) && finish({ ok: false, text: "no answer" }), patienceMs);
     socket.send(JSON.stringify({ ...request, id }));
   });
 }
@@ -115,6 +116,7 @@ function draw() {
 }
 
 connectParams(ask);
+connectDoctor(ask);
 connectTime(draw);
 connectSpace(draw);
 connectControls(ask, () => {

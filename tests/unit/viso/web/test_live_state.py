@@ -223,7 +223,7 @@ def test_restart_forgets_paths_and_keeps_verdicts_and_totals(watch: Callable[...
     watched = watch()
     watched.bench.see(1)
     watched.batch()
-    watched.state.take_boot({})
+    watched.state.take_boot({}, "")
     batch = watched.batch()
     assert batch["boots"] == 2
     assert batch["rates"][0]["total"]["offered"] == 20
