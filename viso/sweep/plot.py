@@ -88,7 +88,10 @@ def _along(plan: SweepPlan, rows: Sequence[Row], objective: str, axis: str) -> F
     for best in found(plan, rows, objective):
         place = best.at if best.vertex is None else best.vertex
         panels[0].axvline(place, color=_BEST, lw=0.8, ls="--")
-        panels[0].annotate(f"{place:.4g}", (place, best.value), textcoords="offset points", xytext=(5, 5), color=_BEST)
+        bound = "" if not best.at_edge else " or less" if best.is_first else " or more"
+        panels[0].annotate(
+            f"{place:.4g}{bound}", (place, best.value), textcoords="offset points", xytext=(5, 5), color=_BEST
+        )
     panels[-1].set_xlabel(axis)
     if 1 < len(groups) <= _MOST_IN_LEGEND:
         figure.legend(*panels[0].get_legend_handles_labels(), fontsize="small", ncols=3, loc="outside lower center")
@@ -110,10 +113,18 @@ def _over_two(plan: SweepPlan, rows: Sequence[Row], objective: str, axes: tuple[
         image = panel.pcolormesh(_edges(across), _edges(up), grid, cmap="viridis", vmin=min(known), vmax=max(known))
         for best in best_rows(members, objective, 1):
             panel.plot(best[axes[0]], best[axes[1]], "x", color=_BEST, ms=9, mew=2)
+            edges = [name for name, values in zip(axes, (across, up), strict=True) if _is_edge(best[name], values)]
+            if edges:
+                label = "\n".join(filter(None, [label, f"best at the edge of {' and '.join(edges)}"]))
         panel.set(xlabel=axes[0], ylabel=axes[1], title=label)
     if image is not None:
         figure.colorbar(image, ax=list(panels), label=_label(objective))
     return figure
+
+
+def _is_edge(value: float, values: Sequence[float]) -> bool:
+    """Tell whether the best may lie beyond the values that were tried."""
+    return len(values) > 1 and value in (values[0], values[-1])
 
 
 def _edges(values: Sequence[float]) -> Any:

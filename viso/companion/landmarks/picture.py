@@ -110,7 +110,7 @@ def _image_plane(axes: Any, scene: Scene, colours: Colours) -> None:
     for mark in scene.aircraft:
         _aircraft_in_image(axes, mark, colours)
     _image_texts(axes, scene)
-    _legend(axes, _image_handles(scene, colours, has_horizon=line is not None), columns=4)
+    _legend(axes, _image_handles(axes, scene, colours, has_horizon=line is not None), columns=4)
 
 
 def _landmark_in_image(axes: Any, mark: Mark, colours: Colours) -> None:
@@ -205,21 +205,33 @@ def _short(text: str, limit: int = 60) -> str:
     return text if len(text) <= limit else f"{text[: limit - 3]}..."
 
 
-def _image_handles(scene: Scene, colours: Colours, *, has_horizon: bool) -> list[Line2D]:
-    handles = [
-        _handle("o", "landmark, predicted", mec=colours.predicted, mfc="none", mew=1.8),
-        _handle("x", "landmark, observed", mec=colours.observed, mew=1.8),
-    ]
-    if any(_has_arrow(mark) for mark in (*scene.landmarks, *scene.aircraft)):
+def _is_visible(axes: Any, at: tuple[float, float] | None) -> bool:
+    """Tell whether a place is within the axes."""
+    if at is None:
+        return False
+    return all(
+        min(ends) <= value <= max(ends) for value, ends in zip(at, (axes.get_xlim(), axes.get_ylim()), strict=True)
+    )
+
+
+def _image_handles(axes: Any, scene: Scene, colours: Colours, *, has_horizon: bool) -> list[Line2D]:
+    """Return the legend: what is visible, and nothing else."""
+    handles = []
+    if any(_is_visible(axes, mark.predicted) for mark in scene.landmarks):
+        handles.append(_handle("o", "landmark, predicted", mec=colours.predicted, mfc="none", mew=1.8))
+    if any(_is_visible(axes, mark.actual) for mark in scene.landmarks):
+        handles.append(_handle("x", "landmark, observed", mec=colours.observed, mew=1.8))
+    arrows = [mark for mark in (*scene.landmarks, *scene.aircraft) if _has_arrow(mark)]
+    if any(_is_visible(axes, mark.predicted) or _is_visible(axes, mark.actual) for mark in arrows):
         handles.append(Line2D([], [], color=_CYAN, lw=1.5, label="innovation"))
     if has_horizon:
         handles.append(Line2D([], [], color="0.4", ls="--", lw=1, label="horizon"))
-    shown = [mark for mark in scene.aircraft if mark.predicted is not None]
-    if shown:
+    if any(_is_visible(axes, mark.predicted) for mark in scene.aircraft):
         handles.append(_handle("^", "aircraft, predicted", color=colours.aircraft))
-    if any(mark.actual is not None and mark.seen for mark in shown):
+    actual = [mark for mark in scene.aircraft if _is_visible(axes, mark.actual)]
+    if any(mark.seen for mark in actual):
         handles.append(_handle("^", "aircraft, seen in the picture", mec=colours.observed, mfc="none", mew=1.8))
-    if any(mark.actual is not None and not mark.seen for mark in shown):
+    if any(not mark.seen for mark in actual):
         handles.append(_handle("^", "aircraft, by raw odometry (not seen)", mec="0.4", mfc="none", mew=1.8))
     return handles
 
@@ -260,9 +272,9 @@ def _world(axes: Any, scene: Scene, colours: Colours, extent_m: float) -> None:
         handles.append(_handle("D", "vehicle (estimated)", color=_ESTIMATED))
     axes.plot(*scene.situation.camera_xyz[:2], "+", color="0.35", ms=11, mew=1.5, gid="camera")
     handles.append(_handle("+", "camera and its view", mec="0.35", mew=1.5))
-    if scene.landmarks:
+    if any(_is_visible(axes, (mark.x_m, mark.y_m)) for mark in scene.landmarks):
         handles.append(_handle("s", "landmark", color=colours.landmark))
-    if scene.aircraft:
+    if any(_is_visible(axes, (mark.x_m, mark.y_m)) for mark in scene.aircraft):
         handles.append(_handle("^", "aircraft", color=colours.aircraft))
     _legend(axes, handles, columns=3)
 

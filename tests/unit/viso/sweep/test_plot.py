@@ -50,6 +50,16 @@ def test_one_axis_is_a_line_with_its_minimum_marked(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("sign", "told"), [(1, "0 or less"), (-1, "30 or more")])
+def test_minimum_at_an_edge_is_marked_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sign: int, told: str
+) -> None:
+    plan = made_plan(DELAY)
+    (panel,) = drawn(plan, made_rows(plan, lambda delay: 100 + sign * delay), tmp_path, monkeypatch).axes
+    assert [text.get_text() for text in panel.texts] == [told]
+
+
+@pytest.mark.slow
 def test_what_varies_beside_the_objective_gets_a_panel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = made_plan(DELAY, seeds=(1, 2))
     rows = made_rows(plan, lambda delay: delay + 100)
@@ -68,6 +78,7 @@ def test_two_axes_are_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert (panel.get_xlabel(), panel.get_ylabel()) == ("VISO_DELAY_MS", "EK3_POS_I_GATE")
     (best,) = panel.lines
     assert (values_of(best, "x"), values_of(best, "y")) == ([0.0], [300.0])
+    assert panel.get_title() == "best at the edge of VISO_DELAY_MS and EK3_POS_I_GATE"
 
 
 @pytest.mark.slow

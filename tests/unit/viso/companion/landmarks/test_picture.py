@@ -154,6 +154,13 @@ def test_flight_without_aircraft_has_none_in_the_legends() -> None:
     assert not [text for panel in (0, 1) for text in legend(figure, panel) if "aircraft" in text]
 
 
+def test_legend_holds_only_what_is_visible() -> None:
+    scene = last_scene()
+    away = tuple(dataclasses.replace(mark, predicted=(-1e4, 0.0), actual=None, x_m=1e6) for mark in scene.landmarks)
+    figure = draw(dataclasses.replace(scene, landmarks=away))
+    assert not [text for panel in (0, 1) for text in legend(figure, panel) if "landmark" in text]
+
+
 def test_legend_says_whether_the_actual_place_was_seen() -> None:
     seen = legend(last_picture(), 0)
     unseen = legend(draw(estimated_scene()), 0)
