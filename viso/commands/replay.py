@@ -21,6 +21,7 @@ from viso.doctor.evidence import Assumed
 from viso.doctor.measures.vehicle_position import PositionSeries, position_in
 from viso.doctor.trial_parameters import fitting, vision_carried
 from viso.errors import InputError
+from viso.fates.watch import FilterWatch
 from viso.files.text_files import write_text
 from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
@@ -52,6 +53,9 @@ from viso.streams.heard import firmware_of_recording, params_heard, params_of_re
 from viso.streams.stream_kinds import DATAFLASH_LOG, Stream, TrajectoryOptions, kind_of, read_stream
 from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
+from viso.vehicle.vehicle import Vehicle
+from viso.web.live_view import show_recording
+from viso.web.recording import ReplayRecorder
 
 _NAMED: Final = 8
 """How many parameters a note names; a log holds those of the whole autopilot."""
@@ -128,6 +132,13 @@ def replay(
     rate: Annotated[
         float | None, typer.Option(help="Interpolate a trajectory to this rate in Hz; default its own.")
     ] = None,
+    web: Annotated[
+        str | None,
+        typer.Option(
+            help="Show it on the page of the live view, with a slider; with --set or --versus the second run.",
+            metavar="[HOST:]PORT",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the counts as JSON.")] = False,
 ) -> None:
     """Feed a recorded stream to the autopilot at its arrival times, and tell what became of each message.
@@ -189,7 +200,8 @@ def replay(
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
     is_judged = changes and with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
     truth = position_in(read_columns(stream_file)) if is_judged else None
-    outcomes, judges = _run_all(stream, runs, log, records, truth)
+    recorder = None if web is None else ReplayRecorder(stream.name)
+    outcomes, judges = _run_all(stream, runs, log, records, truth, recorder)
     _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     if assumed:
         named = ", ".join(f"{one.name}={one.value:g}" for one in assumed)
@@ -213,6 +225,8 @@ def replay(
         _tell(outcomes[0])
     if with_filter and (reason := why_nothing_fused(outcomes[-1])):
         err.print(f"note: nothing of external navigation was fused: {reason}")
+    if web is not None and recorder is not None:
+        show_recording(web, recorder.message(), err.print)
 
 
 def _assumed(stream: Stream, known: Collection[str]) -> list[Assumed]:
@@ -237,7 +251,12 @@ class _Told(NamedTuple):
 
 
 def _run_all(
-    stream: Stream, runs: Sequence[_Run], log: Path | None, records: Path | None, truth: PositionSeries | None
+    stream: Stream,
+    runs: Sequence[_Run],
+    log: Path | None,
+    records: Path | None,
+    truth: PositionSeries | None,
+    recorder: ReplayRecorder | None,
 ) -> tuple[list[ReplayOutcome], list[Judge]]:
     """Replay a stream one way after the other; files are of the last run."""
     outcomes = []
@@ -258,6 +277,12 @@ def _run_all(
 
         for index, run in enumerate(runs):
             is_last = index == len(runs) - 1
+
+            def start(judge: Judge, is_last: bool, vehicle: Vehicle, watch: FilterWatch | None) -> None:
+                judge.start(vehicle, watch)
+                if recorder is not None and is_last:
+                    recorder.start(vehicle, watch)
+
             outcome = run_replay(
                 stream,
                 run.settings,
@@ -266,7 +291,7 @@ def _run_all(
                 on_message=partial(write, judges[index], is_last),
                 on_progress=partial(show, index * len(stream.messages)),
                 keep_messages=len(runs) > 1,
-                on_start=judges[index].start,
+                on_start=partial(start, judges[index], is_last),
             )
             outcomes.append(outcome)
     return outcomes, judges

@@ -108,6 +108,7 @@ class Replay:
         self._handled: deque[_Handled] = deque()
         self._arrival_us: int | None = None
         self._silences_us: list[tuple[int, int]] = []
+        self._tell_record, self._tell_event = vehicle.logger.on_write, vehicle.endpoint.on_event
         vehicle.logger.on_write = self._take_record
         vehicle.logger.wanted_by_listener = _VISUAL_ODOM_RECORDS
         self._channel.has_reader = on_sent is not None or vehicle.logger.takes(MAV)  # a log counts what was sent
@@ -116,12 +117,16 @@ class Replay:
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         if structure.name in _VISUAL_ODOM_RECORDS:
             self._records.append((structure.name, tuple(values)))
+            if self._tell_record is not None:
+                self._tell_record(structure, values)
 
     def _take_event(self, event: MessageEvent) -> None:
         samples = None if self._watch is None else self._fates.take_handed()
         message = ReplayedMessage(self._arrival_us, event.name, tuple(self._records), event.verdict, samples)
         self._handled.append(_Handled(message, event.now_us + FATE_WAIT_US))
         self._records.clear()
+        if self._tell_event is not None:
+            self._tell_event(event)
 
     def run(self, on_progress: Callable[[int], None] = lambda _count: None) -> Iterator[ReplayedMessage]:
         """Feed the stream and yield what became of each message, in order; the vehicle's log is then complete.

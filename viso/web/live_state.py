@@ -72,9 +72,10 @@ class LiveState:
     Args:
         banner: what the vehicle claims to be, and where it listens.
         lost: returns how many things went unseen because there were too many.
+        points: how many to keep; None for all.
     """
 
-    def __init__(self, banner: str, lost: Callable[[], int] = lambda: 0) -> None:
+    def __init__(self, banner: str, lost: Callable[[], int] = lambda: 0, *, points: int | None = POINTS_KEPT) -> None:
         self._banner = banner
         self._lost = lost
         self._runs = Runs()
@@ -82,7 +83,7 @@ class LiveState:
         self._recent = RecentFrames()
         self._firmware = ""
         self._texts: deque[list[Any]] = deque(maxlen=TEXTS_KEPT)
-        self._points: deque[dict[str, Any]] = deque(maxlen=POINTS_KEPT)
+        self._points: deque[dict[str, Any]] = deque(maxlen=points)
         self._state: dict[str, Any] = {}
         self._pre_arm: list[str] = []
         self._pre_arm_us = -1

@@ -3,19 +3,21 @@
 """The live view of a vehicle, put together: what hears of it, what lets faults in, and what serves the page."""
 
 import socket
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
 
 from mav_handlers.links.address import LOOPBACK, is_loopback, parse_host_port, resolve
 from mav_handlers.links.base import Link, LinkError, reason_of
 from viso.errors import InputError
 from viso.extras import pip_install
 from viso.running.real_time import NOW_S
+from viso.terminal.signals import stop_on_signal
 from viso.web.desk import Desk
 from viso.web.faults import FaultSwitches, FaultyLink
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
 
+STOP_LOOK_S: Final = 0.2
 MISSING_EXTRA: Final = f"--web: the live view is served with starlette; install it with: {pip_install('web')}"
 
 
@@ -69,6 +71,32 @@ class LiveView:
     def close(self) -> None:
         """Leave all pages, and end the server."""
         self._server.stop()
+
+
+def show_recording(address: str, message: Mapping[str, Any], tell: Callable[[str], None]) -> None:
+    """Serve a recording until Ctrl-C.
+
+    Args:
+        address: as of ``LiveView``.
+        message: what pages are told.
+        tell: is told where the page is.
+
+    Raises:
+        InputError: as ``LiveView``.
+    """
+    try:
+        from viso.web.server import PageServer, Shelf, make_app
+    except ModuleNotFoundError as error:
+        raise InputError(MISSING_EXTRA) from error
+    listening, host = _listen(address)
+    port = listening.getsockname()[1]
+    server = PageServer(make_app(Shelf(message), host), listening)
+    with stop_on_signal() as stop:
+        server.start()
+        tell(f"recording at http://{host}:{port}/; Ctrl-C ends")
+        while not stop:
+            server.wait(STOP_LOOK_S)
+    server.stop()
 
 
 def _listen(address: str) -> tuple[socket.socket, str]:

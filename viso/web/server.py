@@ -8,7 +8,7 @@ import logging
 import socket
 import threading
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from importlib import resources
 from typing import Any, Final
 
@@ -37,6 +37,7 @@ MESSAGES_WAITING: Final = 20
 WAITING_CONNECTIONS: Final = 8  # so many are accepted at once, which must be fewer than the spare descriptors
 STOP_PATIENCE_S: Final = 3.0
 TRY_LATER: Final = 1013
+_NO_VEHICLE: Final = "a recording has no vehicle to ask"
 FILES: Final = {
     "/": ("index.html", "text/html; charset=utf-8"),
     "/style.css": ("style.css", "text/css; charset=utf-8"),
@@ -140,6 +141,10 @@ class Broadcaster:
             for client in self._clients.values():
                 client.put_batch(text)
 
+    def everything(self) -> str:
+        """Return all that a page is told which has just opened."""
+        return encode(self._state.snapshot())
+
     async def serve(self, connection: WebSocket) -> None:
         """Talk to a page until it leaves."""
         if len(self._clients) >= MAX_CLIENTS:
@@ -160,7 +165,7 @@ class Broadcaster:
         # A page that leaves is noticed by whoever reads from it.
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                for text in await client.next(lambda: encode(self._state.snapshot())):
+                for text in await client.next(self.everything):
                     await connection.send_text(text)
 
     async def _receive(self, connection: WebSocket, client: Client) -> None:
@@ -189,6 +194,32 @@ class Broadcaster:
         """Examine no more."""
         if self._diagnosis is not None:
             self._diagnosis.cancel()
+
+
+class Shelf(Broadcaster):
+    """Shows every page a recording, which nothing changes.
+
+    Args:
+        message: what pages are told.
+    """
+
+    def __init__(self, message: Mapping[str, Any]) -> None:
+        super().__init__(LiveState(""), tuple, _refuse)
+        self._everything = encode(message)
+
+    def tick(self) -> None:
+        """Do nothing: there are no news."""
+
+    def everything(self) -> str:
+        """Return the recording."""
+        return self._everything
+
+    def _diagnose(self, client: Client, request: int) -> None:
+        client.put(_answer_text(Answer(client.number, request, False, _NO_VEHICLE)))
+
+
+def _refuse(client: int, text: str) -> Answer:
+    return Answer(client, number_of(text), False, _NO_VEHICLE)
 
 
 def _answer_text(answer: Answer) -> str:
@@ -263,6 +294,10 @@ class PageServer:
 
     def _run(self) -> None:
         self._server.run(sockets=[self._listening])
+
+    def wait(self, seconds: float) -> None:
+        """Wait so long for the end of the thread."""
+        self._thread.join(seconds)
 
     def stop(self) -> None:
         """End all conversations, and the thread."""

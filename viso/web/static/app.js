@@ -3,21 +3,21 @@
 // The page: talks to the server, keeps what it says, draws once a frame at most.
 
 import { readPalette } from "./charts.js";
-import { clearTexts, connectControls, makeButtons, showState, takeTexts, tell } from "./controls.js";
+import { clearTexts, connectControls, makeButtons, markTexts, showState, takeTexts, tell } from "./controls.js";
 import { connectDoctor } from "./doctor.js";
 import { byId, setText } from "./format.js";
 import { connectParams, takeParams, takeTable, valueOf } from "./params.js";
 import { drawHeight, drawInnovations, drawLag, drawQuality } from "./plots.js";
 import { showRates } from "./rates.js";
 import { connectSpace, drawSpace } from "./space.js";
-import { connectTime, takeTimes, time } from "./time.js";
+import { connectTime, pointHere, showWhole, takeTimes, time } from "./time.js";
 import { clearVerdicts, markLive, takeRuns } from "./verdicts.js";
 
 const POINTS_KEPT = 3000;
 const RETRY_MS = 1000;
 const ANSWER_MS = 5000;
 
-const shown = { boots: 0, state: {}, lost: 0, rates: [], points: [], units: {} };
+const shown = { boots: 0, state: {}, lost: 0, rates: [], points: [], units: {}, moments: null };
 const waiting = new Map();
 let socket = null;
 let requests = 0;
@@ -64,6 +64,7 @@ function ask(request, patienceMs = ANSWER_MS) {
 function take(message) {
   if (message.type === "answer") waiting.get(message.id)?.(message);
   else if (message.type === "all") takeAll(message);
+  else if (message.type === "recording") takeRecording(message);
   else takeBatch(message);
 }
 
@@ -78,6 +79,14 @@ function takeAll(message) {
   takeTexts(message.texts);
   takeTable(message.table);
   takeCommon(message);
+}
+
+function takeRecording(message) {
+  document.body.dataset.recording = "";
+  setText(byId("connection"), "recording");
+  shown.moments = message.moments;
+  showWhole();
+  takeAll(message);
 }
 
 function takeBatch(message) {
@@ -101,12 +110,15 @@ function draw() {
   isDue = true;
   requestAnimationFrame(() => {
     isDue = false;
-    showState(shown.state, shown.lost);
-    showRates(shown.rates);
-    markLive(shown.points.at(-1)?.t ?? 0);
     heldPoints = time.isHeld ? (heldPoints ?? [...shown.points]) : null;
     const points = heldPoints ?? shown.points;
     takeTimes(points[0]?.t ?? 0, points.at(-1)?.t ?? 0);
+    const moment = (shown.moments && pointHere(shown.moments)) ?? shown;
+    const nowS = shown.moments ? (time.cursorS ?? time.endS) : (shown.points.at(-1)?.t ?? 0);
+    showState(moment.state, shown.lost);
+    showRates(moment.rates);
+    markLive(nowS);
+    if (shown.moments) markTexts(nowS);
     drawSpace(points);
     drawHeight(points);
     drawInnovations(points, shown.units);

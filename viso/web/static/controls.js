@@ -138,12 +138,18 @@ export function takeTexts(texts) {
   const list = byId("texts");
   for (const [timeS, severity, text] of texts) {
     const item = element("li");
+    item.dataset.t = timeS;
     const badge = element("span", { text: SEVERITIES[severity] || String(severity) });
     badge.dataset.tone = severity <= 3 ? "bad" : severity === 4 ? "warn" : "";
     item.append(element("span", { text: clock(timeS, 1) }), badge, element("span", { text }));
     list.prepend(item);
   }
   while (list.children.length > TEXTS_KEPT) list.lastChild.remove();
+}
+
+/** Mark the texts that are still to come at a time of a recording. */
+export function markTexts(nowS) {
+  for (const item of byId("texts").children) item.classList.toggle("later", Number(item.dataset.t) > nowS);
 }
 
 function applyTheme() {

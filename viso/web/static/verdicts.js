@@ -78,6 +78,8 @@ export function markLive(nowS) {
   for (const { item, run } of rows.values()) {
     const isLive = !isHeld && nowS - run.last_s < LIVE_S && nowS >= run.first_s;
     if (item.classList.contains("live") !== isLive) item.classList.toggle("live", isLive);
+    const isLater = nowS < run.first_s;
+    if (item.classList.contains("later") !== isLater) item.classList.toggle("later", isLater);
   }
   tell();
 }
