@@ -70,7 +70,6 @@ IGNORED: frozenset[type[Message]] = frozenset(
         m.SCALED_IMU3,
         m.SCALED_PRESSURE,
         m.SCALED_PRESSURE2,
-        m.SET_POSITION_TARGET_LOCAL_NED,  # the firmware flies there; nothing flies here
         m.SERVO_OUTPUT_RAW,
         m.SET_HOME_POSITION,
         m.SIMSTATE,

@@ -321,7 +321,7 @@ OWN_DOORS = {
     "sweep/store.py",  # adds to its journal
 }
 WRITES = re.compile(
-    r"""(?:\.write_(?:bytes|text)|\bopen\([^)\n]*["'][rb]*[wax+]|O_(?:CREAT|TRUNC|WRONLY)|savefig\((?!file|data)"""
+    r"""(?:\.write_(?:bytes|text)|\bopen\([^)\n]*["'][rb]*[wax+]|O_(?:CREAT|TRUNC|WRONLY)|(?<!pages\.)savefig\((?!file|data)"""
     r"""|\.(?:to_csv|to_parquet|tofile)\(|\bos\.(?:replace|rename)|TlogWriter\([^,\n]*\))"""
 )
 
