@@ -5,7 +5,7 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
 from viso.companion.vio.worker import VioUpdate
+
+THREE_SIGMA: Final = 14.16  # of the normalised square of three numbers: 99.73 %
 
 Truth = Callable[[int], SE3 | None]
 """Returns world_T_body at a time of the IMU's clock, None where it is not known."""
@@ -35,6 +37,23 @@ class TrialFrame:
     update: VioUpdate
     local: LocalPose | None
     truth: SE3 | None
+
+
+@dataclass(frozen=True, slots=True)
+class Claims:
+    """What a strategy claimed in the state TRACKING.
+
+    Attributes:
+        frames: in that state.
+        refuted: those of them whose composed place is beyond 3 sigma.
+        worst_m: error of a composed place in that state.
+        unsaid_m: error of a composed place that is beyond 3 sigma.
+    """
+
+    frames: int
+    refuted: int
+    worst_m: float
+    unsaid_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +124,21 @@ class Trial:
                 covariances.append(output.pose_covariance_6x6)
         return _nees(errors, covariances)
 
+    def claims(self) -> "Claims":
+        """Return what the TRACKING frames claimed, and whether that was so: composed poses, from the second one on."""
+        composed = [frame for frame in self.frames if frame.local and frame.truth]
+        errors, refuted, unsaid = [], 0, 0.0
+        for frame in composed[1:]:
+            local, error_m = frame.local, _place_error(composed[0], frame)
+            if local is None or frame.update.health.state is not VioState.TRACKING:
+                continue
+            covariance = local.L_T_B.R.dot(local.covariance_6x6[3:, 3:]).dot(local.L_T_B.R.T)
+            errors.append(float(np.linalg.norm(error_m)))
+            if error_m.dot(np.linalg.solve(covariance, error_m)) > THREE_SIGMA:
+                refuted += 1
+                unsaid = max(unsaid, errors[-1])
+        return Claims(len(errors), refuted, max(errors, default=0.0), unsaid)
+
     def horizontal_nees(self) -> float:
         """Return the mean NEES per degree of freedom of x and y of the composed poses, from the second one on.
 
@@ -113,12 +147,12 @@ class Trial:
         Raises:
             EvaluationError: if there is none whose truth is known.
         """
-        composed = [(frame.local, frame.truth) for frame in self.frames if frame.local and frame.truth]
+        composed = [frame for frame in self.frames if frame.local and frame.truth]
         errors, covariances = [], []
-        for local, truth in composed[1:]:
-            first_local, first_truth = composed[0]
-            true_place = (first_local.L_T_B @ first_truth.inverse() @ truth).t
-            errors.append((local.L_T_B.t - true_place)[:2])
+        for frame in composed[1:]:
+            local = frame.local
+            assert local is not None
+            errors.append(_place_error(composed[0], frame)[:2])
             covariance = local.L_T_B.R.dot(local.covariance_6x6[3:, 3:]).dot(local.L_T_B.R.T)
             covariances.append(covariance[:2, :2])
         return _nees(errors, covariances)
@@ -145,6 +179,16 @@ def run_trial(
     updates = run_through(source, config, warm_start, **options)
     frames = (TrialFrame(update, composer.compose_alone(update.output), truth(update.t_ns)) for update in updates)
     return Trial(tuple(frames))
+
+
+def _place_error(first: TrialFrame, frame: TrialFrame) -> Array:
+    """Return [3] in m, the composed less the true place, as seen from the first composed pose."""
+    assert first.local is not None
+    assert first.truth is not None
+    assert frame.local is not None
+    assert frame.truth is not None
+    error: Array = frame.local.L_T_B.t - (first.local.L_T_B @ first.truth.inverse() @ frame.truth).t
+    return error
 
 
 def _estimated(frame: TrialFrame) -> SE3 | None:

@@ -3,15 +3,19 @@
 """Measure the strategies' accuracy on synthetic flights and on the EuRoC clip, as a table in Markdown.
 
 The table goes to standard output, or with --page between the lines `<!-- measured: vio -->` and `<!-- end -->` of a
-page. It takes some minutes. Without the clip (VISO_DATA, or ../shared/data) its rows say that it is absent.
+page. It takes some minutes. Without the clip (VISO_DATA, or ../shared/data) its rows say that it is absent. With
+--scenes it is that of the scenes instead (`vio-scenes`), for all strategies that are there, engines too; --plot draws
+it.
 """
 
 import argparse
+import contextlib
 import dataclasses
 import functools
+import logging
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Final
@@ -19,12 +23,14 @@ from typing import Final
 import numpy as np
 
 from tools.measured_page import render, replace
-from tools.trial import Trial, disturbed_start, run_trial
+from tools.trial import Claims, Trial, disturbed_start, run_trial
+from tools.vio_scenes import SCENES, ScenePlan
 from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.registry import all_strategies, build_vio_strategy
 from viso.companion.vio.types import VioState
-from viso.companion.world.flight import SyntheticFlight
+from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.errors import InputError
@@ -34,6 +40,8 @@ CLIP: Final = (
     Path(os.environ.get("VISO_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "euroc_mh01_clip"
 )
 HEAD: Final = ("", "data", "strategy", "target", "measured", "")
+SCENE_HEAD: Final = ("scene", "what", "path")
+SCENE_SEEDS: Final = range(3)
 SEEDS: Final = range(6)
 WRONG_HEIGHT_SEEDS: Final = range(4)
 CLIP_SEEDS: Final = range(5)
@@ -147,18 +155,98 @@ def rows() -> Iterator[Row]:
             bar.advance(bar.task_ids[0])
 
 
+def strategies() -> list[str]:
+    """Return the names of the strategies that can be built here."""
+    names = []
+    for name in all_strategies():
+        with contextlib.suppress(StrategyNotAvailableError, ImportError):
+            build_vio_strategy(VioConfig(strategy=name), nadir_calibration(), lambda: 0, logging.getLogger(__name__))
+            names.append(name)
+    return names
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Scored:
+    """How a strategy did in a scene.
+
+    Attributes:
+        errors_m: of the trajectory with each seed (ATE).
+        claims: with each seed.
+    """
+
+    errors_m: tuple[float, ...]
+    claims: tuple[Claims, ...]
+
+    def cell(self) -> str:
+        """Return it as text."""
+        frames, refuted = (sum(getattr(claim, name) for claim in self.claims) for name in ("frames", "refuted"))
+        errors = " ".join(f"{error:.3g}" for error in self.errors_m)
+        return f"{errors} ({frames}/{refuted}/{max(claim.worst_m for claim in self.claims):.2g})"
+
+
+def scored(scene: ScenePlan, strategy: str) -> tuple[Scored, float]:
+    """Return how a strategy does in a scene, and the mean length of the path in m."""
+    trials = [scene.fly(strategy, seed) for seed in SCENE_SEEDS]
+    errors = [trial.absolute_error() for trial in trials]
+    score = Scored(tuple(error.rmse_m for error in errors), tuple(trial.claims() for trial in trials))
+    return score, float(np.mean([error.path_m for error in errors]))
+
+
+def scene_rows(names: Sequence[str], plot: Path | None) -> Iterator[Row]:
+    """Measure, a row for each scene; draw them at the end."""
+    all_scores: dict[str, list[Scored]] = {}
+    with progress("measuring", len(SCENES)) as bar:
+        for scene in SCENES:
+            results = [scored(scene, name) for name in names]
+            all_scores[scene.name] = [score for score, _ in results]
+            path_m = results[0][1]
+            yield (scene.name, scene.what, f"{path_m:.0f} m", *(score.cell() for score, _ in results))
+            bar.advance(bar.task_ids[0])
+    if plot is not None:
+        draw(names, all_scores, plot)
+
+
+def draw(names: Sequence[str], scores: Mapping[str, Sequence[Scored]], plot: Path) -> None:
+    """Draw the errors of all scenes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((8, 4.2), dpi=100, layout="constrained")
+    axes = figure.add_subplot()
+    for offset, name in zip(np.linspace(-0.15, 0.15, len(names)), names, strict=True):
+        points = [
+            (column + offset, error_m)
+            for column, scored_ in enumerate(scores.values())
+            for error_m in scored_[list(names).index(name)].errors_m
+        ]
+        axes.plot(*zip(*points, strict=True), "o", label=name, alpha=0.75)
+    axes.set_yscale("log")
+    axes.set_ylabel("error of the trajectory (ATE) in m")
+    axes.set_xticks(range(len(scores)), list(scores), rotation=35, ha="right")
+    axes.grid(axis="y", alpha=0.4)
+    axes.legend()
+    figure.savefig(plot)
+
+
 def main(arguments: Sequence[str]) -> int:
     """Measure; return 2 when a file cannot be used."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--page", type=Path, help="put the table there")
+    parser.add_argument("--scenes", action="store_true", help="measure the scenes")
+    parser.add_argument("--plot", type=Path, help="draw the scenes there")
     options = parser.parse_args(arguments)
+    name = "vio"
+    head: Row = HEAD
+    body = rows()
+    if options.scenes:
+        names = strategies()
+        name, head, body = "vio-scenes", (*SCENE_HEAD, *names), scene_rows(names, options.plot)
     try:
         if options.page is None:
-            print(render(HEAD, rows()), end="")
+            print(render(head, body), end="")
             return 0
         page = options.page.read_text(encoding="utf-8")
-        replace(page, "vio", "")  # before the long run
-        options.page.write_text(replace(page, "vio", render(HEAD, rows())), encoding="utf-8")
+        replace(page, name, "")  # before the long run
+        options.page.write_text(replace(page, name, render(head, body)), encoding="utf-8")
     except (InputError, EurocError, OSError) as error:
         print(f"vio_table: {error}", file=sys.stderr)
         return 2

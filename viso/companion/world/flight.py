@@ -23,6 +23,7 @@ from viso.companion.vio.types import (
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey
+from viso.companion.world.places import Place
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
 
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
@@ -66,6 +67,7 @@ class SyntheticFlight:
         seed: of all noise and errors; the trajectory and the texture have their own.
         trajectory: its time 0 is the flight's start.
         texture: of the ground.
+        place: what there is instead of flat ground; None for that.
         calibration: of the camera.
         duration_s: from the start; no frame is taken after it.
         start_ns: stamp of the start.
@@ -84,6 +86,7 @@ class SyntheticFlight:
     seed: int = 0
     trajectory: Trajectory = field(default_factory=nadir_survey)
     texture: GroundTexture = field(default_factory=generate_texture)
+    place: Place | None = None
     calibration: CameraCalibration = field(default_factory=nadir_calibration)
     duration_s: float = 60.0
     start_ns: int = 0
@@ -160,13 +163,17 @@ class SyntheticFlight:
             return
         rng = np.random.default_rng([self.seed, 6])
         for t_ns in self._frame_times():
-            height_m = float(self.truth(t_ns).t[2]) * self.height_scale + rng.normal(0, self.height_sigma_m)
+            east_m, north_m, up_m = self.truth(t_ns).t
+            if self.place is not None:
+                up_m -= float(self.place.ground_m(east_m, north_m))
+            height_m = float(up_m) * self.height_scale + rng.normal(0, self.height_sigma_m)
             yield t_ns, HeightMeasurement(t_ns, height_m, self.height_sigma_m)
 
     def _frame_events(self) -> Iterator[tuple[int, SensorEvent]]:
         from viso.companion.world.renderer import PlaneRenderer  # wants OpenCV, which a flight without frames does not
 
-        renderer = PlaneRenderer(self.texture, self.calibration, self.seed, self.pixel_sigma)
+        make = PlaneRenderer if self.place is None else self.place.renderer
+        renderer = make(self.texture, self.calibration, self.seed, self.pixel_sigma)
         offset_ns = round(self.calibration.time_offset_s * _NS)
         for sequence, t_ns in enumerate(self._frame_times()):
             stamp_ns, t_s = t_ns - offset_ns, self._seconds(t_ns)

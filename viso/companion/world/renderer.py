@@ -5,6 +5,7 @@
 Needs OpenCV: ``pip install 'ardupilot-viso[vio]'``.
 """
 
+import abc
 import math
 from dataclasses import dataclass
 from typing import Any, Final, cast
@@ -32,7 +33,59 @@ _NO_MAP: Final = np.empty(0)  # OpenCV's second map, when the first has both coo
 _NS_PER_MS: Final = 1_000_000
 
 
-class PlaneRenderer:
+class Renderer(abc.ABC):
+    """A camera with its noise; the same arguments give the same frame.
+
+    Args:
+        calibration: of the camera.
+        seed: of the noise and the frames' identifiers.
+        noise_sigma: of a pixel, in grey levels.
+    """
+
+    def __init__(self, calibration: CameraCalibration, seed: int = 0, noise_sigma: float = DEFAULT_NOISE_SIGMA) -> None:
+        self.calibration = calibration
+        self._seed = seed
+        # As long as two blocks: wherever a block's noise begins, there is enough of it.
+        noise = np.random.default_rng([seed, 4]).standard_normal(2 * _NOISE_BLOCK, dtype=np.float32)
+        self._noise = np.rint(noise_sigma * noise).astype(np.int16)
+
+    def render(self, world_T_body: SE3, sequence: int, time_ns: int) -> NavCameraFrame:
+        """Return the frame that the camera takes.
+
+        Args:
+            world_T_body: where the body is in the middle of the exposure.
+            sequence: of the frame.
+            time_ns: its stamp.
+
+        Raises:
+            ValueError: if the camera is where there is nothing to see.
+        """
+        return self._frame(self._view(world_T_body @ self.calibration.B_T_C), sequence, time_ns)
+
+    def covered(self, sequence: int, time_ns: int) -> NavCameraFrame:
+        """Return the frame of a covered lens: black, but for the noise."""
+        shape = (self.calibration.height, self.calibration.width)
+        return self._frame(np.zeros(shape, np.uint8), sequence, time_ns)
+
+    @abc.abstractmethod
+    def _view(self, world_T_camera: SE3) -> Pixels:
+        """Return what is seen from a place, without noise."""
+
+    def _frame(self, pixels: Pixels, sequence: int, time_ns: int) -> NavCameraFrame:
+        rng = np.random.default_rng([self._seed, 5, sequence])
+        self._add_noise(pixels, rng)
+        frame_id = frame_uuid(time_ns // _NS_PER_MS, sequence, int(rng.integers(1 << 62)))
+        return NavCameraFrame(frame_id, sequence, time_ns, pixels, self.calibration.camera_id)
+
+    def _add_noise(self, pixels: Pixels, rng: np.random.Generator) -> None:
+        flat = pixels.reshape(-1)
+        for start in range(0, flat.size, _NOISE_BLOCK):
+            block = flat[start : start + _NOISE_BLOCK]
+            at = int(rng.integers(self._noise.size - block.size + 1))
+            cv2.add(block, self._noise[at : at + block.size], dst=block, dtype=cv2.CV_8U)
+
+
+class PlaneRenderer(Renderer):
     """A camera above a plane at z = 0 of the world; the same arguments give the same frame.
 
     Args:
@@ -52,56 +105,20 @@ class PlaneRenderer:
         seed: int = 0,
         noise_sigma: float = DEFAULT_NOISE_SIGMA,
     ) -> None:
-        self.calibration = calibration
-        self._seed = seed
-        self._ground = _Pyramid(texture.pixels, texture.extent_m)
+        super().__init__(calibration, seed, noise_sigma)
+        self._ground = Pyramid(texture.pixels, texture.extent_m)
         rows, columns = texture.detail.shape
         sides_m = [scale * texture.metres_per_pixel for scale in DETAIL_SCALES]
-        self._details = [(side, _Pyramid(texture.detail, (columns * side, rows * side))) for side in sides_m]
-        self._lens = None if calibration.distortion_model is DistortionModel.NONE else _directions(calibration)
+        self._details = [(side, Pyramid(texture.detail, (columns * side, rows * side))) for side in sides_m]
+        self._lens = None if calibration.distortion_model is DistortionModel.NONE else directions(calibration)
         corners = [(u, v) for u in (0, calibration.width - 1) for v in (0, calibration.height - 1)]
         rays = np.column_stack([undistort(calibration, np.array(corners, np.float64)), np.ones(4)])
         if not np.isfinite(rays).all():
             raise ValueError("distortion: the lens does not reach the corners of the picture")
         self._corners = (rays / np.linalg.norm(rays, axis=1, keepdims=True)).T
-        # As long as two blocks: wherever a block's noise begins, there is enough of it.
-        noise = np.random.default_rng([seed, 4]).standard_normal(2 * _NOISE_BLOCK, dtype=np.float32)
-        self._noise = np.rint(noise_sigma * noise).astype(np.int16)
 
-    def render(self, world_T_body: SE3, sequence: int, time_ns: int) -> NavCameraFrame:
-        """Return the frame that the camera takes.
-
-        Args:
-            world_T_body: where the body is in the middle of the exposure.
-            sequence: of the frame.
-            time_ns: its stamp.
-
-        Raises:
-            ValueError: if the camera is not above the ground, or sees the horizon.
-        """
-        return self._frame(self._view(world_T_body), sequence, time_ns)
-
-    def covered(self, sequence: int, time_ns: int) -> NavCameraFrame:
-        """Return the frame of a covered lens: black, but for the noise."""
-        shape = (self.calibration.height, self.calibration.width)
-        return self._frame(np.zeros(shape, np.uint8), sequence, time_ns)
-
-    def _frame(self, pixels: Pixels, sequence: int, time_ns: int) -> NavCameraFrame:
-        rng = np.random.default_rng([self._seed, 5, sequence])
-        self._add_noise(pixels, rng)
-        frame_id = frame_uuid(time_ns // _NS_PER_MS, sequence, int(rng.integers(1 << 62)))
-        return NavCameraFrame(frame_id, sequence, time_ns, pixels, self.calibration.camera_id)
-
-    def _add_noise(self, pixels: Pixels, rng: np.random.Generator) -> None:
-        flat = pixels.reshape(-1)
-        for start in range(0, flat.size, _NOISE_BLOCK):
-            block = flat[start : start + _NOISE_BLOCK]
-            at = int(rng.integers(self._noise.size - block.size + 1))
-            cv2.add(block, self._noise[at : at + block.size], dst=block, dtype=cv2.CV_8U)
-
-    def _view(self, world_T_body: SE3) -> Pixels:
-        """Return what is seen from a place, without noise."""
-        to_ground = _ground_from_normalised(world_T_body @ self.calibration.B_T_C)
+    def _view(self, world_T_camera: SE3) -> Pixels:
+        to_ground = _ground_from_normalised(world_T_camera)
         calibration = self.calibration
         if (to_ground[2] @ self._corners).min() < _LOWEST_VIEW:
             raise ValueError("world_T_body: the horizon is in the picture")
@@ -115,7 +132,7 @@ class PlaneRenderer:
                 _overlay(pixels, self._through_lens(detail.seen_at(pixel_m), to_ground), weight)
         return pixels
 
-    def _through_lens(self, picture: "_Picture", to_ground: Array) -> Pixels:
+    def _through_lens(self, picture: "Picture", to_ground: Array) -> Pixels:
         rows, columns = picture.pixels.shape[:2]
         to_picture = picture.from_ground @ to_ground
         middle = to_picture[:2, 2] / to_picture[2, 2]
@@ -124,27 +141,27 @@ class PlaneRenderer:
         to_picture = np.array([[1, 0, -away[0]], [0, 1, -away[1]], [0, 0, 1]]) @ to_picture
         if self._lens is not None:
             at = cv2.perspectiveTransform(self._lens, to_picture)
-            return _bytes(cv2.remap(picture.pixels, at, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT))
+            return as_bytes(cv2.remap(picture.pixels, at, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT))
         matrix = to_picture @ np.linalg.inv(self.calibration.matrix())
         size = (self.calibration.width, self.calibration.height)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return _bytes(cv2.warpPerspective(picture.pixels, matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT))
+        return as_bytes(cv2.warpPerspective(picture.pixels, matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Picture:
+class Picture:
     pixels: Pixels
     from_ground: Array
 
 
-class _Pyramid:
+class Pyramid:
     """A picture of the ground in as many sizes as are asked for, each the mean over areas of the finest."""
 
     def __init__(self, pixels: Pixels, extent_m: tuple[float, float]) -> None:
         self._extent_m = extent_m
-        self._levels = {0: _Picture(pixels, pixel_from_ground(pixels.shape, extent_m))}
+        self._levels = {0: Picture(pixels, pixel_from_ground(pixels.shape, extent_m))}
 
-    def seen_at(self, pixel_m: float) -> _Picture:
+    def seen_at(self, pixel_m: float) -> Picture:
         """Return the picture whose pixels are as large as a camera's or a little larger: sampling it does not alias."""
         finest = self._levels[0]
         rows, columns = finest.pixels.shape[:2]
@@ -153,8 +170,8 @@ class _Pyramid:
         if level not in self._levels:
             shrink = 2 ** (level / _LEVELS_PER_OCTAVE)
             size = (max(round(columns / shrink), 1), max(round(rows / shrink), 1))
-            pixels = _bytes(cv2.resize(finest.pixels, size, interpolation=cv2.INTER_AREA))
-            self._levels[level] = _Picture(pixels, pixel_from_ground(pixels.shape, self._extent_m))
+            pixels = as_bytes(cv2.resize(finest.pixels, size, interpolation=cv2.INTER_AREA))
+            self._levels[level] = Picture(pixels, pixel_from_ground(pixels.shape, self._extent_m))
         return self._levels[level]
 
 
@@ -173,7 +190,7 @@ def _ground_from_normalised(world_T_camera: SE3) -> Array:
     return meet
 
 
-def _directions(calibration: CameraCalibration) -> npt.NDArray[np.float32]:
+def directions(calibration: CameraCalibration) -> npt.NDArray[np.float32]:
     """Return the normalised coordinates [H, W, 2] that each pixel looks at."""
     directions = np.empty((calibration.height, calibration.width, 2), np.float32)
     across = np.arange(calibration.width)
@@ -190,6 +207,6 @@ def _overlay(pixels: Pixels, detail: Pixels, weight: float) -> None:
         cv2.addWeighted(part, 1.0, fine, weight, -128.0 * weight, dst=part)
 
 
-def _bytes(picture: npt.NDArray[Any]) -> Pixels:
+def as_bytes(picture: npt.NDArray[Any]) -> Pixels:
     """Tell the type checker what OpenCV's stubs do not: bytes in, bytes out."""
     return cast(Pixels, picture)
