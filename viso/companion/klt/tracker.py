@@ -1,8 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where points of one picture are in the next one: pyramidal Lucas-Kanade, there and back, and a look at the result."""
+"""Where points of one picture are in the next one: pyramidal Lucas-Kanade, there and back, and a look at the result.
 
-from typing import Any, Final
+Lucas-Kanade takes each point to keep its grey level. Where the exposure has changed, the lighter picture is darkened
+before: at first by what the whole pictures tell, then by what the points that were found do.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final, cast
 
 import cv2
 import numpy as np
@@ -11,12 +17,22 @@ import numpy.typing as npt
 from viso.companion.klt.grid import Mask, Points
 from viso.companion.vio.types import Pixels
 
+Patches = npt.NDArray[np.float32]
+
 BORDER_PX: Final = 5
 MIN_CORRELATION: Final = 0.5  # what is seen and its noise are then equally strong
 _WINDOW: Final = (21, 21)
 _LEVELS, _LEVELS_WIDE, _WIDE_PX = 3, 4, 700
 _STOP: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.01)
 _BACK_LEVELS: Final = 1  # the way back begins where it should end
+_NOTICED_GAIN: Final = 0.1  # what a picture shows changes its mean as well
+_FEWEST_FOR_GAIN: Final = 8
+_MOST_GAIN: Final = 4.0  # beyond it the lens is covered, or was
+_NEARLY_WHITE: Final = 250.0  # grey levels: lighter ones may be clipped
+_FEWEST_LEVELS: Final = 10.0  # sigma of what has to be compared to tell a gain from an offset
+_MIDDLE: Final = 110.0  # grey level
+_SAME_GAIN: Final = 0.05  # a change of exposure that is less does not move points
+_SAME_LEVEL: Final = 4.0
 _PATCH: Final = np.arange(-BORDER_PX, BORDER_PX + 1, dtype=np.float32)
 
 
@@ -43,14 +59,20 @@ class KltTracker:
         """
         if len(pixels) == 0:
             return pixels, np.zeros(0, np.bool_)
-        there, found = self._flow(before, after, pixels, guess, self._levels)
-        back, returned = self._flow(after, before, there, pixels, _BACK_LEVELS)
+        exposure = _exposure_of(before, after)
+        one, other = exposure.undone(before, after)
+        there, found = self._flow(one, other, pixels, guess, self._levels)
+        better = _exposure_at(before, after, pixels[found], there[found], exposure)
+        if not better.is_like(exposure):
+            one, other = better.undone(before, after)
+            there, found = self._flow(one, other, pixels, np.where(found[:, None], there, guess), self._levels)
+        back, returned = self._flow(other, one, there, pixels, _BACK_LEVELS)
         x, y = there[:, 0], there[:, 1]
         found &= returned & (np.hypot(*(back - pixels).T) < self._fb_threshold_px)
         found &= (x >= BORDER_PX) & (y >= BORDER_PX)
         found &= (x < self._width - BORDER_PX) & (y < self._height - BORDER_PX)
         # In a picture of nothing but noise, points stay where they were expected, and come back.
-        found[found] = _correlation(before, after, pixels[found], there[found]) >= MIN_CORRELATION
+        found[found] = _alike(_patches(before, pixels[found]), _patches(after, there[found])) >= MIN_CORRELATION
         return there, found
 
     def _flow(self, before: Pixels, after: Pixels, pixels: Points, guess: Points, levels: int) -> tuple[Points, Mask]:
@@ -69,21 +91,66 @@ class KltTracker:
         return there.reshape(-1, 2), status.ravel() == 1
 
 
-def _correlation(before: Pixels, after: Pixels, pixels: Points, there: Points) -> npt.NDArray[np.float32]:
-    """Return how well the surroundings of points [N, 2] agree, from -1 to 1, whatever the exposure."""
-    if not len(pixels):  # which OpenCV refuses to remap
-        return np.zeros(0, np.float32)
-    one, other = _surroundings(before, pixels), _surroundings(after, there)
+@dataclass(frozen=True, slots=True)
+class _Exposure:
+    """How a picture's grey levels follow from those of the one before: times the gain, plus the offset."""
+
+    gain: float = 1.0
+    offset: float = 0.0
+
+    def is_like(self, other: "_Exposure") -> bool:
+        gain, middle = self.gain - other.gain, _MIDDLE * (self.gain - other.gain) + self.offset - other.offset
+        return abs(gain) <= _SAME_GAIN * self.gain and abs(middle) <= _SAME_LEVEL
+
+    def undone(self, before: Pixels, after: Pixels) -> tuple[Pixels, Pixels]:
+        """Return two pictures as if the exposure had not changed; the lighter one is darkened, as white has no more."""
+        if self.is_like(_Exposure()):
+            return before, after
+        if self.gain > 1:
+            return before, _scaled(after, 1 / self.gain, -self.offset / self.gain)
+        return _scaled(before, self.gain, self.offset), after
+
+
+def _scaled(image: Pixels, gain: float, offset: float) -> Pixels:
+    lut = np.clip(np.rint(gain * np.arange(256) + offset), 0, 255).astype(np.uint8)
+    return cast(Pixels, cv2.LUT(image, lut))
+
+
+def _exposure_of(before: Pixels, after: Pixels) -> _Exposure:
+    """Return what the means of two pictures tell, as a gain."""
+    change = abs(math.log(gain := max(cv2.mean(after)[0], 1.0) / max(cv2.mean(before)[0], 1.0)))
+    return _Exposure(gain if _NOTICED_GAIN < change < math.log(_MOST_GAIN) else 1.0)
+
+
+def _exposure_at(before: Pixels, after: Pixels, pixels: Points, there: Points, guess: _Exposure) -> _Exposure:
+    """Return what the surroundings of points [N, 2] tell; the guess, if they are few."""
+    one, other = _patches(before, pixels), _patches(after, there)
+    same = _alike(one, other) >= MIN_CORRELATION
+    same &= (one.max(axis=1) < _NEARLY_WHITE) & (other.max(axis=1) < _NEARLY_WHITE)
+    if np.count_nonzero(same) < _FEWEST_FOR_GAIN:
+        return guess
+    levels, later = one[same].mean(axis=1), other[same].mean(axis=1)
+    if levels.std() > _FEWEST_LEVELS:
+        gain = float(later.std() / levels.std())
+    else:  # by the contrast, which changes with blur as well
+        gain = float(np.median(other[same].std(axis=1) / one[same].std(axis=1)))
+    return _Exposure(gain, float(np.median(later - gain * levels)))
+
+
+def _alike(one: Patches, other: Patches) -> Patches:
+    """Return how well surroundings [N, K] agree, [N] from -1 to 1, whatever the exposure."""
+    one, other = one - one.mean(axis=1, keepdims=True), other - other.mean(axis=1, keepdims=True)
     strength = np.sqrt((one * one).sum(axis=1) * (other * other).sum(axis=1))
-    correlation: npt.NDArray[np.float32] = (one * other).sum(axis=1) / np.maximum(strength, 1e-3)
+    correlation: Patches = (one * other).sum(axis=1) / np.maximum(strength, 1e-3)
     return correlation
 
 
-def _surroundings(image: Pixels, pixels: Points) -> npt.NDArray[np.float32]:
-    """Return the grey levels around points [N, 2], less their mean."""
+def _patches(image: Pixels, pixels: Points) -> Patches:
+    """Return the grey levels around points [N, 2]."""
+    if not len(pixels):  # which OpenCV refuses to remap
+        return np.zeros((0, len(_PATCH) ** 2), np.float32)
     x, y = np.broadcast_arrays(pixels[:, 0, None, None] + _PATCH, pixels[:, 1, None, None] + _PATCH[:, None])
     side = len(_PATCH)
     patches: Any = cv2.remap(image, x.reshape(-1, side), y.reshape(-1, side), cv2.INTER_LINEAR)
-    grey = patches.reshape(-1, side * side).astype(np.float32)
-    centred: npt.NDArray[np.float32] = grey - grey.mean(axis=1, keepdims=True)
-    return centred
+    grey: Patches = patches.reshape(-1, side * side).astype(np.float32)
+    return grey

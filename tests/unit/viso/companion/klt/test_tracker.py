@@ -91,6 +91,17 @@ def test_points_are_found_when_the_exposure_changes_a_little(gain: float, offset
     assert np.median(np.abs(there - points - [0.6, 0.8])[found]) < 0.3
 
 
+@pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (1.6, 0), (0.7, 50)])
+def test_points_are_where_they_are_when_the_exposure_jumps(gain: float, offset: float) -> None:
+    points = corners()
+    faint = IMAGE // 2
+    after = np.clip(shifted(faint, 3.6, 2.8) * gain + offset, 0, 255).astype(np.uint8)
+    there, found = tracker().track(faint, after, points, points)
+    same_there, same = tracker().track(faint, shifted(faint, 3.6, 2.8), points, points)
+    assert found.mean() > 0.9 * same.mean()
+    assert np.median(np.abs(there - same_there)[found & same]) < 0.05
+
+
 def test_one_thing_that_moves_differently_is_where_it_is() -> None:
     after = shifted(IMAGE, 2, 0)
     after[80:160, 100:220] = shifted(IMAGE, -3, 4)[80:160, 100:220]
