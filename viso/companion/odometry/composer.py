@@ -57,6 +57,9 @@ class OdometryComposer:
     than 0.5 m or 0.1 rad, else by a tenth of what is left with each output. The covariance stays what it was, as
     nothing tells how much better the new place is known.
 
+    Where a strategy says how uncertain all of its relative poses are together, that is what counts; else they are taken
+    to err independently.
+
     Args:
         alignment: of the local frame; None for north if the heading is known at the first pose, else the first heading.
         world_is_north: whether the strategy's world has an absolute yaw; else the autopilot's yaw has to tell.
@@ -82,6 +85,7 @@ class OdometryComposer:
         self._began = SE3.identity()  # L_T_W when the local frame, or its last part, began
         self._to_blend: Array = np.zeros(6)  # what the keyframe has yet to move by, in its own axes
         self.jumps = 0
+        self._start, self._start_covariance = SE3.identity(), np.zeros((6, 6))
 
     @property
     def up(self) -> Array:
@@ -134,6 +138,7 @@ class OdometryComposer:
         self._keyframe = _Keyframe(output.keyframe_id, pose.L_T_B @ K_T_B.inverse(), covariance)
         self._began = pose.L_T_B @ _normalised(output.world_T_body).inverse()
         self._to_blend = np.zeros(6)
+        self._start, self._start_covariance = pose.L_T_B, pose.covariance_6x6
 
     def compose(self, output: VioOutput) -> LocalPose | None:
         """Return the pose that an output gives; None if its keyframe is not known or no sound covariance comes out."""
@@ -145,6 +150,9 @@ class OdometryComposer:
         L_T_B = _normalised(keyframe.L_T_K @ K_T_B)
         to_body = K_T_B.inverse().adjoint()
         covariance = to_body.dot(keyframe.covariance_6x6).dot(to_body.T) + output.pose_covariance_6x6
+        if output.start_covariance_6x6 is not None:
+            to_start = (self._start.inverse() @ L_T_B).inverse().adjoint()
+            covariance = to_start.dot(self._start_covariance).dot(to_start.T) + output.start_covariance_6x6
         stated = sound_covariance(covariance + self._scale_covariance(L_T_B))
         if stated is None:
             return None

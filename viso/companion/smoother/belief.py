@@ -5,6 +5,7 @@
 The filter's errors are invariant, ``T = Exp(e) T_hat``; the smoother's are right perturbations.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -30,22 +31,23 @@ def smoother_cov(state: WindowFilter) -> Array:
     return 0.5 * (cov + cov.T)
 
 
-def adopt(state: WindowFilter, motion: Motion, number: int, pose: SE3, cov: Array) -> None:
+def adopt(state: WindowFilter, motion: Motion, poses: Mapping[int, SE3], cov: Array) -> None:
     """Let a filter believe a smoother.
 
     Args:
         state: the filter; what it believed is gone.
         motion: now.
-        number, pose: of the keyframe.
-        cov: [21, 21] of both.
+        poses: of past nodes by their numbers, the keyframe's last.
+        cov: [15 + 6 N, 15 + 6 N] of all.
     """
-    into = np.zeros((MOTION + CLONE, MOTION + CLONE))
+    into = np.zeros_like(cov)
     into[:MOTION, :MOTION] = _into_filter(motion)
-    into[MOTION:, MOTION:] = pose.adjoint()
+    for first, pose in zip(range(MOTION, len(cov), CLONE), poses.values(), strict=True):
+        into[first : first + CLONE, first : first + CLONE] = pose.adjoint()
     joint = into.dot(cov).dot(into.T)
     state.R, state.p, state.v = motion.pose.R.copy(), motion.pose.t.copy(), motion.velocity_w.copy()
     state.gyro_bias, state.accel_bias = motion.bias.gyro.copy(), motion.bias.accel.copy()
-    state.clones = [Clone(number, pose.R.copy(), pose.t.copy())]
+    state.clones = [Clone(number, pose.R.copy(), pose.t.copy()) for number, pose in poses.items()]
     state.cov = 0.5 * (joint + joint.T)
 
 

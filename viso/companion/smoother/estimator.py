@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.multi_state import Plane
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
@@ -79,11 +80,13 @@ class SmootherEstimator:
     Attributes:
         state: what is known now; its last clone is the keyframe, at first the first node.
         innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+        chain: of the poses since the start, None before there is one and after the smoother has begun anew.
     """
 
     def __init__(self, state: WindowFilter, noise: ImuNoise, B_T_C: SE3, sigma: float) -> None:
         self.state = state
         self.innovation_ratio = 1.0
+        self.chain: Chain | None = None
         self._B_T_C = B_T_C
         self._sigma = sigma
         self._smoother: LagSmoother | None = None
@@ -120,11 +123,22 @@ class SmootherEstimator:
         if state.clones[-1].number == number:
             return
         for clone in state.clones[:-1]:
-            state.drop(clone.number)
+            if clone.number not in self._origins():
+                state.drop(clone.number)
         state.clone(number)
 
+    def begin_chain(self, keyframe: int) -> None:
+        """Let the chain of poses begin with the last node, which is told from a keyframe."""
+        number = max(self._times_ns)
+        if all(clone.number != number for clone in self.state.clones):
+            self.state.clone(number, first=True)
+        self.chain = Chain(self.state, number, keyframe)
+
+    def _origins(self) -> list[int]:
+        return [] if self.chain is None else [self.chain.origin]
+
     def _begin(self, node: Node) -> NodeFacts:
-        state = self.state
+        state, self.chain = self.state, None
         if not state.clones:
             state.clone(node.number)
         smoother = LagSmoother(self._B_T_C, node.number, 0.0, motion_of(state), smoother_cov(state))
@@ -150,8 +164,9 @@ class SmootherEstimator:
         seen = self._book.note(node.number, node.sighting)
         seen += self._discover(smoother, node.plane)
         smoother.add_sightings(seen, self._sigma * self._inflation())
-        smoother.solve(self._passes(), keep=keyframe)
-        adopt(state, smoother.motion(), keyframe, smoother.pose(keyframe), smoother.joint_cov(keyframe))
+        kept = list(dict.fromkeys([*self._origins(), keyframe]))
+        smoother.solve(self._passes(), keep=kept)
+        adopt(state, smoother.motion(), {number: smoother.pose(number) for number in kept}, smoother.joint_cov(*kept))
         self._poses = {number: smoother.pose(number) for number in self._poses}
         self._restart_imu()
         if not node.is_still:

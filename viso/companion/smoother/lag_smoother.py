@@ -152,15 +152,14 @@ class LagSmoother:
             )
             self._stamps[L(seen.landmark)] = self._t_s  # a landmark older than the lag takes no more factors
 
-    def solve(self, passes: int = 1, keep: int | None = None) -> None:
+    def solve(self, passes: int = 1, keep: Iterable[int] = ()) -> None:
         """Take in what was added, and forget what is older than the lag.
 
         Args:
             passes: how often the equations are made anew, at most.
-            keep: a node whose pose is not to be forgotten for another lag.
+            keep: nodes whose poses are not to be forgotten for another lag.
         """
-        if keep is not None:
-            self._stamps[X(keep)] = self._t_s
+        self._stamps |= {X(number): self._t_s for number in keep}
         with _solvable():
             self._smoother.update(self._graph, self._values, self._stamps)
             self._clear()
@@ -186,10 +185,10 @@ class LagSmoother:
         with _solvable():
             return np.array([self._estimate.atPoint3(L(landmark)) for landmark in landmarks]).reshape(-1, 3)
 
-    def joint_cov(self, number: int) -> Array:
-        """Return the covariance [21, 21] of the motion at the last node, as for the first, and of another's pose."""
+    def joint_cov(self, *numbers: int) -> Array:
+        """Return the covariance of the motion at the last node, as for the first, and of the poses at other nodes."""
         last = self._last
-        keys = [X(last), V(last), B(last), X(number)]
+        keys = [X(last), V(last), B(last), *map(X, numbers)]
         with _solvable():
             joint = self._smoother.getISAM2().jointMarginalCovariance(keys)
             return np.block([[joint.at(row, column) for column in keys] for row in keys])

@@ -196,9 +196,14 @@ class StrategyBase(abc.ABC):
         if state is VioState.LOST:
             raise VioFatalError(f"VIO LOST: {reason}")
         if state is VioState.DEGRADED:
-            inflated = output.pose_covariance_6x6 * self.context.config.degraded_inflation
+            factor, since = self.context.config.degraded_inflation, output.start_covariance_6x6
             self._log.degraded(output, reason)
-            raise VioDegradedError(reason, dataclasses.replace(output, pose_covariance_6x6=inflated))
+            inflated = dataclasses.replace(
+                output,
+                pose_covariance_6x6=factor * output.pose_covariance_6x6,
+                start_covariance_6x6=None if since is None else factor * since,
+            )
+            raise VioDegradedError(reason, inflated)
         return output
 
     @contextlib.contextmanager

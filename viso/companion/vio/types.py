@@ -338,6 +338,8 @@ class VioOutput:
         velocity_b: in m/s, in the body (FLU).
         world_T_body: the body in the strategy's world (ENU), for diagnosis.
         world_T_keyframe: K in that world, where that is another by now than when K was told; else None.
+        start_covariance_6x6: of the pose that all relative poses since the start compose, as that of a relative pose;
+            None if the strategy does not know what they share.
     """
 
     frame_id: uuid.UUID
@@ -350,11 +352,15 @@ class VioOutput:
     velocity_b: Array
     world_T_body: SE3
     world_T_keyframe: SE3 | None = None
+    start_covariance_6x6: Array | None = None
 
     def __post_init__(self) -> None:
-        cov = read_only(self.pose_covariance_6x6, (6, 6), "pose_covariance_6x6")
-        sound = sound_covariance(cov)
-        if sound is None:
-            raise ValueError("pose_covariance_6x6: not symmetric and positive")
-        object.__setattr__(self, "pose_covariance_6x6", read_only(sound, (6, 6), "pose_covariance_6x6"))
+        for name in ("pose_covariance_6x6", "start_covariance_6x6"):
+            given = getattr(self, name)
+            if given is None and name == "start_covariance_6x6":
+                continue
+            sound = sound_covariance(read_only(given, (6, 6), name))
+            if sound is None:
+                raise ValueError(f"{name}: not symmetric and positive")
+            object.__setattr__(self, name, read_only(sound, (6, 6), name))
         object.__setattr__(self, "velocity_b", read_only(self.velocity_b, (3,), "velocity_b"))

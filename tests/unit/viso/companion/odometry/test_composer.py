@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Poses in one local frame from poses relative to keyframes."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -289,3 +290,11 @@ class TestRefinement:
         given = LocalPose(ahead(9.0), np.zeros((6, 6)))
         composer.restart(output := strategy.move(), given)
         assert composed(composer, output).L_T_B.t == pytest.approx([9.0, 0.0, 0.0])
+
+
+def test_covariance_of_all_since_the_start_counts_for_more_than_the_links(make_strategy: Make) -> None:
+    strategy, composer = make_strategy(world_T_body=SE3.identity()), north()
+    composed(composer, strategy.move(SE3.identity()))
+    whole = np.diag([1e-4] * 3 + [0.25] * 3)
+    pose = composed(composer, dataclasses.replace(strategy.move(ahead()), start_covariance_6x6=whole))
+    np.testing.assert_allclose(pose.covariance_6x6, whole, atol=1e-12)

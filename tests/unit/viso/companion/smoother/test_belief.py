@@ -38,7 +38,7 @@ def carried_by_smoother(state: WindowFilter) -> WindowFilter:
     smoother = LagSmoother(B_T_C, 0, 0.0, motion_of(state), smoother_cov(state))
     smoother.add_node(1, PERIOD_NS * 1e-9, motion_of(state), since)
     smoother.solve(passes=5)
-    adopt(state, smoother.motion(), 0, smoother.pose(0), smoother.joint_cov(0))
+    adopt(state, smoother.motion(), {0: smoother.pose(0)}, smoother.joint_cov(0))
     return state
 
 
@@ -78,7 +78,7 @@ def test_adopting_leaves_one_clone() -> None:
     state = start()
     state.clone(4)
     state.clone(5)
-    adopt(state, motion_of(state), 7, SE3.identity(), np.eye(21))
+    adopt(state, motion_of(state), {7: SE3.identity()}, np.eye(21))
     assert [clone.number for clone in state.clones] == [7]
     assert state.cov.shape == (21, 21)
 

@@ -110,7 +110,7 @@ def test_nodes_older_than_the_lag_are_forgotten_but_for_those_to_keep() -> None:
     last = round(LAG_S * 1e9 / PERIOD_NS) + 3
     for number in range(1, last + 1):
         go_on(smoother, number)
-        smoother.solve(keep=1)
+        smoother.solve(keep=[1])
     assert np.allclose(smoother.pose(1).t, pose_at(PERIOD_NS).t, atol=0.05)
     assert np.allclose(smoother.pose(last - 1).t, pose_at((last - 1) * PERIOD_NS).t, atol=0.2)
     with pytest.raises(SmootherError):

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How uncertain a pose is that is composed of poses relative to keyframes.
+
+Each link errs as the velocity and the bias err, which the next link shares: links added up as if they were independent
+claim too much. The filter knows better, as it keeps the pose that the chain began with: its covariance has what the
+links share. What it has learnt about a keyframe since that was told is not in the chain, and comes on top.
+"""
+
+import numpy as np
+
+from viso.companion.msckf.window_filter import CLONE, MOTION, POSE, WindowFilter
+from viso.companion.vio.se3 import Array
+
+
+class Chain:
+    """The covariance of a composed pose; the errors are those of a filter, rigid motions of its world.
+
+    Args:
+        state: the filter.
+        origin: number of the frame whose pose the chain begins with; that has to stay in the filter's window.
+        keyframe: number of the frame that it is told from.
+    """
+
+    def __init__(self, state: WindowFilter, origin: int, keyframe: int) -> None:
+        self.origin = origin
+        self._unlearnt: Array = np.zeros((CLONE, CLONE))  # of the keyframes before the last one
+        self._told = self._since(state, _columns(state, keyframe))  # of the last keyframe, when it was told
+
+    def covariance(self, state: WindowFilter, keyframe: int, number: int | None = None) -> Array:
+        """Return the covariance [6, 6] of the pose now, right perturbation, as composed with the last keyframe's.
+
+        Args:
+            state: the filter.
+            keyframe: number of the frame that the pose is told from.
+            number: of the frame now, if that is the next keyframe.
+        """
+        now = self._since(state, slice(POSE.start, POSE.stop))
+        unlearnt = self._unlearnt + _positive(self._told - self._since(state, _columns(state, keyframe)))
+        if number is not None:
+            self._unlearnt, self._told = unlearnt, now
+        to_body = state.pose.inverse().adjoint()
+        composed: Array = to_body.dot(now + unlearnt).dot(to_body.T)
+        return 0.5 * (composed + composed.T)
+
+    def _since(self, state: WindowFilter, pose: slice) -> Array:
+        """Return the covariance of the error that a pose and the origin do not share."""
+        cov, first = state.cov, _columns(state, self.origin)
+        cross = cov[pose, first]
+        return cov[pose, pose] + cov[first, first] - cross - cross.T
+
+
+def _columns(state: WindowFilter, number: int) -> slice:
+    first = MOTION + CLONE * state.index_of(number)
+    return slice(first, first + CLONE)
+
+
+def _positive(cov: Array) -> Array:
+    """Return a difference of covariances without what rounding and linearising have made negative in it."""
+    values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
+    positive: Array = (vectors * np.maximum(values, 0.0)).dot(vectors.T)
+    return positive
