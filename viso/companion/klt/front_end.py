@@ -53,13 +53,16 @@ class FrontEnd:
     Args:
         calibration: of the working image.
         config: max_features, fb_threshold_px, ransac_threshold_px and whether the scene is known to be a plane.
+
+    Attributes:
+        planar: whether the scene is known to be a plane.
     """
 
     def __init__(self, calibration: CameraCalibration, config: VioConfig) -> None:
         self._calibration = calibration
         self._max_features = config.max_features
         self._threshold_px = config.ransac_threshold_px
-        self._planar = config.scene is Scene.PLANAR
+        self.planar = config.scene is Scene.PLANAR
         self._grid = FeatureGrid(calibration.width, calibration.height, config.max_features)
         self._tracker = KltTracker(calibration.width, calibration.height, config.fb_threshold_px)
         self.forget()
@@ -112,7 +115,7 @@ class FrontEnd:
         after = undistort(self._calibration, there.astype(np.float64))
         found &= np.isfinite(after).all(axis=1)
         before, after = self._normalised[found], after[found]
-        agreement = check(before, after, rotation, self.focal_px, self._threshold_px, planar=self._planar)
+        agreement = check(before, after, rotation, self.focal_px, self._threshold_px, planar=self.planar)
         self._pixels, self._normalised, self._ids = there[found], after, self._ids[found]
         self._keep(agreement.inliers)
         return agreement

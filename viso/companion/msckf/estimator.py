@@ -4,8 +4,12 @@
 
 from typing import Final
 
+import numpy as np
+
 from viso.companion.klt.front_end import Sighting
-from viso.companion.msckf.multi_state import Plane, TracksUsed, use_tracks
+from viso.companion.msckf.chain import Chain
+from viso.companion.msckf.held_points import FEWEST_HELD, HeldPoints
+from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, relief_of, use_tracks
 from viso.companion.msckf.tracks import RIPE, TrackBook, padded
 from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
 from viso.companion.vio.imu_window import bracketed
@@ -15,6 +19,9 @@ from viso.companion.vio.types import ImuWindow
 UNSURE_VELOCITY_M_S: Final = 0.1
 UNSURE_PASSES: Final = 3
 _RATIO_KEPT: Final = 0.9
+_ENOUGH_TRACKS: Final = 8  # of which none has a point that can be found: the body hardly moves
+_MOST_ANCHORS: Final = 3
+_FEWEST_FOR_RELIEF: Final = 3  # sightings
 
 
 class WindowEstimator:
@@ -30,6 +37,7 @@ class WindowEstimator:
     Attributes:
         state: the filter.
         innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
+        chain: of the poses since the start, whose first one is kept; None before there is one.
     """
 
     def __init__(
@@ -41,42 +49,86 @@ class WindowEstimator:
         self._sigma = sigma
         self._window_clones = window_clones
         self._tracks = TrackBook(fewest_sightings, min(RIPE, window_clones))
+        self.chain: Chain | None = None
+        self._held = HeldPoints(state, B_T_C, sigma)
+        self._depth_m: float | None = None  # of the points that were used last
 
     def propagate(self, window: ImuWindow) -> None:
         """Move on by inertial data or, where there are none, as the body moved last."""
         self.state.carry_on(window, bracketed(window))
 
-    def add_frame(self, number: int, sighting: Sighting, plane: Plane | None, keep: int | None) -> TracksUsed:
+    def compare(self, sighting: Sighting) -> None:
+        """Take in where the points that are held are now."""
+        nis = self._held.see(sighting)
+        if nis is not None:
+            self._note_ratio(nis)
+
+    def add_frame(
+        self, number: int, sighting: Sighting, plane: Plane | Below | None, keep: int | None, depth_m: float = 1.0
+    ) -> TracksUsed:
         """Take in a frame in motion: keep its pose, and use the tracks whose turn it is.
 
         Args:
             number: of the frame, larger than those before.
             sighting: what it shows.
-            plane: the ground, if all points lie on it.
+            plane: the ground, if all points lie on it or its height right below is known.
             keep: a frame whose pose is not to be forgotten.
+            depth_m: a guess, rather too small, of how far away points are.
         """
         state = self.state
         state.clone(number)
-        chosen = self._tracks.note(number, sighting.ids.tolist(), sighting.normalised.tolist())
+        free = np.isin(sighting.ids, list(self._held.numbers), invert=True)
+        chosen = self._tracks.note(number, sighting.ids[free].tolist(), sighting.normalised[free].tolist())
         used = TracksUsed()
         if chosen:
-            clone_of = {clone.number: index for index, clone in enumerate(state.clones)}
-            used = use_tracks(
-                state, self._B_T_C, padded(chosen, clone_of), self._sigma, plane, self._inflation(), self._passes()
-            )
+            tracks = padded(chosen, self._clone_of())
+            steps = self._inflation(), self._passes(), self._doubt()
+            used = use_tracks(state, self._B_T_C, tracks, self._sigma, plane, *steps)
         if used.used:
-            self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * used.nis_per_dof
+            self._note_ratio(used.nis_per_dof)
+            self._depth_m = used.depth_m
+        elif plane is None and not used.offered and len(chosen) >= _ENOUGH_TRACKS:
+            self._hold(number, sighting, depth_m)
         self._shorten(keep)
         return used
 
+    def relief_share(self) -> float | None:
+        """Return how much points differ in height, as a share of their distance; None if there is no telling."""
+        tracks = self._tracks.longest(_FEWEST_FOR_RELIEF)
+        if len(tracks) < _ENOUGH_TRACKS:
+            return None
+        return relief_of(self.state, self._B_T_C, padded(tracks, self._clone_of()), self._sigma)
+
+    def _clone_of(self) -> dict[int, int]:
+        return {clone.number: index for index, clone in enumerate(self.state.clones)}
+
+    def _hold(self, number: int, sighting: Sighting, depth_m: float) -> None:
+        held = self._held
+        if len(held.numbers) >= FEWEST_HELD:
+            return
+        for anchor in sorted(held.anchors)[: 1 - _MOST_ANCHORS]:
+            self.state.release({point.number for point in self.state.points if point.anchor == anchor})
+        known = self._depth_m
+        held.take(number, sighting, known or depth_m, known is not None)
+        self._tracks.forget(held.numbers)
+
+    def _note_ratio(self, nis_per_dof: float) -> None:
+        self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * nis_per_dof
+
     def _inflation(self) -> float:
         return max(1.0, self.innovation_ratio)
+
+    def _doubt(self) -> float:
+        speed_m_s = float(np.linalg.norm(self.state.v))
+        return min(1.0, sigma_of(self.state.cov[VEL, VEL]) / max(speed_m_s, 1e-3)) ** 2
 
     def _passes(self) -> int:
         return UNSURE_PASSES if sigma_of(self.state.cov[VEL, VEL]) > UNSURE_VELOCITY_M_S else 1
 
     def _shorten(self, keep: int | None) -> None:
-        while len(self.state.clones) > self._window_clones:
-            oldest = next(clone.number for clone in self.state.clones if clone.number != keep)
+        origin = None if self.chain is None else self.chain.origin
+        kept = self._held.anchors | {keep, origin}
+        while len(self.state.clones) > self._window_clones + len(kept - {keep}):
+            oldest = next(clone.number for clone in self.state.clones if clone.number not in kept)
             self.state.drop(oldest)
             self._tracks.drop(oldest)

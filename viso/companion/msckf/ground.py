@@ -15,6 +15,11 @@ from viso.companion.vio.se3 import SE3, Array
 ROUGHNESS_SHARE: Final = 0.01  # of the height: how rough a ground is that counts as a plane
 MIN_PLANE_HEIGHT_M: Final = 0.5
 SCALE_KNOWN: Final = 0.05  # share of the distance that may be uncertain
+_NEAR_M: Final = 3.0
+ROUGH_SHARE: Final = 0.025  # of the height: ground that is rougher is no plane
+SMOOTH_SHARE: Final = 0.015  # ... and is one again
+UNKNOWN_SHARE: Final = 0.1  # before anything is known about it
+_RELIEF_KEPT: Final = 0.7
 _KEPT: Final = 0.9
 _MOSTLY: Final = 0.8  # share of frames
 
@@ -28,25 +33,47 @@ class Ground:
 
     Attributes:
         z_m: of the plane, in the filter's world.
+        is_rough: whether what is said to be a plane is none.
     """
 
     def __init__(self, config: VioConfig, origin_z_m: float) -> None:
-        self.z_m = config.ground_z_m - origin_z_m
+        self.z_m = self._local_z_m = config.ground_z_m - origin_z_m
         self._scene = config.scene
         self._has_height = config.agl_source is not AglSource.NONE
         self._planar_share = 0.0
+        self._relief_share: float | None = None  # of the height
+        self.is_rough = False
 
     def note(self, model: Model | None) -> None:
         """Note what the points in a frame agreed with."""
         self._planar_share += (1 - _KEPT) * ((model is Model.HOMOGRAPHY) - self._planar_share)
 
+    def note_relief(self, share: float | None) -> None:
+        """Note how much the points in a frame differ in height, as a share of the distance; None if that is unknown."""
+        if share is None:
+            return
+        before = share if self._relief_share is None else self._relief_share
+        self._relief_share = _RELIEF_KEPT * before + (1 - _RELIEF_KEPT) * share
+        self.is_rough = self._relief_share > (SMOOTH_SHARE if self.is_rough else ROUGH_SHARE)
+
+    def take_height(self, up_m: float, height_m: float) -> None:
+        """Follow ground that is no plane: it is where a height says.
+
+        Args:
+            up_m: z of the body in the filter's world.
+            height_m: of the body above the ground.
+        """
+        self._local_z_m = up_m - height_m
+        self.note_relief(abs(self._local_z_m - self.z_m) / max(height_m, MIN_PLANE_HEIGHT_M))
+
     def plane(self, world_T_camera: SE3) -> Plane | None:
         """Return the plane, if all that the camera sees is known to lie on it."""
         is_plane = self._scene is Scene.PLANAR or (self._scene is Scene.AUTO and self._planar_share > _MOSTLY)
         height_m = float(world_T_camera.t[2]) - self.z_m
-        if not is_plane or not self._has_height or height_m < MIN_PLANE_HEIGHT_M:
+        if not is_plane or self.is_rough or not self._has_height or height_m < MIN_PLANE_HEIGHT_M:
             return None
-        return Plane(self.z_m, ROUGHNESS_SHARE * height_m)
+        roughness = UNKNOWN_SHARE if self._relief_share is None else max(ROUGHNESS_SHARE, self._relief_share)
+        return Plane(self.z_m, roughness * height_m)
 
     def expected_map(self, before: SE3, after: SE3) -> Array:
         """Return the map [3, 3] of directions that says where points are expected after the camera has moved.
@@ -56,10 +83,17 @@ class Ground:
         """
         rotation: Array = after.R.T.dot(before.R)
         plane = self.plane(before)
-        if plane is None:
+        if plane is None and not self.is_rough:
             return rotation
-        normal = before.R[2] / (plane.height_m - before.t[2])  # in the camera before, by its distance
+        ground_m = self._local_z_m if plane is None else plane.height_m
+        if before.t[2] - ground_m < MIN_PLANE_HEIGHT_M:
+            return rotation
+        normal = before.R[2] / (ground_m - before.t[2])  # in the camera before, by its distance
         return rotation + np.outer(after.R.T.dot(before.t - after.t), normal)
+
+    def depth_guess_m(self, state: WindowFilter) -> float:
+        """Return how far away things may be, rather too little than too much, where nothing is known about it."""
+        return max(_NEAR_M, 0.5 * (float(state.p[2]) - self.z_m))
 
     def leaves_scale_open(self, state: WindowFilter) -> bool:
         """Tell whether nothing has fixed the scale yet: neither a height nor, by its excitation, the accelerometer."""

@@ -16,6 +16,7 @@ MAX_AGE_NS: Final = 200_000_000
 SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller
 GATE: Final = 25.0  # 5 sigma
 MOST_REFUSED: Final = 3  # in a row: what says the same again is no outlier, but ground at another height
+_LEAST_HEIGHT_M: Final = 1.0
 _CAPACITY: Final = 64
 
 
@@ -60,10 +61,10 @@ class Heights:
         up_m = ground_m + height.height_m + float(velocity_w[2]) * (t_ns - height.t_ns) * 1e-9
         return up_m, max(self._least_sigma_m, SIGMA_SHARE * height.height_m, height.sigma_m)
 
-    def use(self, state: WindowFilter, t_ns: int, ground_m: float) -> None:
-        """Take the height nearest to a time into a filter that is at that time.
+    def use(self, state: WindowFilter, t_ns: int, ground_m: float) -> float | None:
+        """Take the height nearest to a time into a filter that is at that time; return how far off one is that is not.
 
-        One that is more than 5 sigma off is refused, but no more than 3 in a row.
+        One that is more than 5 sigma off is refused, but no more than 3 in a row. It is off by a share of the height.
 
         Args:
             state: the filter.
@@ -72,11 +73,14 @@ class Heights:
         """
         taken = self.take(t_ns, ground_m, state.v)
         if taken is None:
-            return
+            return None
+        off = abs(taken[0] - float(state.p[2])) / max(taken[0] - ground_m, _LEAST_HEIGHT_M)
         agrees = take_height(state, *taken, GATE)
         self._disagreeing = 0 if agrees else self._disagreeing + 1
         if self._disagreeing > MOST_REFUSED:
             take_height(state, *taken, math.inf)
+            return None
+        return None if agrees else off
 
     def _nearest(self, t_ns: int) -> HeightMeasurement | None:
         with self._lock:

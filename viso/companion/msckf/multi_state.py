@@ -7,6 +7,7 @@ Roumeliotis, 2007). A scene that is a known plane adds an equation for the heigh
 at once, in arrays padded to the longest track: rows of padding are zero and say nothing.
 """
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -22,6 +23,13 @@ from viso.companion.vio.se3 import SE3, Array
 _REFUSED: Final = 0.05  # of good tracks, by the gate
 _WIDEST_GATE: Final = 25.0
 _FEWEST_FOUND: Final = 0.2  # share of tracks whose points can be found, below which those are found by chance
+_BELOW_SHARE: Final = 0.2  # of the height: how far aside a point may be
+_SLOPE_SHARE: Final = 0.4  # of the height: how far aside a point may be that tells the ground's slope
+_BEND: Final = 0.1  # of the ground, by which points aside are higher or lower than its slope says
+_BENT: Final = 0.3  # share of the parallax times the doubt that the equations miss
+_RELIEF_PARALLAX_SIGMAS: Final = 80.0  # rays that differ by less do not tell 2 % of the distance
+_FEWEST_FOR_RELIEF: Final = 8
+_NORMAL: Final = 1.4826  # sigma of what is spread normally, by the median of its absolute
 _WEAKEST: Final = 1e-10  # information, of the strongest direction's, below which there is none
 
 
@@ -36,6 +44,46 @@ class Plane:
 
     height_m: float
     sigma_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Below:
+    """The ground right below the body, where it is no plane.
+
+    Attributes:
+        height_m: of the body above it, at the last pose of the window.
+        sigma_m: of that.
+    """
+
+    height_m: float
+    sigma_m: float
+
+    def rows(self, points: Array, body: Array) -> tuple[Array, Array]:
+        """Return the weights [T] of an equation for each point's height, 0 for points aside, and its residual [T].
+
+        Args:
+            points: [T, 3] in the world.
+            body: [3], the last pose's.
+        """
+        off = points - body
+        aside_m = np.hypot(*off[:, :2].T)
+        near = aside_m < _BELOW_SHARE * self.height_m
+        # They share the error of one height.
+        sigma_m = np.sqrt(max(1.0, float(np.count_nonzero(near))) * self.sigma_m**2 + (_BEND * aside_m) ** 2)
+        weight = np.where(near, 1 / sigma_m, 0.0)
+        return weight, weight * (
+            off[:, :2].dot(_slope(off, aside_m < _SLOPE_SHARE * self.height_m)) - self.height_m - off[:, 2]
+        )
+
+
+def _slope(points: Array, chosen: Mask) -> Array:
+    """Return the slope [2] of the ground that points [T, 3] lie on, to the east and to the north; none for too few."""
+    if np.count_nonzero(chosen) < _FEWEST_FOR_RELIEF:
+        return np.zeros(2)
+    across = np.column_stack([points[chosen, :2], np.ones(np.count_nonzero(chosen))])
+    ridge = np.diag([float(np.square(points[chosen, :2]).sum()) * 1e-3] * 2 + [0.0])
+    fitted: Array = np.linalg.solve(across.T.dot(across) + ridge, across.T.dot(points[chosen, 2]))[:2]
+    return fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +115,7 @@ class _Stack:
         dof: [T], degrees of freedom.
         error: [T], mean reprojection error.
         depth_m: [T], along the camera's axis when a point was seen first.
+        parallax: [T], way of the camera as a share of that.
     """
 
     jacobian: Array
@@ -74,13 +123,21 @@ class _Stack:
     dof: Array
     error: Array
     depth_m: Array
+    parallax: Array
 
     def only(self, mask: Mask) -> "_Stack":
-        return _Stack(self.jacobian[mask], self.residual[mask], self.dof[mask], self.error[mask], self.depth_m[mask])
+        return _Stack(*(getattr(self, field.name)[mask] for field in dataclasses.fields(self)))
 
 
 def use_tracks(
-    state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, plane: Plane | None, inflation: float, passes: int
+    state: WindowFilter,
+    B_T_C: SE3,
+    tracks: Tracks,
+    sigma: float,
+    plane: Plane | Below | None,
+    inflation: float,
+    passes: int,
+    doubt: float = 0.0,
 ) -> TracksUsed:
     """Take tracks into a filter.
 
@@ -89,10 +146,12 @@ def use_tracks(
         B_T_C: from the camera into the body.
         tracks: sightings from the window's poses.
         sigma: of a normalised coordinate.
-        plane: the ground, if all points lie on it.
+        plane: the ground, if all points lie on it or its height right below is known.
         inflation: of the measurement's covariance, 1 or more.
         passes: how often the equations are made anew. Each pass counts as one of so many parts of the measurement, so
             that all together it is used once: for a state that is far off, as after a start, one pass would not do.
+        doubt: variance of the velocity as a share of its square: by that share of their parallax the tracks may be off
+            what the equations, which are linear, say.
     """
     result = TracksUsed()
     for index in range(passes):
@@ -103,21 +162,54 @@ def use_tracks(
         if not len(good.dof):
             return result if result.used else TracksUsed(len(stack.dof))
         jacobian, residual, variance = _compressed(good)
-        jacobian = np.concatenate([np.zeros((len(residual), MOTION)), jacobian], axis=1)
+        width = MOTION, len(state.cov) - state.clones_end
+        jacobian = np.pad(jacobian, ((0, 0), width))
         nis = result.nis_per_dof if index else state.nis(jacobian, residual, math.sqrt(variance)) / len(residual)
-        state.update(jacobian, residual, math.sqrt(max(variance, inflation) * passes))
+        bend = _BENT * doubt * float(np.median(good.parallax)) / sigma
+        # All tracks bend alike, as it is one velocity that is wrong: many are no better than one.
+        noise = max(variance, inflation) + len(good.dof) * bend * bend
+        state.update(jacobian, residual, math.sqrt(noise * passes))
         error, depth_m = float(good.error.mean()), float(np.median(good.depth_m))
         result = TracksUsed(len(stack.dof), len(good.dof), nis, error, depth_m)
     return result
 
 
-def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, plane: Plane | None) -> _Stack:
-    rotations = np.array([clone.R.dot(B_T_C.R) for clone in state.clones])[tracks.clones]
-    positions = np.array([clone.p + clone.R.dot(B_T_C.t) for clone in state.clones])[tracks.clones]
+def relief_of(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float) -> float | None:
+    """Return how much points differ in height, as a share of their distance; None where that is less than their error.
+
+    Args:
+        state: the filter.
+        B_T_C: from the camera into the body.
+        tracks: sightings from the window's poses.
+        sigma: of a normalised coordinate.
+    """
+    rotations, positions = _cameras(state, B_T_C, tracks)
+    points, good = triangulate(rotations, positions, tracks)
+    rows, last = np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1
+    rays = points - positions[:, 0], points - positions[rows, last]
+    lengths = [np.maximum(np.linalg.norm(ray, axis=1), 1e-6) for ray in rays]
+    parallax = np.linalg.norm(rays[0] / lengths[0][:, None] - rays[1] / lengths[1][:, None], axis=1)
+    good = good & (parallax > _RELIEF_PARALLAX_SIGMAS * sigma)
+    if np.count_nonzero(good) < _FEWEST_FOR_RELIEF:
+        return None
+    up, error = points[good, 2], math.sqrt(2) * sigma / parallax[good]
+    spread = _NORMAL * float(np.median(np.abs(up - np.median(up)))) / float(np.median(lengths[1][good]))
+    return math.sqrt(max(spread**2 - float(np.median(error)) ** 2, 0.0))
+
+
+def _cameras(state: WindowFilter, B_T_C: SE3, tracks: Tracks) -> tuple[Array, Array]:
+    """Return the rotations [T, M, 3, 3] and positions [T, M, 3] that points were seen from."""
+    rotations = np.array([clone.R.dot(B_T_C.R) for clone in state.clones])
+    positions = np.array([clone.p + clone.R.dot(B_T_C.t) for clone in state.clones])
+    return rotations[tracks.clones], positions[tracks.clones]
+
+
+def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, plane: Plane | Below | None) -> _Stack:
+    rotations, positions = _cameras(state, B_T_C, tracks)
     points, good = (
-        triangulate(rotations, positions, tracks)
-        if plane is None
-        else on_plane(rotations, positions, tracks, plane.height_m)
+        on_plane(rotations, positions, tracks, plane.height_m)
+        if isinstance(plane, Plane)
+        else triangulate(rotations, positions, tracks)
     )
     local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
     good = good & ((local[..., 2] > 1e-3) | ~tracks.seen).all(axis=1)
@@ -125,10 +217,17 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     projected = local[..., :2] / depth[..., None]
     residual = np.where(np.isfinite(depth)[..., None], tracks.normalised - projected, 0.0) / sigma
     by_point = _projection(projected, depth, rotations) / sigma
-    stack = _eliminated(*_by_poses(by_point, residual, points, tracks, len(state.clones)), points, plane)
+    equations = _by_poses(by_point, residual, points, tracks, len(state.clones))
+    told = np.zeros(len(tracks))
+    if plane is not None:
+        equations, told = _with_heights(*equations, points, plane, state.clones[-1].p)
     error = np.sqrt((residual**2).sum(axis=2)).sum(axis=1) / tracks.seen.sum(axis=1)
-    dof = 2 * tracks.seen.sum(axis=1) - 3 + (plane is not None)
-    return _Stack(*stack, dof.astype(np.float64), error, local[:, 0, 2]).only(good)
+    dof = 2 * tracks.seen.sum(axis=1) - 3 + told
+    first_m, last = local[:, 0, 2], positions[np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1]
+    way_m = np.linalg.norm(last - positions[:, 0], axis=1)
+    return _Stack(
+        *_eliminated(*equations), dof.astype(np.float64), error, first_m, way_m / np.maximum(first_m, 1e-3)
+    ).only(good)
 
 
 def _projection(projected: Array, depth: Array, rotations: Array) -> Array:
@@ -156,15 +255,25 @@ def _by_poses(
     return jacobian.reshape(*shape, -1), by_point.reshape(*shape, 3), residual.reshape(shape)
 
 
-def _eliminated(
-    jacobian: Array, by_point: Array, residual: Array, points: Array, plane: Plane | None
-) -> tuple[Array, Array]:
-    if plane is not None:  # one more equation each, for the height
-        flat = np.zeros((len(points), 1, 3))
-        flat[..., 2] = 1 / plane.sigma_m
-        off = (plane.height_m - points[:, 2:]) / plane.sigma_m
-        jacobian = np.concatenate([jacobian, np.zeros((len(points), 1, jacobian.shape[2]))], axis=1)
-        by_point, residual = np.concatenate([by_point, flat], axis=1), np.concatenate([residual, off], axis=1)
+def _with_heights(
+    jacobian: Array, by_point: Array, residual: Array, points: Array, plane: Plane | Below, body: Array
+) -> tuple[tuple[Array, Array, Array], Array]:
+    """Return the equations with one more for each point's height; and for which [T] of them that says something."""
+    by_last = np.zeros((len(points), 1, jacobian.shape[2]))
+    if isinstance(plane, Plane):
+        weight = np.full(len(points), 1 / plane.sigma_m)
+        off = (plane.height_m - points[:, 2]) / plane.sigma_m
+    else:
+        weight, off = plane.rows(points, body)
+        # The last pose turns about the world's origin and shifts, and so does the point that it sees.
+        by_last[:, 0, -CLONE:] = weight[:, None] * np.array([-body[1], body[0], 0.0, 0.0, 0.0, -1.0])
+    flat = np.zeros((len(points), 1, 3))
+    flat[:, 0, 2] = weight
+    extended = np.concatenate([jacobian, by_last], axis=1), np.concatenate([by_point, flat], axis=1)
+    return (*extended, np.concatenate([residual, off[:, None]], axis=1)), (weight > 0).astype(np.float64)
+
+
+def _eliminated(jacobian: Array, by_point: Array, residual: Array) -> tuple[Array, Array]:
     basis, _ = np.linalg.qr(by_point)
     turned = np.swapaxes(basis, 1, 2)
     return jacobian - basis @ (turned @ jacobian), residual - (basis @ (turned @ residual[..., None]))[..., 0]
@@ -174,7 +283,8 @@ def _gate(state: WindowFilter, stack: _Stack) -> Mask:
     """Return which tracks agree with the state; the gate opens where most of them do not, as the state is off then."""
     if not len(stack.dof):
         return np.zeros(0, np.bool_)
-    cov = state.cov[MOTION:, MOTION:]
+    clones = slice(MOTION, state.clones_end)
+    cov = state.cov[clones, clones]
     innovation = stack.jacobian @ cov @ np.swapaxes(stack.jacobian, 1, 2) + np.eye(stack.jacobian.shape[1])
     solved = np.linalg.solve(innovation, stack.residual[..., None])[..., 0]
     squared = np.einsum("tk,tk->t", stack.residual, solved)

@@ -69,6 +69,16 @@ class TrackBook:
                 self._open[point] = {}
         return used
 
+    def longest(self, fewest: int) -> list[_Sightings]:
+        """Return the longest tracks of points that are still tracked, of so many sightings at least."""
+        tracks = [track for track in self._open.values() if len(track) >= fewest]
+        return sorted(tracks, key=len, reverse=True)[:MOST_TRACKS]
+
+    def forget(self, points: Iterable[int]) -> None:
+        """Forget the sightings of points."""
+        for point in points:
+            self._open.pop(point, None)
+
     def drop(self, number: int) -> None:
         """Forget the sightings of a frame whose pose is no longer known."""
         for track in self._open.values():

@@ -11,11 +11,12 @@ filters, and a bad first estimate does no lasting harm.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
@@ -25,7 +26,8 @@ from viso.companion.vio.se3 import SE3, Array, right_jacobian, skew, so3_exp
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 
 # Of the error vector: attitude (rad), position (m), velocity (m/s), all in the world, gyro bias (rad/s) and
-# accelerometer bias (m/s^2) in the body; then attitude and position of each past pose.
+# accelerometer bias (m/s^2) in the body; then attitude and position of each past pose; then of each held point its
+# direction and inverse depth.
 ATT: Final = slice(0, 3)
 POS: Final = slice(3, 6)
 VEL: Final = slice(6, 9)
@@ -34,6 +36,7 @@ ACCEL: Final = slice(12, 15)
 POSE: Final = slice(0, 6)
 MOTION: Final = 15
 CLONE: Final = 6
+POINT: Final = 3
 
 # What may happen to a body while nothing is measured.
 UNNOTICED_RAD_S: Final = 0.5
@@ -59,6 +62,21 @@ class Clone:
     p: Array
 
 
+@dataclass(slots=True, eq=False)
+class HeldPoint:
+    """A point that is estimated with the motion, told from the camera at a past pose.
+
+    Attributes:
+        number: of the point.
+        anchor: number of the past pose.
+        at: [3], its normalised coordinates and its inverse depth (1/m) there.
+    """
+
+    number: int
+    anchor: int
+    at: Array
+
+
 class WindowFilter:
     """The filter.
 
@@ -74,6 +92,7 @@ class WindowFilter:
         self.gyro_bias, self.accel_bias = bias.gyro.copy(), bias.accel.copy()
         self.cov = cov.copy()
         self.clones: list[Clone] = []
+        self.points: list[HeldPoint] = []
         self._noise = noise
 
     @property
@@ -158,19 +177,59 @@ class WindowFilter:
         cov[:MOTION, MOTION:] = transition.dot(cov[:MOTION, MOTION:])
         cov[MOTION:, :MOTION] = cov[:MOTION, MOTION:].T
 
-    def clone(self, number: int) -> None:
-        """Keep the pose as that of a frame."""
-        self.clones.append(Clone(number, self.R.copy(), self.p.copy()))
-        size = len(self.cov)
-        rows = np.concatenate([np.arange(size), np.arange(POSE.stop)])
-        self.cov = self.cov[np.ix_(rows, rows)]
+    def clone(self, number: int, *, first: bool = False) -> None:
+        """Keep the pose as that of a frame, the last in the window or the first."""
+        at = MOTION if first else self.clones_end
+        self.clones.insert(0 if first else len(self.clones), Clone(number, self.R.copy(), self.p.copy()))
+        self._select(np.concatenate([np.arange(at), np.arange(POSE.stop), np.arange(at, len(self.cov))]))
 
     def drop(self, number: int) -> None:
-        """Forget the pose of a frame."""
+        """Forget the pose of a frame, and the points that are told from it."""
+        self.release({point.number for point in self.points if point.anchor == number})
         index = self.index_of(number)
         del self.clones[index]
         first = MOTION + CLONE * index
-        rows = np.concatenate([np.arange(first), np.arange(first + CLONE, len(self.cov))])
+        self._select(np.delete(np.arange(len(self.cov)), slice(first, first + CLONE)))
+
+    @property
+    def clones_end(self) -> int:
+        """Where the points begin in the error vector."""
+        return MOTION + CLONE * len(self.clones)
+
+    def hold(self, point: HeldPoint, sigma: float, inverse_sigma: float, like: int | None) -> None:
+        """Estimate a point from now on.
+
+        Args:
+            point: the point, told from a pose of the window.
+            sigma: of its normalised coordinates.
+            inverse_sigma: of its inverse depth, in 1/m.
+            like: which of the points held is about as far away, but for the sigma; None if that is not known.
+        """
+        size = len(self.cov)
+        cov = np.zeros((size + POINT, size + POINT))
+        cov[:size, :size] = self.cov
+        if like is not None:
+            row = self.clones_end + POINT * like + 2
+            cov[-1, :size] = cov[:size, -1] = self.cov[row]
+            cov[-1, -1] = self.cov[row, row]
+        cov[-3, -3] = cov[-2, -2] = sigma**2
+        cov[-1, -1] += inverse_sigma**2
+        self.cov = cov
+        self.points.append(point)
+
+    def release(self, numbers: Container[int]) -> None:
+        """Estimate points no more."""
+        gone = np.array([point.number in numbers for point in self.points], np.bool_)
+        if gone.any():
+            self._select(np.flatnonzero(np.concatenate([np.ones(self.clones_end, np.bool_), np.repeat(~gone, POINT)])))
+            self.points = [point for point in self.points if point.number not in numbers]
+
+    def blur_points(self, sigma: float) -> None:
+        """Admit that the points held have wandered, by a normalised coordinate's sigma."""
+        rows = self.clones_end + np.arange(POINT * len(self.points)).reshape(-1, POINT)[:, :2].ravel()
+        self.cov[rows, rows] += sigma**2
+
+    def _select(self, rows: npt.NDArray[np.int64]) -> None:
         self.cov = self.cov[np.ix_(rows, rows)]
 
     def index_of(self, number: int) -> int:
@@ -198,6 +257,9 @@ class WindowFilter:
         innovation = jacobian.dot(spread)
         innovation[np.diag_indices_from(innovation)] += sigma * sigma
         gain = np.linalg.solve(innovation, spread.T).T
+        # How far away held points are is considered and never learnt (Schmidt): it is a factor of the motion, whose
+        # error would be taken for knowledge of it.
+        gain[self.clones_end + 2 :: POINT] = 0.0
         left = -gain.dot(jacobian)
         left[np.diag_indices_from(left)] += 1.0
         cov = left.dot(self.cov).dot(left.T) + (sigma * sigma) * gain.dot(gain.T)
@@ -212,7 +274,10 @@ class WindowFilter:
         self.v = turn.dot(self.v) + left.dot(error[VEL])
         self.gyro_bias = self.gyro_bias + error[GYRO]
         self.accel_bias = self.accel_bias + error[ACCEL]
-        for clone, part in zip(self.clones, error[MOTION:].reshape(-1, CLONE), strict=True):
+        end = self.clones_end
+        for point, part in zip(self.points, error[end:].reshape(-1, POINT), strict=True):
+            point.at = point.at + part
+        for clone, part in zip(self.clones, error[MOTION:end].reshape(-1, CLONE), strict=True):
             turn = so3_exp(part[ATT])
             clone.R = _orthonormal(turn.dot(clone.R))
             clone.p = turn.dot(clone.p) + right_jacobian(-part[ATT]).dot(part[POS])

@@ -9,6 +9,7 @@ from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
 from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource
+from viso.companion.vio.types import VioState
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
 MIN_NODE_INTERVAL_NS: Final = 150_000_000
@@ -73,6 +74,11 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
         is_keyframe: bool = False,
     ) -> Outcome:
         last, state = self._node, estimator.state
+        if self.health.state is VioState.INIT and node is not None:
+            estimator.begin_chain(reference.number)
+        since = None
+        if estimator.chain is not None:
+            since = estimator.chain.covariance(state, reference.number, self._number if is_keyframe else None)
         floats = last.agreeing < FEWEST_LANDMARKS and not self._rests
         return Outcome(
             reference,
@@ -83,4 +89,5 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
             is_refused=node is not None and node.landmarks >= FEWEST_REFUSED and node.agreeing == 0,
             has_failed=node is not None and node.failed,
             leaves_scale_open=floats or self._ground.leaves_scale_open(state),
+            start_covariance_6x6=since,
         )

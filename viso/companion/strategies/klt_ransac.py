@@ -5,11 +5,13 @@
 from typing import Final
 
 from viso.companion.klt.keyframes import Keyframe
+from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
-from viso.companion.msckf.multi_state import TracksUsed
+from viso.companion.msckf.multi_state import Below, Plane, TracksUsed
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.types import VioState
 
 PIXEL_SIGMA: Final = 0.5
 MIN_CLONE_INTERVAL_NS: Final = 80_000_000
@@ -47,9 +49,11 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         self._number += 1
         rests = keyframe is not None and self._takes_rest(state, t_ns - seen.window.start_t_ns)
         is_cloned = keyframe is None or (not rests and self._is_due(seen))
+        if not rests:
+            estimator.compare(seen.sighting)
         used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
-        if self.context.config.agl_source is not AglSource.NONE:
-            self.heights.use(state, t_ns, self._ground.z_m)
+        if self.context.config.agl_source is not AglSource.NONE and not self._ground.is_rough:
+            self._ground.note_relief(self.heights.use(state, t_ns, self._ground.z_m))
         camera_rotation = state.R.dot(self._B_T_C.R)
         is_keyframe = is_cloned and (
             keyframe is None or keyframe.is_outdated(t_ns, camera_rotation, seen.sighting, self._front.focal_px)
@@ -58,6 +62,11 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
             self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, camera_rotation, seen.sighting)
         reference = keyframe or self._keyframe
         assert reference is not None  # the first frame is one
+        if self.health.state is VioState.INIT:
+            estimator.chain = Chain(state, state.clones[-1].number, reference.number)
+        since = None
+        if estimator.chain is not None:
+            since = estimator.chain.covariance(state, reference.number, self._number if is_keyframe else None)
         return Outcome(
             reference,
             is_keyframe,
@@ -66,6 +75,7 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
             depth_m=self._used.depth_m if is_cloned else None,
             is_refused=used.offered >= FEWEST_REFUSED and used.used == 0,
             leaves_scale_open=self._ground.leaves_scale_open(state),
+            start_covariance_6x6=since,
         )
 
     def _is_due(self, seen: Seen) -> bool:
@@ -73,10 +83,24 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         return seen.sighting.model is not None and seen.window.end_t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
 
     def _add_frame(self, estimator: WindowEstimator, seen: Seen) -> TracksUsed:
-        plane = self._ground.plane(estimator.state.pose @ self._B_T_C)
+        plane = self._plane(estimator.state, seen.window.end_t_ns)
         keep = None if self._keyframe is None else self._keyframe.number
-        used = estimator.add_frame(self._number, seen.sighting, plane, keep)
+        depth_m = self._ground.depth_guess_m(estimator.state)
+        used = estimator.add_frame(self._number, seen.sighting, plane, keep, depth_m)
         self._cloned_ns = seen.window.end_t_ns
+        if self._ground.is_rough or plane is not None:
+            self._ground.note_relief(estimator.relief_share())
+            self._front.planar = self.context.config.scene is Scene.PLANAR and not self._ground.is_rough
         if used.used:
             self._used = used
         return used
+
+    def _plane(self, state: WindowFilter, t_ns: int) -> Plane | Below | None:
+        """Return what is known about the ground."""
+        if not self._ground.is_rough:
+            return self._ground.plane(state.pose @ self._B_T_C)
+        taken = self.heights.take(t_ns, 0.0, state.v)
+        if taken is None:
+            return None
+        self._ground.take_height(float(state.p[2]), taken[0])
+        return Below(*taken)

@@ -92,6 +92,7 @@ class Outcome:
         is_refused: whether nothing that was measured agreed with the state.
         has_failed: whether the estimator could not deal with the frame at all.
         leaves_scale_open: whether nothing has fixed the scale yet.
+        start_covariance_6x6: of the pose since the start, None if that is not known.
     """
 
     reference: Keyframe
@@ -102,6 +103,7 @@ class Outcome:
     is_refused: bool = False
     has_failed: bool = False
     leaves_scale_open: bool = False
+    start_covariance_6x6: Array | None = None
 
 
 class TrackingStrategy(StrategyBase, Generic[_E]):
@@ -233,7 +235,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         return self._conclude(facts, self._output(state, relative, cov, seen, outcome))
 
     def _output(self, state: WindowFilter, relative: SE3, cov: Array, seen: Seen, outcome: Outcome) -> VioOutput:
-        sighting = seen.sighting
+        sighting, since = seen.sighting, outcome.start_covariance_6x6
         quality = FeatureQuality(
             sighting.tracked,
             sighting.lost,
@@ -253,6 +255,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             is_keyframe=outcome.is_keyframe,
             velocity_b=state.R.T.dot(state.v),
             world_T_body=SE3(state.pose.R, state.p + self._origin),
+            start_covariance_6x6=None if since is None else since + _LEAST_COV,
         )
 
 

@@ -29,9 +29,36 @@ def test_plane_is_where_the_configuration_says() -> None:
 
 
 def test_plane_is_rougher_from_a_greater_height() -> None:
-    plane = ground().plane(CAMERA)
+    known = ground()
+    known.note_relief(0.0)
+    plane = known.plane(CAMERA)
     assert plane is not None
     assert plane.sigma_m == pytest.approx(0.4)
+
+
+def test_plane_that_nothing_is_known_about_may_be_rough() -> None:
+    plane = ground().plane(CAMERA)
+    assert plane is not None
+    assert plane.sigma_m == pytest.approx(4.0)
+
+
+def test_relief_is_no_plane_until_it_is_smooth_for_a_while() -> None:
+    hills = ground()
+    seen = []
+    for share in (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0):
+        hills.note_relief(share)
+        seen.append(hills.plane(CAMERA) is not None)
+    assert seen[:2] == [True, False]
+    assert not seen[4]
+    assert seen[-1]
+
+
+def test_ground_that_a_height_says_to_be_elsewhere_is_no_plane() -> None:
+    hills = ground()
+    hills.note_relief(0.0)
+    hills.take_height(40.0, 30.0)
+    assert hills.plane(CAMERA) is None
+    assert hills.is_rough
 
 
 @pytest.mark.parametrize("config", [{"scene": "general"}, {"agl_source": "none"}, {"scene": "auto"}])

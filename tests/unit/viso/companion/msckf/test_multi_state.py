@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.msckf.point_world import B_T_C, SIGMA
-from viso.companion.msckf.multi_state import Plane, TracksUsed, use_tracks
+from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, relief_of, use_tracks
 from viso.companion.msckf.tracks import Tracks, padded
 from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
 from viso.companion.vio.config import ImuNoise
@@ -323,3 +323,28 @@ def test_two_sightings_teach_on_a_plane() -> None:
     before = window.state.cov.trace()
     assert window.use(FLAT).used > 0.8 * POINTS
     assert window.state.cov.trace() < before
+
+
+def test_height_above_ground_that_slopes_is_that_right_below() -> None:
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-15, 15, (POINTS, 2)), np.zeros(POINTS)])
+    points[:, 2] = 5.0 + 0.3 * points[:, 0]
+    weight, residual = Below(35.0, 0.3).rows(points, np.array([0.0, 0.0, 40.0]))
+    near = np.hypot(*points[:, :2].T) < 7.0
+    np.testing.assert_array_equal(weight > 0, near)
+    assert near.any()
+    assert np.abs(residual).max() < 0.1
+
+
+def test_relief_is_told_from_flat_ground() -> None:
+    flat, hilly = (Window(relief_m=relief_m, errors=0.0) for relief_m in (0.0, 5.0))
+    shares = [relief_of(window.state, B_T_C, window.tracks, SIGMA) for window in (flat, hilly)]
+    assert shares[0] is not None
+    assert shares[1] is not None
+    assert shares[0] < 0.01
+    assert 0.05 < shares[1] < 0.15
+
+
+def test_wrong_relief_cannot_be_told_without_parallax() -> None:
+    window = Window(errors=0.0)
+    assert relief_of(window.state, B_T_C, window.tracks, 1.0) is None
