@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("cv2", reason="needs OpenCV, of the extra vio")
 
 from tools import vio_table
+from tools.trial import Claims
 from viso.companion.trials.euroc import EurocError
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import AglSource, Scene, VioConfig
@@ -283,3 +284,28 @@ def test_clip_that_cannot_be_read_is_one_line(
     monkeypatch.setattr(vio_table, "load_euroc", refuse)
     assert vio_table.main([]) == 2
     assert capsys.readouterr() == ("", "vio_table: imu0.csv: no records\n")
+
+
+class FakeFlight:
+    """A flight in a scene, with figures of its own."""
+
+    def absolute_error(self) -> Any:
+        return SimpleNamespace(rmse_m=0.25, path_m=300.0)
+
+    def claims(self) -> Claims:
+        return Claims(100, 2, 1.25, 0.5)
+
+
+def test_scenes_have_a_row_each_with_all_strategies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    scenes = [SimpleNamespace(name=name, what="any", fly=lambda strategy, seed: FakeFlight()) for name in ("a", "b")]
+    monkeypatch.setattr(vio_table, "SCENES", scenes)
+    rows = list(vio_table.scene_rows(["one", "other"], tmp_path / "scenes.png"))
+    cell = "0.25 0.25 0.25 (300/6/1.2)"
+    assert rows == [("a", "any", "300 m", cell, cell), ("b", "any", "300 m", cell, cell)]
+    assert (tmp_path / "scenes.png").stat().st_size > 0
+
+
+def test_strategies_that_cannot_be_built_are_left_out() -> None:
+    assert "klt_ransac" in vio_table.strategies()
+    assert "okvis2" not in vio_table.strategies()
