@@ -176,7 +176,7 @@ class TestWindow:
         flying = Aboard(survey(), survey().warm_start(), window_clones=clones)
         lengths: list[int] = []
         flying.fly(15, each=lambda: lengths.append(_clones(flying)))
-        assert max(lengths) == clones
+        assert max(lengths) == clones + 1  # and the one that the flight began with
         assert flying.error_m() < 1.0
 
     @pytest.mark.slow
@@ -190,7 +190,8 @@ class TestWindow:
         assert flying.error_m() < 0.5
 
     def test_slow_pictures_are_all_kept(self, flown: Aboard) -> None:
-        assert _numbers(flown) == list(range(20, 31))
+        assert _numbers(flown)[1:] == list(range(20, 31))
+        assert _numbers(flown)[0] <= 3  # where the flight began
 
 
 def _numbers(on_board: Aboard) -> list[int]:
