@@ -270,6 +270,12 @@ class CopterPort(Protocol):
     def is_landed(self) -> bool:
         """Tell whether the vehicle stands on the ground."""
 
+    def is_taking_off(self) -> bool:
+        """Tell whether it climbs to where it was asked to take off to."""
+
+    def is_landing(self) -> bool:
+        """Tell whether the mode brings it down."""
+
     def is_in_failsafe(self) -> bool:
         """Tell whether a failsafe is active."""
 

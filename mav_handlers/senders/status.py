@@ -18,7 +18,6 @@ MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
 MODE_FLAGS: Final = 1 | 16 | 64  # custom mode enabled, stabilised, manual input
 MODE_FLAG_GUIDED: Final = 8
 MODE_FLAG_ARMED: Final = 128
-MODE_LAND: Final = 9
 MAV_STATE_BOOT: Final = 1
 MAV_STATE_STANDBY: Final = 3
 MAV_STATE_ACTIVE: Final = 4
@@ -26,6 +25,7 @@ MAV_STATE_CRITICAL: Final = 5
 MAV_VTOL_STATE_MC: Final = 3
 MAV_LANDED_STATE_ON_GROUND: Final = 1
 MAV_LANDED_STATE_IN_AIR: Final = 2
+MAV_LANDED_STATE_TAKEOFF: Final = 3
 MAV_LANDED_STATE_LANDING: Final = 4
 MAVLINK_VERSION: Final = 3
 
@@ -67,11 +67,13 @@ def _system_status(vehicle: VehiclePort) -> int:
 
 
 def extended_sys_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> EXTENDED_SYS_STATE:
-    """A multicopter: on the ground, in the air, or landing (GCS_MAVLINK_Copter::landed_state)."""
+    """A multicopter: on the ground, taking off, in the air, or landing (GCS_MAVLINK_Copter::landed_state)."""
     if vehicle.copter.is_landed():
         landed_state = MAV_LANDED_STATE_ON_GROUND
-    elif vehicle.copter.custom_mode() == MODE_LAND:
+    elif vehicle.copter.is_landing():
         landed_state = MAV_LANDED_STATE_LANDING
+    elif vehicle.copter.is_taking_off():
+        landed_state = MAV_LANDED_STATE_TAKEOFF
     else:
         landed_state = MAV_LANDED_STATE_IN_AIR
     return EXTENDED_SYS_STATE(MAV_VTOL_STATE_MC, landed_state)

@@ -216,6 +216,14 @@ class Copter:
         """Tell whether the vehicle stands on the ground."""
         return self.landing.landed
 
+    def is_taking_off(self) -> bool:
+        """Tell whether it climbs to where it was asked to take off to (Mode::is_taking_off)."""
+        return self.landing.is_taking_off()
+
+    def is_landing(self) -> bool:
+        """Tell whether the mode brings it down; RTL does so at its end alone (Mode::is_landing)."""
+        return self.modes.current.number == ModeNumber.LAND or (self.flight is not None and self.flight.is_landing())
+
     def is_in_failsafe(self) -> bool:
         """Tell whether a failsafe is active; the estimator's is the only one here (Copter::any_failsafe_triggered)."""
         return self._ekf_check.in_failsafe

@@ -57,12 +57,12 @@ def test_multicopter_is_on_the_ground(desk: "Desk") -> None:
     assert desk.ask(extended_sys_state) == EXTENDED_SYS_STATE(vtol_state=3, landed_state=1)
 
 
-@pytest.mark.parametrize(("mode", "landed_state"), [(4, 2), (9, 4)])
-def test_flying_vehicle_is_in_the_air_or_landing(
-    desk: "Desk", monkeypatch: pytest.MonkeyPatch, mode: int, landed_state: int
+@pytest.mark.parametrize(("does", "landed_state"), [("", 2), ("is_taking_off", 3), ("is_landing", 4)])
+def test_flying_vehicle_is_in_the_air_taking_off_or_landing(
+    desk: "Desk", monkeypatch: pytest.MonkeyPatch, does: str, landed_state: int
 ) -> None:
-    monkeypatch.setattr(desk.vehicle.copter, "is_landed", lambda: False)
-    monkeypatch.setattr(desk.vehicle.copter, "custom_mode", lambda: mode)
+    for what in ("is_landed", "is_taking_off", "is_landing"):
+        monkeypatch.setattr(desk.vehicle.copter, what, lambda what=what: what == does)
     assert desk.ask(extended_sys_state) == EXTENDED_SYS_STATE(vtol_state=3, landed_state=landed_state)
     assert desk.ask(heartbeat).system_status == 4
 

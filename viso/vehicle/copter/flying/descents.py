@@ -88,6 +88,10 @@ class ReturnHome:
         self._down_m = 0.0
         self._since_us = 0
 
+    def is_landing(self) -> bool:
+        """Tell whether it has come to its end."""
+        return self._stage is _Stage.LAND
+
     def enter(self) -> None:
         """Choose a height at which to return (ModeRTL::compute_return_target)."""
         steering, limits = self._steering, self._steering.limits

@@ -84,13 +84,13 @@ class FlightControl:
         self._sticks = PilotSticks(copter.params, copter.clock)
         self.guided = Guided(self._steering)
         self.land = Land(self._steering, copter.estimates.position_ok, self._height_m)
-        returns = ReturnHome(self._steering, self.land, self._home_ned)
+        self._returns = ReturnHome(self._steering, self.land, self._home_ned)
         loiter, height = Loiter(self._steering), HoldHeight(self._steering)
         self._modes: Mapping[int, _Mode] = {
             ModeNumber.GUIDED: self.guided,
             ModeNumber.LAND: self.land,
-            ModeNumber.RTL: returns,
-            ModeNumber.SMART_RTL: returns,
+            ModeNumber.RTL: self._returns,
+            ModeNumber.SMART_RTL: self._returns,
             ModeNumber.BRAKE: Brake(self._steering),
             **dict.fromkeys((ModeNumber.STABILIZE, ModeNumber.ACRO, ModeNumber.ALT_HOLD), height),
             ModeNumber.GUIDED_NOGPS: height,
@@ -107,6 +107,10 @@ class FlightControl:
     def quiet_until_us(self, *, armed: bool) -> int:
         """Return when it decides next; never while the motors are off."""
         return self._next_us if armed or self._is_flying else NEVER
+
+    def is_landing(self) -> bool:
+        """Tell whether RTL has come to its end, the landing."""
+        return self._mode is self._returns and self._returns.is_landing()
 
     def has_touched_down(self) -> bool:
         """Tell whether the vehicle has stood on the ground long enough to have landed."""

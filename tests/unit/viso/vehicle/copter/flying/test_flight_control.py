@@ -126,6 +126,7 @@ def test_it_lifts_off_when_the_recorded_motors_did(flyer: Flyer) -> None:
     assert flyer.copter.is_landed()
     flyer.run(0.5)
     assert not flyer.copter.is_landed()
+    assert flyer.copter.is_taking_off()
     assert flyer.pos[2] < 0.0
 
 
@@ -209,6 +210,8 @@ def test_rtl_climbs_along_its_cone_returns_waits_and_lands(up: Flyer) -> None:
     up.run(6.0)
     highest = -up.pos[2]
     assert highest == pytest.approx(9.0, abs=0.6)  # RTL_CONE_SLOPE times the way home
+    assert not up.copter.is_landing()
+    assert up.run(30.0, until=up.copter.is_landing)
     assert up.run(60.0, until=lambda: not up.copter.is_armed())
     assert up.pos == pytest.approx((0.0, 0.0, 0.0), abs=0.6)
 
