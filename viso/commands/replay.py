@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
 import typer
@@ -54,8 +54,9 @@ from viso.streams.stream_kinds import DATAFLASH_LOG, Stream, TrajectoryOptions, 
 from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
 from viso.vehicle.vehicle import Vehicle
-from viso.web.live_view import show_recording
-from viso.web.recording import ReplayRecorder
+
+if TYPE_CHECKING:
+    from viso.web.recording import ReplayRecorder
 
 _NAMED: Final = 8
 """How many parameters a note names; a log holds those of the whole autopilot."""
@@ -200,7 +201,7 @@ def replay(
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
     is_judged = changes and with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
     truth = position_in(read_columns(stream_file)) if is_judged else None
-    recorder = None if web is None else ReplayRecorder(stream.name)
+    recorder = None if web is None else _recorder(stream.name)
     outcomes, judges = _run_all(stream, runs, log, records, truth, recorder)
     _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     if assumed:
@@ -226,7 +227,16 @@ def replay(
     if with_filter and (reason := why_nothing_fused(outcomes[-1])):
         err.print(f"note: nothing of external navigation was fused: {reason}")
     if web is not None and recorder is not None:
+        from viso.web.live_view import show_recording
+
         show_recording(web, recorder.message(), err.print)
+
+
+def _recorder(name: str) -> "ReplayRecorder":
+    # Imported where it is wanted: a server takes its time.
+    from viso.web.recording import ReplayRecorder
+
+    return ReplayRecorder(name)
 
 
 def _assumed(stream: Stream, known: Collection[str]) -> list[Assumed]:
@@ -256,7 +266,7 @@ def _run_all(
     log: Path | None,
     records: Path | None,
     truth: PositionSeries | None,
-    recorder: ReplayRecorder | None,
+    recorder: "ReplayRecorder | None",
 ) -> tuple[list[ReplayOutcome], list[Judge]]:
     """Replay a stream one way after the other; files are of the last run."""
     outcomes = []

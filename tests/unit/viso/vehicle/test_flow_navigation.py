@@ -27,6 +27,9 @@ from viso.ekf_runs.run import EkfRun
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
+from viso.sensors.options import ImuOptions
+from viso.sensors.stream.follow import FollowSource
+from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 FLOW: Final = {
@@ -71,7 +74,8 @@ class Parked:
 
     def __init__(self, params: Mapping[str, float], firmware: Firmware = REFERENCE) -> None:
         self.log = MemoryLog()
-        self.vehicle = Vehicle(VehicleConfig(defaults=params, open_log=lambda: self.log, firmware=firmware))
+        moved = by_ekf3(FollowSource, ImuOptions())  # by nobody, as no pose comes in
+        self.vehicle = Vehicle(VehicleConfig(moved, defaults=params, open_log=lambda: self.log, firmware=firmware))
         self.texts: list[str] = []
         self.vehicle.texts.on_text.append(lambda _severity, text: self.texts.append(text))
         self._has_camera = "VISO_TYPE" in params

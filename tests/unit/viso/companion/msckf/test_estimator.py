@@ -161,7 +161,7 @@ def test_pose_to_be_kept_is_kept(clones: int) -> None:
     for moment in PointWorld().moments(20):
         flight.step(moment, keep=3 if moment.number > 3 else None)
     numbers = [clone.number for clone in flight.estimator.state.clones]
-    assert numbers == [3, *range(22 - clones, 21)]
+    assert numbers == [3, *range(21 - clones, 21)]
 
 
 @pytest.mark.slow
