@@ -11,7 +11,8 @@ from typing import Final
 
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands.home import ABSOLUTE_FRAMES
+from mav_handlers.handlers.commands.flight import GUIDED
+from mav_handlers.handlers.commands.home import above_the_sea
 from mav_handlers.ports import FlightPort, GuidedTarget, Location
 from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
 from mav_handlers.wire.messages import (
@@ -20,7 +21,6 @@ from mav_handlers.wire.messages import (
     SET_POSITION_TARGET_LOCAL_NED,
 )
 
-GUIDED: Final = 4
 POS_IGNORE: Final = 0b111
 VEL_IGNORE: Final = 0b111 << 3
 ACC_IGNORE: Final = 0b111 << 6
@@ -30,7 +30,6 @@ YAW_RATE_IGNORE: Final = 1 << 11
 LOCAL_NED: Final = 1
 LOCAL_OFFSET_NED: Final = 7
 BODY_FRAMES: Final = frozenset({8, 9})
-RELATIVE_ALT_FRAMES: Final = frozenset({3, 6})
 MOST_SANE: Final = 1000.0
 
 _Three = tuple[float, float, float]
@@ -84,15 +83,9 @@ def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TA
 def _place_ned(ctx: Context, flight: FlightPort, message: SET_POSITION_TARGET_GLOBAL_INT) -> _Three | None:
     if not math.isfinite(message.alt):
         return None
-    place = Location(message.lat_int, message.lon_int, round(100 * message.alt))
-    if message.coordinate_frame in RELATIVE_ALT_FRAMES:
-        home = ctx.vehicle.copter.home.place
-        if home is None:
-            return None
-        place = Location(place.lat, place.lng, place.alt_cm + home.alt_cm)
-    elif message.coordinate_frame not in ABSOLUTE_FRAMES:
-        return None
-    return flight.place_ned(place) if place.is_valid() else None
+    told = Location(message.lat_int, message.lon_int, round(100 * message.alt))
+    place = above_the_sea(ctx, told, message.coordinate_frame)
+    return flight.place_ned(place) if place is not None and place.is_valid() else None
 
 
 def _target(

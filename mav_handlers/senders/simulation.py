@@ -2,31 +2,37 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The truth of a vehicle that flies, as the firmware's simulator tells it (SITL/SITL.cpp)."""
 
+from typing import Final
+
 from ap_core.location import Location
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
+from mav_handlers.ports import FlightTruth, VehiclePort
 from mav_handlers.wire.messages import SIM_STATE, SIMSTATE
 
-_NOWHERE = Location(0, 0, 0)
+_NOWHERE: Final = Location(0, 0, 0)
 
 
-def simstate(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIMSTATE | None:
-    """Attitude, inertial data and place; nothing of a vehicle that nobody flies (SIM::simstate_send)."""
+def _truth(vehicle: VehiclePort) -> tuple[FlightTruth, Location] | None:
     flight = vehicle.copter.flight
     if flight is None:
         return None
     truth = flight.truth()
-    place = truth.place or _NOWHERE
+    return truth, truth.place or _NOWHERE
+
+
+def simstate(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIMSTATE | None:
+    """Attitude, inertial data and place; nothing of a vehicle that nobody flies (SIM::simstate_send)."""
+    if (found := _truth(vehicle)) is None:
+        return None
+    truth, place = found
     return SIMSTATE(*truth.rpy_rad, *truth.acc_frd_m_s2, *truth.rates_frd_rad_s, place.lat, place.lng)
 
 
 def sim_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIM_STATE | None:
     """The same with the velocity; places in 1e-7 degrees, as the simulator has them (SIM::sim_state_send)."""
-    flight = vehicle.copter.flight
-    if flight is None:
+    if (found := _truth(vehicle)) is None:
         return None
-    truth = flight.truth()
-    place = truth.place or _NOWHERE
+    truth, place = found
     return SIM_STATE(
         *truth.quat_wxyz,
         *truth.rpy_rad,

@@ -20,6 +20,12 @@ def scaled(vector: Three, factor: float) -> Three:
     return factor * vector[0], factor * vector[1], factor * vector[2]
 
 
+def turned(vector: Three, angle_rad: float) -> Three:
+    """Return a vector turned about the vertical, to the right."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1], vector[2]
+
+
 def limited_length(vector: Three, limit: float) -> Three:
     """Return a vector, no longer than the limit."""
     length = math.hypot(*vector)

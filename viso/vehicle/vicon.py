@@ -26,7 +26,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.sensors.flying.source import FlyingSource
-from viso.sensors.vectors import Three, added
+from viso.sensors.vectors import Three, added, turned
 
 SYSTEM_ID: Final = 17
 COMPONENT_ID: Final = 18
@@ -124,7 +124,7 @@ class Vicon:
         turned_rad = math.radians(params.get_int("YAW"))
         if turned_rad:
             yaw = math.remainder(yaw - turned_rad, 2.0 * math.pi)
-            pos, vel = _turned(pos, -turned_rad), _turned(vel, -turned_rad)
+            pos, vel = turned(pos, -turned_rad), turned(vel, -turned_rad)
         vel = added(vel, self._noise("V_SD"))
         yaw = math.remainder(yaw + math.radians(params.get_int("YAWERR")), 2.0 * math.pi)
         send_us = now_us + 1000 * (LEAST_DELAY_MS + self._draw.randrange(DELAYS_MS))
@@ -180,8 +180,3 @@ def _cross(one: Three, other: Three) -> Three:
         one[2] * other[0] - one[0] * other[2],
         one[0] * other[1] - one[1] * other[0],
     )
-
-
-def _turned(vector: Three, angle_rad: float) -> Three:
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1], vector[2]

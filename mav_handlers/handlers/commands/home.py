@@ -22,7 +22,7 @@ LOCATION_ALT_MAX_M: Final = 83_000
 # Above home, above terrain and absolute, each also in its "INT" form.
 LOCATION_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
 ABSOLUTE_FRAMES: Final = frozenset({0, 5})
-TERRAIN_FRAMES: Final = frozenset({10, 11})
+RELATIVE_FRAMES: Final = frozenset({3, 6})
 
 _ONE: Final = f32(1)
 _US_PER_S: Final = f32(1e6)
@@ -84,11 +84,19 @@ def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def absolute_place(ctx: Context, command: COMMAND_INT) -> Location | None:
-    # Location::change_alt_frame: a height above home needs one, and there is no terrain data.
-    place, home = _location(command), ctx.vehicle.copter.home.place
-    if command.frame in ABSOLUTE_FRAMES:
+    """Return the place of a command with its altitude above the sea, or None where that is not known."""
+    return above_the_sea(ctx, _location(command), command.frame)
+
+
+def above_the_sea(ctx: Context, place: Location, frame: int) -> Location | None:
+    """Return a place in a frame with its altitude above the sea, or None where that is not known.
+
+    A height above home needs one, and there is no terrain data (Location::change_alt_frame).
+    """
+    home = ctx.vehicle.copter.home.place
+    if frame in ABSOLUTE_FRAMES:
         return place
-    if command.frame in TERRAIN_FRAMES or home is None:
+    if frame not in RELATIVE_FRAMES or home is None:
         return None
     return Location(place.lat, place.lng, i32(place.alt_cm + home.alt_cm))
 

@@ -21,7 +21,7 @@ from mav_handlers.ports import FlightTruth, GuidedTarget
 from viso.parameters.flying import FlyingParameters
 from viso.sensors.flying.airframe import MOTORS_OFF, Demand
 from viso.sensors.flying.source import FlyingSource
-from viso.sensors.vectors import Three
+from viso.sensors.vectors import Three, turned
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
 from viso.vehicle.copter.flying.guided import Guided
@@ -246,8 +246,7 @@ class FlightControl:
         if lean is None and steering.estimate.pos is None:
             lean = Lean(0.0, 0.0)
         if lean is None:
-            cos, sin = math.cos(steering.estimate.yaw_rad), math.sin(steering.estimate.yaw_rad)
-            ahead, right = cos * north + sin * east, cos * east - sin * north
+            ahead, right, _ = turned((north, east, down), -steering.estimate.yaw_rad)
             pitch = math.atan(-ahead / GRAVITY_MSS)
             roll = math.atan(right * math.cos(pitch) / GRAVITY_MSS)
             largest = max(abs(pitch), abs(roll))

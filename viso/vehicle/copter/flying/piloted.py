@@ -5,6 +5,7 @@
 import math
 from typing import Final
 
+from viso.sensors.vectors import turned
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
 
 TURN_RAD_S: Final = math.radians(202.5)
@@ -27,36 +28,33 @@ def _climb_and_turn(steering: Steering) -> None:
         steering.heading.stop_turning()
 
 
-class Loiter:
-    """Sticks ask for a velocity; centred, the vehicle stays. Other modes that hold a position do the same here."""
+class _FromHere:
+    """A mode that begins with the vehicle's heading as it is."""
 
     def __init__(self, steering: Steering) -> None:
         self._steering = steering
 
     def enter(self) -> None:
-        """Stay."""
+        """Begin where the vehicle is."""
         self._steering.heading.hold()
+
+
+class Loiter(_FromHere):
+    """Sticks ask for a velocity; centred, the vehicle stays. Other modes that hold a position do the same here."""
 
     def run(self) -> Lean | None:
         """Go on for a period."""
         steering, limits, sticks = self._steering, self._steering.limits, self._steering.sticks
-        cos, sin = math.cos(steering.estimate.yaw_rad), math.sin(steering.estimate.yaw_rad)
-        ahead, right = -limits.loit_speed * sticks.pitch, limits.loit_speed * sticks.roll
+        wanted = -limits.loit_speed * sticks.pitch, limits.loit_speed * sticks.roll, 0.0
+        north, east, _ = turned(wanted, steering.estimate.yaw_rad)
         pace = steering.travel_pace()._replace(speed=limits.loit_speed, accel=limits.loit_acc_max)
-        steering.way.at_velocity(cos * ahead - sin * right, sin * ahead + cos * right, pace, PERIOD_S)
+        steering.way.at_velocity(north, east, pace, PERIOD_S)
         _climb_and_turn(steering)
         return None
 
 
-class HoldHeight:
+class HoldHeight(_FromHere):
     """Sticks ask for lean angles and a climb rate. Modes with a manual throttle do the same here."""
-
-    def __init__(self, steering: Steering) -> None:
-        self._steering = steering
-
-    def enter(self) -> None:
-        """Keep the height."""
-        self._steering.heading.hold()
 
     def run(self) -> Lean | None:
         """Go on for a period."""
@@ -65,15 +63,8 @@ class HoldHeight:
         return Lean(most * self._steering.sticks.roll, most * self._steering.sticks.pitch)
 
 
-class Brake:
+class Brake(_FromHere):
     """Stops as fast as it can, and stays."""
-
-    def __init__(self, steering: Steering) -> None:
-        self._steering = steering
-
-    def enter(self) -> None:
-        """Stop."""
-        self._steering.heading.hold()
 
     def run(self) -> Lean | None:
         """Go on for a period."""
