@@ -50,6 +50,10 @@ def report(
     mcap: Annotated[
         Path | None, typer.Option(help="Write both trajectories here.", metavar="FILE.mcap"), Output.PLACE
     ] = None,
+    web: Annotated[
+        str | None,
+        typer.Option(help="Show the log on the page of the live view, with a slider.", metavar="[HOST:]PORT"),
+    ] = None,
     firmware: RecordedFirmwareOption = None,
 ) -> None:
     """Tell what a log of a flight holds about external navigation, as a page with figures.
@@ -57,11 +61,11 @@ def report(
     The log may be of ArduPilot or of viso. Without any option the page is written to the current folder, under the
     name of the log. It needs no other file and no network. Records that the log does not have are named, and are no
     error. Parameters are held against the defaults of --firmware. Figures take the extra plot, MCAP takes the extra
-    bags.
+    bags, --web the extra web.
 
     Example: viso demo --camera simulated && viso report logs/00000001.BIN --tum flight.tum
     """
-    if output is None and all(one is None for one in (png, svg, tum, csv, mcap)):
+    if output is None and all(one is None for one in (png, svg, tum, csv, mcap, web)):
         output = Path()
     chosen = None if firmware is None else firmware_of(firmware)
     page = None if output is None else _page_path(output, log)
@@ -70,7 +74,7 @@ def report(
     wants_figures = page is not None or png is not None or svg is not None
     if wants_figures:
         _check_figures()
-    material, facts, summary = _read(log, chosen)
+    profile, material, facts, summary = _read(log, chosen)
     written_files = [_write(path, data) for path, data in _exports(material, tum, csv, mcap)]
     if wants_figures:
         written_files += _draw(material, facts, summary, page, png, svg)
@@ -79,6 +83,12 @@ def report(
         out.print(f"- {remark.text}")
     for path in written_files:
         out.print(f"written: {path}")
+    if web is not None:
+        # Imported where they are wanted: a server takes its time.
+        from viso.web.flight_log import log_recording
+        from viso.web.live_view import show_recording
+
+        show_recording(web, log_recording(material, facts, summary, profile), err.print)
 
 
 def _page_path(output: Path, log: Path) -> Path:
@@ -88,14 +98,14 @@ def _page_path(output: Path, log: Path) -> Path:
     return output / (Path(stem).stem + ".html")
 
 
-def _read(log: Path, chosen: Firmware | None) -> tuple[Material, Facts, Summary]:
+def _read(log: Path, chosen: Firmware | None) -> tuple[Firmware, Material, Facts, Summary]:
     with progress("reading", 100) as bar:
         material = read_material(log, lambda percent: bar.update(bar.task_ids[0], completed=int(percent)))
     firmware = chosen or profile_for(material.flown, {one.name for one in material.parameters})
     for note in notes_on(material.flown, firmware):
         err.print(f"note: {log}: {note}")
     facts = facts_of(material, firmware)
-    return material, facts, summarise(material, facts)
+    return firmware, material, facts, summarise(material, facts)
 
 
 def _write(path: Path, data: bytes) -> Path:

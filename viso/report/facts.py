@@ -31,6 +31,11 @@ STALE_S: Final = 0.5
 RESET_IGNORE_S: Final = 1.0
 """After a reset, T265 and VOXL withhold for so long (AP_VisualOdom_IntelT265.cpp, should_consume_sensor_data)."""
 
+LOW_QUALITY: Final = "low quality"
+AFTER_RESET: Final = "the second after a reset"
+OTHERWISE: Final = "a reason that the log does not tell"
+"""Why vision is withheld."""
+
 POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
 _KINDS: Final = (
     ("VISP", "position and attitude", "REPH"),
@@ -193,7 +198,17 @@ def has_flag(xkf4: Series, flags: int) -> Mask:
     return np.asarray(np.nan_to_num(xkf4["SS"]).astype(np.int64) & flags != 0)
 
 
-def _kind_facts(material: Material, series: Series, record: str, content: str, replay: str) -> KindFacts:
+def positioned_at(material: Material, at_s: Array) -> Mask:
+    """Return at which times the EKF said that it has a position; at all of them if the log does not tell."""
+    status = material.xkf4
+    if not len(status):
+        return np.ones(len(at_s), dtype=np.bool_)
+    latest = np.maximum(np.searchsorted(status.time_s, at_s, side="right") - 1, 0)
+    return np.asarray(has_position(status)[latest], dtype=np.bool_)
+
+
+def withheld_why(material: Material, series: Series) -> dict[str, Mask]:
+    """Return which records of vision were withheld from the EKF, by the reason."""
     withheld = np.nan_to_num(series["Ign"]) > 0
     least = material.parameter("VISO_QUAL_MIN") or 0.0
     low = withheld & (series["Q"] < least)
@@ -201,14 +216,19 @@ def _kind_facts(material: Material, series: Series, record: str, content: str, r
     latest = np.searchsorted(changed_s, series.time_s, side="right") - 1
     since_s = series.time_s - np.where(latest >= 0, np.append(changed_s, 0.0)[latest], -np.inf)
     after_reset = withheld & ~low & (since_s <= RESET_IGNORE_S)
+    return {LOW_QUALITY: low, AFTER_RESET: after_reset, OTHERWISE: withheld & ~low & ~after_reset}
+
+
+def _kind_facts(material: Material, series: Series, record: str, content: str, replay: str) -> KindFacts:
+    withheld = withheld_why(material, series)
     steps_s = np.diff(series.time_s)
     return KindFacts(
         record=record,
         content=content,
         records=len(series),
-        low_quality=int(low.sum()),
-        after_reset=int(after_reset.sum()),
-        withheld_otherwise=int((withheld & ~low & ~after_reset).sum()),
+        low_quality=int(withheld[LOW_QUALITY].sum()),
+        after_reset=int(withheld[AFTER_RESET].sum()),
+        withheld_otherwise=int(withheld[OTHERWISE].sum()),
         given=material.counts.get(replay),
         rate_hz=_rate_hz(steps_s),
     )

@@ -15,7 +15,7 @@ from viso.estimators.series import Array, Mask, Series
 from viso.report import drawing
 from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
 from viso.report.drawing import AXES, EKF, GATE, GREEN, MUTED, VIOLET, VISION, WITHHELD, dots, legend, level, line
-from viso.report.facts import STALE_S, UNHEALTHY_S, Facts, has_position
+from viso.report.facts import STALE_S, UNHEALTHY_S, Facts, positioned_at
 from viso.report.flight_data import Material, position_moves
 from viso.report.timeline import draw_timeline
 
@@ -66,7 +66,7 @@ def _withheld(series: Series) -> Mask:
 
 def _path(material: Material, facts: Facts) -> Figure | None:
     vision, ekf = vision_poses(material), ekf_poses(material)
-    positioned = _flags_at(material, ekf.time_s)
+    positioned = positioned_at(material, ekf.time_s)
     if not len(vision.time_s) and not positioned.any():
         return None
     figure = drawing.new_figure(4.6)
@@ -90,15 +90,6 @@ def _path(material: Material, facts: Facts) -> Figure | None:
     _over_time(height, facts)
     legend(height, 4)
     return figure
-
-
-def _flags_at(material: Material, at_s: Array) -> Mask:
-    """Return at which times the EKF said that it has a position; at all of them if the log does not tell."""
-    status = material.xkf4
-    if not len(status):
-        return np.ones(len(at_s), dtype=np.bool_)
-    latest = np.maximum(np.searchsorted(status.time_s, at_s, side="right") - 1, 0)
-    return np.asarray(has_position(status)[latest], dtype=np.bool_)
 
 
 def _mark_ends(axes: Any, pos_ned: Array) -> None:

@@ -15,7 +15,7 @@ from viso.doctor.findings import Finding, Severity
 from viso.doctor.measures.own_filter import POSITION
 from viso.doctor.rules.recorded import OWN_CODES, POSITION_CODES, RATIO_CODES
 from viso.estimators.series import overlap_s, total_s
-from viso.report.facts import STALE_S, Facts, KindFacts
+from viso.report.facts import AFTER_RESET, LOW_QUALITY, OTHERWISE, STALE_S, Facts, KindFacts
 from viso.report.flight_data import Material
 
 _REFUSED: Final = re.compile(r"(PreArm|Arm): VisOdom")
@@ -188,9 +188,9 @@ def _of_stream(facts: Facts) -> Iterator[Remark]:
 
 def _why(kind: KindFacts) -> str:
     reasons = {
-        "low quality": kind.low_quality,
-        "the second after a reset": kind.after_reset,
-        "a reason that the log does not tell": kind.withheld_otherwise,
+        LOW_QUALITY: kind.low_quality,
+        AFTER_RESET: kind.after_reset,
+        OTHERWISE: kind.withheld_otherwise,
     }
     return ": " + ", ".join(f"{count} for {reason}" for reason, count in reasons.items() if count)
 

@@ -22,7 +22,7 @@ from viso.web.events import Answer, VehicleState
 from viso.web.faults import SWITCHES
 from viso.web.params import Reading, row_of, shown
 from viso.web.rates import Rates
-from viso.web.runs import RunKey, Runs
+from viso.web.runs import RUNS_KEPT, RunKey, Runs
 
 POINTS_KEPT: Final = 1200
 """Of paths and of curves; two minutes of ten a second."""
@@ -72,18 +72,18 @@ class LiveState:
     Args:
         banner: what the vehicle claims to be, and where it listens.
         lost: returns how many things went unseen because there were too many.
-        points: how many to keep; None for all.
+        keeps_all: whether old points, texts and verdicts are kept, as a recording wants them.
     """
 
-    def __init__(self, banner: str, lost: Callable[[], int] = lambda: 0, *, points: int | None = POINTS_KEPT) -> None:
+    def __init__(self, banner: str, lost: Callable[[], int] = lambda: 0, *, keeps_all: bool = False) -> None:
         self._banner = banner
         self._lost = lost
-        self._runs = Runs()
+        self._runs = Runs(None if keeps_all else RUNS_KEPT)
         self._rates = Rates()
         self._recent = RecentFrames()
         self._firmware = ""
-        self._texts: deque[list[Any]] = deque(maxlen=TEXTS_KEPT)
-        self._points: deque[dict[str, Any]] = deque(maxlen=points)
+        self._texts: deque[list[Any]] = deque(maxlen=None if keeps_all else TEXTS_KEPT)
+        self._points: deque[dict[str, Any]] = deque(maxlen=None if keeps_all else POINTS_KEPT)
         self._state: dict[str, Any] = {}
         self._pre_arm: list[str] = []
         self._pre_arm_us = -1

@@ -40,7 +40,7 @@ class ReplayRecorder:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._state = LiveState(name, points=None)
+        self._state = LiveState(name, keeps_all=True)
         self._moments: list[dict[str, Any]] = []
         self._looked_s = 0.0
 

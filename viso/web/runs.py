@@ -51,9 +51,9 @@ class Run:
 
 
 class Runs:
-    """The newest runs, no more than the limit."""
+    """The newest runs, no more than the limit if there is one."""
 
-    def __init__(self, limit: int = RUNS_KEPT) -> None:
+    def __init__(self, limit: int | None = RUNS_KEPT) -> None:
         self._limit = limit
         self._kept: deque[Run] = deque()
         self._open: dict[RunKey, Run] = {}
@@ -80,7 +80,7 @@ class Runs:
         run = Run(self._numbers, key, about, time_us)
         self._kept.append(run)
         self._open[key] = run
-        if len(self._kept) > self._limit:
+        if self._limit is not None and len(self._kept) > self._limit:
             gone = self._kept.popleft()
             self._changed.pop(gone.number, None)
             if self._open.get(gone.key) is gone:

@@ -5,9 +5,9 @@
 import { readPalette } from "./charts.js";
 import { clearTexts, connectControls, makeButtons, markTexts, showState, takeTexts, tell } from "./controls.js";
 import { connectDoctor } from "./doctor.js";
-import { byId, setText } from "./format.js";
+import { byId, element, setText } from "./format.js";
 import { connectParams, takeParams, takeTable, valueOf } from "./params.js";
-import { drawHeight, drawInnovations, drawLag, drawQuality } from "./plots.js";
+import { drawHeight, drawInnovations, drawLag, drawQuality, nameSources } from "./plots.js";
 import { showRates } from "./rates.js";
 import { connectSpace, drawSpace } from "./space.js";
 import { connectTime, pointHere, showWhole, takeTimes, time } from "./time.js";
@@ -83,10 +83,30 @@ function takeAll(message) {
 
 function takeRecording(message) {
   document.body.dataset.recording = "";
+  document.title = `${message.banner} - viso`;
   setText(byId("connection"), "recording");
+  setText(byId("newest"), "End");
   shown.moments = message.moments;
+  if (message.summary) showSummary(message.summary);
+  if (message.sources) nameSources(message.sources);
   showWhole();
   takeAll(message);
+}
+
+/** Show what a report says of a flight, and what its log does not tell. */
+function showSummary({ badge, tone, sentence, remarks, absent }) {
+  byId("flight").hidden = false;
+  setText(byId("flight-badge"), badge);
+  byId("flight-badge").dataset.tone = tone;
+  setText(byId("flight-sentence"), sentence);
+  byId("remarks").replaceChildren(
+    ...remarks.map(([toneOf, text]) => {
+      const item = element("li", { text });
+      item.dataset.tone = toneOf;
+      return item;
+    }),
+  );
+  byId("absent").replaceChildren(...absent.map((text) => element("li", { text })));
 }
 
 function takeBatch(message) {
@@ -115,7 +135,7 @@ function draw() {
     takeTimes(points[0]?.t ?? 0, points.at(-1)?.t ?? 0);
     const moment = (shown.moments && pointHere(shown.moments)) ?? shown;
     const nowS = shown.moments ? (time.cursorS ?? time.endS) : (shown.points.at(-1)?.t ?? 0);
-    showState(moment.state, shown.lost);
+    showState(shown.moments ? { ...moment.state, time_s: nowS } : moment.state, shown.lost);
     showRates(moment.rates);
     markLive(nowS);
     if (shown.moments) markTexts(nowS);

@@ -53,23 +53,25 @@ export function tick(value, step) {
   return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
 }
 
-function line(context, points, { stroke, dash = [], width = 1.5 }) {
+/** Draw a line through points that are no farther apart than ``reach``; one alone is a dot. */
+function line(context, points, { stroke, dash = [], width = 1.5, reach = Infinity }) {
   context.strokeStyle = stroke;
   context.setLineDash(dash);
   context.lineWidth = width;
+  context.lineCap = dash.length ? "butt" : "round";
   context.beginPath();
-  let isDrawing = false;
+  let before = -Infinity;
   for (const [x, y] of points) {
-    if (y === null) isDrawing = false;
-    else if (isDrawing) context.lineTo(x, y);
-    else {
-      context.moveTo(x, y);
-      isDrawing = true;
-    }
+    if (!(x - before <= reach)) context.moveTo(x, y);
+    context.lineTo(x, y);
+    before = x;
   }
   context.stroke();
   context.setLineDash([]);
 }
+
+/** Return over how much time without a value a line goes on: some messages come less often than points. */
+const reachS = () => Math.max(1, time.spanS / 300);
 
 /**
  * Draw curves over the time that is shown, with the cursor.
@@ -86,34 +88,32 @@ export function drawStrip(canvas, curves, { limits = null, mark = null, labels =
   const top = 5;
   const { startS, endS, spanS } = time;
   canvas.dataset.left = left;
-  const shown = curves.map((curve) => curve.values.filter(([t]) => t >= startS && t <= endS));
+  const shown = curves.map((curve) => curve.values.filter(([t, y]) => y !== null && t >= startS && t <= endS));
   let [low, high] = limits || [Infinity, -Infinity];
   if (!limits) {
     for (const values of shown) {
       for (const [, y] of values) {
-        if (y !== null) {
-          low = Math.min(low, y);
-          high = Math.max(high, y);
-        }
+        low = Math.min(low, y);
+        high = Math.max(high, y);
       }
     }
-    if (low > high) [low, high] = [0, 1];
     const margin = Math.max((high - low) * 0.1, 1e-3, Math.abs(high) * 1e-3);
     low -= margin;
     high += margin;
   }
   const toX = (t) => left + ((t - startS) / spanS) * (width - left - 4);
   const toY = (y) => bottom - ((Math.min(Math.max(y, low), high) - low) / (high - low)) * (bottom - top);
-  if (labels) drawGrid(context, { low, high, toX, toY, left, width, bottom });
+  if (labels) drawTimes(context, { toX, left, width, bottom });
+  if (labels && low < high) drawLevels(context, { low, high, toY, left, width });
   if (mark !== null) {
     line(context, [[left, toY(mark)], [width - 4, toY(mark)]], { stroke: colour("bad"), dash: [5, 3], width: 1 });
   }
   curves.forEach((curve, index) => {
-    const points = shown[index].map(([t, y]) => [toX(t), y === null ? null : toY(y)]);
+    const points = shown[index].map(([t, y]) => [toX(t), toY(y)]);
     if (curve.dots) {
       context.fillStyle = colour(curve.colour);
-      for (const [x, y] of points) if (y !== null) context.fillRect(x - 1.5, y - 1.5, 3, 3);
-    } else line(context, points, { stroke: colour(curve.colour), dash: curve.dash });
+      for (const [x, y] of points) context.fillRect(x - 1.5, y - 1.5, 3, 3);
+    } else line(context, points, { stroke: colour(curve.colour), dash: curve.dash, reach: toX(startS + reachS()) - left });
   });
   if (time.cursorS !== null && time.cursorS >= startS && time.cursorS <= endS) {
     const x = toX(time.cursorS);
@@ -121,7 +121,7 @@ export function drawStrip(canvas, curves, { limits = null, mark = null, labels =
   }
 }
 
-function drawGrid(context, { low, high, toX, toY, left, width, bottom }) {
+function drawLevels(context, { low, high, toY, left, width }) {
   context.textBaseline = "middle";
   context.textAlign = "right";
   const step = stepOf(high - low, 3);
@@ -130,6 +130,10 @@ function drawGrid(context, { low, high, toX, toY, left, width, bottom }) {
     context.fillStyle = colour("muted");
     context.fillText(tick(y, step), left - 5, toY(y));
   }
+}
+
+function drawTimes(context, { toX, left, width, bottom }) {
+  context.textBaseline = "middle";
   context.textAlign = "center";
   const every = SECONDS.find((seconds) => seconds >= (time.spanS * 70) / (width - left)) ?? time.spanS;
   for (let t = Math.ceil(Math.max(time.startS, 0) / every) * every; t <= time.endS; t += every) {

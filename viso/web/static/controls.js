@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Buttons, faults, keys, the tiles at the top, the texts.
 
-import { byId, clock, element, recall, remember, setText, SEVERITIES } from "./format.js";
+import { byId, clock, element, recall, remember, isRecording, setText, SEVERITIES } from "./format.js";
 import { toggleHoldPlots, zoom } from "./time.js";
 import { searchVerdicts, toggleHold } from "./verdicts.js";
 
 const TEXTS_KEPT = 200;
+const NOT_LOGGED = "not logged";
 const THEMES = ["auto", "light", "dark"];
 const keys = new Map();
 const keyNames = [];
@@ -64,12 +65,12 @@ export function showState(state, lost) {
   const tiles = [
     ["time", clock(state.time_s), ""],
     ["mode", state.mode, ""],
-    ["motors", state.armed ? "ARMED" : "disarmed", state.armed ? "warn" : ""],
-    ["pre-arm", state.prearm ? "✓ passed" : "✕ failed", state.prearm ? "good" : "bad"],
+    ["motors", state.armed, (armed) => (armed ? ["ARMED", "warn"] : ["disarmed", ""])],
+    ["pre-arm", state.prearm, (passed) => (passed ? ["✓ passed", "good"] : ["✕ failed", "bad"])],
     ["camera", state.camera, { healthy: "good", off: "" }[state.camera] ?? "bad"],
-    ["EKF aiding", state.aiding ?? "not started", state.aiding && state.aiding !== "none" ? "good" : "warn"],
-    ["source set", String(state.source_set + 1), ""],
-    ["yaw", state.yaw_deg === null ? "–" : `${Math.round(state.yaw_deg)}°`, ""],
+    ["EKF aiding", state.aiding, (aiding) => [aiding ?? "not started", aiding && aiding !== "none" ? "good" : "warn"]],
+    ["source set", state.source_set, (set) => [String(set + 1), ""]],
+    ["yaw", state.yaw_deg, (yaw) => [yaw === null ? "–" : `${Math.round(yaw)}°`, ""]],
   ];
   if (state.faults.length) tiles.push(["faults", `▲ ${state.faults.length} on`, "bad"]);
   if (lost) tiles.push(["not shown", `${lost} events`, "warn"]);
@@ -96,7 +97,9 @@ function showClients(clients) {
 function showTiles(tiles) {
   const list = byId("tiles");
   while (list.children.length > tiles.length) list.lastChild.remove();
-  tiles.forEach(([name, value, tone], index) => {
+  tiles.forEach(([name, known, look], index) => {
+    // What a log does not tell is left out of the state.
+    const [value, tone] = known === undefined ? [NOT_LOGGED, ""] : typeof look === "function" ? look(known) : [known, look];
     let tile = list.children[index];
     if (!tile) {
       tile = element("div");
@@ -110,6 +113,7 @@ function showTiles(tiles) {
 }
 
 function showPreArm(state) {
+  if (state.prearm === undefined) return;
   const box = byId("prearm");
   const key = JSON.stringify([state.prearm, state.failures, state.failures_s]);
   if (box.dataset.key === key) return;
@@ -144,7 +148,7 @@ export function takeTexts(texts) {
     item.append(element("span", { text: clock(timeS, 1) }), badge, element("span", { text }));
     list.prepend(item);
   }
-  while (list.children.length > TEXTS_KEPT) list.lastChild.remove();
+  while (list.children.length > TEXTS_KEPT && !isRecording()) list.lastChild.remove();
 }
 
 /** Mark the texts that are still to come at a time of a recording. */

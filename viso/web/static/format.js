@@ -4,6 +4,9 @@
 
 export const byId = (id) => document.getElementById(id);
 
+/** Tell whether the page shows a recording, which nothing changes. */
+export const isRecording = () => "recording" in document.body.dataset;
+
 /** Return an element with a class and a text. */
 export function element(tag, { className = "", text = "", ...attributes } = {}) {
   const made = document.createElement(tag);

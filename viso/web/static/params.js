@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Parameters: searched by name or words, changed in place.
 
-import { byId, element, setText } from "./format.js";
+import { byId, element, isRecording, setText } from "./format.js";
 
 const FIRST = ["VISO_", "EK3_SRC"];
 
@@ -29,7 +29,7 @@ function makeRow(param) {
   const input = element("input", { id, inputmode: "decimal", autocomplete: "off", spellcheck: "false" });
   const note = element("p", { id: `${id}-about`, text: about(param) });
   input.setAttribute("aria-describedby", note.id);
-  input.readOnly = param.read_only;
+  input.readOnly = param.read_only || isRecording();
   box.append(element("label", { text: param.name, for: id }), input, note);
   const row = { box, input, param, text: `${param.name} ${about(param)}`.toLowerCase() };
   input.addEventListener("keydown", (event) => onKey(event, row));

@@ -3,13 +3,21 @@
 // What goes over time: height, lag, quality, innovations; each tells its numbers at the cursor.
 
 import { describe, drawStrip } from "./charts.js";
-import { byId, element, setText, short } from "./format.js";
+import { byId, element, isRecording, setText, short } from "./format.js";
 import { followPointer, pointHere, time } from "./time.js";
 
 const KINDS = ["pose", "height", "yaw", "velocity", "odometry"];
 const RECENT_S = 1.5;
 
 const strips = new Map();
+let sources = {};
+
+/** Say by what the vehicle's own filter was fed, by kind: innovations are then its own. */
+export function nameSources(names) {
+  sources = names;
+  setText(byId("innovations-of"), "the vehicle’s own, whatever fed them");
+  setText(byId("innovations-empty"), "The log tells of nothing that the filter has tested.");
+}
 
 /** Draw height over time. */
 export function drawHeight(points) {
@@ -34,7 +42,8 @@ function drawPair(name, title, unit, points, options) {
   ];
   drawStrip(canvas, curves, options);
   const here = pointHere(points)?.[name];
-  const told = here ? `median ${short(here[0])} ${unit}, worst ${short(here[1])} ${unit}` : "nothing at that moment";
+  const none = points.some((point) => point[name]) ? "nothing at that moment" : isRecording() ? "not recorded" : "nothing yet";
+  const told = here ? `median ${short(here[0])} ${unit}, worst ${short(here[1])} ${unit}` : none;
   setText(byId(`${name}-now`), told);
   describe(canvas, `${title}: ${told}`);
 }
@@ -54,7 +63,9 @@ function stripOf(kind) {
     const value = element("span");
     const ratio = element("small");
     numbers.append(value, ratio);
-    row.append(element("b", { text: kind }), canvas, numbers);
+    const name = element("b", { text: kind });
+    if (sources[kind]) name.append(element("small", { text: sources[kind] }));
+    row.append(name, canvas, numbers);
     followPointer(canvas);
     strips.set(kind, { row, canvas, value, ratio });
     const before = KINDS.slice(KINDS.indexOf(kind) + 1).map((next) => strips.get(next)?.row).find(Boolean);

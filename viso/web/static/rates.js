@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The table of messages a second: offered, and what became of them.
 
-import { byId, element, grouped, setText } from "./format.js";
+import { byId, element, grouped, isRecording, setText } from "./format.js";
 
 const COLUMNS = ["offered", "accepted", "fused", "ignored", "dropped"];
 const body = byId("rates").tBodies[0];
@@ -31,6 +31,7 @@ function makeRow(name) {
 /** Show the rates of the moment. */
 export function showRates(rates) {
   byId("rates-empty").hidden = rates.length > 0;
+  if (isRecording()) setText(byId("rates-empty"), "None is recorded.");
   byId("rates").hidden = rates.length === 0;
   const sorted = [...rates].sort((a, b) => isNavigation(b) - isNavigation(a) || a.name.localeCompare(b.name));
   sorted.forEach((rate, index) => {
@@ -39,11 +40,12 @@ export function showRates(rates) {
     if (body.children[index] !== row.line) body.insertBefore(row.line, body.children[index] || null);
     for (const column of COLUMNS) {
       const cell = row.cells[column];
-      setText(cell, rate.per_s[column] ? rate.per_s[column].toFixed(1) : "0");
+      const isTold = rate.per_s[column] !== null;
+      setText(cell, isTold ? rate.per_s[column] ? rate.per_s[column].toFixed(1) : "0" : "–");
       cell.className = rate.per_s[column] ? "" : "zero";
-      cell.title = `${grouped(rate.total[column])} in all`;
+      cell.title = isTold ? `${grouped(rate.total[column])} in all` : "not logged";
     }
-    const offered = rate.per_s.offered || 1;
+    const offered = offeredOf(rate.per_s) || 1;
     const fused = Math.min(rate.per_s.fused, rate.per_s.accepted);
     const widths = { ...rate.per_s, fused, accepted: rate.per_s.accepted - fused };
     for (const [part, strip] of Object.entries(row.parts)) {
@@ -53,8 +55,11 @@ export function showRates(rates) {
   });
 }
 
+/** Return how many were offered; of a log, in which those that were dropped leave no trace, how many it has. */
+const offeredOf = (now) => now.offered ?? now.accepted + now.ignored;
+
 function describe({ per_s: now, name }) {
-  if (!now.offered) return `${name}: nothing at the moment`;
-  const percent = (part) => `${Math.round((100 * now[part]) / now.offered)} % ${part}`;
-  return `${name}: ${["accepted", "fused", "ignored", "dropped"].map(percent).join(", ")}`;
+  if (!offeredOf(now)) return `${name}: nothing at the moment`;
+  const told = ["accepted", "fused", "ignored", "dropped"].filter((part) => now[part] !== null);
+  return `${name}: ${told.map((part) => `${Math.round((100 * now[part]) / offeredOf(now))} % ${part}`).join(", ")}`;
 }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The list of verdicts: a row for each run of the same, newest first.
 
-import { byId, clock, element, grouped, recall, remember, setText, SIGNS, TONES } from "./format.js";
+import { byId, clock, element, grouped, isRecording, recall, remember, setText, SIGNS, TONES } from "./format.js";
 
 const KEPT = 300;
 const LIVE_S = 1.5;
@@ -49,7 +49,7 @@ function put(run) {
     rows.set(run.id, row);
     row.item.hidden = !isWanted(run, row.text);
     list.prepend(row.item);
-    if (rows.size > KEPT) {
+    if (rows.size > KEPT && !isRecording()) {
       const [oldest, gone] = rows.entries().next().value;
       gone.item.remove();
       rows.delete(oldest);
@@ -87,7 +87,8 @@ export function markLive(nowS) {
 function tell() {
   const shown = [...rows.values()].filter((row) => !row.item.hidden).length;
   let note = "";
-  if (!rows.size) note = "No message yet. Send some, or: viso play FILE";
+  if (!rows.size && isRecording()) note = "The recording has no external navigation.";
+  else if (!rows.size) note = "No message yet. Send some, or: viso play FILE";
   else if (shown < rows.size) note = `${shown} of ${rows.size} rows shown`;
   if (isHeld) note = `Held. ${held.size} rows have news. ${note}`;
   setText(byId("verdict-note"), note);

@@ -5,6 +5,7 @@
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +15,7 @@ from tests.unit.viso.doctor.vehicles import SOURCES, logged
 from tests.unit.viso.report.log_maker import LogMaker, flight
 from viso.commands import report as report_command
 from viso.report import figures
+from viso.web import live_view
 
 
 @pytest.fixture
@@ -82,6 +84,27 @@ def test_exports_alone_make_no_page_and_need_no_matplotlib(
     assert viso("report", log, "--csv", "out.csv").code == 0
     assert (tmp_path / "out.csv").is_file()
     assert not list(tmp_path.glob("*.html"))
+
+
+def test_log_is_shown_on_the_page_of_the_live_view_and_nothing_is_written(
+    viso: Viso, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(live_view, "show_recording", lambda *given: shown.append(given))
+    outcome = viso("report", log, "--web", "8080")
+    assert (outcome.code, outcome.err) == (0, "")
+    ((address, message, _),) = shown
+    assert (address, message["type"], message["banner"]) == ("8080", "recording", "quiet.BIN")
+    assert [path.name for path in tmp_path.iterdir()] == ["quiet.BIN"]
+
+
+@pytest.mark.parametrize(
+    ("logs", "told"),
+    [((), "Missing argument 'LOG'."), (("a.BIN", "b.BIN"), "Got unexpected extra argument(s) (b.BIN)")],
+)
+def test_one_log_is_shown_and_no_other_number_of_them(viso: Viso, logs: tuple[str, ...], told: str) -> None:
+    outcome = viso("report", *logs, "--web", "8080")
+    assert (outcome.code, outcome.err.splitlines()[-1]) == (2, f"Error: {told}")
 
 
 def test_without_a_trajectory_a_note_says_so(viso: Viso, tmp_path: Path) -> None:
