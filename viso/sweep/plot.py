@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from viso.files.outputs import output_file
 from viso.replay.figures import OBJECTIVES
@@ -88,14 +89,22 @@ def _along(plan: SweepPlan, rows: Sequence[Row], objective: str, axis: str) -> F
     for best in found(plan, rows, objective):
         place = best.at if best.vertex is None else best.vertex
         panels[0].axvline(place, color=_BEST, lw=0.8, ls="--")
-        bound = "" if not best.at_edge else " or less" if best.is_first else " or more"
-        panels[0].annotate(
-            f"{place:.4g}{bound}", (place, best.value), textcoords="offset points", xytext=(5, 5), color=_BEST
-        )
+        _name(panels[0], place, best.value, "" if not best.at_edge else " or less" if best.is_first else " or more")
     panels[-1].set_xlabel(axis)
     if 1 < len(groups) <= _MOST_IN_LEGEND:
         figure.legend(*panels[0].get_legend_handles_labels(), fontsize="small", ncols=3, loc="outside lower center")
     return figure
+
+
+def _name(panel: Any, place: float, value: float, bound: str) -> None:
+    """Write where the best is beside it, on the side that has room."""
+    low, high = panel.get_xlim()
+    is_right = place > (low + high) / 2
+    offset, align = ((-6, 6), "right") if is_right else ((6, 6), "left")
+    text = panel.annotate(
+        f"{place:.4g}{bound}", (place, value), textcoords="offset points", xytext=offset, ha=align, color=_BEST
+    )
+    text.set_path_effects([withStroke(linewidth=3, foreground="white")])
 
 
 def _over_two(plan: SweepPlan, rows: Sequence[Row], objective: str, axes: tuple[str, str]) -> Figure:
@@ -113,7 +122,7 @@ def _over_two(plan: SweepPlan, rows: Sequence[Row], objective: str, axes: tuple[
         image = panel.pcolormesh(_edges(across), _edges(up), grid, cmap="viridis", vmin=min(known), vmax=max(known))
         for best in best_rows(members, objective, 1):
             panel.plot(best[axes[0]], best[axes[1]], "x", color=_BEST, ms=9, mew=2)
-            edges = [name for name, values in zip(axes, (across, up), strict=True) if _is_edge(best[name], values)]
+            edges = [name for name, values in zip(axes, (across, up), strict=True) if _bound(best[name], values)]
             if edges:
                 label = "\n".join(filter(None, [label, f"best at the edge of {' and '.join(edges)}"]))
         panel.set(xlabel=axes[0], ylabel=axes[1], title=label)
@@ -122,9 +131,11 @@ def _over_two(plan: SweepPlan, rows: Sequence[Row], objective: str, axes: tuple[
     return figure
 
 
-def _is_edge(value: float, values: Sequence[float]) -> bool:
-    """Tell whether the best may lie beyond the values that were tried."""
-    return len(values) > 1 and value in (values[0], values[-1])
+def _bound(value: float, values: Sequence[float]) -> str:
+    """Return how a value goes on, if what is best may lie beyond those that were tried."""
+    if len(set(values)) < 2:
+        return ""
+    return " or less" if value == min(values) else " or more" if value == max(values) else ""
 
 
 def _edges(values: Sequence[float]) -> Any:
@@ -144,8 +155,11 @@ def _against_each(rows: Sequence[Row], objective: str, axes: Sequence[str]) -> F
     known = [row for row in rows if row[objective] is not None]
     best = best_rows(known, objective, 1)
     for panel, axis in zip(panels, shown, strict=False):
-        panel.plot([row[axis] for row in known], [row[objective] for row in known], ".", ms=4, alpha=0.6)
-        panel.plot([row[axis] for row in best], [row[objective] for row in best], "x", color=_BEST, ms=9, mew=2)
+        values = [row[axis] for row in known]
+        panel.plot(values, [row[objective] for row in known], ".", ms=4, alpha=0.6)
+        for row in best:
+            panel.plot(row[axis], row[objective], "x", color=_BEST, ms=9, mew=2)
+            _name(panel, row[axis], row[objective], _bound(row[axis], values))
         panel.set(xlabel=axis)
         panel.grid(alpha=0.3)
     for panel in panels[len(shown) :]:

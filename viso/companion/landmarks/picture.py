@@ -254,7 +254,8 @@ def _world(axes: Any, scene: Scene, colours: Colours, extent_m: float) -> None:
     axes.set_title("World", fontsize=11)
     axes.locator_params(nbins=5)
     axes.grid(alpha=0.3)
-    axes.add_patch(_cone(scene, extent_m))
+    cone = _cone(scene, extent_m)
+    axes.add_patch(cone)
     for mark in scene.landmarks:
         axes.plot(mark.x_m, mark.y_m, "s", color=colours.landmark, ms=5, gid=f"landmark:{mark.id}")
     for mark in scene.aircraft:
@@ -269,9 +270,13 @@ def _world(axes: Any, scene: Scene, colours: Colours, extent_m: float) -> None:
         arrow.arrow_patch.set_clip_path(axes.patch)
         arrow.set_gid("to_estimated")
         axes.plot(pose.x_m, pose.y_m, "D", color=_ESTIMATED, ms=6, gid="estimated")
-        handles.append(_handle("D", "vehicle (estimated)", color=_ESTIMATED))
+        if _is_visible(axes, (pose.x_m, pose.y_m)):
+            handles.append(_handle("D", "vehicle (estimated)", color=_ESTIMATED))
+        else:
+            handles.append(Line2D([], [], color=_ESTIMATED, lw=1.3, label="to the vehicle (estimated)"))
     axes.plot(*scene.situation.camera_xyz[:2], "+", color="0.35", ms=11, mew=1.5, gid="camera")
-    handles.append(_handle("+", "camera and its view", mec="0.35", mew=1.5))
+    if any(_is_visible(axes, corner) for corner in cone.get_xy().tolist()):
+        handles.append(_handle("+", "camera and its view", mec="0.35", mew=1.5))
     if any(_is_visible(axes, (mark.x_m, mark.y_m)) for mark in scene.landmarks):
         handles.append(_handle("s", "landmark", color=colours.landmark))
     if any(_is_visible(axes, (mark.x_m, mark.y_m)) for mark in scene.aircraft):

@@ -90,6 +90,16 @@ def test_samples_are_points_against_each_axis(tmp_path: Path, monkeypatch: pytes
     assert all(len(values_of(panel.lines[0], "x")) == 6 for panel in figure.axes[:4])
 
 
+@pytest.mark.slow
+def test_best_sample_names_the_axes_on_which_nothing_was_tried_beyond_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = made_plan(DELAY, GATE, Axis("VISO_SCALE", (0.5, 1.0, 2.0)))
+    rows = made_rows(plan, lambda delay, gate, scale: delay - gate + (scale - 1) ** 2)
+    figure = drawn(plan, rows, tmp_path, monkeypatch)
+    assert [text.get_text() for panel in figure.axes[:3] for text in panel.texts] == ["0 or less", "700 or more", "1"]
+
+
 def test_without_axes_each_group_has_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = made_plan(faults=(Faults(), Faults("/there/loss.yaml", "faults: []")), seeds=(1, 2, 3))
     (panel,) = drawn(plan, made_rows(plan, lambda: 1.0), tmp_path, monkeypatch).axes

@@ -161,6 +161,13 @@ def test_legend_holds_only_what_is_visible() -> None:
     assert not [text for panel in (0, 1) for text in legend(figure, panel) if "landmark" in text]
 
 
+def test_legend_of_the_world_names_the_estimated_vehicle_and_the_camera_where_they_are_shown() -> None:
+    scene = estimated_scene()
+    near = legend(draw(scene, extent_m=1000.0), 1)
+    assert near == ["vehicle (odometry)", "to the vehicle (estimated)", "landmark"]
+    assert legend(draw(scene), 1)[:3] == ["vehicle (odometry)", "vehicle (estimated)", "camera and its view"]
+
+
 def test_legend_says_whether_the_actual_place_was_seen() -> None:
     seen = legend(last_picture(), 0)
     unseen = legend(draw(estimated_scene()), 0)
