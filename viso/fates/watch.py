@@ -72,6 +72,7 @@ class FilterWatch:
 
     Attributes:
         listeners: hear of each sample.
+        lookers: are called whenever it looks how the filter navigates.
         innovations: by kind, of the samples that were tested.
 
     Raises:
@@ -87,6 +88,7 @@ class FilterWatch:
         self._modes = [(0, AidingMode.NONE)]
         self._end_us: int | None = None
         self.listeners: list[Callable[[SampleTest], None]] = []
+        self.lookers: list[Callable[[], None]] = []
         self.innovations: dict[str, Innovations] = {}
 
     def _take(self, outcome: FilterOutcome) -> None:
@@ -104,6 +106,8 @@ class FilterWatch:
         mode = self.mode()
         if mode is not self._modes[-1][1]:
             self._modes.append((self._clock.micros64(), mode))
+        for look in self.lookers:
+            look()
 
     def end(self) -> None:
         """Let the filter run no further, and watch no more."""

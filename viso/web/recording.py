@@ -53,12 +53,16 @@ class ReplayRecorder:
         vehicle.endpoint.on_event = self._take
         if watch is not None:
             watch.listeners.append(lambda test: self._feed.seen.put(lambda state: state.take_sample(test)))
+            watch.lookers.append(self._look)  # what the filter does while nothing comes matters, too
 
     def _now_s(self) -> float:
         return self._vehicle.clock.micros64() / 1e6
 
     def _take(self, event: MessageEvent) -> None:
         self._feed.take(self._name, event)
+        self._look()
+
+    def _look(self) -> None:
         now_s = self._now_s()
         if now_s - self._looked_s < LOOK_PERIOD_S:
             return

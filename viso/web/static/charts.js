@@ -124,7 +124,7 @@ export function drawStrip(canvas, curves, { limits = null, mark = null, labels =
 function drawLevels(context, { low, high, toY, left, width }) {
   context.textBaseline = "middle";
   context.textAlign = "right";
-  const step = stepOf(high - low, 3);
+  const step = stepOf(high - low, 4);
   for (let y = Math.ceil(low / step) * step; y <= high; y += step) {
     line(context, [[left, toY(y)], [width - 4, toY(y)]], { stroke: colour("grid"), width: 1 });
     context.fillStyle = colour("muted");

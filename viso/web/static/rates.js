@@ -14,7 +14,9 @@ function isNavigation(row) {
 
 function makeRow(name) {
   const line = element("tr");
-  line.append(element("th", { text: name, scope: "row" }));
+  const head = element("th", { scope: "row" });
+  for (const part of name.split(/(?<=_)/)) head.append(part, element("wbr"));
+  line.append(head);
   const cells = Object.fromEntries(COLUMNS.map((column) => [column, element("td")]));
   line.append(...Object.values(cells));
   const bar = element("span", { className: "bar", role: "img" });

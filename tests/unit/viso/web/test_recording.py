@@ -22,7 +22,7 @@ def shown() -> dict[str, Any]:
     """Return what a page is told of a replayed capture."""
     stream = read_capture(ROOT / "tests/data/captures/dropout.jsonl.gz")
     recorder = ReplayRecorder(stream.name)
-    setup = ReplaySetup(ahrs_maker(AhrsChoice(None, None, None, 0, 0.0)))
+    setup = ReplaySetup(ahrs_maker(AhrsChoice(None, None, None, 0, 0.0), "follow"), with_filter=True)
     run_replay(stream, stream.params, setup, on_start=recorder.start)
     message = json.loads(encode(recorder.message()))
     assert isinstance(message, dict)
@@ -38,6 +38,14 @@ def test_recording_has_points_texts_and_verdicts_of_the_whole_replay(shown: dict
     assert shown["texts"]
     assert shown["runs"]
     assert shown["table"]
+
+
+@pytest.mark.slow
+def test_filter_is_followed_while_nothing_comes(shown: dict[str, Any]) -> None:
+    followed_s = [point["t"] for point in shown["points"] if point["ekf"]]
+    seen_s = [point["t"] for point in shown["points"] if point["vision"]]
+    assert max(later - sooner for sooner, later in itertools.pairwise(seen_s)) > 5
+    assert max(later - sooner for sooner, later in itertools.pairwise(followed_s)) < 0.5
 
 
 @pytest.mark.slow
