@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live view in a real browser: it loads, updates, changes a parameter, and says why an ODOMETRY is dropped."""
+"""The page in a real browser: it shows a running vehicle, what becomes of messages and why, and recordings."""
 
 import re
 import shutil
+import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,8 @@ from selenium.webdriver.support.wait import WebDriverWait
 
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from tests.interop import programs
-from tests.interop.programs import LIMIT_S, Autopilot, Companion, autopilot
+from tests.interop.programs import LIMIT_S, SESSION_S, Autopilot, Companion, autopilot, running
+from tests.places import DATA
 
 pytestmark = pytest.mark.interop
 
@@ -42,10 +44,9 @@ PARAM_SET_TYPE = mavutil.mavlink.MAV_PARAM_TYPE_REAL32
 
 @dataclass(frozen=True)
 class Page:
-    """The page of a running vehicle, in a browser."""
+    """The page in a browser."""
 
     driver: WebDriver
-    vehicle: Autopilot
     url: str
 
     def find(self, selector: str) -> WebElement:
@@ -88,6 +89,13 @@ class Page:
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
+@dataclass(frozen=True)
+class LivePage(Page):
+    """The page of a running vehicle."""
+
+    vehicle: Autopilot
+
+
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebDriver]:
     """Return a headless browser with nothing in its profile."""
@@ -121,17 +129,17 @@ def url(vehicle: Autopilot) -> str:
 
 
 @pytest.fixture
-def page(driver: WebDriver, vehicle: Autopilot, url: str) -> Page:
+def page(driver: WebDriver, vehicle: Autopilot, url: str) -> LivePage:
     """Return the page, opened anew."""
     driver.get(url)
-    made = Page(driver, vehicle, url)
+    made = LivePage(driver, url, vehicle)
     made.media("light")
     made.wait_text("#connection", "^connected$")
     made.wait_text("#tiles", "disarmed")
     return made
 
 
-def test_page_loads_all_of_itself_from_the_vehicle(page: Page) -> None:
+def test_page_loads_all_of_itself_from_the_vehicle(page: LivePage) -> None:
     assert "ArduCopter" in page.wait_text("#banner", "tcpin")
     script = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
     loaded = page.driver.execute_script(script)
@@ -140,7 +148,7 @@ def test_page_loads_all_of_itself_from_the_vehicle(page: Page) -> None:
     assert page.driver.get_log("browser") == []  # type: ignore[attr-defined]
 
 
-def test_accepted_messages_are_counted_while_they_come(page: Page) -> None:
+def test_accepted_messages_are_counted_while_they_come(page: LivePage) -> None:
     with Companion(page.vehicle.ports[0]):
         row = "#verdict-list li[data-outcome=accepted]"
         page.wait_text(row, "ODOMETRY.*consumed")
@@ -153,7 +161,7 @@ def test_accepted_messages_are_counted_while_they_come(page: Page) -> None:
         page.wait("document.querySelector('#plan').getAttribute('aria-label').includes('vision at 0.00 m north')")
 
 
-def test_dropped_odometry_has_its_reason_and_its_place_in_the_firmware(page: Page) -> None:
+def test_dropped_odometry_has_its_reason_and_its_place_in_the_firmware(page: LivePage) -> None:
     with Companion(page.vehicle.ports[0]):
         page.find("#fault-frames").click()
         row = f"#verdict-list li[data-rule={ODOMETRY_FRAMES.rule.code}]"
@@ -170,7 +178,7 @@ def test_dropped_odometry_has_its_reason_and_its_place_in_the_firmware(page: Pag
         page.wait("document.querySelector('#fault-frames').getAttribute('aria-pressed') === 'false'")
 
 
-def test_handled_messages_are_hidden_until_asked_for(page: Page) -> None:
+def test_handled_messages_are_hidden_until_asked_for(page: LivePage) -> None:
     with closing(mavutil.mavlink_connection(f"tcp:127.0.0.1:{page.vehicle.ports[1]}", source_system=255)) as client:
         client.mav.heartbeat_send(6, 8, 0, 0, 4)
         page.wait("document.querySelector('#verdict-list li[data-outcome=handled]')?.hidden")
@@ -179,7 +187,7 @@ def test_handled_messages_are_hidden_until_asked_for(page: Page) -> None:
         page.find("#outcomes button[data-outcome=handled]").click()
 
 
-def test_parameters_of_external_navigation_come_first(page: Page) -> None:
+def test_parameters_of_external_navigation_come_first(page: LivePage) -> None:
     script = "return [...document.querySelectorAll('#params label')].map((label) => label.textContent)"
     names = page.driver.execute_script(script)
     ranks = [0 if name.startswith("VISO_") else 1 if name.startswith("EK3_SRC") else 2 for name in names]
@@ -187,7 +195,7 @@ def test_parameters_of_external_navigation_come_first(page: Page) -> None:
     assert set(ranks) == {0, 1, 2}
 
 
-def test_page_keeps_up_with_200_messages_a_second(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_keeps_up_with_200_messages_a_second(page: LivePage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "RATE_HZ", 200)
     with Companion(page.vehicle.ports[0]):
         page.wait("Number(document.querySelector('#rates tbody td')?.textContent) > 100")
@@ -206,7 +214,7 @@ return Number(slider.value);
 """
 
 
-def test_cursor_goes_through_all_plots_and_back_to_the_newest(page: Page) -> None:
+def test_cursor_goes_through_all_plots_and_back_to_the_newest(page: LivePage) -> None:
     with Companion(page.vehicle.ports[0]):
         page.wait_text("#quality-now", "median 90")
         page.wait("Number(document.querySelector('#scrubber').max) > 2")
@@ -216,7 +224,7 @@ def test_cursor_goes_through_all_plots_and_back_to_the_newest(page: Page) -> Non
         page.wait("document.querySelector('#scrubber').getAttribute('aria-valuetext') === 'the newest'")
 
 
-def test_held_plots_stay_while_data_goes_on(page: Page) -> None:
+def test_held_plots_stay_while_data_goes_on(page: LivePage) -> None:
     with Companion(page.vehicle.ports[0]):
         page.find("#hold-plots").click()
         held = page.wait_text("#shown-time", " of ")
@@ -228,7 +236,7 @@ def test_held_plots_stay_while_data_goes_on(page: Page) -> None:
         page.wait("document.querySelector('#shown-time').textContent !== arguments[0]", held)
 
 
-def test_doctor_examines_the_last_minute_and_offers_its_findings(page: Page) -> None:
+def test_doctor_examines_the_last_minute_and_offers_its_findings(page: LivePage) -> None:
     with Companion(page.vehicle.ports[0]):
         page.find("#diagnose").click()
         page.wait_text("#findings li", "Fix: ")
@@ -236,7 +244,7 @@ def test_doctor_examines_the_last_minute_and_offers_its_findings(page: Page) -> 
         assert page.find("#save-json").is_displayed()
 
 
-def test_path_is_turned_by_keys_and_pointer(page: Page) -> None:
+def test_path_is_turned_by_keys_and_pointer(page: LivePage) -> None:
     page.find("#view-space").click()
     page.wait("document.querySelector('#plan').getAttribute('aria-label').startsWith('Path in space')")
     page.find("#view-above").click()
@@ -245,7 +253,7 @@ def test_path_is_turned_by_keys_and_pointer(page: Page) -> None:
     page.wait("document.querySelector('#view-above').getAttribute('aria-pressed') === 'false'")
 
 
-def test_changed_parameter_reaches_the_vehicle_and_every_link(page: Page) -> None:
+def test_changed_parameter_reaches_the_vehicle_and_every_link(page: LivePage) -> None:
     client = mavutil.mavlink_connection(f"tcp:127.0.0.1:{page.vehicle.ports[1]}", source_system=255)
     try:
         client.mav.heartbeat_send(6, 8, 0, 0, 4)
@@ -268,7 +276,7 @@ def test_changed_parameter_reaches_the_vehicle_and_every_link(page: Page) -> Non
         client.close()
 
 
-def test_number_that_is_none_is_marked_and_not_sent(page: Page) -> None:
+def test_number_that_is_none_is_marked_and_not_sent(page: LivePage) -> None:
     field = page.find("#param-VISO_QUAL_MIN")
     before = field.get_attribute("value")
     field.send_keys(Keys.CONTROL, "a")
@@ -278,7 +286,7 @@ def test_number_that_is_none_is_marked_and_not_sent(page: Page) -> None:
     assert field.get_attribute("value") == before
 
 
-def test_keys_command_the_vehicle_but_not_while_typing(page: Page) -> None:
+def test_keys_command_the_vehicle_but_not_while_typing(page: LivePage) -> None:
     page.leave()
     page.press("2")
     page.wait("document.querySelector('#action-source2').getAttribute('aria-pressed') === 'true'")
@@ -295,14 +303,14 @@ def test_keys_command_the_vehicle_but_not_while_typing(page: Page) -> None:
     page.wait("!document.querySelector('#keys').open")
 
 
-def test_refused_arming_is_told_with_its_reasons(page: Page) -> None:
+def test_refused_arming_is_told_with_its_reasons(page: LivePage) -> None:
     page.find("#action-arm").click()
     page.wait_text("#answer", "^✕ Arm: refused")
     page.wait_text("#prearm", "VisOdom: not healthy")
     page.wait_text("#texts li", "Arm: ")
 
 
-def test_focus_goes_through_the_page_in_order_and_is_seen(page: Page) -> None:
+def test_focus_goes_through_the_page_in_order_and_is_seen(page: LivePage) -> None:
     page.driver.execute_script("document.body.tabIndex = -1; document.body.focus()")
     seen = []
     for _ in range(4):
@@ -313,7 +321,7 @@ def test_focus_goes_through_the_page_in_order_and_is_seen(page: Page) -> None:
     assert seen == ["skip", "theme", "help", "hold-plots"]
 
 
-def test_dark_and_light_follow_the_system_until_chosen(page: Page) -> None:
+def test_dark_and_light_follow_the_system_until_chosen(page: LivePage) -> None:
     background = "return getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)[0]"
     page.media("dark")
     assert page.driver.execute_script(background) < 60
@@ -326,7 +334,7 @@ def test_dark_and_light_follow_the_system_until_chosen(page: Page) -> None:
 
 
 @pytest.mark.parametrize("width", [1100, 1600])
-def test_nothing_moves_when_the_vehicle_has_more_to_say(page: Page, width: int) -> None:
+def test_nothing_moves_when_the_vehicle_has_more_to_say(page: LivePage, width: int) -> None:
     page.media("light", width)
     height = "return document.querySelector('header').offsetHeight"
     before = page.driver.execute_script(height)
@@ -335,13 +343,13 @@ def test_nothing_moves_when_the_vehicle_has_more_to_say(page: Page, width: int) 
 
 
 @pytest.mark.parametrize("width", [360, 1100, 1800])
-def test_nothing_needs_scrolling_sideways(page: Page, width: int) -> None:
+def test_nothing_needs_scrolling_sideways(page: LivePage, width: int) -> None:
     page.media("light", width)
     page.wait("document.documentElement.clientWidth <= arguments[0]", width)
     assert page.driver.execute_script("return document.documentElement.scrollWidth") <= width
 
 
-def test_restart_is_shown_and_the_page_goes_on(page: Page) -> None:
+def test_restart_is_shown_and_the_page_goes_on(page: LivePage) -> None:
     page.find("#action-restart").click()
     page.wait_text("#answer", "Restart: done")
     page.wait("[...document.querySelectorAll('#texts li')].some((li) => li.textContent.includes('— restart —'))")
@@ -354,7 +362,68 @@ def test_page_says_so_when_the_vehicle_ends_and_keeps_nothing_from_ending(driver
     with autopilot(tmp_path, "--web=127.0.0.1:0") as vehicle:
         (line,) = [line for line in vehicle.program.lines if line.startswith("live view at ")]
         driver.get(line.removeprefix("live view at "))
-        page = Page(driver, vehicle, line)
+        page = Page(driver, line)
         page.wait_text("#connection", "^connected$")
         assert vehicle.program.interrupt() == 0
         page.wait_text("#connection", "^not connected")
+
+
+LOG = DATA / "logs" / "flight_t265.BIN.xz"
+CAPTURE = DATA / "captures" / "dropout.jsonl.gz"
+WITHOUT_VISION = DATA / "logs" / "flow_take_off.BIN.xz"
+PAINTED = """
+const { width, height } = document.querySelector(arguments[0]);
+const data = document.querySelector(arguments[0]).getContext('2d').getImageData(0, 0, width, height).data;
+return data.filter((value, index) => index % 4 === 3 && value > 0).length;
+"""
+CANVASES = ("#plan", "#height", "#lag", "#quality", ".innovation canvas")
+
+
+@contextmanager
+def recorded(driver: WebDriver, *command: str) -> Iterator[Page]:
+    """Yield the page of a recording, which Ctrl-C then ends."""
+    program = [sys.executable, "-c", "from viso.cli import main; main()", *command, "--web=127.0.0.1:0"]
+    with running(program) as serving:
+        url = serving.until("^recording at ", SESSION_S).split()[2].removesuffix(";")
+        driver.get_log("browser")  # type: ignore[attr-defined]
+        driver.get(url)
+        page = Page(driver, url)
+        page.media("light")
+        page.wait_text("#connection", "^recording$")
+        yield page
+        assert driver.get_log("browser") == []  # type: ignore[attr-defined]
+        assert serving.interrupt() == 0, serving.screen()
+
+
+@pytest.mark.parametrize("command", [("replay", str(CAPTURE), "--ekf"), ("report", str(LOG))], ids=lambda one: one[0])
+def test_recording_is_gone_through_with_the_slider(driver: WebDriver, command: tuple[str, ...]) -> None:
+    with recorded(driver, *command) as page:
+        page.wait(
+            "[...document.querySelectorAll('#verdict-list li')].some((row) => row.dataset.outcome === 'accepted')"
+        )
+        for canvas in CANVASES:
+            page.wait(f"(() => {{ {PAINTED} }})() > 400".replace("arguments[0]", repr(canvas)))
+        at_s = page.driver.execute_script(SLIDE.replace("Number(slider.max) - 1", "15"))
+        page.wait_text("#shown-time", rf"^0:{at_s:04.1f} of")
+        page.wait_text("#lag-now", r"^median \d")
+        page.wait_text("#tiles", "aidingabsolute")
+        page.wait("document.querySelector('#plan').getAttribute('aria-label').includes('vision at')")
+        page.wait("document.querySelector('#texts li.later') !== null")
+        page.find("#newest").click()
+        page.wait("document.querySelector('#texts li.later') === null")
+        assert not page.find("#commands").is_displayed()
+        assert page.find("#param-VISO_TYPE").get_attribute("readonly")
+        for width in (360, 1600):
+            page.media("dark", width)
+            page.wait("document.documentElement.clientWidth <= arguments[0]", width)
+            assert page.driver.execute_script("return document.documentElement.scrollWidth") <= width
+
+
+def test_log_without_vision_says_what_is_missing(driver: WebDriver) -> None:
+    with recorded(driver, "report", str(WITHOUT_VISION)) as page:
+        page.wait_text("#flight-sentence", "no external navigation")
+        page.wait_text("#absent", "No VISP")
+        page.wait_text("#tiles", "pre-armnot logged")
+        page.wait_text("#lag-now", "^not recorded$")
+        page.wait_text("#rates-empty", "^None is recorded")
+        page.wait_text("#verdict-note", "no external navigation")
