@@ -74,16 +74,17 @@ def serial_client(component: int, stack: ExitStack) -> Client:
 def test_each_of_six_clients_is_told_and_served(tmp_path: Path) -> None:
     tcp_port, udp_port = free_port(), free_port()
     with ExitStack() as stack:
-        serial = serial_client(16, stack)
+        visit = stack.enter_context(ExitStack())
+        serial = serial_client(16, visit)
         masters = (f"tcpin:127.0.0.1:{tcp_port}", f"udpin:127.0.0.1:{udp_port}", serial.name)
         command = [sys.executable, "-c", "from viso.cli import main; main()", "serve", f"--log-dir={tmp_path / 'logs'}"]
         program = stack.enter_context(running([*command, *(f"--master={master}" for master in masters)]))
         program.until(f"{serial.name}: {serial.name} connected")
         program.until("ArduPilot Ready")
-        tcp = [tcp_client(tcp_port, 11 + number, stack) for number in range(2)]
+        tcp = [tcp_client(tcp_port, 11 + number, visit) for number in range(2)]
         program.until(rf"tcpin:127.0.0.1:{tcp_port}: {tcp[0].name} connected")
         program.until(rf"tcpin:127.0.0.1:{tcp_port}: {re.escape(tcp[1].name)} \(#2\) connected")
-        udp = [udp_client(udp_port, 13 + number, stack) for number in range(UDP_CLIENTS)]
+        udp = [udp_client(udp_port, 13 + number, visit) for number in range(UDP_CLIENTS)]
         for client in udp:
             client.greet()
             program.until(rf"udpin:127.0.0.1:{udp_port}: {client.name} connected")
@@ -94,3 +95,6 @@ def test_each_of_six_clients_is_told_and_served(tmp_path: Path) -> None:
         program.until("ArduPilot Ready")
         for client in (*tcp, *udp, serial):
             client.ask()
+        visit.close()
+        farewells = "\n".join(program.until(" left: ") for _ in (*tcp, serial))
+        assert [client.name for client in (*tcp, serial) if client.name not in farewells] == []
