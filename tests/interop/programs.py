@@ -89,9 +89,9 @@ class Program:
         self._process.send_signal(signal.SIGINT)
         return self.wait()
 
-    def wait(self) -> int:
+    def wait(self, limit_s: float = LIMIT_S) -> int:
         """Wait for the program to end by itself, and return its exit code."""
-        code = self._process.wait(LIMIT_S)
+        code = self._process.wait(limit_s)
         self._reader.join(LIMIT_S)
         return code
 
