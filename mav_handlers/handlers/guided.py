@@ -12,7 +12,7 @@ from typing import Final
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
 from mav_handlers.handlers.commands.flight import GUIDED
-from mav_handlers.handlers.commands.home import above_the_sea
+from mav_handlers.handlers.commands.home import above_the_sea, altitude_cm
 from mav_handlers.ports import FlightPort, GuidedTarget, Location
 from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
 from mav_handlers.wire.messages import (
@@ -83,7 +83,7 @@ def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TA
 def _place_ned(ctx: Context, flight: FlightPort, message: SET_POSITION_TARGET_GLOBAL_INT) -> _Three | None:
     if not math.isfinite(message.alt):
         return None
-    told = Location(message.lat_int, message.lon_int, round(100 * message.alt))
+    told = Location(message.lat_int, message.lon_int, altitude_cm(message.alt))
     place = above_the_sea(ctx, told, message.coordinate_frame)
     return flight.place_ned(place) if place is not None and place.is_valid() else None
 

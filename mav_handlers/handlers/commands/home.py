@@ -59,8 +59,13 @@ def location_problem(ctx: Context, command: COMMAND_INT) -> bool:
     return True
 
 
+def altitude_cm(altitude_m: float) -> int:
+    """Return an altitude as places have it, cut off at whole centimetres as the firmware does."""
+    return int_of_float(float(np.float32(altitude_m) * np.float32(100)))
+
+
 def _location(command: COMMAND_INT) -> Location:
-    return Location(command.x, command.y, int_of_float(float(np.float32(command.z) * np.float32(100))))
+    return Location(command.x, command.y, altitude_cm(command.z))
 
 
 def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:

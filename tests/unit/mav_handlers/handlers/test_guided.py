@@ -167,6 +167,15 @@ def test_place_on_earth_counts_above_the_sea_or_home(
     assert above_home.pos_ned_m == pytest.approx((0.0, 0.0, -5.0))
 
 
+@pytest.mark.parametrize(("altitude_m", "down_m"), [(490.239, -2.23), (2.3, 485.7), (-1.239, 489.23)])
+def test_altitude_is_cut_off_at_whole_centimetres(
+    bench: "Bench", flight: Flight, altitude_m: float, down_m: float
+) -> None:
+    bench.client.tell(on_earth(PLACE_ALONE, 5, HERE.lat, HERE.lng, altitude_m))
+    assert bench.client.command_int(REPOSITION, x=HERE.lat, y=HERE.lng, z=altitude_m, frame=5) == ACCEPTED
+    assert [target.pos_ned_m[2] for target in flight.told] == pytest.approx([down_m] * 2, abs=1e-4)
+
+
 def test_sticks_are_the_ground_stations(bench: "Bench", flight: Flight) -> None:
     bench.client.tell(RC_CHANNELS_OVERRIDE(1, 1, *range(1100, 1900, 100)))
     assert flight.told == [tuple(range(1100, 1900, 100))]
