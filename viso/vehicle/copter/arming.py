@@ -184,7 +184,7 @@ class Arming:
         if not self.armed:
             return False
         self.armed = False
-        self._log.arming(armed=False, checks=self.enabled_checks(), forced=forced, method=method)
+        self._log.arming(armed=False, checks=0, forced=forced, method=method)
         self._log.event(EV_DISARMED)
         self._tell_change("Disarming motors")
         return True

@@ -19,6 +19,7 @@ from viso.vehicle.copter.flying.flight_control import FlightControl, FlownCopter
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeNumber, ModeReason
+from viso.vehicle.copter.motors import Motors
 from viso.vehicle.copter.parts import CopterParts
 
 EV_EKF_ALT_RESET: Final = 60
@@ -63,7 +64,10 @@ class Copter:
             parts.ahrs, self.is_armed, mission=self.mission, log=parts.log, texts=parts.texts, clock=parts.clock
         )
         self.modes = FlightModes(self.estimates, self.home, self.is_armed, parts.texts, parts.log)
-        self.landing = Landing(parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current)
+        self._motors = Motors(parts.log, parts.clock)
+        self.landing = Landing(
+            parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current, self._motors
+        )
         checks = ArmingChecks(parts, self).lists()
         group = parts.params.group("ARMING_")
         self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
@@ -99,7 +103,7 @@ class Copter:
             parts.release.flying,
         )
         flight = FlightControl(airframe, copter)
-        self.landing.has_touched_down = flight.has_touched_down
+        self.landing.grounded_us = lambda: flight.grounded_us
         return flight
 
     def _act_on_ekf_failure(self) -> str | None:
@@ -142,6 +146,7 @@ class Copter:
     def update(self) -> None:
         """Set home, lift off, land; once a pass of the main loop."""
         self.home.update()
+        self._motors.update()
         decides = self.flight is None or self.flight.update(armed=self.arming.armed)
         if self.arming.armed and (decides or self.landing.quiet_until_us() <= self._parts.clock.micros64()):
             self.landing.update()
@@ -150,7 +155,7 @@ class Copter:
 
     def quiet_until_us(self) -> int:
         """Return until when ``update`` has nothing to do as things are; 0 if it may."""
-        until_us = self.home.quiet_until_us()
+        until_us = min(self.home.quiet_until_us(), self._motors.quiet_until_us())
         if self.flight is not None:
             until_us = min(until_us, self.flight.quiet_until_us(armed=self.arming.armed))
         return min(until_us, self.landing.quiet_until_us()) if self.arming.armed else until_us
@@ -286,6 +291,7 @@ class Copter:
             parts.log.event(EV_EKF_ALT_RESET)
         elif not self.home.locked:
             self.home.set_here(lock=False)
+        self._motors.arm()
         self.landing.note_armed()
         self.modes.log_mode()
         parts.on_armed()
@@ -301,4 +307,5 @@ class Copter:
             return False
         self.disarmed_us = self._parts.clock.micros64()
         self.landing.note_disarmed()
+        self._motors.disarm()
         return True

@@ -15,12 +15,18 @@ from ap_core.param import ParamTable
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.logs.vehicle_log import VehicleLog
 from viso.vehicle.copter.modes import Mode, ModeNumber, UserTakeoff
+from viso.vehicle.copter.motors import Motors
 
 EV_AUTO_ARMED: Final = 15
+EV_LAND_COMPLETE_MAYBE: Final = 17
 EV_LAND_COMPLETE: Final = 18
 EV_NOT_LANDED: Final = 28
-SPOOL_UP_US: Final = 1_279_000
-"""From the acceptance of a take-off until the motors of the reference lifted it, in all recordings."""
+MAYBE_US: Final = 200_000
+TOUCHDOWN_US: Final = 1_000_000
+"""For how long it has to stand on the ground and still descend to have perhaps landed, and to have landed.
+
+Source: ArduCopter/config.h, LAND_DETECTOR_MAYBE_TRIGGER_SEC, LAND_DETECTOR_TRIGGER_SEC.
+"""
 
 LANDED_BELOW_M: Final = 0.3
 HIGH_ENOUGH_M: Final = 0.1
@@ -45,32 +51,42 @@ class Landing:
         params: all parameters.
         clock: time since boot.
         mode: returns the flight mode.
+        motors: how long they take to lift it.
 
     Attributes:
         landed: whether it stands on the ground.
         expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
         is_told: somebody else tells when it lifts off, lands and is disarmed.
-        has_touched_down: tells whether who flies it has landed it; None if nobody flies it.
+        grounded_us: tells since when it has stood on the ground in a descent; None if nobody flies it.
     """
 
     def __init__(
-        self, ahrs: AhrsBase, log: VehicleLog, params: ParamTable, clock: Clock, mode: Callable[[], Mode]
+        self,
+        ahrs: AhrsBase,
+        log: VehicleLog,
+        params: ParamTable,
+        clock: Clock,
+        mode: Callable[[], Mode],
+        motors: Motors,
     ) -> None:
         self._ahrs = ahrs
         self._log = log
         self._params = params
         self._clock = clock
         self._mode = mode
+        self._motors = motors
         self._armed_down_m = 0.0
         self._idle_since_us = 0
         self._lift_off_us: int | None = None
+        self._auto_armed = False
+        self._perhaps_landed = True
         self._takeoff: tuple[Mode, float] | None = None  # the mode, and where it ends, m below the origin
         self._flying_since_us = 0
         self._grounded_us = 0
         self.landed = True
         self.expected = False, False
         self.is_told = False
-        self.has_touched_down: Callable[[], bool] | None = None
+        self.grounded_us: Callable[[], int | None] | None = None
 
     def flying_ms(self) -> int:
         """Return for how long the vehicle has been flying, 0 on the ground (AP_Vehicle::get_time_flying_ms)."""
@@ -87,6 +103,7 @@ class Landing:
     def note_disarmed(self) -> None:
         """Count as landed, as a disarmed vehicle does."""
         self._lift_off_us = self._takeoff = None
+        self._auto_armed = False
         self._set_landed(True)
 
     def is_taking_off(self) -> bool:
@@ -99,11 +116,16 @@ class Landing:
         able = takeoff is UserTakeoff.ALWAYS or (takeoff is UserTakeoff.BY_PILOT and not must_navigate)
         if not self.landed or not able:
             return False
-        if self._lift_off_us is None:
+        if not self._spools_up():
+            self._lift_off_us = self._motors.lift_us()
+        if not self._auto_armed:
+            self._auto_armed = True
             self._log.event(EV_AUTO_ARMED)
-            self._lift_off_us = self._clock.micros64() + SPOOL_UP_US
         self._takeoff = self._mode(), self._down_m() - climb_m
         return True
+
+    def _spools_up(self) -> bool:
+        return self._lift_off_us is not None and self.is_taking_off()
 
     def takeoff_down_m(self) -> float:
         """Return where a take-off that is under way ends, m below the origin."""
@@ -118,24 +140,34 @@ class Landing:
         if self.is_told:
             return
         if self._lift_off_us is not None and self._clock.micros64() >= self._lift_off_us:
+            if self.is_taking_off():
+                self._set_landed(False)
             self._lift_off_us = None
-            self._set_landed(False)
         if self._takeoff is not None and self._down_m() <= self._takeoff[1] + HIGH_ENOUGH_M:
             self._takeoff = None
-        if not self.landed and self._is_down():
-            self._set_landed(True)
+        if not self.landed:
+            self._see_ground()
 
-    def _is_down(self) -> bool:
-        if self.has_touched_down is not None:
-            return self.has_touched_down()
-        return self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M
+    def _see_ground(self) -> None:
+        if self.grounded_us is None:
+            if self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
+                self._set_landed(True)
+            return
+        since_us = self.grounded_us()
+        grounded_us = 0 if since_us is None else self._clock.micros64() - since_us
+        if grounded_us >= TOUCHDOWN_US:
+            self._set_landed(True)
+        else:
+            self._set_perhaps_landed(grounded_us >= MAYBE_US)
 
     def quiet_until_us(self) -> int:
         """Return until when ``update`` has nothing to do for an armed vehicle as things are; 0 if it may."""
         if self.is_told:
             return NEVER
-        if self.has_touched_down is None and (self._mode().lands or self._takeoff is not None):
+        if self.grounded_us is None and (self._takeoff is not None or (self._mode().lands and not self.landed)):
             return 0
+        if self.landed and self._mode().lands:
+            return self._motors.idle_us()
         return NEVER if self._lift_off_us is None else self._lift_off_us
 
     def expect(self, *, armed: bool) -> None:
@@ -167,6 +199,14 @@ class Landing:
             self.landed = landed
             self._flying_since_us = self._clock.micros64()
             self._log.event(EV_LAND_COMPLETE if landed else EV_NOT_LANDED)
+            self._set_perhaps_landed(landed)
+            if landed:
+                self._motors.land()
+
+    def _set_perhaps_landed(self, perhaps: bool) -> None:
+        if perhaps and not self._perhaps_landed:
+            self._log.event(EV_LAND_COMPLETE_MAYBE)
+        self._perhaps_landed = perhaps
 
     def follow(self, *, landed: bool) -> None:
         """Lift off or land, as a vehicle did whose flight is flown again."""
@@ -179,11 +219,12 @@ class Landing:
         """
         now_us = self._clock.micros64()
         delay_us = self._params.get_int("DISARM_DELAY") * 1_000_000
-        idles = armed and not self.is_told and delay_us > 0 and self.landed and self._lift_off_us is None
+        idles = armed and not self.is_told and delay_us > 0 and self.landed and not self._spools_up()
         if not idles or self._mode().number == ModeNumber.THROW:
             self._idle_since_us = now_us
         return idles and now_us - self._idle_since_us >= delay_us
 
     def has_landed_by_itself(self) -> bool:
         """Tell whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
-        return self.landed and not self.is_told and self._lift_off_us is None and self._mode().lands
+        is_idle = self.landed and self._clock.micros64() >= self._motors.idle_us()
+        return is_idle and not self.is_told and self._mode().lands

@@ -77,7 +77,7 @@ def test_it_neither_lands_nor_is_disarmed_by_itself() -> None:
 
 
 def test_a_log_that_does_not_tell_of_flying_leaves_that_to_the_vehicle() -> None:
-    assert not flown(ARMED, INITIAL_MODE=ModeNumber.LAND).copter.is_armed()
+    assert not flown(ARMED, until_us=4_600_000, INITIAL_MODE=ModeNumber.LAND).copter.is_armed()
 
 
 @pytest.mark.parametrize(("expected", "bits"), [((False, True), 128), ((False, False), 0), (None, 64)])

@@ -205,7 +205,7 @@ def test_arming_and_disarming_are_logged(make_bench: MakeBench) -> None:
     assert [record["Id"] for record in bench.written("EV") if record["Id"] in (10, 11)] == [10, 11]
     assert bench.written("ARM") == [
         {"ArmState": 1, "ArmChecks": 1, "Forced": 0, "Method": 1},
-        {"ArmState": 0, "ArmChecks": 1, "Forced": 1, "Method": 1},
+        {"ArmState": 0, "ArmChecks": 0, "Forced": 1, "Method": 1},
     ]
 
 

@@ -35,8 +35,6 @@ from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
 
 PERIOD_US: Final = round(1e6 * PERIOD_S)
-TOUCHDOWN_US: Final = 1_000_000
-"""How long it stands on the ground and still descends until it has landed (LAND_DETECTOR_TRIGGER_SEC)."""
 SLOW_M_S: Final = 1.0
 LEAST_THRUST_M_S2: Final = 0.1 * GRAVITY_MSS
 
@@ -74,6 +72,7 @@ class FlightControl:
 
     Attributes:
         guided, land: modes that others have a say in.
+        grounded_us: since when it has stood on the ground and still descends; None if it does not.
     """
 
     def __init__(self, airframe: FlyingSource, copter: FlownCopter) -> None:
@@ -100,7 +99,7 @@ class FlightControl:
         self._next_us = 0
         self._is_flying = self._was_idle = False
         self._takeoff_down_m: float | None = None
-        self._grounded_us: int | None = None
+        self.grounded_us: int | None = None
 
     # What others ask
 
@@ -111,10 +110,6 @@ class FlightControl:
     def is_landing(self) -> bool:
         """Tell whether RTL has come to its end, the landing."""
         return self._mode is self._returns and self._returns.is_landing()
-
-    def has_touched_down(self) -> bool:
-        """Tell whether the vehicle has stood on the ground long enough to have landed."""
-        return self._grounded_us is not None and self._steering.now_us - self._grounded_us >= TOUCHDOWN_US
 
     def guide(self, target: GuidedTarget | None) -> None:
         """Obey a target in GUIDED, or stay where the vehicle is."""
@@ -202,7 +197,7 @@ class FlightControl:
         self._was_idle = True
         self._airframe.demand(MOTORS_OFF)
         self._is_flying = not self._airframe.state.is_at_rest()
-        self._grounded_us = self._mode = None
+        self.grounded_us = self._mode = None
         self._takeoff_down_m = None
 
     def _fly(self) -> None:
@@ -262,6 +257,6 @@ class FlightControl:
         steering = self._steering
         descends = steering.way.vel[2] > 0.0 and abs(steering.estimate.vel[2]) < SLOW_M_S
         if not (descends and self._airframe.state.is_on_ground()):
-            self._grounded_us = None
-        elif self._grounded_us is None:
-            self._grounded_us = steering.now_us
+            self.grounded_us = None
+        elif self.grounded_us is None:
+            self.grounded_us = steering.now_us

@@ -135,7 +135,7 @@ class TestTakeoff:
     def test_it_is_accepted_where_a_user_may_take_off(self, bench: "Bench", number: int) -> None:
         self.arm_in(bench, 20)
         assert bench.client.command(number, 0, 0, 0, 0, 0, 0, 5.0) == ACCEPTED
-        bench.run_ms(2000)
+        bench.run_ms(3500)
         assert not bench.vehicle.copter.is_landed()
 
     @pytest.mark.parametrize(("altitude_m", "result"), [(3e38, ACCEPTED), (math.inf, ACCEPTED), (-3e38, FAILED)])
@@ -160,7 +160,7 @@ class TestTakeoff:
     def test_flying_vehicle_is_active_and_disarmed_by_force_only(self, bench: "Bench") -> None:
         self.arm_in(bench, 20)
         bench.client.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 5.0)
-        bench.run_ms(3000)
+        bench.run_ms(4500)
         assert bench.client.read_of(HEARTBEAT)[-1].system_status == 4
         assert bench.client.command(ARM, 0) == FAILED
         assert bench.client.command(ARM, 0, 21196) == ACCEPTED

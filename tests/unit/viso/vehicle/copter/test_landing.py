@@ -27,8 +27,15 @@ def arm_in(rig: "CopterRig", mode: ModeNumber) -> None:
     rig.records.clear()
 
 
-def fly(rig: "CopterRig", mode: ModeNumber = M.GUIDED, height_m: float = 5.0) -> None:
+def spin(rig: "CopterRig", mode: ModeNumber) -> None:
+    """Arm, and wait until the motors may turn."""
     arm_in(rig, mode)
+    rig.run_for(2.1)
+    assert rig.written("EV") == [("EV", (57,))]
+
+
+def fly(rig: "CopterRig", mode: ModeNumber = M.GUIDED, height_m: float = 5.0) -> None:
+    spin(rig, mode)
     assert rig.copter.take_off(500, must_navigate=True)
     rig.run_for(1.5)
     rig.ahrs.stand_at(Location(PLACE.lat, PLACE.lng, PLACE.alt_cm + round(height_m * 100)), -height_m)
@@ -45,7 +52,7 @@ def test_vehicle_that_stays_on_the_ground_disarms_after_10_s(rig: "CopterRig", m
     rig.run_for(0.2)
     assert not rig.copter.is_armed()
     assert rig.take_texts() == ["Disarming motors"]
-    assert rig.written("ARM", "EV") == [("ARM", (0, 1, 0, 17)), ("EV", (11,))]
+    assert rig.written("ARM", "EV") == [("EV", (57,)), ("ARM", (0, 0, 0, 17)), ("EV", (11,)), ("EV", (56,))]
 
 
 @pytest.mark.parametrize(("delay_s", "armed_after_60_s"), [(0, True), (5, False), (59, False), (61, True)])
@@ -112,17 +119,45 @@ def test_height_is_0_while_there_is_none(rig: "CopterRig") -> None:
 
 
 def test_vehicle_flies_when_its_motors_have_spooled_up(rig: "CopterRig") -> None:
-    arm_in(rig, M.GUIDED)
+    spin(rig, M.GUIDED)
     rig.copter.take_off(500, must_navigate=True)
-    rig.run_for(1.2)
+    rig.run_for(1.1)
     assert rig.copter.is_landed()
-    rig.run_for(0.1)
+    rig.run_for(0.2)
     assert not rig.copter.is_landed()
     assert rig.written("EV") == [("EV", (15,)), ("EV", (28,))]
 
 
-def test_take_off_that_is_asked_for_twice_happens_once(rig: "CopterRig") -> None:
+def test_motors_that_idle_lift_it_sooner(rig: "CopterRig") -> None:
+    spin(rig, M.GUIDED)
+    rig.run_for(1.0)
+    rig.copter.take_off(500, must_navigate=True)
+    rig.run_for(0.9)
+    assert rig.copter.is_landed()
+    rig.run_for(0.1)
+    assert not rig.copter.is_landed()
+
+
+def test_take_off_waits_for_the_arming_delay(rig: "CopterRig") -> None:
     arm_in(rig, M.GUIDED)
+    rig.copter.take_off(500, must_navigate=True)
+    rig.run_for(3.2)
+    assert rig.copter.is_landed()
+    rig.run_for(0.2)
+    assert rig.written("EV") == [("EV", (15,)), ("EV", (57,)), ("EV", (28,))]
+
+
+def test_take_off_ends_on_the_ground_with_another_mode(rig: "CopterRig") -> None:
+    spin(rig, M.GUIDED)
+    rig.copter.take_off(500, must_navigate=True)
+    rig.run_for(1.0)
+    rig.copter.set_mode(M.LOITER)
+    rig.run_for(2.0)
+    assert rig.copter.is_landed()
+
+
+def test_take_off_that_is_asked_for_twice_happens_once(rig: "CopterRig") -> None:
+    spin(rig, M.GUIDED)
     assert rig.copter.take_off(500, must_navigate=True)
     rig.run_for(1)
     assert rig.copter.take_off(500, must_navigate=True)
@@ -148,7 +183,14 @@ def test_flying_vehicle_is_disarmed_by_force_only(rig: "CopterRig") -> None:
     assert rig.copter.is_armed()
     assert rig.copter.disarm(force=True)
     assert rig.copter.is_landed()
-    assert rig.written("ARM", "EV") == [("ARM", (0, 1, 1, 1)), ("EV", (11,)), ("EV", (18,))]
+    assert rig.written("ARM", "EV") == [
+        ("ARM", (0, 0, 1, 1)),
+        ("EV", (11,)),
+        ("EV", (18,)),
+        ("EV", (17,)),
+    ]
+    rig.run_for(0.1)
+    assert rig.written("EV") == [("EV", (56,))]
 
 
 def test_take_off_that_was_broken_off_does_not_happen_later(rig: "CopterRig") -> None:
@@ -172,8 +214,10 @@ def test_vehicle_that_comes_down_lands_and_disarms(rig: "CopterRig", mode: ModeN
     rig.written()
     rig.take_texts()
     rig.ahrs.stand_at(PLACE, -0.2)
-    rig.run_for(0.1)
-    assert rig.written("ARM", "EV") == [("EV", (18,)), ("ARM", (0, 1, 0, 13)), ("EV", (11,))]
+    rig.run_for(0.5)
+    assert rig.written("ARM", "EV") == [("EV", (18,)), ("EV", (17,))]
+    rig.run_for(0.3)  # the motors have spooled down
+    assert rig.written("ARM", "EV") == [("ARM", (0, 0, 0, 13)), ("EV", (11,)), ("EV", (56,))]
     assert rig.take_texts() == ["Disarming motors"]
 
 
@@ -187,7 +231,7 @@ def test_vehicle_of_unknown_height_lands_at_once(rig: "CopterRig") -> None:
     fly(rig)
     rig.ahrs.pos = None
     rig.copter.set_mode(M.LAND)
-    rig.run_for(0.1)
+    rig.run_for(0.7)
     assert not rig.copter.is_armed()
 
 
@@ -195,7 +239,9 @@ def test_vehicle_of_unknown_height_lands_at_once(rig: "CopterRig") -> None:
 def test_landing_on_the_ground_disarms(rig: "CopterRig", mode: ModeNumber) -> None:
     arm_in(rig, M.STABILIZE)
     rig.copter.set_mode(mode)
-    rig.run_for(0.1)
+    rig.run_for(1.9)
+    assert rig.copter.is_armed()
+    rig.run_for(0.2)
     assert not rig.copter.is_armed()
 
 
@@ -205,13 +251,13 @@ def test_heights_of_landing_count_from_the_place_of_arming(rig: "CopterRig") -> 
     rig.copter.set_mode(M.GUIDED)
     rig.copter.arm(do_checks=False)
     assert rig.copter.take_off(2500, must_navigate=True)
-    rig.run_for(2)
+    rig.run_for(4)
     rig.copter.set_mode(M.LAND)
     rig.ahrs.stand_at(PLACE, -20.4)
     rig.run_for(1)
     assert rig.copter.is_armed()
     rig.ahrs.stand_at(PLACE, -20.2)
-    rig.run_for(0.1)
+    rig.run_for(0.7)
     assert not rig.copter.is_armed()
 
 
@@ -224,7 +270,7 @@ def stable(rig: "CopterRig") -> bool:
 
 
 def test_ground_counts_during_takeoff_and_landing(rig: "CopterRig") -> None:
-    arm_in(rig, M.GUIDED)
+    spin(rig, M.GUIDED)
     assert not stable(rig)
     assert rig.copter.take_off(500, must_navigate=True)
     assert stable(rig)
@@ -282,7 +328,7 @@ def test_take_off_is_expected_from_arming_until_the_vehicle_has_climbed(rig: "Co
 def test_take_off_is_expected_for_5_s_in_the_air_and_never_of_a_throw(rig: "CopterRig") -> None:
     fly(rig, height_m=0.2)
     assert expected(rig) == (True, False)
-    rig.run_for(4.7)
+    rig.run_for(4.6)
     assert expected(rig) == (True, False)
     rig.run_for(0.4)
     assert expected(rig) == (False, False)

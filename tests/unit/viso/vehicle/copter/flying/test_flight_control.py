@@ -77,6 +77,7 @@ class Flyer:
         self.copter.modes.set_mode(mode, ModeReason.GCS_COMMAND)
         self.run(0.1)
         assert self.copter.arm(do_checks=False)
+        self.run(2.0)  # the arming delay
         assert self.copter.take_off(100 * height_m, must_navigate=True)
         self.run(8.0)
         assert self.pos == pytest.approx((0.0, 0.0, -height_m), abs=0.15)
@@ -122,7 +123,7 @@ def test_it_lifts_off_when_the_recorded_motors_did(flyer: Flyer) -> None:
     flyer.set_mode(ModeNumber.GUIDED)
     flyer.copter.arm(do_checks=False)
     flyer.copter.take_off(500.0, must_navigate=True)
-    flyer.run(1.2)
+    flyer.run(3.2)
     assert flyer.copter.is_landed()
     flyer.run(0.5)
     assert not flyer.copter.is_landed()

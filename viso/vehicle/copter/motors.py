@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""When the motors may turn, and how long they take.
+
+Source: ArduCopter/motors.cpp (motors_output), AP_Motors/AP_MotorsMulticopter.cpp (output_logic).
+"""
+
+from typing import Final
+
+from ap_core.clock import NEVER, Clock
+from viso.logs.vehicle_log import VehicleLog
+
+EV_INTERLOCK_DISABLED: Final = 56
+EV_INTERLOCK_ENABLED: Final = 57
+ARMING_DELAY_MS: Final = 2000
+SPIN_UP_US: Final = 333_000
+"""From rest to the idle speed of an armed vehicle: MOT_SPIN_ARM / MOT_SPIN_MIN of MOT_SPOOL_TIME."""
+LIFT_US: Final = 1_277_000
+"""From rest until the motors of the reference lifted it, in all recordings."""
+SPOOL_DOWN_US: Final = 507_000
+"""From the end of a landing until the motors of the reference idled, in all recordings."""
+
+
+class Motors:
+    """Motors that turn from 2 s after arming on.
+
+    Args:
+        log: where it is told that they may turn.
+        clock: time since boot.
+    """
+
+    def __init__(self, log: VehicleLog, clock: Clock) -> None:
+        self._log = log
+        self._clock = clock
+        self._turn_us = self._idle_us = NEVER
+        self._interlock = False
+
+    def arm(self) -> None:
+        """Turn after the arming delay."""
+        self._turn_us = (self._clock.micros64() // 1000 + ARMING_DELAY_MS + 1) * 1000
+        self._idle_us = self._turn_us
+
+    def disarm(self) -> None:
+        """Stop."""
+        self._turn_us = self._idle_us = NEVER
+
+    def land(self) -> None:
+        """Spool down to idle."""
+        self._idle_us = self._clock.micros64() + SPOOL_DOWN_US
+
+    def update(self) -> None:
+        """Tell whether they may turn if that has changed; every main loop."""
+        interlock = self._clock.micros64() >= self._turn_us
+        if interlock != self._interlock:
+            self._interlock = interlock
+            self._log.event(EV_INTERLOCK_ENABLED if interlock else EV_INTERLOCK_DISABLED)
+
+    def quiet_until_us(self) -> int:
+        """Return until when ``update`` has nothing to do as things are; 0 if it may."""
+        if not self._interlock:
+            return self._turn_us
+        return 0 if self._turn_us == NEVER else NEVER
+
+    def lift_us(self) -> int:
+        """Return when they lift a vehicle that takes off now."""
+        now_us = self._clock.micros64()
+        spun_us = min(max(now_us - self._idle_us, 0), SPIN_UP_US)
+        return max(now_us, self._turn_us) + LIFT_US - spun_us
+
+    def idle_us(self) -> int:
+        """Return from when on they idle, of a vehicle that stands on the ground."""
+        return self._idle_us
