@@ -369,7 +369,9 @@ class Autopilot:
         """Claim that the doctor finds nothing wrong with what was sent, since the start or since ``clear``.
 
         It tries the stream on another vehicle with the same parameters, as ``viso doctor`` does with a recording in
-        which no vehicle is heard; that takes about as long as sending took.
+        which no vehicle is heard; that takes about as long as sending took. With ``imu="fly"`` it holds the stream
+        against where the vehicle really was; without, nothing but the stream tells how it moved, and positions and
+        attitudes of other axes that fit each other, such as ENU at one height, cannot be told from right ones.
 
         Args:
             least: error, warning or note: what is less does not count.
@@ -383,7 +385,7 @@ class Autopilot:
 
         self._sync()
         firmware = PROFILES[self._options.firmware]
-        check_no_findings(findings_in(self._observer.sent, self.vehicle, firmware), least, but)
+        check_no_findings(findings_in(self._observer, self.vehicle, firmware), least, but)
 
     def _pre_arm_failures(self) -> list[str]:
         camera = self.vehicle.visual_odom

@@ -3,26 +3,43 @@
 """The doctor's look at what a test has sent."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries
+from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.firmware.releases import Firmware
-from viso.streams.stream import Stream, StreamMessage
+from viso.streams.stream import Stream
+from viso.testing.observer import Observer
 from viso.vehicle.vehicle import Vehicle
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 
 
-def findings_in(sent: Sequence[StreamMessage], vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
+def findings_in(seen: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
     """Return what the doctor finds in a stream, tried anew on a vehicle with the same parameters.
 
     Args:
-        sent: frames with their times of arrival.
-        vehicle: that they were sent to.
+        seen: what was sent, and where a vehicle that flies really was.
+        vehicle: that it was sent to.
         firmware: of that.
     """
     params = {param.name: float(param.value) for param in vehicle.params}
-    stream = Stream("what was sent", tuple(sent), params)
-    return diagnose(gather(stream, GatherOptions(firmware=firmware)), RULES)
+    stream = Stream("what was sent", tuple(seen.sent), params)
+    return diagnose(gather(stream, _beside_truth(seen, GatherOptions(firmware=firmware))), RULES)
+
+
+def _beside_truth(seen: Observer, options: GatherOptions) -> GatherOptions:
+    if not seen.truths:
+        return options
+    time_us = np.array([time_us for time_us, _ in seen.truths])
+    time_us, first = np.unique(time_us, return_index=True)
+    ned_m = np.array([state.pos for _, state in seen.truths])[first]
+    attitude = AttitudeSeries(time_us, np.array([state.rpy for _, state in seen.truths])[first], "truth")
+    height, position = HeightSeries(time_us, ned_m[:, 2]), PositionSeries("truth", time_us, ned_m)
+    return replace(options, attitude=attitude, height=height, position=position)
 
 
 def check_no_findings(findings: Sequence[Finding], least: str, but: Collection[str]) -> None:

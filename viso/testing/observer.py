@@ -14,6 +14,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
 from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
 from viso.fates.watch import FilterWatch
+from viso.sensors.flying.airframe import AirframeState
 from viso.streams.stream import StreamMessage
 from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.vehicle.vehicle import Vehicle
@@ -31,6 +32,7 @@ class Observer:
         records: those of the log, whether it is open or not.
         received: the messages that the vehicle has sent.
         sent: the frames that it was sent, with their times of arrival.
+        truths: where a vehicle that flies really was at these times, us since boot.
     """
 
     def __init__(self, vehicle: Vehicle, watch: FilterWatch) -> None:
@@ -45,13 +47,14 @@ class Observer:
         self.records: list[Record] = []
         self.received: list[Message] = []
         self.sent: list[StreamMessage] = []
+        self.truths: list[tuple[int, AirframeState]] = []
         vehicle.logger.on_write = self._take_record
         vehicle.endpoint.on_event = self._take_event
         vehicle.texts.on_text.append(self._take_text)
 
     def clear(self) -> None:
         """Forget what was seen so far; verdicts that a test has kept still hear of their samples."""
-        for seen in (self.verdicts, self.status_texts, self.records, self.received, self.sent):
+        for seen in (self.verdicts, self.status_texts, self.records, self.received, self.sent, self.truths):
             seen.clear()
 
     def take_output(self, data: bytes) -> None:
@@ -81,6 +84,8 @@ class Observer:
         header, rule = event.header, event.verdict.rule
         if header is not None:
             self.sent.append(StreamMessage(event.now_us, header.frame))
+            if self._vehicle.airframe is not None:
+                self.truths.append((event.now_us, self._vehicle.airframe.state))
         samples = self._fates.take_handed()
         verdict = MessageVerdict(
             event.now_us,

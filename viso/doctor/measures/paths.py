@@ -34,9 +34,8 @@ class PathComparison:
 
 def _heading_deg(compared: Comparison | None, params: Mapping[str, float]) -> float | None:
     """Return the compass direction of the stream's x; None if nothing tells it."""
-    if compared is not None:
-        usable = compared.orientation.sufficient and compared.world.sufficient
-        is_level = usable and compared.world.axes.signed_axes[2] == 3
+    if compared is not None and compared.orientation.sufficient and compared.world.sufficient:
+        is_level = compared.world.axes.signed_axes[2] == 3
         return compared.world.heading_deg if is_level else None
     is_aligned = int(params.get("VISO_TYPE", 0)) in ALIGNING_TYPES or params.get("EK3_SRC1_YAW") == EXTNAV
     return None if is_aligned else 0.0

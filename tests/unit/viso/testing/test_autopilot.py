@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The autopilot of a test: its time, its link, what is seen of it, and what may be claimed."""
 
+import math
+import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +13,7 @@ from pymavlink.DFReader import DFReader_binary
 
 from ap_core.verdict import Outcome
 from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT
+from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT, VISION_POSITION_ESTIMATE
 from tests.unit.viso.testing.sample_odometry import odometry
 from viso.fates.labels import Fate
 from viso.testing import Autopilot, AutopilotOptions
@@ -299,6 +302,37 @@ def test_stream_with_z_up_has_a_finding_though_it_is_fused(autopilot: Autopilot)
     ):
         autopilot.assert_no_findings()
     autopilot.assert_no_findings(but=["XN2-11"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "codes"), [("NED", set()), ("ENU", {"XN2-02", "XN2-08"}), ("ENU, z down, level", {"XN2-09"})]
+)
+def test_stream_of_a_vehicle_that_flies_is_held_against_its_path(name: str, codes: set[str]) -> None:
+    params = {"COMPASS_ENABLE": 1, "EK3_SRC1_YAW": 1, "EK3_SRC1_VELXY": 0, "EK3_SRC1_VELZ": 0}
+    autopilot = Autopilot(AutopilotOptions(imu="fly", params=params))
+
+    def look() -> None:
+        assert autopilot.vehicle.airframe is not None
+        north, east, down = autopilot.truth.pos_ned
+        roll, pitch, yaw = autopilot.vehicle.airframe.state.rpy
+        seen = {
+            "NED": (north, east, down, roll, pitch, yaw),
+            "ENU": (east, north, -down, roll, -pitch, math.pi / 2 - yaw),
+            "ENU, z down, level": (east, north, down, 0.0, 0.0, math.pi / 2 - yaw),
+        }
+        autopilot.send(VISION_POSITION_ESTIMATE(autopilot.now_us, *seen[name]))
+
+    autopilot.every(33, look)
+    with nullcontext() if name == "NED" else pytest.raises(AssertionError):
+        autopilot.takeoff(2)
+        autopilot.goto(4, 2, 2, within_s=12)
+    if not codes:
+        autopilot.assert_no_findings()
+        return
+    with pytest.raises(AssertionError) as findings:
+        autopilot.assert_no_findings(least="error")
+    assert codes <= set(re.findall(r"XN\d-\d\d", str(findings.value)))
 
 
 @pytest.mark.parametrize("wrong", [{"least": "fatal"}, {"but": ["XN0-00"]}])
