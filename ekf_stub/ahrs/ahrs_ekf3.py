@@ -181,7 +181,8 @@ class Ekf3Ahrs(AhrsBase):
                 if found is None:
                     continue
                 row, ran_us = row_of(found.delta)[np.newaxis], times_us[done - 1]
-                brings_nothing = self._brings_nothing(found, sensors) and are_usable(row)[0]
+                is_same = self._parts.expected() == expected and self._brings_nothing(found, sensors)
+                brings_nothing = is_same and are_usable(row)[0]
                 self._sensors = sensors = found
                 if brings_nothing:
                     cores.lanes.run_alike(row, times_us[done - 1 : done], set_us)
@@ -472,7 +473,7 @@ class Ekf3Ahrs(AhrsBase):
             return FilterStatus(FilterFlag.UNINITIALISED)
         innovations = core.fusion.innovations
         ratios = innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio
-        compass = max(core.yaw.ratio, float(core.yaw.field.ratios.max()))
+        compass = max(core.yaw.ratio, *core.yaw.field.ratios.tolist())
         terrain = core.height.terrain.range_ratio if self._needs_terrain(core) else 0.0
         return FilterStatus(self._flags(), *map(math.sqrt, (*ratios, compass, terrain)))
 

@@ -182,10 +182,12 @@ class Ekf3Core:
         frame = self._frame
         if frame is None or not self.initialised:
             return None
-        is_settled = (frame.flying_ms == 0 or frame.flying_ms > FLYING_MS) and self._door.is_open
-        if not is_settled or frame.is_late or frame.imu_rates is not None:
+        if not self._door.is_open or frame.is_late or frame.imu_rates is not None:
             return None
-        return self.control.quiet_until_ms() if self.control.flags or not self._had_flags_ms else None
+        until_ms = self.control.quiet_until_ms() if self.control.flags or not self._had_flags_ms else None
+        if until_ms is None or not 0 < frame.flying_ms <= FLYING_MS:
+            return until_ms
+        return min(until_ms, frame.time_us // 1000 + FLYING_MS - frame.flying_ms - 1)
 
     def run_alike(self, rows: Array, times_us: range, set_us: Callable[[int], None]) -> int:
         """Run frames like the last one, up to one that makes a step or changes the answer of `is_still`.

@@ -343,7 +343,15 @@ class Vehicle:
 
     def _is_quiet(self, now_us: int) -> bool:
         """Tell whether nothing but the estimator has to do anything in a pass."""
-        return self.endpoint.quiet_until_us() > now_us and self.copter.quiet_until_us() > now_us
+        copter = self.copter
+        is_quiet = self.endpoint.quiet_until_us() > now_us and copter.quiet_until_us() > now_us
+        return is_quiet and not copter.has_news_of_terrain()
+
+    def _may_expect_ground(self) -> bool:
+        """Tell whether anything may come of looking for the ground, of which a log may tell in place of the vehicle."""
+        copter = self.copter
+        may_expect = self._told_expected() is None and copter.landing.may_expect(armed=copter.arming.armed)
+        return may_expect or copter.has_news_of_terrain()
 
     def _next_task_us(self) -> int:
         """Return when something is to be done next, as things are, beside running the filter; 0 if at once."""
@@ -358,7 +366,7 @@ class Vehicle:
             max(self._next_gps_us, self.gps.quiet_until_us()),
             NEVER if self.flow.is_idle else self._next_flow_us,
             NEVER if self.ranges.is_idle else self._next_range_us,
-            self._next_throttle_us if self.copter.is_near_ground else NEVER,
+            self._next_throttle_us if self._may_expect_ground() else NEVER,
             NEVER if self._vicon is None else self._vicon.next_us(),
             NEVER if disarmed_us is None else _log_end_us(disarmed_us, self.clock.micros64()),
             self.copter.quiet_until_us(),
@@ -375,7 +383,7 @@ class Vehicle:
             copter.arming.armed,
             copter.landing.landed,
             copter.home.place,
-            copter.landing.expected if self.flown is None else self._expected(),
+            self._expected(),
         )
 
     def receive_bytes(self, channel: Channel, data: bytes, read_us: int | None = None) -> None:
@@ -394,9 +402,11 @@ class Vehicle:
     def _gps_sample(self) -> GpsSample | None:
         return (self.flown and self.flown.gps()) or self.gps.sample()
 
+    def _told_expected(self) -> tuple[bool, bool] | None:
+        return None if self.flown is None else self.flown.expected()
+
     def _expected(self) -> tuple[bool, bool]:
-        told = None if self.flown is None else self.flown.expected()
-        return self.copter.landing.expected if told is None else told
+        return self._told_expected() or self.copter.landing.expected
 
     def _gps_lag_s(self) -> float:
         sample = self._gps_sample()

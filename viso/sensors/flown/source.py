@@ -74,7 +74,8 @@ class RecordedSource(UnmovedSource):
         self._expected: tuple[bool, bool] | None = None
         told = flight.baro, flight.mag, flight.declination, flight.gps, flight.expected
         newest = np.array([one.newest for one in told if one is not None])
-        self._alike = are_usable(flight.deltas) & (np.diff(newest, axis=1, prepend=-2) == 0).all(axis=0)
+        has_no_reading = (np.diff(newest, axis=1, prepend=-2) == 0).all(axis=0)
+        self._alike: list[bool] = (are_usable(flight.deltas) & has_no_reading).tolist()
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what the sensors said since the last pass, or None if the log has nothing."""
@@ -107,13 +108,13 @@ class RecordedSource(UnmovedSource):
         start = self._next
         if start is None or self.flight.imus or not self._model.is_ideal:
             return super().ahead(times_us)
-        log_us = self.flight.time_us[start : start + len(times_us) + 1]
-        count = min(len(log_us) - 1, len(times_us))
-        if count <= 0:
-            return super().ahead(times_us)
-        now_us = np.arange(times_us.start, times_us[count - 1] + 1, times_us.step)
-        alike = (log_us[:count] <= now_us) & (log_us[1 : count + 1] > now_us) & self._alike[start : start + count]
-        return self.flight.deltas[start : start + (count if alike.all() else int(alike.argmin()))]
+        end, log_us, alike = start, self._times_us, self._alike  # some four passes, for which arrays take longer
+        last = len(log_us) - 1
+        for now_us in times_us:
+            if end >= last or not (alike[end] and log_us[end] <= now_us < log_us[end + 1]):
+                break
+            end += 1
+        return self.flight.deltas[start:end]
 
     def pass_over(self, times_us: range) -> None:
         """Leave out passes that got what ``ahead`` had said."""

@@ -167,10 +167,12 @@ class Copter:
     def _climbs_or_sinks(self) -> bool:
         return self.landing.is_taking_off() or self.modes.current.lands
 
-    @property
-    def is_near_ground(self) -> bool:
-        """Whether ``expect_ground`` may have anything new to tell."""
-        return self._was_stable or self._climbs_or_sinks() or self.landing.may_expect(armed=self.is_armed())
+    def has_news_of_terrain(self) -> bool:
+        """Tell whether ``expect_ground`` has anything new to tell but of take-off and touchdown."""
+        return self._is_stable() != self._was_stable
+
+    def _is_stable(self) -> bool:
+        return self._climbs_or_sinks() and self.estimates.position_ok()
 
     def expect_ground(self) -> None:
         """See whether take-off or touchdown is near, and let heights count from the ground then; 50 times a second.
@@ -178,8 +180,8 @@ class Copter:
         Source: Copter::update_ground_effect_detector, Copter::update_ekf_terrain_height_stable.
         """
         self.landing.expect(armed=self.is_armed())
-        climbs_or_sinks = self._was_stable = self._climbs_or_sinks()
-        self._parts.ahrs.set_terrain_stable(is_stable=climbs_or_sinks and self.estimates.position_ok())
+        self._was_stable = self._is_stable()
+        self._parts.ahrs.set_terrain_stable(is_stable=self._was_stable)
 
     def note_primary(self, core: int) -> None:
         """Log and tell by which core of the estimator the vehicle flies from now on (Copter::check_ekf_reset)."""
