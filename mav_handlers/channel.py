@@ -91,7 +91,7 @@ class Channel:
         ftp_is_busy: file transfers slow down everything else.
         params_sent_us: when parameters were last sent on this link's turn.
         times_full: how often a message did not fit.
-        has_reader: whether anybody wants to know what is sent; else it is gone.
+        has_reader: whether anybody wants to know what is sent; else it is gone, and nothing is streamed.
         is_open: False once a further client has gone, until another has its place.
     """
 
@@ -151,7 +151,8 @@ class Channel:
         """Return for how long no message falls due by time alone, 0 while one waits or is due."""
         if self.requested:
             return 0
-        return min(self.deferred.wait_ms(now_ms), self.buckets.wait_ms(now_ms))
+        wait_ms = self.deferred.wait_ms(now_ms)
+        return min(wait_ms, self.buckets.wait_ms(now_ms)) if self.has_reader else wait_ms
 
     @property
     def streaming(self) -> bool:

@@ -46,7 +46,7 @@ class Sending:
                 if not self._try(channel, name, now_us):
                     return
                 channel.requested.discard(name)
-            elif due := channel.buckets.due(now_ms):
+            elif channel.has_reader and (due := channel.buckets.due(now_ms)):
                 name = min(due, key=_RANK.__getitem__)
                 if not self._try(channel, name, now_us):
                     return

@@ -6,6 +6,7 @@ import pytest
 
 from ap_core.verdict import Outcome
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel, ParamListState
+from mav_handlers.schedule.buckets import NEVER_MS
 from mav_handlers.verdicts import BAD_PREFIX, HANDLED
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
@@ -96,6 +97,14 @@ def test_heartbeat_and_parameters_alone_are_no_streaming() -> None:
     channel.deferred.set_interval("HEARTBEAT", 1000, 0)
     channel.deferred.set_interval("PARAM_VALUE", 100, 0)
     assert not channel.streaming
+
+
+def test_nothing_is_streamed_to_nobody() -> None:
+    channel = make_channel()
+    channel.buckets.set_interval("ATTITUDE", 20, 0)
+    assert channel.wait_ms(0) == 20
+    channel.has_reader = False
+    assert (channel.wait_ms(0), channel.intervals_ms["ATTITUDE"]) == (NEVER_MS, 20)
 
 
 def test_any_other_message_is_streaming() -> None:
