@@ -76,7 +76,7 @@ class CompiledErrorState(ErrorState):
         self._keep_a_covariance()
 
     def _freezes(self) -> bool:
-        return not np.isnan(self._frozen).all()
+        return not all(map(math.isnan, self._frozen.tolist()))
 
     def clear(self, states: slice, variance: float) -> None:
         """Forget what some errors have to do with others, and give them a variance, within limits."""

@@ -9,7 +9,6 @@ since boot, unsigned 32 bit: a stamp that steps backwards is a long way off, and
 import math
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -73,8 +72,7 @@ class OdometrySample(NamedTuple):
     pos_offset: Vector3f
 
 
-@dataclass(frozen=True, slots=True)
-class FilterOutcome:
+class FilterOutcome(NamedTuple):
     """What the estimator did with a sample: took or refused it at the door and, by the model, what came of it later.
 
     Attributes:
@@ -320,5 +318,5 @@ class ExtNavIngest:
         """
         self.counts[kind, rule.code] += 1
         if self.on_outcome is not None:
-            self.on_outcome(FilterOutcome(kind, rule, time_ms, ratio))
+            self.on_outcome(tuple.__new__(FilterOutcome, (kind, rule, time_ms, ratio)))
         return rule

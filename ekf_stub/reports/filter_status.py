@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an estimator says of itself (AP_NavEKF/AP_Nav_Common.h, nav_filter_status)."""
 
-from dataclasses import dataclass
 from enum import IntFlag
+from typing import NamedTuple
 
 
 class FilterFlag(IntFlag):
@@ -23,8 +23,7 @@ class FilterFlag(IntFlag):
     GPS_GLITCHING = 1 << 15
 
 
-@dataclass(frozen=True, slots=True)
-class FilterStatus:
+class FilterStatus(NamedTuple):
     """Flags and the square roots of test ratios of the primary core; 1.0 is at the gate."""
 
     flags: FilterFlag

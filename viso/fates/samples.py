@@ -47,8 +47,7 @@ class SampleFates:
 
     def take(self, test: SampleTest) -> None:
         """Take what the filter tells."""
-        outcome = test.outcome
-        kind, observed_ms, rule = outcome.kind, outcome.time_ms, outcome.rule
+        kind, rule, observed_ms, _ = test.outcome
         if not is_final(rule):
             sample = HandedSample(kind, observed_ms)
             self._handed.append(sample)
@@ -60,10 +59,10 @@ class SampleFates:
             for sample in self._waiting.get(("pose", observed_ms), [])[-1:]:
                 sample.fates.append(test)
         else:
-            unsettled = (sample for sample in self._waiting.get((kind, observed_ms), ()) if not sample.is_settled)
-            for sample in unsettled:
-                sample.fates.append(test)
-                break
+            for sample in self._waiting.get((kind, observed_ms), ()):
+                if not sample.is_settled:
+                    sample.fates.append(test)
+                    break
 
     def take_handed(self) -> tuple[HandedSample, ...]:
         """Return, once, the samples handed in since the last call: those of the message just handled."""

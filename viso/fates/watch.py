@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.ekf3_core import Ekf3Core
 from ekf_stub.fusion.aiding import AidingMode
@@ -19,6 +17,7 @@ from viso.vehicle.vehicle import Vehicle
 
 UNITS: Final = {"pose": "m", "height": "m", "yaw": "deg", "velocity": "m/s", "odometry": "m/s"}
 """Of innovations, by kind of sample."""
+_REJECTED: Final = Fate.REJECTED  # in Python 3.11 it takes 0.1 us to look up a member of an enumeration
 
 
 class SampleTest(NamedTuple):
@@ -54,8 +53,10 @@ class Innovations:
         """Count a sample that was tested."""
         self.tested += 1
         self.rejected += is_rejected
-        self.worst = max(self.worst, innovation)
-        self.worst_ratio = max(self.worst_ratio, ratio)
+        if innovation > self.worst:
+            self.worst = innovation
+        if ratio > self.worst_ratio:
+            self.worst_ratio = ratio
         self._squares += innovation**2
 
     @property
@@ -92,12 +93,14 @@ class FilterWatch:
         self.innovations: dict[str, Innovations] = {}
 
     def _take(self, outcome: FilterOutcome) -> None:
+        kind, rule, _, ratio = outcome
         innovation = None
-        if outcome.ratio is not None and self._ahrs.core is not None:
-            innovation = innovation_of(self._ahrs.core, outcome.kind)
-            of_kind = self.innovations.setdefault(outcome.kind, Innovations())
-            of_kind.add(innovation, outcome.ratio, is_rejected=fate_of(outcome.rule) is Fate.REJECTED)
-        test = SampleTest(self._clock.micros64(), outcome, innovation)
+        if ratio is not None and self._ahrs.core is not None:
+            innovation = innovation_of(self._ahrs.core, kind)
+            of_kind = self.innovations.get(kind) or self.innovations.setdefault(kind, Innovations())
+            of_kind.add(innovation, ratio, is_rejected=fate_of(rule) is _REJECTED)
+        # The tuple's own way of being made takes twice as long.
+        test = tuple.__new__(SampleTest, (self._clock.micros64(), outcome, innovation))
         for listener in self.listeners:
             listener(test)
 
@@ -140,4 +143,7 @@ def innovation_of(core: Ekf3Core, kind: str) -> float:
     # The filter keeps the innovations of velocities that it fuses; they are wanted of those that it rejects, too.
     velocity = core.delayed.velocity
     axes = 3 if core.sources.uses_vel_z(SourceZ.EXTNAV) else 2
-    return 0.0 if velocity is None else float(np.linalg.norm((core.state.vel - velocity.vel)[:axes]))
+    if velocity is None:
+        return 0.0
+    difference = (core.state.vel - velocity.vel)[:axes]
+    return math.sqrt(difference.dot(difference))  # as numpy's norm, in a third of the time

@@ -178,13 +178,13 @@ class Judge:
             watch.listeners.append(self._take_test)
 
     def _take_test(self, test: SampleTest) -> None:
-        ratio = test.outcome.ratio
-        if ratio is None or test.innovation is None or not math.isfinite(ratio):
+        time_us, (kind, _, _, ratio), innovation = test
+        if ratio is None or innovation is None or not math.isfinite(ratio):
             return
-        kind = test.outcome.kind
         sigmas = ratio * self._gate_of(kind)
-        self._squares.setdefault(kind, _Squares()).add(ratio, sigmas, test.innovation)
-        self._by_time.add(kind, test.time_us, (sigmas**2, test.innovation**2))
+        squares = self._squares.get(kind) or self._squares.setdefault(kind, _Squares())
+        squares.add(ratio, sigmas, innovation)
+        self._by_time.add(kind, time_us, (sigmas**2, innovation**2))
 
     def take_message(self, message: ReplayedMessage) -> None:
         """Take what became of a message."""
