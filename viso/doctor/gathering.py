@@ -47,6 +47,10 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
 _TURNING_RAD: Final = 0.05  # a second
 _NO_TELEMETRY: Final = {0: dict.fromkeys(range(500), 0)}
 """Nobody listens to the vehicle of a trial."""
+_AXES_UNKNOWN: Final = (
+    "nothing else tells how the vehicle moved, or too little: axes that fit each other, such as ENU at one height, "
+    "are not judged"
+)
 _NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 
 
@@ -308,6 +312,10 @@ def _evidence(
     if outcome.filter_until_us is not None:
         until = f"the first {options.filter_s:g} s of external navigation, to {at(outcome.filter_until_us)}"
         notes = (*notes, f"{stream.name}: the filter (a model) was run over {until} (--filter-seconds)")
+    paths = compare_paths(poses, told.position, comparisons, outcome.params)
+    axes = [*(one.orientation for one in comparisons), *(one.axes for one in paths)]
+    if poses and not any(one is not None and one.sufficient for one in axes):
+        notes = (f"{stream.name}: {_AXES_UNKNOWN}", *notes)
     known = {**told.params, **stream.params}
     arrivals_us = [one.arrival_us for one in stream.messages[-1:] if one.arrival_us is not None]
     return Evidence(
@@ -332,7 +340,7 @@ def _evidence(
         notes=notes,
         vision=vision,
         lacks=stream.lacks,
-        paths=compare_paths(poses, told.position, comparisons, outcome.params),
+        paths=paths,
         own_filter=told.own_filter,
         is_as_flown=all(known.get(name, value) == value for name, value in options.params.items()),
         told=settled.told,

@@ -25,6 +25,7 @@ from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of,
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piece, shifted
 from tests.unit.viso.report.log_maker import LogMaker
 from viso.doctor import Finding, Severity
+from viso.doctor.gathering import GatherOptions, gather
 from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.tracks import Floats
 from viso.doctor.measures.vehicle_data import listen, vehicle_of_log
@@ -103,6 +104,19 @@ def test_axes_of_positions_are_told(columns: tuple[int, ...], signs: tuple[int, 
 @pytest.mark.parametrize("params", [{"EK3_SRC1_YAW": 6}, {"VISO_TYPE": 2}])
 def test_axes_are_left_open_where_the_heading_is_the_streams_own(params: dict[str, float]) -> None:
     assert "XN2-09" not in found_for(path_of()[:, (1, 0, 2)] * (1, 1, -1), path_of(), **params)
+
+
+@pytest.mark.parametrize(("has_path", "moves", "is_judged"), [(True, 1, True), (True, 0, False), (False, 1, False)])
+def test_axes_that_nothing_else_tells_are_not_judged(has_path: bool, moves: int, is_judged: bool) -> None:
+    path = moves * path_of()
+    times_us = START_US + PERIOD_US * np.arange(COUNT)
+    codec = Codec(1, 197)
+    frames = [codec.encode(pose(1 + n * PERIOD_US, x=x, y=y, z=z)) for n, (x, y, z) in enumerate(path.tolist())]
+    messages = tuple(map(StreamMessage, times_us.tolist(), frames))
+    stream = Stream("made", messages, {"VISO_TYPE": 1, "EK3_SRC1_YAW": 1})
+    position = PositionSeries("GPS", times_us, path) if has_path else None
+    evidence = gather(stream, GatherOptions(position=position, is_tried=False))
+    assert any("are not judged" in note for note in evidence.notes) is not is_judged
 
 
 @pytest.mark.parametrize(("changed", "expected"), [
