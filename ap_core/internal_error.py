@@ -13,10 +13,15 @@ class InternalError(IntFlag):
     """Bits of the firmware's internal error mask that this project can raise."""
 
     CONSTRAINING_NAN = 1 << 10
+    FLOW_OF_CONTROL = 1 << 20
     BAD_ROTATION = 1 << 22
 
 
-_DESCRIPTIONS: Final = {InternalError.CONSTRAINING_NAN: "cnstring_nan", InternalError.BAD_ROTATION: "bad_rotation"}
+_DESCRIPTIONS: Final = {
+    InternalError.CONSTRAINING_NAN: "cnstring_nan",
+    InternalError.FLOW_OF_CONTROL: "flow_of_ctrl",
+    InternalError.BAD_ROTATION: "bad_rotation",
+}
 
 
 class InternalErrorSink(Protocol):

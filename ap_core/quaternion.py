@@ -21,7 +21,7 @@ from ap_core.fmath import (
     sqrtf,
     wrap_pi,
 )
-from ap_core.internal_error import InternalErrorSink
+from ap_core.internal_error import InternalError, InternalErrorSink
 from ap_core.matrix3 import Matrix3f
 from ap_core.vector3 import Vector3f
 
@@ -112,6 +112,16 @@ class Quaternion:
     def inverse(self) -> "Quaternion":
         """Return the conjugate; the norm is not divided out (QuaternionT::inverse, QuaternionT::invert)."""
         return Quaternion(self.q1, -self.q2, -self.q3, -self.q4)
+
+    def normalized(self, errors: InternalErrorSink) -> "Quaternion":
+        """Return the same with length 1; a zero one stays, and is an internal error (QuaternionT::normalize)."""
+        q1, q2, q3, q4 = self.q1, self.q2, self.q3, self.q4
+        length = sqrtf(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
+        if is_zero(length):
+            errors(InternalError.FLOW_OF_CONTROL, 673)
+            return self
+        factor = _ONE / length
+        return Quaternion(q1 * factor, q2 * factor, q3 * factor, q4 * factor)
 
     def get_euler_roll(self) -> np.float32:
         """Return roll in radians, -pi..pi."""

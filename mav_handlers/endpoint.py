@@ -50,6 +50,7 @@ from mav_handlers.wire.targets import TARGETED, target_fields
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
+BAD_DATA_NAME: Final = "BAD_DATA"
 UNKNOWN_NAME: Final = "UNKNOWN"
 _MAV_SEVERITY_INFO: Final = 6
 
@@ -167,7 +168,7 @@ class MavEndpoint:
             header = message = None
             verdict = signing_verdict(received.reason) or bad_data_verdict(received.reason)
             channel.packets_dropped += 1
-            name, amount = "BAD_DATA", received.length
+            name, amount = BAD_DATA_NAME, received.length
         else:
             header, message = received
             channel.frames_received += 1

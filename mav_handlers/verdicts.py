@@ -102,6 +102,18 @@ MISSION_TYPE: Final = dropped(
     "neither a mission nor a fence nor rally points",
     "GCS_Common.cpp, GCS_MAVLINK::handle_mission_request_int",
 )
+TF_FRAMES: Final = dropped(
+    "tf_frames",
+    "frame_id must be odom and child_frame_id base_link",
+    "AP_DDS_External_Odom.cpp, AP_DDS_External_Odom::is_odometry_frame",
+)
+TF_EMPTY: Final = dropped("tf_empty", "no transform in the message", "AP_DDS_Client.cpp, AP_DDS_Client::on_topic")
+TF_TOO_MANY: Final = dropped(
+    "tf_too_many",
+    "there is room for 8 transforms, and a message with more does not decode",
+    "AP_DDS/wscript, CONTAINER_PREALLOC_SIZE",
+)
+TF_UNREADABLE: Final = dropped("tf_unreadable", "does not decode", "AP_DDS_Client.cpp, AP_DDS_Client::on_topic")
 
 
 def bad_data_verdict(reason: str) -> Verdict:

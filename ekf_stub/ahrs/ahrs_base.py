@@ -124,6 +124,10 @@ class AhrsBase:
     def log_estimates(self) -> None:
         """Log what the estimator says at the moment."""
 
+    def get_imu(self) -> tuple[Vector3f, Vector3f] | None:
+        """Return what the first IMU measures: m/s/s and rad/s in the body, FRD; None without one."""
+        return None
+
     def get_gyro(self) -> Vector3f:
         """Return the body rates in rad/s, without bias."""
         return Vector3f()

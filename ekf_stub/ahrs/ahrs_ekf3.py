@@ -428,6 +428,13 @@ class Ekf3Ahrs(AhrsBase):
             self._quat = self._attitude()
         return self._quat
 
+    def get_imu(self) -> tuple[Vector3f, Vector3f] | None:
+        """Return what the first IMU measures."""
+        delta = None if self._sensors is None else self._sensors.delta
+        if delta is None or delta.accel is None or delta.gyro is None:
+            return None
+        return _vector(delta.accel), _vector(delta.gyro)
+
     def get_gyro(self) -> Vector3f:
         """Return the body rates in rad/s, without bias."""
         if self._sensors is None:

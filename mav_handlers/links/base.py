@@ -9,7 +9,7 @@ import socket
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 DROP_CLOSED = "link closed"
 DROP_NO_PEER = "no peer"
@@ -189,7 +189,17 @@ def is_short_of_descriptors(descriptor: int) -> bool:
     return limit != resource.RLIM_INFINITY and descriptor >= limit - SPARE_DESCRIPTORS
 
 
-def wait_readable(links: Iterable[Link], timeout_s: float) -> list[Link]:
+class Readable(Protocol):
+    """What can be waited for."""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on, -1 if there is none."""
+
+
+R = TypeVar("R", bound=Readable)
+
+
+def wait_readable(links: Iterable[R], timeout_s: float) -> list[R]:
     """Wait until a link has something to read, or for ``timeout_s`` seconds, and return those that have.
 
     A link without a descriptor is never returned: poll it. The descriptors are asked for anew in each call
@@ -197,7 +207,7 @@ def wait_readable(links: Iterable[Link], timeout_s: float) -> list[Link]:
     descriptor itself, so that a process that has none left goes on.
     """
     poller = select.poll()
-    waiting: dict[int, Link] = {}
+    waiting: dict[int, R] = {}
     for link in links:
         fd = link.fileno()
         if fd >= 0:

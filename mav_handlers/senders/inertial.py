@@ -43,7 +43,8 @@ def _to_body(vehicle: VehiclePort, ned: Vector3f) -> Vector3f:
     return (vehicle.ahrs.get_quaternion() or Quaternion()).inverse().rotate_vector(ned)
 
 
-def _accel_mss(vehicle: VehiclePort) -> Vector3f:
+def accel_mss(vehicle: VehiclePort) -> Vector3f:
+    """Return what an accelerometer measures at rest, m/s/s in the body."""
     return _to_body(vehicle, ACCEL_AT_REST_NED)
 
 
@@ -60,7 +61,7 @@ def _whole(vector: Vector3f) -> tuple[int, int, int]:
 
 
 def _accel_mg(vehicle: VehiclePort) -> tuple[int, int, int]:
-    return _whole(_accel_mss(vehicle) * _THOUSAND / GRAVITY_MSS)
+    return _whole(accel_mss(vehicle) * _THOUSAND / GRAVITY_MSS)
 
 
 def _motion(vehicle: VehiclePort) -> tuple[int, int, int, int, int, int, int, int, int]:
@@ -100,7 +101,7 @@ def highres_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HIGHRES
     updated = _ACCEL_AND_GYRO_UPDATED | _BARO_UPDATED | (_MAG_UPDATED if _has_compass(vehicle) else 0)
     return HIGHRES_IMU(
         now_us,
-        *floats(_accel_mss(vehicle)),
+        *floats(accel_mss(vehicle)),
         *floats(vehicle.ahrs.get_gyro()),
         *floats(_field_mgauss(vehicle) * vehicle.release.highres_field_scale),
         abs_pressure=PRESSURE_HPA,

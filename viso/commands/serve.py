@@ -3,6 +3,7 @@
 """``viso serve``: the autopilot on links, in real time."""
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from mav_handlers.channel import CountKey
 from mav_handlers.links import Link, is_open_to_network, open_link
 from viso.errors import InputError, file_errors
 from viso.files.key_store import FileKeyStore
@@ -34,6 +36,7 @@ from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.store import ParamStore
+from viso.ros2.graph import check_domain, require_cyclonedds
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer
 from viso.sensors.inertial_sources import wants_vicon
@@ -49,6 +52,7 @@ from viso.vehicle.kernels import loading_beside
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
+    from viso.dds.autopilot import DdsAutopilot
     from viso.web.live_view import LiveView
 
 MAX_DURATION_S = 4e9
@@ -99,6 +103,15 @@ def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, 
     view = LiveView(address, links, title, speedup=speedup)
     stack.callback(view.close)
     return view
+
+
+def _enter_domain(domain: int, stack: ExitStack) -> "DdsAutopilot":
+    # Imported where it is wanted: it needs an extra.
+    require_cyclonedds("--dds")
+    check_domain(domain, "--dds")
+    from viso.dds.autopilot import DdsAutopilot
+
+    return stack.enter_context(closing(DdsAutopilot(domain)))
 
 
 def serve(
@@ -163,6 +176,13 @@ def serve(
             metavar="[HOST:]PORT",
         ),
     ] = None,
+    dds: Annotated[
+        int | None,
+        typer.Option(
+            help="Be on this DDS domain, the ROS_DOMAIN_ID of ROS 2, as AP_DDS is: transforms come in on /ap/tf.",
+            metavar="DOMAIN",
+        ),
+    ] = None,
     live: Annotated[bool, typer.Option(help="Show the counts while they grow, on a terminal.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the closing counts as JSON.")] = False,
 ) -> None:
@@ -216,12 +236,15 @@ def serve(
     with ExitStack() as stack:
         links = _open_links(names, stack)
         streams = _open_streams(verdicts, verdicts_file, stack)
-        title = f"{config.firmware.banner} on {', '.join(names)}"
+        graph = None if dds is None else _enter_domain(dds, stack)
+        title = f"{config.firmware.banner} on {', '.join([*names, *(() if graph is None else [graph.name])])}"
         view = None if web is None else _open_view(web, links, title, speedup, stack)
         feeds = [] if view is None else [view.feed]
         takers = [*(stream.take for stream in streams), *(feed.take for feed in feeds)]
         filter_takers = [*(stream.take_outcome for stream in streams), *(feed.take_outcome for feed in feeds)]
         report = LiveReport(console, takers, filter_takers)
+        if graph is not None:
+            graph.listeners = [report.take]
 
         def watch(vehicle: Vehicle) -> None:
             report.watch(vehicle)
@@ -235,9 +258,15 @@ def serve(
         console.print(f"{title}; {_profile_text(profile)}; logs in {log_dir}; Ctrl-C ends")
         for link in filter(is_open_to_network, links):
             console.print(f"{link.name} is open to the network; whoever reaches it can command the vehicle")
+        if graph is not None:
+            console.print(f"{graph.name} is open to all who are on this domain; they can command the vehicle")
         if view is not None:
             console.print(view.introduction)
-        counted = powered.verdict_counts, powered.filter_counts
+
+        def message_counts() -> Counter[CountKey]:
+            return Counter(powered.verdict_counts()) + (Counter() if graph is None else graph.counts)
+
+        counted = message_counts, powered.filter_counts
         period_us = int(REFRESH_US * speedup)
         shown = stack.enter_context(LiveCounts(console, *counted, period_us=period_us, wanted=live and console is out))
         _tell_of_links(links, [report.tell_link, *(feed.take_news for feed in feeds)])
@@ -252,14 +281,16 @@ def serve(
         stack.enter_context(long_lived())
         if isinstance(powered.vehicle.ahrs, Ekf3Ahrs):
             stack.enter_context(loading_beside())
-        Pacer(powered, links if view is None else view.links, speedup=speedup).run(is_over, until_us=until_us)
+        beside = [] if graph is None else [graph]
+        pacer = Pacer(powered, links if view is None else view.links, speedup=speedup, beside=beside)
+        pacer.run(is_over, until_us=until_us)
     losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
     if param_store.failure:
         losses.append(f"parameters: {param_store.failure}")
     losses += filter(None, (key_store.failure, *(stream.failure() for stream in streams)))
     for loss in losses:
         err.print(loss)
-    counts, filter_counts = powered.verdict_counts(), powered.filter_counts()
+    counts, filter_counts = message_counts(), powered.filter_counts()
     if as_json:
         out.print_json(data={"verdicts": verdict_rows(counts), "filter": filter_rows(filter_counts)})
     else:

@@ -26,6 +26,23 @@ OFFICIAL: Final = 255
 
 
 @dataclass(frozen=True, slots=True)
+class DdsRelease:
+    """What the interface to ROS 2 does (AP_DDS/AP_DDS_Client.cpp).
+
+    Attributes:
+        unknown_covariance: what stands first in the covariances of an IMU.
+        status_again_ms: a status that has not changed is told again after so long; None for never.
+    """
+
+    unknown_covariance: float
+    status_again_ms: int | None
+
+
+_DDS_OF_2025: Final = DdsRelease(-1.0, None)
+_DDS_OF_2026: Final = DdsRelease(0.0, 500)
+
+
+@dataclass(frozen=True, slots=True)
 class Firmware:
     """A release: its texts, version numbers and what it does where releases differ.
 
@@ -42,6 +59,7 @@ class Firmware:
         log: what its log records look like.
         params: which parameters there are.
         ekf: what EKF3 does.
+        dds: what its interface to ROS 2 does.
         variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
     """
 
@@ -59,6 +77,7 @@ class Firmware:
     log: LogRelease
     params: ParameterRelease
     ekf: FilterRelease = filters.REFERENCE
+    dds: DdsRelease = _DDS_OF_2025
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
 
     @property
@@ -120,6 +139,7 @@ FEBRUARY_2026: Final = Firmware(
     NUMBERED_TEXTS,
     params.FEBRUARY_2026,
     filters.FEBRUARY_2026,
+    _DDS_OF_2026,
 )
 
 APRIL_2026: Final = Firmware(
@@ -137,6 +157,7 @@ APRIL_2026: Final = Firmware(
     log_releases.APRIL_2026,
     params.APRIL_2026,
     filters.APRIL_2026,
+    _DDS_OF_2026,
     ("EKF variance: over thresholds", "EKF variance: position lost"),
 )
 

@@ -30,8 +30,10 @@ from viso.errors import InputError
 from viso.extras import pip_install
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 MISSING_EXTRA: Final = f"ROS 2 topics are read and written with cyclonedds; install it with: {pip_install('ros2')}"
+MOST_AT_ONCE: Final = 100
 MAX_DOMAIN: Final = 232
 """The highest domain whose ports exist; beyond 101 some belong to the system's outgoing connections."""
 
@@ -72,6 +74,12 @@ def require_cyclonedds(asker: str) -> None:
 def topic_name(topic: str) -> str:
     """Return the name that a ROS 2 topic has in DDS: /ap/tf is rt/ap/tf."""
     return f"rt/{topic.lstrip('/')}"
+
+
+def service_names(service: str) -> tuple[str, str]:
+    """Return the names that requests and replies of a ROS 2 service have in DDS: rq/ap/arm_motorsRequest, rr/..."""
+    name = service.lstrip("/")
+    return f"rq/{name}Request", f"rr/{name}Reply"
 
 
 def check_domain(domain: int, option: str) -> None:
@@ -119,11 +127,11 @@ class Reader(Generic[T]):
         return bool(poller.poll(timeout_s * 1e3))
 
     def take(self) -> list[T]:
-        """Return what has come since the last time, in its order: no more than the QoS keeps."""
+        """Return what has come since the last time and the QoS still keeps, in its order; 100 at most."""
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self._descriptor)
         taken: list[T] = []
-        while True:
+        for _ in range(MOST_AT_ONCE):
             try:
                 samples = self._entity.take(1)  # one at a time: one that cannot be read takes no other with it
             except Exception:  # from anywhere in the reading of bytes that a stranger sent
@@ -133,6 +141,8 @@ class Reader(Generic[T]):
                 return taken
             if samples[0].sample_info.valid_data:
                 taken.append(samples[0])
+        os.eventfd_write(self._descriptor, 1)  # there may be more
+        return taken
 
     @property
     def writers(self) -> int:
@@ -186,28 +196,42 @@ class Participant:
 
     def reader(self, topic: str, message: type[T], qos: Qos) -> Reader[T]:
         """Read a topic, such as ``/ap/tf``."""
+        return self._reader(topic, topic_name(topic), message, qos)
+
+    def writer(self, topic: str, message: type[T], qos: Qos) -> Writer[T]:
+        """Write a topic."""
+        return self._writer(topic, topic_name(topic), message, qos)
+
+    def server(self, service: str, request: type[T], reply: type[U]) -> tuple[Reader[T], Writer[U]]:
+        """Return what reads the requests for a service, and what writes its replies.
+
+        Both begin with the ``RequestId`` of rmw_cyclonedds, so it is clients on that who are served.
+        """
+        requests, replies = service_names(service)
+        return self._reader(service, requests, request, DEFAULT), self._writer(service, replies, reply, DEFAULT)
+
+    def _reader(self, name: str, dds_name: str, message: type[T], qos: Qos) -> Reader[T]:
         from cyclonedds.core import Listener
         from cyclonedds.sub import DataReader
 
         descriptor = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._descriptors.append(descriptor)
         listener = Listener(on_data_available=lambda _reader: os.eventfd_write(descriptor, 1))
-        entity = DataReader(self._entity, self._topic(topic, message), qos=_policies(qos), listener=listener)
+        entity = DataReader(self._entity, self._topic(dds_name, message), qos=_policies(qos), listener=listener)
         self._entities.append(entity)
-        return Reader(topic, entity, descriptor)
+        return Reader(name, entity, descriptor)
 
-    def writer(self, topic: str, message: type[T], qos: Qos) -> Writer[T]:
-        """Write a topic."""
+    def _writer(self, name: str, dds_name: str, message: type[T], qos: Qos) -> Writer[T]:
         from cyclonedds.pub import DataWriter
 
-        entity = DataWriter(self._entity, self._topic(topic, message), qos=_policies(qos))
+        entity = DataWriter(self._entity, self._topic(dds_name, message), qos=_policies(qos))
         self._entities.append(entity)
-        return Writer(topic, entity)
+        return Writer(name, entity)
 
-    def _topic(self, name: str, message: type[T]) -> Any:
+    def _topic(self, dds_name: str, message: type[Any]) -> Any:
         from cyclonedds.topic import Topic
 
-        return Topic(self._entity, topic_name(name), message)
+        return Topic(self._entity, dds_name, message)
 
     def close(self) -> None:
         """Leave the graph; readers and writers end with it, and are not to be used any more."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
+from cyclonedds.idl.types import array, float64, int32, int64, sequence, uint8, uint32, uint64
 
 
 def _name(package: str, message: str, kind: str = "msg") -> str:
@@ -221,6 +221,64 @@ class Status(IdlStruct, typename=_name("ardupilot_msgs", "Status")):
     flying: bool = False
     external_control: bool = False
     failsafe: sequence[uint8] = field(default_factory=list)
+
+
+@dataclass
+class RequestId(IdlStruct, typename="rmw_cyclonedds::RequestId"):
+    """Who asks, and his how manyth request it is: what rmw_cyclonedds puts before a request and its reply."""
+
+    guid: uint64 = 0
+    seq: int64 = 0
+
+
+@dataclass
+class ArmMotorsRequest(IdlStruct, typename=_name("ardupilot_msgs", "ArmMotors_Request", "srv")):
+    """Arm, or disarm."""
+
+    id: RequestId = field(default_factory=RequestId)
+    arm: bool = False
+
+
+@dataclass
+class ArmMotorsResponse(IdlStruct, typename=_name("ardupilot_msgs", "ArmMotors_Response", "srv")):
+    """Whether it worked."""
+
+    id: RequestId = field(default_factory=RequestId)
+    result: bool = False
+
+
+@dataclass
+class ModeSwitchRequest(IdlStruct, typename=_name("ardupilot_msgs", "ModeSwitch_Request", "srv")):
+    """Enter a mode."""
+
+    id: RequestId = field(default_factory=RequestId)
+    mode: uint8 = 0
+
+
+@dataclass
+class ModeSwitchResponse(IdlStruct, typename=_name("ardupilot_msgs", "ModeSwitch_Response", "srv")):
+    """Whether it worked, and the mode now."""
+
+    id: RequestId = field(default_factory=RequestId)
+    status: bool = False
+    curr_mode: uint8 = 0
+
+
+@dataclass
+class TriggerRequest(IdlStruct, typename=_name("std_srvs", "Trigger_Request", "srv")):
+    """Nothing, for which ROS 2 has a member that means nothing."""
+
+    id: RequestId = field(default_factory=RequestId)
+    structure_needs_at_least_one_member: uint8 = 0
+
+
+@dataclass
+class TriggerResponse(IdlStruct, typename=_name("std_srvs", "Trigger_Response", "srv")):
+    """Whether it worked, in a word and in words."""
+
+    id: RequestId = field(default_factory=RequestId)
+    success: bool = False
+    message: str = ""
 
 
 POSES: Final = {

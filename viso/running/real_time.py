@@ -4,13 +4,13 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, Protocol
 
 from mav_handlers.channel import Channel
 from mav_handlers.links import wait_readable
-from mav_handlers.links.base import Link
+from mav_handlers.links.base import Link, Readable
 from viso.running.power import PoweredVehicle
-from viso.vehicle.vehicle import LOOP_PERIOD_US
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 NOW_S: Final = time.monotonic
 """The wall clock, in seconds."""
@@ -23,6 +23,20 @@ READ_BUDGET_S: Final = 0.01
 """How long the links may hand in by turns before the main loop's turn."""
 
 
+class Companion(Protocol):
+    """Who exchanges with the vehicle beside its links, such as the topics of a ROS 2 graph."""
+
+    @property
+    def readers(self) -> Sequence[Readable]:
+        """What is to be waited for."""
+
+    def due_us(self) -> int:
+        """Return when it has something to do next, us since boot."""
+
+    def exchange(self, vehicle: Vehicle) -> None:
+        """Hand what has come to the vehicle, and take what is due; the vehicle's clock tells the time."""
+
+
 class Pacer:
     """Runs a vehicle in step with the wall clock, over restarts.
 
@@ -30,6 +44,7 @@ class Pacer:
         powered: fresh.
         links: open links, one for each of the vehicle's ports.
         speedup: seconds of the vehicle for one of the wall clock.
+        beside: who else exchanges with the vehicle.
         now_s: a monotonic clock in seconds.
     """
 
@@ -39,12 +54,14 @@ class Pacer:
         links: Sequence[Link],
         *,
         speedup: float = 1.0,
+        beside: Sequence[Companion] = (),
         now_s: Callable[[], float] = NOW_S,
     ) -> None:
         self._powered = powered
         self._links = list(links)  # those of further clients come and go at the end
         self._servers = len(self._links)
         self._speedup = speedup
+        self._beside = tuple(beside)
         self._now_s = now_s
         self._before_restart_us = 0
         self._power_up()
@@ -69,12 +86,16 @@ class Pacer:
         due_us = self._due_us()
         if until_us is not None:
             due_us = max(self._next_loop_us, min(due_us, until_us - self._before_restart_us))
-        wait_us = due_us - self._now_us()
+        wait_us = min([due_us, *(other.due_us() for other in self._beside)]) - self._now_us()
         if wait_us > 0:
-            wait_readable(self._links, wait_us / 1e6 / self._speedup)
+            others = (reader for other in self._beside for reader in other.readers)
+            wait_readable([*self._links, *others], wait_us / 1e6 / self._speedup)
         self._make_up(min(self._now_us(), due_us - 1))
         self._admit()
         self._read()
+        for other in self._beside:
+            self._powered.vehicle.clock.set_us(self._now_us())
+            other.exchange(self._powered.vehicle)
         now_us = self._now_us()
         if now_us >= self._next_loop_us:
             clock = self._powered.vehicle.clock

@@ -65,7 +65,7 @@ class LiveReport:
         self._aligned_us: int | None = None
         self._told_start = False
         vehicle.texts.on_text.append(lambda severity, text: self._print(f"({severity}) {text}"))
-        vehicle.endpoint.on_event = lambda event: self._event(vehicle.endpoint.channels[event.channel].name, event)
+        vehicle.endpoint.on_event = lambda event: self.take(vehicle.endpoint.channels[event.channel].name, event)
         if isinstance(vehicle.ahrs, Ekf3Ahrs):
             vehicle.ahrs.on_filter_outcome = lambda outcome: self._outcome(vehicle.clock.micros64(), outcome)
 
@@ -77,7 +77,8 @@ class LiveReport:
         time_s = 0.0 if self._vehicle is None else self._vehicle.clock.micros64() / 1e6
         self._console.print(f"{time_s:9.3f} s  {line}")
 
-    def _event(self, link: str, event: MessageEvent) -> None:
+    def take(self, link: str, event: MessageEvent) -> None:
+        """Report what became of a message that came over a link."""
         for listener in self._listeners:
             listener(link, event)
         verdict = event.verdict

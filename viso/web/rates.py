@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from ap_core.verdict import Outcome
-from mav_handlers.endpoint import MessageEvent
+from mav_handlers.endpoint import BAD_DATA_NAME, MessageEvent
 from viso.fates.labels import Fate, fate_of
 from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
 from viso.fates.watch import SampleTest
@@ -39,7 +39,7 @@ class Rates:
     def take_message(self, event: MessageEvent) -> None:
         """Take a message, after what became of its samples at the filter's door."""
         handed = self._fates.take_handed()
-        if event.header is None:
+        if event.name == BAD_DATA_NAME:
             return
         self._mark(event.now_us, event.name, OFFERED)
         self._mark(event.now_us, event.name, event.verdict.outcome.value)

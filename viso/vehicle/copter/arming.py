@@ -33,6 +33,7 @@ class ArmMethod(IntEnum):
     MAVLINK = 1
     LANDED = 13
     DISARMDELAY = 17
+    DDS = 35
 
 
 class Check(NamedTuple):
@@ -152,20 +153,20 @@ class Arming:
     def _run_arm_checks(self) -> bool:
         return all(self._run([check], "Arm", display=True) for check in self._checks.arm)
 
-    def arm(self, do_checks: bool) -> bool:
+    def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Try to arm and tell failures; without checks the mandatory ones remain (AP_Arming::arm).
 
         Tell whether the vehicle is armed by this; False when it was armed already.
         """
         if self.armed or not (self._may_be_forced(do_checks) or self._passes()):
             return False
-        self.become_armed(forced=not do_checks)
+        self.become_armed(forced=not do_checks, method=method)
         return True
 
-    def become_armed(self, *, forced: bool) -> None:
+    def become_armed(self, *, forced: bool, method: ArmMethod = ArmMethod.MAVLINK) -> None:
         """Arm, whatever checks would say."""
         self.armed = True
-        self._log.arming(armed=True, checks=self.enabled_checks(), forced=forced, method=ArmMethod.MAVLINK)
+        self._log.arming(armed=True, checks=self.enabled_checks(), forced=forced, method=method)
         self._log.event(EV_ARMED)
         if not forced and self.enabled_checks() == 0:
             self._texts.send_text(_MAV_SEVERITY_WARNING, "Warning: Arming Checks Disabled")

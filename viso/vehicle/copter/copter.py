@@ -195,10 +195,10 @@ class Copter:
 
     # What clients ask for
 
-    def set_mode(self, number: int) -> bool:
+    def set_mode(self, number: int, reason: ModeReason = ModeReason.GCS_COMMAND) -> bool:
         """Enter a mode on behalf of a client; tell whether the vehicle is in it now. A refusal is told as a text."""
         before = self.modes.current
-        entered = self.modes.set_mode(number, ModeReason.GCS_COMMAND)
+        entered = self.modes.set_mode(number, reason)
         if self.modes.current is not before:
             self._parts.on_mode()
         return entered
@@ -264,13 +264,13 @@ class Copter:
         position = self._parts.ahrs.get_relative_position_NED_origin_float()
         return 0.0 if position is None else -100 * float(position.z)
 
-    def arm(self, do_checks: bool) -> bool:
+    def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Try to arm; failures are told as texts (AP_Arming_Copter::arm)."""
         parts = self._parts
         if not do_checks:
             # The log that arming opens is to hold the fact; the checks would have opened it.
             parts.logger.update(True, parts.params)
-        if not self.arming.arm(do_checks):
+        if not self.arming.arm(do_checks, method):
             self.disarmed_us = parts.clock.micros64()
             return False
         self._note_armed()
@@ -298,11 +298,11 @@ class Copter:
         self.modes.log_mode()
         parts.on_armed()
 
-    def disarm(self, force: bool) -> bool:
+    def disarm(self, force: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Disarm, in flight only when forced; tell whether that changed anything (AP_Arming_Copter::disarm)."""
         if not force and not self.landing.landed:
             return False
-        return self._disarm(ArmMethod.MAVLINK, forced=force)
+        return self._disarm(method, forced=force)
 
     def _disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
         if not self.arming.disarm(method, forced=forced):

@@ -30,6 +30,7 @@ class ModeReason(IntEnum):
     GCS_COMMAND = 2
     EKF_FAILSAFE = 6
     INITIALISED = 26
+    DDS_COMMAND = 52
 
 
 class ModeNumber(IntEnum):
