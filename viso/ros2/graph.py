@@ -210,6 +210,11 @@ class Participant:
         requests, replies = service_names(service)
         return self._reader(service, requests, request, DEFAULT), self._writer(service, replies, reply, DEFAULT)
 
+    def client(self, service: str, request: type[T], reply: type[U]) -> tuple[Writer[T], Reader[U]]:
+        """Return what writes requests to such a server, and what reads the replies to all of its clients."""
+        requests, replies = service_names(service)
+        return self._writer(service, requests, request, DEFAULT), self._reader(service, replies, reply, DEFAULT)
+
     def _reader(self, name: str, dds_name: str, message: type[T], qos: Qos) -> Reader[T]:
         from cyclonedds.core import Listener
         from cyclonedds.sub import DataReader
