@@ -38,7 +38,8 @@ class Pose(NamedTuple):
 
     def message(self, time_us: int) -> VISION_POSITION_ESTIMATE:
         """Return it as MAVLink."""
-        return VISION_POSITION_ESTIMATE(time_us, *self.place_ned_m, *map(float, self.rpy_rad), (0.0,) * 21, 0)
+        roll, pitch, yaw = map(float, self.rpy_rad)
+        return VISION_POSITION_ESTIMATE(time_us, *self.place_ned_m, roll, pitch, yaw, (0.0,) * 21, 0)
 
 
 def _of_length_1(yaw: np.float32) -> np.float32:

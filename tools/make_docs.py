@@ -228,6 +228,10 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("velocity's error in the MAV backend", lambda one: said(one.visual_odom.mav_vel_err))
     yield row("field of HIGHRES_IMU", lambda one: f"mGauss times {one.endpoint.highres_field_scale:g}")
     yield row("EKF failsafe", lambda one: " or ".join(f"`{text}`" for text in dict.fromkeys(one.variance_texts)))
+    yield row("covariances of an IMU on ROS 2", lambda one: f"begin with {one.dds.unknown_covariance:g}")
+    yield row(
+        "status on ROS 2 without a change", lambda one: f"{one.dds.status_again_ms or '-'} ms".replace("- ms", "no")
+    )
     for name, (what, proof) in _EKF_CHANGES.items():
         yield what, *(f"yes ({proof})" if getattr(one.ekf, name) else "no" for one in PROFILES.values())
     yield row("system id", lambda one: f"`{one.endpoint.params.system_id}`")

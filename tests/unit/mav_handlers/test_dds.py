@@ -85,7 +85,9 @@ def test_stamp_before_1970_wraps() -> None:
     assert time_u64_micros(-1, 500_000_000) == 2**64 - 500_000
 
 
-@pytest.mark.parametrize("frames", [("map", "base_link"), ("odom", "camera"), ("base_link", "odom"), ("/odom", "base_link")])
+@pytest.mark.parametrize(
+    "frames", [("map", "base_link"), ("odom", "camera"), ("base_link", "odom"), ("/odom", "base_link")]
+)
 def test_other_frames_are_dropped(bench: "Bench", frames: tuple[str, str]) -> None:
     other = POSE._replace(frame_id=frames[0], child_frame_id=frames[1])
     assert receive_transforms(bench.vehicle, [other, POSE]) == [TF_FRAMES, CONSUMED]

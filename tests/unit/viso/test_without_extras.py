@@ -28,7 +28,7 @@ EXTRAS = (
     "quaternion",
     "numba",
     "scipy",
-    "filterpy",
+    "cyclonedds",
 )
 PROGRAM = """
 import sys
@@ -75,6 +75,13 @@ def test_what_needs_an_extra_says_which(tmp_path: Path, command: tuple[str, ...]
     assert err.startswith("viso: ")
     assert "pip install 'ardupilot-viso[vio]'" in err
     assert err.count("\n") == 1
+
+
+def test_serving_ros_2_needs_an_extra_and_says_which(tmp_path: Path) -> None:
+    code, err = viso("serve", "--dds", "0", "--master", "tcpin:127.0.0.1:0", cwd=tmp_path)
+    assert (code, err.count("\n")) == (2, 1)
+    assert err.startswith("viso: --dds: ")
+    assert "pip install 'ardupilot-viso[ros2]'" in err
 
 
 def test_landmarks_do_without_on_a_sphere_and_say_so(tmp_path: Path) -> None:

@@ -292,3 +292,26 @@ def test_pacer_sleeps_over_passes_of_which_nothing_comes(make: Callable[..., Rig
     expected = records_of(other)
     Scheduler(other).run_until(6_150_000)
     assert records[: len(expected)] == expected
+
+
+class Beside:
+    """Who exchanges with the vehicle every 7 ms; ``times_us`` holds when he did."""
+
+    readers = ()
+
+    def __init__(self) -> None:
+        self.times_us: list[int] = []
+
+    def due_us(self) -> int:
+        return 7_000 * (len(self.times_us) + 1)
+
+    def exchange(self, vehicle: Vehicle) -> None:
+        if vehicle.clock.micros64() >= self.due_us():
+            self.times_us.append(vehicle.clock.micros64())
+
+
+def test_pacer_gets_up_for_who_is_beside_the_links(clock: WallClock) -> None:
+    beside = Beside()
+    pacer = Pacer(PoweredVehicle(VehicleConfig(), [Port("link")]), [make_pair()[0]], beside=[beside], now_s=clock)
+    pacer.run(lambda: False, until_us=100_000)
+    assert beside.times_us == pytest.approx([7_000 * number for number in range(1, 15)], abs=2)
