@@ -230,7 +230,8 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("EKF failsafe", lambda one: " or ".join(f"`{text}`" for text in dict.fromkeys(one.variance_texts)))
     yield row("covariances of an IMU on ROS 2", lambda one: f"begin with {one.dds.unknown_covariance:g}")
     yield row(
-        "status on ROS 2 without a change", lambda one: f"{one.dds.status_again_ms or '-'} ms".replace("- ms", "no")
+        "status on ROS 2 without a change",
+        lambda one: f"every {one.dds.status_again_ms} ms" if one.dds.status_again_ms else "no",
     )
     for name, (what, proof) in _EKF_CHANGES.items():
         yield what, *(f"yes ({proof})" if getattr(one.ekf, name) else "no" for one in PROFILES.values())
