@@ -106,10 +106,7 @@ def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, 
 
 
 def _enter_domain(domain: int, stack: ExitStack) -> "DdsAutopilot":
-    # Imported where it is wanted: it needs an extra.
-    require_cyclonedds("--dds")
-    check_domain(domain, "--dds")
-    from viso.dds.autopilot import DdsAutopilot
+    from viso.dds.autopilot import DdsAutopilot  # imported where it is wanted: it needs an extra
 
     return stack.enter_context(closing(DdsAutopilot(domain)))
 
@@ -206,6 +203,9 @@ def serve(
         raise InputError(f"--master: the autopilot has parameters for {MAX_LINKS} links, not {len(names)}")
     if as_json and verdicts is not None:
         raise InputError("--json and --verdicts both take standard output: use --verdicts-file")
+    if dds is not None:
+        check_domain(dds, "--dds")
+        require_cyclonedds("--dds")
     profile = firmware_of(firmware)
     files = [*preset_files(preset), *(defaults or [])]
     vicon = wants_vicon(vision, imu, "--vision")

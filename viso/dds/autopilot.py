@@ -71,7 +71,7 @@ class DdsAutopilot:
     def due_us(self) -> int:
         """Return when something is to be written next, us since boot."""
         dues = (last + topic.delay_ms + 1 for last, (topic, _) in zip(self._last_ms, self._topics, strict=True))
-        return min(dues, default=0) * 1000
+        return min(dues) * 1000
 
     def exchange(self, vehicle: Vehicle) -> None:
         """Hand what has come to the vehicle, and write what is due; the vehicle's clock tells the time."""
