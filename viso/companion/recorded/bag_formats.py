@@ -3,7 +3,7 @@
 """Trajectories in bags of ROS 1 and ROS 2, MCAP among them, through rosbags (the extra ``bags``)."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,9 +61,9 @@ POSE_TYPES: Final[Mapping[str, Callable[[Any], _Record]]] = MappingProxyType(
 )
 
 
-_FRAME_TYPES: Final = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
-_Message: TypeAlias = tuple[int, str, Any]
-"""When the bag got it in ns, its type, and its content."""
+FRAME_TYPES: Final = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+PoseMessage: TypeAlias = tuple[int, str, Any]
+"""When it came in ns, its type, one of ``POSE_TYPES``, and its content."""
 
 
 def bag_records(path: Path, topic: str | None) -> Records:
@@ -88,7 +88,7 @@ def bag_records(path: Path, topic: str | None) -> Records:
                 (time_ns, connection.msgtype, reader.deserialize(data, connection.msgtype))
                 for connection, time_ns, data in reader.messages(chosen)
             )
-            return _collect(path, _of_frames(path, messages, topic or "/tf") if connections else messages)
+            return collect(str(path), _of_frames(path, messages, topic or "/tf") if connections else messages)
 
 
 @contextmanager
@@ -129,13 +129,13 @@ def _transforming(connections: list[Any], topic: str | None) -> list[Any]:
     if topic is None and any(connection.msgtype in POSE_TYPES for connection in connections):
         return []
     name = "/tf" if topic is None else topic.partition(":")[0]
-    return [one for one in connections if one.msgtype in _FRAME_TYPES and one.topic == name]
+    return [one for one in connections if one.msgtype in FRAME_TYPES and one.topic == name]
 
 
-def _of_frames(path: Path, messages: Iterator[_Message], topic: str) -> Iterator[_Message]:
+def _of_frames(path: Path, messages: Iterator[PoseMessage], topic: str) -> Iterator[PoseMessage]:
     """Return the transforms from one frame to another, named ``/tf:PARENT.CHILD``, or those of the only two."""
     name, _, wanted = topic.partition(":")
-    found: dict[str, list[_Message]] = {}
+    found: dict[str, list[PoseMessage]] = {}
     for time_ns, _kind, message in messages:
         for one in message.transforms:
             frames = f"{one.header.frame_id}.{one.child_frame_id}"
@@ -149,7 +149,8 @@ def _of_frames(path: Path, messages: Iterator[_Message], topic: str) -> Iterator
     return iter(found[wanted])
 
 
-def _collect(path: Path, messages: Iterator[_Message]) -> Records:
+def collect(source: str, messages: Iterable[PoseMessage]) -> Records:
+    """Return what messages hold, as it stands there; raises TrajectoryError, naming their source, for no time."""
     times_ns: list[int] = []
     arrivals_ns: list[int] = []
     records: list[_Record] = []
@@ -157,14 +158,14 @@ def _collect(path: Path, messages: Iterator[_Message]) -> Records:
         stamp = message.header.stamp
         time_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
         if not 0 <= (time_ns or bag_time_ns) < TIME_END_NS:
-            raise TrajectoryError(f"{path}: message {number}: not a time: {time_ns or bag_time_ns} ns")
+            raise TrajectoryError(f"{source}: message {number}: not a time: {time_ns or bag_time_ns} ns")
         times_ns.append(time_ns)
         arrivals_ns.append(bag_time_ns)
         records.append(POSE_TYPES[kind](message))
     has_arrivals = all(0 <= time_ns < TIME_END_NS for time_ns in arrivals_ns)
     has_velocity = all(record.velocity is not None for record in records)
     return Records(
-        str(path),
+        source,
         times_ns,
         [_xyz(record.position) for record in records],
         [_wxyz(record.quat) for record in records],

@@ -139,17 +139,21 @@ class Form:
     Attributes:
         encode: makes the messages of a report.
         summary: what they carry.
+        tells_velocity: whether a velocity is part of it.
     """
 
     encode: Callable[[Report], tuple[Message, ...]]
     summary: str
+    tells_velocity: bool = False
 
 
 FORMS: Final[Mapping[str, Form]] = MappingProxyType(
     {
-        "odometry": Form(odometry, "ODOMETRY: pose, velocity, covariance, quality, resets"),
+        "odometry": Form(odometry, "ODOMETRY: pose, velocity, covariance, quality, resets", tells_velocity=True),
         "vision": Form(vision_position_estimate, "VISION_POSITION_ESTIMATE: pose, covariance, resets"),
-        "vision+speed": Form(vision_with_speed, "VISION_POSITION_ESTIMATE and VISION_SPEED_ESTIMATE"),
+        "vision+speed": Form(
+            vision_with_speed, "VISION_POSITION_ESTIMATE and VISION_SPEED_ESTIMATE", tells_velocity=True
+        ),
         "delta": Form(vision_position_delta, "VISION_POSITION_DELTA: changes of the pose, confidence"),
         "mocap": Form(att_pos_mocap, "ATT_POS_MOCAP: pose alone"),
     }

@@ -34,6 +34,14 @@ class TrajectoryError(Exception):
         super().__init__(" ".join(text.split()))
 
 
+class TooFewRecords(TrajectoryError):
+    """Too few records can be used; ``left_out`` counts the others by reason."""
+
+    def __init__(self, text: str, left_out: Mapping[str, int]) -> None:
+        super().__init__(text)
+        self.left_out = left_out
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Records:
     """What a file holds, as it stands there, whether it can be used or not.
@@ -59,7 +67,7 @@ class Records:
     left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
 
 
-def usable(records: Records, *, from_anywhere: bool = False) -> RecordedTrajectory:
+def usable(records: Records, *, from_anywhere: bool = False, fewest: int = 2) -> RecordedTrajectory:
     """Return the trajectory of what can be used; a record without a time has that of its arrival.
 
     Records that cannot be used are left out, and counted. Velocities that are all 0 or NaN count as unknown, as do
@@ -68,9 +76,10 @@ def usable(records: Records, *, from_anywhere: bool = False) -> RecordedTrajecto
     Args:
         records: what a file holds.
         from_anywhere: whether positions may lie far from the origin, as those of UTM do, if near to each other.
+        fewest: how many records must be usable.
 
     Raises:
-        TrajectoryError: if fewer than 2 records can be used.
+        TooFewRecords: if fewer can be used.
     """
     times_ns = records.times_ns
     if records.arrivals_ns is not None:
@@ -100,9 +109,10 @@ def usable(records: Records, *, from_anywhere: bool = False) -> RecordedTrajecto
     if len(kept):  # a stamp of 0 before a clock is set, or a damaged one, would make years of silence
         drop(np.abs(times[kept] - int(np.median(times[kept]))) > DAY_NS, FAR_OFF)
     drop(times[kept] <= np.maximum.accumulate(np.concatenate([[-1], times[kept]]))[:-1], NOT_LATER)
-    if len(kept) < 2:
+    if len(kept) < fewest:
         reasons = "".join(f"; {number} with {reason}" for reason, number in counts.items())
-        raise TrajectoryError(f"{records.source}: {len(kept)} usable records, and a trajectory needs 2{reasons}")
+        text = f"{records.source}: {len(kept)} usable records, and a trajectory needs {fewest}{reasons}"
+        raise TooFewRecords(text, counts)
     covariance = None if covariances is None else _sound(np.array(covariances, dtype=np.float64)[kept], counts)
     return RecordedTrajectory(
         times[kept],
