@@ -39,6 +39,7 @@ ENDS_WITH_1 = {
 UNTIL_CTRL_C = {
     r"viso serve (?!.*--duration)": "ArduPilot Ready",
     r"viso faults .* udpin:": "",
+    r"viso play --ros2": "waiting for poses",
 }
 COMPLAINTS = ("Traceback", "install it with", "pip install")
 # A command takes seconds; a busy machine may take its time.

@@ -27,6 +27,12 @@ LIMIT_S = 20.0
 # For a whole session of a client.
 SESSION_S = 60.0
 RATE_HZ = 30
+LOOPBACK = (
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces>'
+    "<AllowMulticast>false</AllowMulticast></General><Discovery><Peers><Peer address='127.0.0.1'/></Peers>"
+    "<ParticipantIndex>auto</ParticipantIndex></Discovery></Domain></CycloneDDS>"
+)
+"""What CYCLONEDDS_URI says so that DDS stays on this machine."""
 SCREEN_LINES = 20
 
 

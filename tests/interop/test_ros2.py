@@ -18,6 +18,7 @@ from pymavlink.DFReader import DFReader_binary
 from mav_handlers.dds import Transform
 from mav_handlers.wire.codec import Codec
 from tests.figure_of_eight import Pose, figure_of_eight
+from tests.interop.programs import LOOPBACK
 from viso.logs.sink import MemoryLog
 from viso.ros2 import messages as ros
 from viso.ros2.graph import DEFAULT, LATCHED, SENSOR_DATA, Participant, Reader, Writer
@@ -36,11 +37,6 @@ PARAMS = {
     "GPS1_TYPE": 0,
 }
 DOMAIN = 1 + os.getpid() % 100
-LOOPBACK = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces>'
-    "<AllowMulticast>false</AllowMulticast></General><Discovery><Peers><Peer address='127.0.0.1'/></Peers>"
-    "<ParticipantIndex>auto</ParticipantIndex></Discovery></Domain></CycloneDDS>"
-)
 RATE_HZ = 20
 REST_S = 8
 FLIGHT_S = 12

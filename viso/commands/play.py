@@ -3,35 +3,55 @@
 """``viso play``: the trajectory that an odometry recorded, sent as external navigation."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, NamedTuple, TypeVar
 
 import typer
 from rich.console import Console
 from rich.live import Live
 from rich.table import Column, Table
 
-from mav_handlers.links import open_link
+from mav_handlers.links import Link, open_link
 from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.frame_change import PRESETS, FrameChange, parse_rotation
+from viso.companion.recorded.live import RESET_JUMP_M, LiveOptions, LivePoses
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.player import Player, Text
 from viso.companion.recorded.readers import FORMATS, Source
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.sender import OffsetClock
 from viso.errors import InputError
 from viso.options.checks import within
+from viso.options.live_topic import DomainOption
 from viso.options.outputs import Output
+from viso.ros2.poses import SCHEME, PoseTopic, live_topic_of
+from viso.running.bridging import Bridge, delay_lines
 from viso.running.playing import LinkPlay, write_telemetry_log
 from viso.streams.trajectory_files import axes_of, form_of, left_out, load
 from viso.terminal.console import err, out
 from viso.terminal.signals import stop_on_signal
 
 DEFAULT_LINK: Final = "tcp:127.0.0.1:5760"
+_FOR_FILES: Final = (
+    *("output", "format_name", "topic", "times", "rate", "max_gap"),
+    *("speed", "loop", "delay", "latency", "stamp_offset", "speedup"),
+)
 LONGEST_S: Final = 4e9
 LONGEST_DELAY_S: Final = 86_400.0
+_Run = TypeVar("_Run", LinkPlay, Bridge)
+
+
+class _To(NamedTuple):
+    """Where to send, how long, and where to show it."""
+
+    name: str
+    until_us: int | None
+    wait_s: float
+    console: Console
+    live: bool
 
 
 def _frame_change(axes: str, mounting: str, yaw_deg: float, from_zero: bool, scale: float) -> FrameChange:
@@ -63,9 +83,23 @@ def _table(sent: Mapping[str, int]) -> Table:
 
 
 def play(
+    context: typer.Context,
     trajectory_file: Annotated[
-        Path, typer.Argument(help="A text file, a bag or the folder of one; see --format.", metavar="TRAJECTORY")
-    ],
+        Path | None,
+        typer.Argument(
+            help=f"A text file, a bag or the folder of one, see --format; or {SCHEME}/TOPIC, see --ros2.",
+            metavar="TRAJECTORY",
+        ),
+    ] = None,
+    ros2: Annotated[
+        str | None,
+        typer.Option(
+            help="Send what comes on this live topic of ROS 2, at once: Odometry, a pose with or without covariance, "
+            f"or transforms, named /tf:PARENT.CHILD. The same as {SCHEME}/TOPIC for TRAJECTORY.",
+            metavar="/TOPIC",
+        ),
+    ] = None,
+    domain: DomainOption = 0,
     master: Annotated[
         str | None,
         typer.Option(help=f"Link to the vehicle, as of viso serve; default {DEFAULT_LINK}.", metavar="STRING"),
@@ -114,7 +148,8 @@ def play(
         bool, typer.Option("--differentiate", help="Take velocities from positions, whatever the recording says.")
     ] = False,
     reset_jump: Annotated[
-        float | None, typer.Option(help="Count up the reset counter where the position jumps by more, in m.")
+        float | None,
+        typer.Option(help="Count up the reset counter where the position jumps by more, in m; 0.5 of a live topic."),
     ] = None,
     speed: Annotated[float, typer.Option(help="Fly this much faster; velocities follow.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, as after a reset.")] = False,
@@ -129,7 +164,8 @@ def play(
 ) -> None:
     """Play the trajectory that an odometry or a motion capture recorded, as a companion computer would send it.
 
-    It goes out in real time, and what the vehicle says is shown; or into a telemetry log that viso replay reads.
+    It goes out in real time, and what the vehicle says is shown; or into a telemetry log that viso replay reads. A live
+    topic of ROS 2 is sent as it comes, until Ctrl-C.
     ODOMETRY is in LOCAL_FRD and BODY_FRD, all else in NED.
 
     Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso play poses.tum -o flight.tlog
@@ -154,31 +190,55 @@ def play(
         raise InputError("--master and --output: one of the two")
     if loop and output is not None and until is None:
         raise InputError("--loop: a log without an end needs --until")
+    live_name = _live_topic(trajectory_file, ros2)
+    change = _frame_change(axes, mounting, yaw, from_zero and live_name is None, scale)
+    sigmas = None if sigma is None else _sigmas(sigma)
+    until_us = None if until is None else int(until * 1e6)
+    console = err if as_json else out
+    texts: list[Text] = []
+
+    def adapted(recorded: RecordedTrajectory) -> RecordedTrajectory:
+        trajectory = change.apply(recorded.without_velocities() if differentiate else recorded)
+        return trajectory if sigma is None else trajectory.with_sigmas(sigmas)
+
+    def take(text: Text) -> None:
+        texts.append(text)
+        console.print(f"({text.severity}) {text.text}")
+
+    to = _To(master or DEFAULT_LINK, until_us, wait, console, live and not as_json)
+    if live_name is not None:
+        _refuse_for_files(context)
+        jump_m = RESET_JUMP_M if reset_jump is None else reset_jump
+        options = LiveOptions(adapted, form_of(form), quality, encoding, jump_m, from_zero)
+        with closing(PoseTopic(live_name, domain)) as live_topic:
+            poses = LivePoses(options)
+            summary = _drive(
+                to, lambda link, stop: Bridge(link, live_topic, poses, on_text=take, on_news=err.print, stop=stop)
+            ).summary()
+        if as_json:
+            out.print_json(data={**summary, "texts": [text._asdict() for text in texts]})
+        else:
+            _print_bridged(summary)
+        return
+    assert trajectory_file is not None
     start_us, latency_us, clock = int(delay * 1e6), int(latency * 1e3), OffsetClock(int(stamp_offset * 1e6))
     playback = Playback(form_of(form), speed, loop, start_us, latency_us, clock, quality, encoding)
-    change = _frame_change(axes, mounting, yaw, from_zero, scale)
-    sigmas = None if sigma is None else _sigmas(sigma)
     source = Source(trajectory_file, topic, times)
     recorded = load(source, format_name, from_anywhere=from_zero)
     for line in left_out(source, recorded):
         err.print(f"note: {line}")
-    trajectory = change.apply(recorded.without_velocities() if differentiate else recorded)
-    if sigma is not None:
-        trajectory = trajectory.with_sigmas(sigmas)
+    trajectory = adapted(recorded)
     if reset_jump is not None:
         trajectory = trajectory.with_resets_at_jumps(reset_jump)
     if rate is not None:
         trajectory = trajectory.resampled(rate, max_gap)
     player = Player(RecordedEngine(trajectory, playback))
-    until_us = None if until is None else int(until * 1e6)
-    console = err if as_json else out
     lengths = f"{len(recorded)} records in {recorded.duration_s:.3f} s, {len(trajectory)} to send"
     console.print(f"{trajectory_file}: {lengths}")
-    texts: list[Text] = []
     if output is not None:
         write_telemetry_log(output, player, int(trajectory.times_ns[0]), until_us)
     else:
-        _play_live(master or DEFAULT_LINK, player, texts, until_us, speedup, wait, console, live=live and not as_json)
+        _drive(to, lambda link, stop: LinkPlay(link, player, on_text=take, stop=stop, speedup=speedup))
     if as_json:
         said = [text._asdict() for text in texts]
         counts = {"records": len(recorded), "left_out": dict(recorded.left_out), "sent": dict(player.sent)}
@@ -189,36 +249,47 @@ def play(
         console.print(f"log: {output}")
 
 
-def _play_live(
-    name: str,
-    player: Player,
-    texts: list[Text],
-    until_us: int | None,
-    speedup: float,
-    wait_s: float,
-    console: Console,
-    *,
-    live: bool,
-) -> None:
-    def take(text: Text) -> None:
-        texts.append(text)
-        console.print(f"({text.severity}) {text.text}")
+def _live_topic(file: Path | None, ros2: str | None) -> str | None:
+    """Return the name of the live topic, None for a file; raises InputError unless it is one of them."""
+    if (file is None) == (ros2 is None):
+        raise InputError("TRAJECTORY: a file is needed, or a live topic")
+    return ros2 if file is None else live_topic_of(str(file))
 
+
+def _refuse_for_files(context: typer.Context) -> None:
+    for option in context.command.params:
+        given = option.name in _FOR_FILES and context.get_parameter_source(option.name)
+        if given and given.name == "COMMANDLINE":
+            raise InputError(f"{option.opts[-1]}: not of a live topic, which is sent as it comes")
+
+
+def _print_bridged(summary: Mapping[str, Any]) -> None:
+    for reason, count in summary["left_out"].items():
+        err.print(f"note: {summary['topic']}: {count} with {reason}")
+    out.print(_table(summary["sent"]))
+    out.print(f"{summary['topic']}: {summary['heard']} poses heard, {summary['resets']} resets")
+    for line in delay_lines(summary):
+        out.print(line)
+
+
+def _drive(to: _To, make: Callable[[Link, Callable[[], bool]], _Run]) -> _Run:
+    """Send what ``make`` makes of a link and of what tells when to stop; return it."""
     with ExitStack() as stack:
-        link = stack.enter_context(closing(open_link(name)))
+        link = stack.enter_context(closing(open_link(to.name)))
         stop = stack.enter_context(stop_on_signal())
-        if live and console.is_terminal:
+        run = make(link, lambda: bool(stop))
+        if to.live and to.console.is_terminal:
             # Drawn by a thread, which takes a copy of the counts.
-            shown = Live(console=console, transient=True, get_renderable=lambda: _table(dict(player.sent)))
+            shown = Live(console=to.console, transient=True, get_renderable=lambda: _table(run.sent()))
             stack.enter_context(shown)
-        run = LinkPlay(link, player, on_text=take, stop=lambda: bool(stop), speedup=speedup)
-        if wait_s and not run.wait_for_vehicle(wait_s) and not stop:
+        if to.wait_s and not run.wait_for_vehicle(to.wait_s) and not stop:
             why = link.stats.unreached
-            told = f"no vehicle heard within {wait_s:g} s{f': {why}' if why else ''} (--wait 0 plays unheard)"
-            raise InputError(f"--master {name}: {told}")
+            told = f"no vehicle heard within {to.wait_s:g} s{f': {why}' if why else ''} (--wait 0 plays unheard)"
+            raise InputError(f"--master {to.name}: {told}")
         before = link.stats.bytes_dropped  # a heartbeat may have been ahead of the connection
-        run.run(until_us)
+        run.run(to.until_us)
         stats = link.stats
     if stats.bytes_dropped > before:
         reasons = ", ".join(stats.drop_reasons)
-        err.print(f"note: {name}: {stats.bytes_dropped - before} bytes did not reach the vehicle: {reasons}")
+        err.print(f"note: {to.name}: {stats.bytes_dropped - before} bytes did not reach the vehicle: {reasons}")
+    return run

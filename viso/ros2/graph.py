@@ -36,6 +36,8 @@ MISSING_EXTRA: Final = f"ROS 2 topics are read and written with cyclonedds; inst
 MOST_AT_ONCE: Final = 100
 MAX_DOMAIN: Final = 232
 """The highest domain whose ports exist; beyond 101 some belong to the system's outgoing connections."""
+_PREFIX: Final = "rt/"
+_MOST_WRITERS: Final = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,7 @@ def require_cyclonedds(asker: str) -> None:
 
 def topic_name(topic: str) -> str:
     """Return the name that a ROS 2 topic has in DDS: /ap/tf is rt/ap/tf."""
-    return f"rt/{topic.lstrip('/')}"
+    return f"{_PREFIX}{topic.lstrip('/')}"
 
 
 def service_names(service: str) -> tuple[str, str]:
@@ -193,6 +195,7 @@ class Participant:
             raise InputError(f"DDS domain {domain} cannot be entered: {error.msg or error}") from error
         self._entities: list[Any] = [self._entity]
         self._descriptors: list[int] = []
+        self._publications: Any = None
 
     def reader(self, topic: str, message: type[T], qos: Qos) -> Reader[T]:
         """Read a topic, such as ``/ap/tf``."""
@@ -232,6 +235,24 @@ class Participant:
         entity = DataWriter(self._entity, self._topic(dds_name, message), qos=_policies(qos))
         self._entities.append(entity)
         return Writer(name, entity)
+
+    def topics(self) -> dict[str, set[str]]:
+        """Return the topics that somebody writes now, and the types of each, both as ROS 2 names them."""
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
+
+        if self._publications is None:
+            entity = BuiltinDataReader(self._entity, BuiltinTopicDcpsPublication)
+            alive = ReadCondition(entity, SampleState.Any | ViewState.Any | InstanceState.Alive)
+            self._entities += [entity, alive]
+            self._publications = entity, alive
+        entity, alive = self._publications
+        found: dict[str, set[str]] = {}
+        for one in entity.read(_MOST_WRITERS, alive):
+            if one.topic_name.startswith(_PREFIX):
+                kinds = found.setdefault(one.topic_name[len(_PREFIX) - 1 :], set())
+                kinds.add(one.type_name.replace("::dds_::", "::").replace("::", "/").removesuffix("_"))
+        return found
 
     def _topic(self, dds_name: str, message: type[Any]) -> Any:
         from cyclonedds.topic import Topic

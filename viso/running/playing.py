@@ -60,6 +60,10 @@ class LinkPlay:
             self._listen(LONGEST_WAIT_S)
         return self._player.heard
 
+    def sent(self) -> dict[str, int]:
+        """Return how many messages of each type were sent."""
+        return dict(self._player.sent)
+
     def run(self, until_us: int | None = None) -> None:
         """Play until the trajectory ends, or for so long of its time."""
         start_s = self._now_s()

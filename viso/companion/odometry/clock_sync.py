@@ -38,6 +38,12 @@ class ClockSync:
         best = self._best()
         return None if best is None else best.offset_ns
 
+    @property
+    def round_trip_ns(self) -> int | None:
+        """How long the best answer took there and back, or None before the first good one."""
+        best = self._best()
+        return None if best is None else best.round_trip_ns
+
     def request(self, now_ns: int) -> TIMESYNC:
         """Return a request to be sent at once."""
         self._outstanding.append(now_ns)
