@@ -15,7 +15,7 @@ from mav_handlers.links import LINKS, open_link
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.readers import FORMATS
 from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_rules, diagnose, gather
-from viso.doctor.live import LinkRecorder
+from viso.doctor.live import LinkRecorder, heard_on_topic, stream_of_topic
 from viso.doctor.measures.vehicle_data import vehicle_of_log
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
@@ -24,13 +24,16 @@ from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
 from viso.options.firmware import RecordedFirmwareOption, firmware_of
+from viso.options.live_topic import DomainOption
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
 from viso.options.settings import load_settings, read_assignment
+from viso.ros2.poses import PoseTopic, live_topic_of
 from viso.streams.heard import firmware_of_recording
-from viso.streams.recorded_poses import FORMS_AS_RECORDED
+from viso.streams.recorded_poses import FORMS_AS_RECORDED, check_form
 from viso.streams.sessions import one_session
 from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_whole_stream
+from viso.streams.trajectory_files import axes_of
 from viso.terminal.console import err, out, progress
 from viso.terminal.signals import stop_on_signal
 
@@ -44,7 +47,8 @@ def doctor(
         str,
         typer.Argument(
             help="A telemetry log (.tlog), a DataFlash log (.BIN, .BIN.xz), a capture (.jsonl), a trajectory (TUM, "
-            "EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP), or a link to listen to, such as udpin:0.0.0.0:14550.",
+            "EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP), or what to listen to: a link, such as "
+            "udpin:0.0.0.0:14550, or a topic of ROS 2, such as ros2:/odom.",
             metavar="FILE_OR_LINK",
         ),
     ],
@@ -58,7 +62,8 @@ def doctor(
     junit: Annotated[
         Path | None, typer.Option(help="Write findings here as JUnit XML.", metavar="FILE"), Output.FILE
     ] = None,
-    seconds: Annotated[float, typer.Option(help="How long to listen to a link.")] = 20.0,
+    seconds: Annotated[float, typer.Option(help="How long to listen to a link or a topic.")] = 20.0,
+    domain: DomainOption = 0,
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
@@ -85,15 +90,15 @@ def doctor(
         typer.Option(help="Which one, from 1, if the autopilot was rebooted; default that with most to look at."),
     ] = None,
     axes: Annotated[
-        str, typer.Option(help=f"Of a trajectory: WORLD/BODY, such as ENU/FLU, or {', '.join(AXES)}.")
+        str, typer.Option(help=f"Of a trajectory or a topic: WORLD/BODY, such as ENU/FLU, or {', '.join(AXES)}.")
     ] = _TRAJECTORY.axes,
     topic: Annotated[str | None, typer.Option(help="Of a bag; default the only one with poses.")] = None,
     form: Annotated[
         str | None,
         typer.Option(
             "--as",
-            help=f"What a trajectory is sent as: {', '.join(FORMS_AS_RECORDED)}; default the one that carries what the "
-            "file holds.",
+            help=f"What a trajectory or topic is sent as: {', '.join(FORMS_AS_RECORDED)}; default the one that "
+            "carries what it holds.",
         ),
     ] = None,
     format_name: Annotated[
@@ -108,8 +113,8 @@ def doctor(
     recording, its attitude above all, is held against the stream. Each finding has a code, which the page on the doctor
     explains.
 
-    A trajectory or a bag is sent as it stands in the file, with all that may be wrong with it; what no such file holds,
-    such as how messages crossed a link, is passed over. If the autopilot was rebooted within a recording, one session
+    A trajectory, a bag or a topic is sent as it stands, with all that may be wrong with it; what it does not hold, such
+    as how messages crossed a link, is passed over. If the autopilot was rebooted within a recording, one session
     is looked at, and a note tells which.
 
     Exit code 1: there is an error (see --fail-on).
@@ -129,7 +134,12 @@ def doctor(
     for text in param or []:
         read_assignment(text)
     trajectory = TrajectoryOptions(format_name=format_name, topic=topic, times=times, axes=axes)
-    if _is_link(source):
+    live_topic = live_topic_of(source)
+    if live_topic is not None:
+        check_form(form)
+        axes_of(axes)
+        stream = _hear(live_topic, domain, seconds, int(lead * 1e6), axes, form)
+    elif _is_link(source):
         stream = _listen(source, seconds, int(lead * 1e6))
     else:
         with progress(f"reading {source}", None):
@@ -175,6 +185,19 @@ def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
         if why := link.stats.unreached:
             raise InputError(f"{connection}: {why}")
     return recorder.stream()
+
+
+def _hear(name: str, domain: int, seconds: float, lead_us: int, axes: str, form: str | None) -> Stream:
+    with closing(PoseTopic(name, domain)) as topic:
+        with stop_on_signal() as signals, progress(f"listening to {name}", int(seconds)) as bar:
+            heard = heard_on_topic(
+                topic,
+                seconds,
+                time.time_ns,
+                lambda: bool(signals),
+                lambda passed_s: bar.update(bar.task_ids[0], completed=passed_s),
+            )
+        return stream_of_topic(topic, heard, lead_us, axes, form)
 
 
 def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherOptions:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listens to a link for a while, and returns what came as a stream."""
+"""Listens to a link or a live topic for a while, and returns what came as a stream."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,7 +8,12 @@ from typing import Final
 
 from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
+from viso.companion.recorded.bag_formats import collect
+from viso.companion.recorded.records import TrajectoryError
+from viso.errors import InputError, told_errors
+from viso.ros2.poses import SCHEME, Heard, PoseTopic
 from viso.streams.heard import version_heard
+from viso.streams.recorded_poses import as_recorded
 from viso.streams.stream_kinds import Stream, StreamMessage
 
 LONGEST_WAIT_S: Final = 0.1
@@ -66,3 +71,49 @@ class LinkRecorder:
         notes = (f"{self._link.name}: {self._damaged} bytes that were no frames",) if self._damaged else ()
         stream = Stream(self._link.name, tuple(self._messages), notes=notes)
         return replace(stream, flown=version_heard(stream))
+
+
+def heard_on_topic(
+    topic: PoseTopic,
+    seconds: float,
+    now_ns: Callable[[], int],
+    stop: Callable[[], bool],
+    on_progress: Callable[[float], None],
+) -> list[Heard]:
+    """Return the poses that come on a topic, until time is up or ``stop`` says so.
+
+    Args:
+        topic: to listen to.
+        seconds: how long.
+        now_ns: the clock by which they arrive.
+        stop: tells whether to end.
+        on_progress: told the seconds that have passed.
+
+    Raises:
+        InputError: if none came; says why.
+    """
+    heard: list[Heard] = []
+    start_ns = now_ns()
+    while (passed_s := (now_ns() - start_ns) * 1e-9) < seconds and not stop():
+        on_progress(passed_s)
+        topic.find()
+        wait_readable([topic], min(LONGEST_WAIT_S, seconds - passed_s))
+        heard += topic.take(now_ns())
+    if not heard:
+        raise InputError(f"{SCHEME}{topic.name}: nothing heard within {seconds:g} s: {topic.silence()}")
+    return heard
+
+
+def stream_of_topic(topic: PoseTopic, heard: list[Heard], lead_us: int, axes: str, form: str | None) -> Stream:
+    """Return what was heard on a topic as messages that hold it as it is; arguments and errors of ``as_recorded``."""
+    name = SCHEME + topic.name
+    with told_errors(TrajectoryError):
+        records = collect(name, [one.message for one in heard])
+    stream = as_recorded(records, lead_us, axes, form)
+    notes = []
+    writers = len({one.writer for one in heard})
+    if writers > 1:
+        notes.append(f"{name}: {writers} senders; viso play listens to one of them at a time")
+    if topic.damaged:
+        notes.append(f"{name}: {topic.damaged} messages that could not be read")
+    return replace(stream, notes=(*notes, *stream.notes))

@@ -8,7 +8,7 @@ step back. It is for those who want to know what is wrong with a recording.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -170,24 +170,45 @@ def read_as_recorded(path: Path, lead_us: int, options: TrajectoryOptions, form:
         path: the file, or the folder of a bag.
         lead_us: from boot to the first message.
         options: how to take it; a rate is not obeyed.
-        form: what to send, one of ``FORMS_AS_RECORDED``; None for the message that carries what the file holds, and no
-            more: ODOMETRY with velocities, VISION_POSITION_ESTIMATE with covariances, else ATT_POS_MOCAP.
+        form: what to send, as of ``as_recorded``.
 
     Raises:
         InputError: if it cannot be read, or an option cannot be used.
     """
-    if form is not None and form not in FORMS_AS_RECORDED:
-        raise InputError(f"--as {form}: as recorded, there are {', '.join(FORMS_AS_RECORDED)}")
+    check_form(form)
     records = load_as_it_is(Source(path, options.topic, options.times), options.format_name)
+    return replace(as_recorded(records, lead_us, options.axes, form), name=path.stem)
+
+
+def as_recorded(records: Records, lead_us: int, axes: str, form: str | None = None) -> Stream:
+    """Return messages that hold what records hold, usable or not.
+
+    Args:
+        records: the poses.
+        lead_us: from boot to the first message.
+        axes: of the records, as of ``viso play``.
+        form: what to send, one that ``check_form`` lets pass; None for the message that carries what they hold, and no
+            more: ODOMETRY with velocities, VISION_POSITION_ESTIMATE with covariances, else ATT_POS_MOCAP.
+
+    Raises:
+        InputError: if there are none, or an option cannot be used.
+    """
+    source = records.source
     if not len(records.times_ns):
-        raise InputError(f"{path}: no poses")
+        raise InputError(f"{source}: no poses")
     moves = records.velocities is not None
     if form in ("odometry", "vision+speed") and not moves:
-        raise InputError(f"--as {form}: {path} holds no velocities")
+        raise InputError(f"--as {form}: {source} holds no velocities")
     chosen = form or ("odometry" if moves else "mocap" if records.covariances is None else "vision")
     with np.errstate(all="ignore"):
-        messages = tuple(_frames(records, _in_axes(records, options.axes), chosen, lead_us))
-    notes = [f"{path}: {count} with {reason}" for reason, count in records.left_out.items()]
+        messages = tuple(_frames(records, _in_axes(records, axes), chosen, lead_us))
+    notes = [f"{source}: {count} with {reason}" for reason, count in records.left_out.items()]
     what = "poses and velocities" if moves else "poses, no velocities"
-    notes.append(f"{path}: {what}; taken as {options.axes} (--axes), sent as {chosen} (--as)")
-    return Stream(path.stem, messages, notes=tuple(notes), lacks=_lacks(records))
+    notes.append(f"{source}: {what}; taken as {axes} (--axes), sent as {chosen} (--as)")
+    return Stream(source, messages, notes=tuple(notes), lacks=_lacks(records))
+
+
+def check_form(form: str | None) -> None:
+    """Raise InputError unless poses can be sent as that as they are: None, or one of ``FORMS_AS_RECORDED``."""
+    if form is not None and form not in FORMS_AS_RECORDED:
+        raise InputError(f"--as {form}: as recorded, there are {', '.join(FORMS_AS_RECORDED)}")
