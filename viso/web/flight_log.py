@@ -74,9 +74,11 @@ def log_recording(material: Material, facts: Facts, summary: Summary, firmware: 
 
 
 def _ends(facts: Facts, period_s: float) -> Array:
-    """Return the ends of periods, the first one after the start, that reach the end."""
+    """Return the ends of periods, no longer than asked for, of which the last one is the end of the log."""
     count = max(1, math.ceil((facts.end_s - facts.start_s) / period_s))
-    return facts.start_s + period_s * np.arange(1, count + 1, dtype=np.float64)
+    ends_s = facts.start_s + period_s * np.arange(1, count + 1, dtype=np.float64)
+    ends_s[-1] = facts.end_s
+    return ends_s
 
 
 def _between(time_s: Array, ends_s: Array) -> Iterator[slice]:
@@ -96,6 +98,8 @@ def _points(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, A
     lags_ms = lag_ms(timed)
     yaw_deg = wrapped_deg(xkf1["Yaw"])
     pos_ned = np.where(positioned_at(material, xkf1.time_s)[:, np.newaxis], xkf1.matrix("PN", "PE", "PD"), np.nan)
+    seen_ned, withheld = visp.matrix("PX", "PY", "PZ"), visp["Ign"] > 0
+    quality = timed["Q"]
     ratios = np.where(_tested(facts), own.ratios, np.nan)
     fresh_s = max(BRIDGED_S, float(ends_s[0] - facts.start_s))
     points = []
@@ -108,9 +112,9 @@ def _points(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, A
                 "t": round(end_s, 3),
                 "ekf": _place(pos_ned[state]) if is_known else None,
                 "yaw_deg": finite(yaw_deg[state], 1) if is_known else None,
-                "vision": _vision(visp, seen.stop - 1) if seen.stop > seen.start else None,
+                "vision": _vision(seen_ned[seen], withheld[seen]),
                 "lag": _spread(lags_ms[measured], worst=max),
-                "quality": _spread(timed["Q"][measured], worst=min),
+                "quality": _spread(quality[measured], worst=min),
                 "innovations": _innovations(own, ratios, tested),
             }
         )
@@ -121,9 +125,9 @@ def _place(pos_ned: Array) -> list[float] | None:
     return pos_ned.round(3).tolist() if np.isfinite(pos_ned).all() else None
 
 
-def _vision(visp: Series, number: int) -> dict[str, Any]:
-    pos_ned = np.array([visp[label][number] for label in ("PX", "PY", "PZ")])
-    return {"pos": _place(pos_ned), "ignored": bool(visp["Ign"][number] > 0)}
+def _vision(pos_ned: Array, withheld: Mask) -> dict[str, Any] | None:
+    """Return the last pose of some, if there is one."""
+    return {"pos": _place(pos_ned[-1]), "ignored": bool(withheld[-1])} if len(pos_ned) else None
 
 
 def _spread(values: Array, worst: Any) -> list[float] | None:
@@ -177,6 +181,8 @@ def _moments(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, 
             facts.arrivals_s,
         )
     ]
+    yaw_deg, has_flags = wrapped_deg(xkf1["Yaw"]), bool(own.flags.any())
+    counted = [_Counted(name, series) for name, series in zip(_RECORDS, material.vision, strict=True) if len(series)]
     is_off = not facts.measurements and material.parameter("VISO_TYPE") == 0
     moments = []
     columns = zip(ends_s.tolist(), oldest_s.tolist(), *latest, strict=True)
@@ -189,13 +195,14 @@ def _moments(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, 
         if is_off or facts.measurements:
             is_healthy = arrival >= 0 and end_s - facts.arrivals_s[arrival] < UNHEALTHY_S
             state["camera"] = "off" if is_off else "healthy" if is_healthy else "not healthy"
-        if status >= 0 and own.flags.any() and own.time_us[status] * 1e-6 >= since_s:
+        if status >= 0 and has_flags and own.time_us[status] * 1e-6 >= since_s:
             state["aiding"] = _aiding(int(own.flags[status]))
         if source_set >= 0:
             state["source_set"] = sets[source_set].number - EV_SOURCE_SET_1
         if attitude >= 0 and xkf1.time_s[attitude] >= since_s:
-            state["yaw_deg"] = finite(wrapped_deg(xkf1["Yaw"])[attitude], 1)
-        moments.append({"t": state["time_s"], "state": state, "rates": _rates(material, end_s, facts.start_s)})
+            state["yaw_deg"] = finite(yaw_deg[attitude], 1)
+        rates = [one.row(end_s, facts.start_s) for one in counted]
+        moments.append({"t": state["time_s"], "state": state, "rates": rates})
     return moments
 
 
@@ -205,35 +212,28 @@ def _aiding(flags: int) -> str:
     return "absolute" if flags & FilterFlag.HORIZ_POS_ABS else "relative"
 
 
-def _rates(material: Material, now_s: float, start_s: float) -> list[dict[str, Any]]:
-    """Return a row for each kind of records; how many messages were dropped, or fused, no log tells."""
-    rows = []
-    span_s = min(max(now_s - start_s, LOOK_PERIOD_S), _WINDOW_S)
-    for name, series in zip(_RECORDS, material.vision, strict=True):
-        if not len(series):
-            continue
-        end = int(np.searchsorted(series.time_s, now_s, side="right"))
-        begin = int(np.searchsorted(series.time_s, now_s - _WINDOW_S, side="right"))
-        is_withheld = series["Ign"] > 0
-        is_told = series.has("Ign")
-        counts = []
-        for part in (slice(begin, end), slice(0, end)):
-            ignored = int(is_withheld[part].sum())
-            counts.append((len(series.time_s[part]) - ignored, ignored if is_told else None))
-        nothing = {"offered": None, "dropped": None, "fused": None}
-        (taken, ignored_now), (all_taken, all_ignored) = counts
-        per_s = {
-            "accepted": round(taken / span_s, 1),
-            "ignored": None if ignored_now is None else round(ignored_now / span_s, 1),
+class _Counted:
+    """Counts the records of a kind; how many messages were dropped, or fused, no log tells."""
+
+    def __init__(self, name: str, series: Series) -> None:
+        self._name, self._time_s, self._tells_ignored = name, series.time_s, series.has("Ign")
+        self._ignored = np.concatenate([[0], np.cumsum(series["Ign"] > 0)])
+
+    def row(self, now_s: float, start_s: float) -> dict[str, Any]:
+        """Return records a second and in all, as the page has them."""
+        first, last = np.searchsorted(self._time_s, (now_s - _WINDOW_S, now_s), side="right").tolist()
+        span_s = min(max(now_s - start_s, LOOK_PERIOD_S), _WINDOW_S)
+        return {"name": self._name, "per_s": self._counts(first, last, span_s), "total": self._counts(0, last, 1.0)}
+
+    def _counts(self, first: int, last: int, span_s: float) -> dict[str, float | None]:
+        ignored = int(self._ignored[last] - self._ignored[first])
+        return {
+            "offered": None,
+            "accepted": round((last - first - ignored) / span_s, 1),
+            "fused": None,
+            "ignored": round(ignored / span_s, 1) if self._tells_ignored else None,
+            "dropped": None,
         }
-        rows.append(
-            {
-                "name": name,
-                "per_s": {**nothing, **per_s},
-                "total": {**nothing, "accepted": all_taken, "ignored": all_ignored},
-            }
-        )
-    return rows
 
 
 def _runs(material: Material) -> list[dict[str, Any]]:
