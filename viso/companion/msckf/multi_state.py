@@ -148,27 +148,32 @@ def use_tracks(
         sigma: of a normalised coordinate.
         plane: the ground, if all points lie on it or its height right below is known.
         inflation: of the measurement's covariance, 1 or more.
-        passes: how often the equations are made anew. Each pass counts as one of so many parts of the measurement, so
-            that all together it is used once: for a state that is far off, as after a start, one pass would not do.
+        passes: how often the equations are made anew, each time where the last pass has led, but for the state as it
+            was before: for one that is far off, as after a start, one pass would not do. Only the last one counts, as
+            equations that were made in different places would together say more than any of them.
         doubt: variance of the velocity as a share of its square: by that share of their parallax the tracks may be off
             what the equations, which are linear, say.
     """
     result = TracksUsed()
+    before, moved = state.copy() if passes > 1 else state, np.zeros(len(state.cov))
     for index in range(passes):
         stack = _equations(state, B_T_C, tracks, sigma, plane)
         if len(stack.dof) < _FEWEST_FOUND * len(tracks):
             break
-        good = stack.only(_gate(state, stack))
+        stack = dataclasses.replace(stack, residual=stack.residual + stack.jacobian @ moved[MOTION : state.clones_end])
+        good = stack.only(_gate(before, stack))
         if not len(good.dof):
             return result if result.used else TracksUsed(len(stack.dof))
         jacobian, residual, variance = _compressed(good)
         width = MOTION, len(state.cov) - state.clones_end
         jacobian = np.pad(jacobian, ((0, 0), width))
+        if index:
+            state.go_back(before)
         nis = result.nis_per_dof if index else state.nis(jacobian, residual, math.sqrt(variance)) / len(residual)
         bend = _BENT * doubt * float(np.median(good.parallax)) / sigma
         # All tracks bend alike, as it is one velocity that is wrong: many are no better than one.
         noise = max(variance, inflation) + len(good.dof) * bend * bend
-        state.update(jacobian, residual, math.sqrt(noise * passes))
+        moved = state.update(jacobian, residual, math.sqrt(noise))
         error, depth_m = float(good.error.mean()), float(np.median(good.depth_m))
         result = TracksUsed(len(stack.dof), len(good.dof), nis, error, depth_m)
     return result

@@ -10,6 +10,7 @@ the same for every estimate: no update takes it for seen, which is what first-es
 filters, and a bad first estimate does no lasting harm.
 """
 
+import copy
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
@@ -94,6 +95,14 @@ class WindowFilter:
         self.clones: list[Clone] = []
         self.points: list[HeldPoint] = []
         self._noise = noise
+
+    def copy(self) -> "WindowFilter":
+        """Return a filter that believes the same."""
+        return copy.deepcopy(self)
+
+    def go_back(self, past: "WindowFilter") -> None:
+        """Believe again what a copy of this filter does."""
+        vars(self).update(vars(past.copy()))
 
     @property
     def bias(self) -> ImuBias:
@@ -245,8 +254,8 @@ class WindowFilter:
         innovation[np.diag_indices_from(innovation)] += sigma * sigma
         return float(residual.dot(np.linalg.solve(innovation, residual)))
 
-    def update(self, jacobian: Array, residual: Array, sigma: float) -> None:
-        """Take in a measurement (Joseph form).
+    def update(self, jacobian: Array, residual: Array, sigma: float) -> Array:
+        """Take in a measurement (Joseph form); return the error vector by which the state has moved.
 
         Args:
             jacobian: [M, size] of the measured with respect to the errors.
@@ -264,7 +273,9 @@ class WindowFilter:
         left[np.diag_indices_from(left)] += 1.0
         cov = left.dot(self.cov).dot(left.T) + (sigma * sigma) * gain.dot(gain.T)
         self.cov = 0.5 * (cov + cov.T)
-        self._move(gain.dot(residual))
+        error: Array = gain.dot(residual)
+        self._move(error)
+        return error
 
     def _move(self, error: Array) -> None:
         turn = so3_exp(error[ATT])

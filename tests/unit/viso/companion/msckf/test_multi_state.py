@@ -273,6 +273,14 @@ class TestUnobservable:
         assert window.use(passes=passes).used > POINTS / 2
         assert np.allclose(certainty_of_common_motions(window.state), before, rtol=1e-6, atol=1e-9)
 
+    @pytest.mark.parametrize("passes", [1, 3])
+    def test_each_pass_says_as_little_about_scale_as_one(self, passes: int) -> None:
+        # Where the world is, how it is turned, its scale, and two of the last pose, which shows two points only.
+        window = Window(relief_m=5.0, errors=5.0)
+        window.use(passes=passes)
+        gained = np.linalg.eigvalsh(window.gained()[MOTION:, MOTION:])
+        assert np.count_nonzero(gained < 1e-9 * gained[-1]) == 9
+
     def test_no_pose_becomes_more_certain_than_its_world(self) -> None:
         window = Window(relief_m=5.0, errors=3.0, gauge=1.0)
         for _ in range(10):
