@@ -88,9 +88,25 @@ class WindowEstimator:
             self._note_ratio(used.nis_per_dof)
             self._depth_m = used.depth_m
         elif plane is None and not used.offered and len(chosen) >= _ENOUGH_TRACKS:
-            self._hold(number, sighting, depth_m)
+            self.hold(number, sighting, depth_m)
         self._shorten(keep)
         return used
+
+    def hold(self, number: int, sighting: Sighting, depth_m: float) -> None:
+        """Hold points of a frame whose pose is the last in the window, as many as there is room for.
+
+        Args:
+            number, sighting: of the frame.
+            depth_m: as for :meth:`add_frame`.
+        """
+        held = self._held
+        if len(held.numbers) >= FEWEST_HELD:
+            return
+        for anchor in sorted(held.anchors)[: 1 - _MOST_ANCHORS]:
+            self.state.release({point.number for point in self.state.points if point.anchor == anchor})
+        known = self._depth_m
+        held.take(number, sighting, known or depth_m, known is not None)
+        self._tracks.forget(held.numbers)
 
     def relief_share(self) -> float | None:
         """Return how much points differ in height, as a share of their distance; None if there is no telling."""
@@ -101,16 +117,6 @@ class WindowEstimator:
 
     def _clone_of(self) -> dict[int, int]:
         return {clone.number: index for index, clone in enumerate(self.state.clones)}
-
-    def _hold(self, number: int, sighting: Sighting, depth_m: float) -> None:
-        held = self._held
-        if len(held.numbers) >= FEWEST_HELD:
-            return
-        for anchor in sorted(held.anchors)[: 1 - _MOST_ANCHORS]:
-            self.state.release({point.number for point in self.state.points if point.anchor == anchor})
-        known = self._depth_m
-        held.take(number, sighting, known or depth_m, known is not None)
-        self._tracks.forget(held.numbers)
 
     def _note_ratio(self, nis_per_dof: float) -> None:
         self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * nis_per_dof

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The smoother with its landmarks, and what carries its result on from node to frame."""
+"""The smoother with its landmarks, and what carries its result on from node to frame.
+
+A body that hardly moves shows where it looks from and not how far away things are: there are no landmarks, or wrong
+ones. As long as that lasts, the baseline's filter takes the place of the smoother: it can hold points without that.
+"""
 
 import math
 from dataclasses import dataclass
@@ -9,12 +13,15 @@ from typing import Final
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.aiding import take_height
 from viso.companion.msckf.chain import Chain
-from viso.companion.msckf.multi_state import Plane
+from viso.companion.msckf.estimator import WindowEstimator
+from viso.companion.msckf.heights import GATE
+from viso.companion.msckf.multi_state import Plane, TracksUsed
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
-from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, LandmarkBook
+from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, MIN_PARALLAX_RAD, LandmarkBook
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu_window import bracketed
 from viso.companion.vio.se3 import SE3, Array
@@ -22,6 +29,11 @@ from viso.companion.vio.types import ImuSample, ImuWindow
 
 EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
 EARLY_PASSES: Final = 4
+FEWEST_LANDMARKS: Final = 8  # below that, they do not hold the position
+STEP_NODES: Final = 4  # in which a body that moves shows landmarks
+FILTER_SIGMA_SHARE: Final = 0.5  # points wander less from picture to picture than while they are landmarks
+_WINDOW_CLONES: Final = 11
+_FILTER_SIGHTINGS: Final = 3
 _RATIO_KEPT: Final = 0.9
 _SIGHTINGS_LAG_NS: Final = round((LAG_S - 0.5) * 1e9)  # none from a node that is about to be forgotten
 
@@ -37,6 +49,7 @@ class Node:
         is_still: whether the body does not move.
         plane: the ground, if all points lie on it.
         height: how high the body is in the world, and the sigma, both in m; None if that is not known.
+        depth_m: a guess, rather too small, of how far away points are.
     """
 
     number: int
@@ -45,6 +58,7 @@ class Node:
     is_still: bool = False
     plane: Plane | None = None
     height: tuple[float, float] | None = None
+    depth_m: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +104,21 @@ class SmootherEstimator:
         self._B_T_C = B_T_C
         self._sigma = sigma
         self._smoother: LagSmoother | None = None
+        self._filter: WindowEstimator | None = None  # while the body hardly moves
+        self._used = TracksUsed()  # by that, the last ones
         self._book = LandmarkBook(B_T_C, sigma)
         self._noise = noise
         self._restart_imu()
         self._times_ns: dict[int, int] = {}
         self._poses: dict[int, SE3] = {}
         self._nodes_with_landmarks = 0
+        self._keyframe = 0
 
     def propagate(self, window: ImuWindow) -> None:
         """Move on by inertial data; where they are missing, the smoother has to begin anew."""
         samples = bracketed(window)
         if not self.state.carry_on(window, samples):
-            self._smoother = None
+            self._smoother = self._filter = None
         for sample in samples:
             if not self._since or sample.t_ns > self._since[-1].t_ns:
                 self._since.append(sample)
@@ -112,6 +129,8 @@ class SmootherEstimator:
         If the smoother cannot, the state goes on by inertial data alone, and the next node begins anew from it.
         """
         try:
+            if self._filter is not None:
+                return self._go_on(self._filter, node)
             return self._begin(node) if self._smoother is None else self._extend(self._smoother, node)
         except (SmootherError, np.linalg.LinAlgError):
             self._smoother = None
@@ -119,7 +138,7 @@ class SmootherEstimator:
 
     def set_keyframe(self, number: int) -> None:
         """Let the last node be the keyframe; until the next node, the state knows the one before as well."""
-        state = self.state
+        state, self._keyframe = self.state, number
         if state.clones[-1].number == number:
             return
         for clone in state.clones[:-1]:
@@ -139,11 +158,12 @@ class SmootherEstimator:
 
     def _begin(self, node: Node) -> NodeFacts:
         state, self.chain = self.state, None
+        state.release({point.number for point in state.points})
         if not state.clones:
             state.clone(node.number)
         smoother = LagSmoother(self._B_T_C, node.number, 0.0, motion_of(state), smoother_cov(state))
         smoother.solve()
-        self._smoother, self._begin_ns = smoother, node.t_ns
+        self._smoother, self._begin_ns, self._keyframe = smoother, node.t_ns, node.number
         self._times_ns, self._poses = {node.number: node.t_ns}, {node.number: state.pose}
         self._book.forget()
         self._book.note(node.number, node.sighting)
@@ -152,7 +172,7 @@ class SmootherEstimator:
         return NodeFacts(begins=True)
 
     def _extend(self, smoother: LagSmoother, node: Node) -> NodeFacts:
-        state, keyframe = self.state, self.state.clones[-1].number
+        state = self.state
         expected, expected_cov = motion_of(state), state.cov
         self._remember(node, expected.pose)
         since = preintegrated(self._since, self._noise, self._since_bias)
@@ -164,14 +184,55 @@ class SmootherEstimator:
         seen = self._book.note(node.number, node.sighting)
         seen += self._discover(smoother, node.plane)
         smoother.add_sightings(seen, self._sigma * self._inflation())
-        kept = list(dict.fromkeys([*self._origins(), keyframe]))
+        kept = list(dict.fromkeys([*self._origins(), self._keyframe]))
         smoother.solve(self._passes(), keep=kept)
         adopt(state, smoother.motion(), {number: smoother.pose(number) for number in kept}, smoother.joint_cov(*kept))
         self._poses = {number: smoother.pose(number) for number in self._poses}
         self._restart_imu()
         if not node.is_still:
             self._compare(correction_nis(expected, expected_cov, motion_of(state), state.cov))
+            if self._book.count < FEWEST_LANDMARKS and self._parallax_rad() < MIN_PARALLAX_RAD:
+                self._pause(node)
         return self._judge(smoother, [one for one in seen if one.number == node.number])
+
+    def _parallax_rad(self) -> float:
+        """Return the parallax that the last nodes show; NaN if there is no telling."""
+        last = list(self._poses)[-STEP_NODES:]
+        return self._book.parallax_rad(self._poses, last) if len(last) == STEP_NODES else math.nan
+
+    def _pause(self, node: Node) -> None:
+        """Let a filter take the place of the smoother."""
+        state, sigma = self.state, FILTER_SIGMA_SHARE * self._sigma
+        self._filter = WindowEstimator(state, self._B_T_C, sigma, _WINDOW_CLONES, _FILTER_SIGHTINGS)
+        self._used = TracksUsed()
+        if node.plane is None:
+            state.clone(node.number)
+            self._filter.hold(node.number, node.sighting, node.depth_m)
+
+    def _go_on(self, filtered: WindowEstimator, node: Node) -> NodeFacts:
+        """Take in a frame without the smoother, which begins anew when the body moves."""
+        self._remember(node, self.state.pose)
+        self._book.note(node.number, node.sighting)
+        self._restart_imu()
+        if node.is_still:
+            return NodeFacts()
+        filtered.chain = self.chain
+        filtered.compare(node.sighting)
+        used = filtered.add_frame(node.number, node.sighting, node.plane, self._keyframe, node.depth_m)
+        if node.height is not None:
+            take_height(self.state, *node.height, GATE)
+        self._poses |= {
+            clone.number: SE3(clone.R, clone.p) for clone in self.state.clones if clone.number in self._poses
+        }
+        self.innovation_ratio = filtered.innovation_ratio
+        if self._parallax_rad() >= MIN_PARALLAX_RAD:
+            self._filter = None
+            return self._begin(node)
+        if used.used:
+            self._used = used
+        held = len(self.state.points)
+        mre_sigmas = FILTER_SIGMA_SHARE * self._used.mre_sigmas
+        return NodeFacts(False, False, held + used.offered, held + used.used, mre_sigmas, self._used.depth_m)
 
     def _remember(self, node: Node, pose: SE3) -> None:
         times_ns, poses = self._times_ns | {node.number: node.t_ns}, self._poses | {node.number: pose}

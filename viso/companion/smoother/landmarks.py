@@ -107,6 +107,18 @@ class LandmarkBook:
         chosen = np.flatnonzero(good)[:room].tolist()
         return [self._new(points[row], positions[row], sigmas_m, free[points[row]]) for row in chosen]
 
+    def parallax_rad(self, poses: Mapping[int, SE3], numbers: Sequence[int]) -> float:
+        """Return the median parallax of points within some nodes; NaN if too few have been seen.
+
+        Args:
+            poses: world_T_body of nodes.
+            numbers: of the nodes.
+        """
+        cameras = {number: poses[number] @ self._B_T_C for number in numbers}
+        tracks = [_within(track, cameras) for track in self._tracks.values()]
+        tracks = [track for track in tracks if len(track) >= FEWEST_SIGHTINGS]
+        return float(np.median(_Sightings.of(cameras, tracks).parallax_rad())) if len(tracks) >= 8 else math.nan
+
     def drop(self, landmarks: Container[int]) -> None:
         """Forget landmarks and what was seen of them; their points may become others."""
         for point in [point for point, landmark in self._landmarks.items() if landmark in landmarks]:

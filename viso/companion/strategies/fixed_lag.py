@@ -6,14 +6,13 @@ from typing import Final
 
 from viso.companion.klt.keyframes import Keyframe
 from viso.companion.msckf.window_filter import WindowFilter
-from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
+from viso.companion.smoother.estimator import FEWEST_LANDMARKS, Node, NodeFacts, SmootherEstimator
 from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource
 from viso.companion.vio.types import VioState
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
 MIN_NODE_INTERVAL_NS: Final = 150_000_000
-FEWEST_LANDMARKS: Final = 8  # below that, they do not hold the position
 FEWEST_REFUSED: Final = 5  # landmarks that must have been elsewhere, and all of them, to say that something is wrong
 
 
@@ -61,8 +60,9 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
         if self.context.config.agl_source is not AglSource.NONE:
             height = self.heights.take(t_ns, self._ground.z_m, state.v)
         plane = self._ground.plane(state.pose @ self._B_T_C)
+        depth_m = self._ground.depth_guess_m(state)
         self._number, self._node_ns = self._number + 1, t_ns
-        self._node = estimator.add_node(Node(self._number, t_ns, seen.sighting, self._rests, plane, height))
+        self._node = estimator.add_node(Node(self._number, t_ns, seen.sighting, self._rests, plane, height, depth_m))
         return self._node
 
     def _outcome(
