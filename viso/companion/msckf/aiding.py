@@ -47,10 +47,19 @@ def take_height(state: WindowFilter, up_m: float, sigma_m: float, gate: float) -
         sigma_m: of it.
         gate: largest normalised innovation squared.
     """
-    jacobian = np.zeros((1, len(state.cov)))
-    jacobian[:, POS], jacobian[:, ATT] = [0.0, 0.0, 1.0], -skew(state.p)[2]
-    residual = np.array([up_m - state.p[2]])
+    jacobian, residual = _height_equation(state, up_m)
     if state.nis(jacobian, residual, sigma_m) > gate:
         return False
     state.update(jacobian, residual, sigma_m)
     return True
+
+
+def height_nis(state: WindowFilter, up_m: float, sigma_m: float) -> float:
+    """Return the normalised innovation squared of a height, as :func:`take_height` has it."""
+    return state.nis(*_height_equation(state, up_m), sigma_m)
+
+
+def _height_equation(state: WindowFilter, up_m: float) -> tuple[Array, Array]:
+    jacobian = np.zeros((1, len(state.cov)))
+    jacobian[:, POS], jacobian[:, ATT] = [0.0, 0.0, 1.0], -skew(state.p)[2]
+    return jacobian, np.array([up_m - state.p[2]])

@@ -113,7 +113,7 @@ class WindowEstimator:
         tracks = self._tracks.longest(_FEWEST_FOR_RELIEF)
         if len(tracks) < _ENOUGH_TRACKS:
             return None
-        return relief_of(self.state, self._B_T_C, padded(tracks, self._clone_of()), self._sigma)
+        return relief_of(self.state.clones, self._B_T_C, padded(tracks, self._clone_of()), self._sigma)
 
     def _clone_of(self) -> dict[int, int]:
         return {clone.number: index for index, clone in enumerate(self.state.clones)}

@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from typing import Final
 
-from viso.companion.msckf.aiding import take_height
+from viso.companion.msckf.aiding import height_nis, take_height
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import HeightMeasurement
@@ -74,13 +74,24 @@ class Heights:
         taken = self.take(t_ns, ground_m, state.v)
         if taken is None:
             return None
-        off = abs(taken[0] - float(state.p[2])) / max(taken[0] - ground_m, _LEAST_HEIGHT_M)
-        agrees = take_height(state, *taken, GATE)
-        self._disagreeing = 0 if agrees else self._disagreeing + 1
-        if self._disagreeing > MOST_REFUSED:
+        off = self.off(state, taken, ground_m)
+        if off is None:
             take_height(state, *taken, math.inf)
+        return off
+
+    def off(self, state: WindowFilter, taken: tuple[float, float], ground_m: float) -> float | None:
+        """Return how far off a height is that is to be refused, as a share of the height; None for one that is not.
+
+        Args:
+            state: the filter.
+            taken: how high the body is, and the sigma, as :meth:`take` has it.
+            ground_m: height of the ground in the filter's world.
+        """
+        agrees = height_nis(state, *taken) <= GATE
+        self._disagreeing = 0 if agrees else self._disagreeing + 1
+        if agrees or self._disagreeing > MOST_REFUSED:
             return None
-        return None if agrees else off
+        return abs(taken[0] - float(state.p[2])) / max(taken[0] - ground_m, _LEAST_HEIGHT_M)
 
     def _nearest(self, t_ns: int) -> HeightMeasurement | None:
         with self._lock:

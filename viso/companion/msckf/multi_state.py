@@ -9,6 +9,7 @@ at once, in arrays padded to the longest track: rows of padding are zero and say
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +18,7 @@ from scipy.special import chdtri
 
 from viso.companion.msckf.tracks import Tracks
 from viso.companion.msckf.triangulation import Mask, on_plane, triangulate
-from viso.companion.msckf.window_filter import CLONE, MOTION, WindowFilter
+from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
 from viso.companion.vio.se3 import SE3, Array
 
 _REFUSED: Final = 0.05  # of good tracks, by the gate
@@ -179,16 +180,16 @@ def use_tracks(
     return result
 
 
-def relief_of(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float) -> float | None:
+def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks, sigma: float) -> float | None:
     """Return how much points differ in height, as a share of their distance; None where that is less than their error.
 
     Args:
-        state: the filter.
+        clones: the poses that the points were seen from.
         B_T_C: from the camera into the body.
-        tracks: sightings from the window's poses.
+        tracks: sightings from those.
         sigma: of a normalised coordinate.
     """
-    rotations, positions = _cameras(state, B_T_C, tracks)
+    rotations, positions = _cameras(clones, B_T_C, tracks)
     points, good = triangulate(rotations, positions, tracks)
     rows, last = np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1
     rays = points - positions[:, 0], points - positions[rows, last]
@@ -202,15 +203,15 @@ def relief_of(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float) -> 
     return math.sqrt(max(spread**2 - float(np.median(error)) ** 2, 0.0))
 
 
-def _cameras(state: WindowFilter, B_T_C: SE3, tracks: Tracks) -> tuple[Array, Array]:
+def _cameras(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> tuple[Array, Array]:
     """Return the rotations [T, M, 3, 3] and positions [T, M, 3] that points were seen from."""
-    rotations = np.array([clone.R.dot(B_T_C.R) for clone in state.clones])
-    positions = np.array([clone.p + clone.R.dot(B_T_C.t) for clone in state.clones])
+    rotations = np.array([clone.R.dot(B_T_C.R) for clone in clones])
+    positions = np.array([clone.p + clone.R.dot(B_T_C.t) for clone in clones])
     return rotations[tracks.clones], positions[tracks.clones]
 
 
 def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, plane: Plane | Below | None) -> _Stack:
-    rotations, positions = _cameras(state, B_T_C, tracks)
+    rotations, positions = _cameras(state.clones, B_T_C, tracks)
     points, good = (
         on_plane(rotations, positions, tracks, plane.height_m)
         if isinstance(plane, Plane)

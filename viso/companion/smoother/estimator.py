@@ -4,6 +4,7 @@
 
 A body that hardly moves shows where it looks from and not how far away things are: there are no landmarks, or wrong
 ones. As long as that lasts, the baseline's filter takes the place of the smoother: it can hold points without that.
+It does so for good where the ground has turned out to be no plane, as it knows what a height above that says.
 """
 
 import math
@@ -17,8 +18,9 @@ from viso.companion.msckf.aiding import take_height
 from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.heights import GATE
-from viso.companion.msckf.multi_state import Plane, TracksUsed
-from viso.companion.msckf.window_filter import WindowFilter
+from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, relief_of
+from viso.companion.msckf.tracks import padded
+from viso.companion.msckf.window_filter import Clone, WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, MIN_PARALLAX_RAD, LandmarkBook
@@ -47,7 +49,7 @@ class Node:
         t_ns: when.
         sighting: what was seen.
         is_still: whether the body does not move.
-        plane: the ground, if all points lie on it.
+        plane: the ground, if all points lie on it or its height right below is known.
         height: how high the body is in the world, and the sigma, both in m; None if that is not known.
         depth_m: a guess, rather too small, of how far away points are.
     """
@@ -56,7 +58,7 @@ class Node:
     t_ns: int
     sighting: Sighting
     is_still: bool = False
-    plane: Plane | None = None
+    plane: Plane | Below | None = None
     height: tuple[float, float] | None = None
     depth_m: float = 1.0
 
@@ -68,6 +70,7 @@ class NodeFacts:
     Attributes:
         begins: whether the smoother began anew with it: it has to be a keyframe, as no node before is known any more.
         failed: whether the equations could not be solved.
+        is_filtered: whether a filter has taken the place of the smoother; its points count as landmarks.
         landmarks: seen, new ones among them.
         agreeing: those where they were expected, in the end.
         mre_sigmas: mean reprojection error of those, in sigmas; 0 for none.
@@ -76,6 +79,7 @@ class NodeFacts:
 
     begins: bool = False
     failed: bool = False
+    is_filtered: bool = False
     landmarks: int = 0
     agreeing: int = 0
     mre_sigmas: float = 0.0
@@ -106,6 +110,7 @@ class SmootherEstimator:
         self._smoother: LagSmoother | None = None
         self._filter: WindowEstimator | None = None  # while the body hardly moves
         self._used = TracksUsed()  # by that, the last ones
+        self._stays = False  # that
         self._book = LandmarkBook(B_T_C, sigma)
         self._noise = noise
         self._restart_imu()
@@ -118,7 +123,9 @@ class SmootherEstimator:
         """Move on by inertial data; where they are missing, the smoother has to begin anew."""
         samples = bracketed(window)
         if not self.state.carry_on(window, samples):
-            self._smoother = self._filter = None
+            self._smoother = None
+            if not self._stays:
+                self._filter = None
         for sample in samples:
             if not self._since or sample.t_ns > self._since[-1].t_ns:
                 self._since.append(sample)
@@ -129,11 +136,13 @@ class SmootherEstimator:
         If the smoother cannot, the state goes on by inertial data alone, and the next node begins anew from it.
         """
         try:
+            if isinstance(node.plane, Below):
+                self._stays, self._filter = True, self._filter or self._stand_in()
             if self._filter is not None:
                 return self._go_on(self._filter, node)
             return self._begin(node) if self._smoother is None else self._extend(self._smoother, node)
         except (SmootherError, np.linalg.LinAlgError):
-            self._smoother = None
+            self._smoother = self._filter = None
             return NodeFacts(failed=True)
 
     def set_keyframe(self, number: int) -> None:
@@ -152,6 +161,15 @@ class SmootherEstimator:
         if all(clone.number != number for clone in self.state.clones):
             self.state.clone(number, first=True)
         self.chain = Chain(self.state, number, keyframe)
+
+    def relief_share(self) -> float | None:
+        """Return how much points differ in height, as a share of their distance; None if there is no telling."""
+        tracks = self._book.longest(self._poses)
+        if not tracks:
+            return None
+        clones = [Clone(number, pose.R, pose.t) for number, pose in self._poses.items()]
+        arrays = padded(tracks, {clone.number: index for index, clone in enumerate(clones)})
+        return relief_of(clones, self._B_T_C, arrays, FILTER_SIGMA_SHARE * self._sigma)
 
     def _origins(self) -> list[int]:
         return [] if self.chain is None else [self.chain.origin]
@@ -192,7 +210,10 @@ class SmootherEstimator:
         if not node.is_still:
             self._compare(correction_nis(expected, expected_cov, motion_of(state), state.cov))
             if self._book.count < FEWEST_LANDMARKS and self._parallax_rad() < MIN_PARALLAX_RAD:
-                self._pause(node)
+                self._filter = self._stand_in()
+                if node.plane is None:
+                    state.clone(node.number)
+                    self._filter.hold(node.number, node.sighting, node.depth_m)
         return self._judge(smoother, [one for one in seen if one.number == node.number])
 
     def _parallax_rad(self) -> float:
@@ -200,14 +221,11 @@ class SmootherEstimator:
         last = list(self._poses)[-STEP_NODES:]
         return self._book.parallax_rad(self._poses, last) if len(last) == STEP_NODES else math.nan
 
-    def _pause(self, node: Node) -> None:
-        """Let a filter take the place of the smoother."""
-        state, sigma = self.state, FILTER_SIGMA_SHARE * self._sigma
-        self._filter = WindowEstimator(state, self._B_T_C, sigma, _WINDOW_CLONES, _FILTER_SIGHTINGS)
+    def _stand_in(self) -> WindowEstimator:
+        """Return a filter that takes the place of the smoother."""
         self._used = TracksUsed()
-        if node.plane is None:
-            state.clone(node.number)
-            self._filter.hold(node.number, node.sighting, node.depth_m)
+        sigma = FILTER_SIGMA_SHARE * self._sigma
+        return WindowEstimator(self.state, self._B_T_C, sigma, _WINDOW_CLONES, _FILTER_SIGHTINGS)
 
     def _go_on(self, filtered: WindowEstimator, node: Node) -> NodeFacts:
         """Take in a frame without the smoother, which begins anew when the body moves."""
@@ -215,7 +233,7 @@ class SmootherEstimator:
         self._book.note(node.number, node.sighting)
         self._restart_imu()
         if node.is_still:
-            return NodeFacts()
+            return NodeFacts(is_filtered=True)
         filtered.chain = self.chain
         filtered.compare(node.sighting)
         used = filtered.add_frame(node.number, node.sighting, node.plane, self._keyframe, node.depth_m)
@@ -225,14 +243,19 @@ class SmootherEstimator:
             clone.number: SE3(clone.R, clone.p) for clone in self.state.clones if clone.number in self._poses
         }
         self.innovation_ratio = filtered.innovation_ratio
-        if self._parallax_rad() >= MIN_PARALLAX_RAD:
+        if not self._stays and self._parallax_rad() >= MIN_PARALLAX_RAD:
             self._filter = None
             return self._begin(node)
         if used.used:
             self._used = used
         held = len(self.state.points)
-        mre_sigmas = FILTER_SIGMA_SHARE * self._used.mre_sigmas
-        return NodeFacts(False, False, held + used.offered, held + used.used, mre_sigmas, self._used.depth_m)
+        return NodeFacts(
+            is_filtered=True,
+            landmarks=held + used.offered,
+            agreeing=held + used.used,
+            mre_sigmas=FILTER_SIGMA_SHARE * self._used.mre_sigmas,
+            depth_m=self._used.depth_m,
+        )
 
     def _remember(self, node: Node, pose: SE3) -> None:
         times_ns, poses = self._times_ns | {node.number: node.t_ns}, self._poses | {node.number: pose}
@@ -240,9 +263,9 @@ class SmootherEstimator:
         self._times_ns = {number: times_ns[number] for number in recent}
         self._poses = {number: poses[number] for number in recent}
 
-    def _discover(self, smoother: LagSmoother, plane: Plane | None) -> list[Seen]:
+    def _discover(self, smoother: LagSmoother, plane: Plane | Below | None) -> list[Seen]:
         sightings: list[Seen] = []
-        for new in self._book.discover(self._poses, plane):
+        for new in self._book.discover(self._poses, plane if isinstance(plane, Plane) else None):
             smoother.add_landmark(new.landmark, new.position, new.sigmas_m)
             sightings.extend(new.sightings)
         return sightings

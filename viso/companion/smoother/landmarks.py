@@ -11,7 +11,7 @@ import numpy as np
 
 from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.multi_state import Plane
-from viso.companion.msckf.tracks import Tracks, padded
+from viso.companion.msckf.tracks import MOST_TRACKS, Tracks, padded
 from viso.companion.msckf.triangulation import Mask, on_plane, triangulate
 from viso.companion.smoother.lag_smoother import Seen
 from viso.companion.vio.se3 import SE3, Array
@@ -25,6 +25,7 @@ MIN_PARALLAX_RAD: Final = math.radians(1.0)
 MAX_ERROR_SIGMAS: Final = 8.0
 LANDMARK_SIGMA_M: Final = 20.0
 _MIN_DEPTH_M: Final = 1e-3
+_FEWEST_MOVING: Final = 8  # points that tell whether the body moves
 
 _Track = dict[int, tuple[float, float]]
 
@@ -117,7 +118,16 @@ class LandmarkBook:
         cameras = {number: poses[number] @ self._B_T_C for number in numbers}
         tracks = [_within(track, cameras) for track in self._tracks.values()]
         tracks = [track for track in tracks if len(track) >= FEWEST_SIGHTINGS]
-        return float(np.median(_Sightings.of(cameras, tracks).parallax_rad())) if len(tracks) >= 8 else math.nan
+        return (
+            float(np.median(_Sightings.of(cameras, tracks).parallax_rad()))
+            if len(tracks) >= _FEWEST_MOVING
+            else math.nan
+        )
+
+    def longest(self, numbers: Container[int]) -> list[_Track]:
+        """Return the longest tracks within some nodes."""
+        tracks = [_within(track, numbers) for track in self._tracks.values()]
+        return sorted((track for track in tracks if len(track) >= FEWEST_SIGHTINGS), key=len)[-MOST_TRACKS:]
 
     def drop(self, landmarks: Container[int]) -> None:
         """Forget landmarks and what was seen of them; their points may become others."""

@@ -346,7 +346,7 @@ def test_height_above_ground_that_slopes_is_that_right_below() -> None:
 
 def test_relief_is_told_from_flat_ground() -> None:
     flat, hilly = (Window(relief_m=relief_m, errors=0.0) for relief_m in (0.0, 5.0))
-    shares = [relief_of(window.state, B_T_C, window.tracks, SIGMA) for window in (flat, hilly)]
+    shares = [relief_of(window.state.clones, B_T_C, window.tracks, SIGMA) for window in (flat, hilly)]
     assert shares[0] is not None
     assert shares[1] is not None
     assert shares[0] < 0.01
@@ -355,4 +355,4 @@ def test_relief_is_told_from_flat_ground() -> None:
 
 def test_wrong_relief_cannot_be_told_without_parallax() -> None:
     window = Window(errors=0.0)
-    assert relief_of(window.state, B_T_C, window.tracks, 1.0) is None
+    assert relief_of(window.state.clones, B_T_C, window.tracks, 1.0) is None
