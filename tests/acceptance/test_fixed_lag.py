@@ -19,6 +19,7 @@ from tests.acceptance.trials import (
     still_end,
     trace_of,
 )
+from tools.vio_scenes import SCENES
 
 NAME = "fixed_lag"
 SEEDS = range(2)
@@ -40,6 +41,20 @@ class TestSurvey:
     def test_it_gives_the_same_bytes_again(self) -> None:
         short = {"duration_s": 10.0}
         assert trace_of(fly_nadir_again(NAME, 0, **short)) == trace_of(fly_nadir_again(NAME, 0, **short))
+
+
+class TestScenes:
+    """Scenes without a depth to be learnt, and without the plane that was promised."""
+
+    @pytest.mark.parametrize("seed", SEEDS)
+    @pytest.mark.parametrize(("name", "most_m"), [("hover", 1.0), ("hills", 0.8)])
+    def test_error_is_small_and_admitted(self, name: str, most_m: float, seed: int) -> None:
+        (scene,) = (scene for scene in SCENES if scene.name == name)
+        trial = scene.fly(NAME, seed)
+        claims = trial.claims()
+        assert trial.absolute_error().rmse_m < most_m
+        assert claims.refuted <= 0.05 * claims.frames
+        assert claims.unsaid_m < 1.0
 
 
 class TestClip:

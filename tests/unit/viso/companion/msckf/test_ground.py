@@ -39,7 +39,8 @@ def test_plane_is_rougher_from_a_greater_height() -> None:
 def test_plane_that_nothing_is_known_about_may_be_rough() -> None:
     plane = ground().plane(CAMERA)
     assert plane is not None
-    assert plane.sigma_m == pytest.approx(4.0)
+    # Half the height: on a slope a tenth of it is no independent error of each point, and there are dozens.
+    assert plane.sigma_m == pytest.approx(20.0)
 
 
 def test_relief_is_no_plane_until_it_is_smooth_for_a_while() -> None:
