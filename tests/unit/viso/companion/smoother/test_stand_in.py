@@ -20,7 +20,9 @@ class Flight:
     def __init__(self, trajectory: Trajectory) -> None:
         self.world = PointWorld(trajectory=trajectory, period_ms=200)
         pose, velocity_w = self.world.start()
-        self.estimator = SmootherEstimator(filter_at(pose, velocity_w + [0.1, -0.1, 0.0]), NOISE, B_T_C, 2 * SIGMA)
+        self.estimator = SmootherEstimator(
+            filter_at(pose, velocity_w + np.array([0.1, -0.1, 0.0])), NOISE, B_T_C, 2 * SIGMA
+        )
 
     def go(self, nodes: int, plane_from: int | None = None) -> tuple[list[NodeFacts], float]:
         """Fly so many nodes; from one of them on, what is below is known. Return their facts, and the error in m."""
