@@ -4,8 +4,6 @@
 
 import gzip
 import json
-import re
-import shlex
 import signal
 from collections.abc import Callable, Iterable
 from io import StringIO
@@ -20,7 +18,7 @@ from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
-from tests.places import DATA, ROOT
+from tests.places import DATA
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso.commands import faults as faults_command
@@ -31,7 +29,6 @@ from viso.faults.file import Recording, check_output, read_recording, write_reco
 from viso.faults.proxy import FaultProxy
 
 CAPTURE = DATA / "captures" / "mav.jsonl.gz"
-DOCS = ROOT / "docs"
 BEAT = HEARTBEAT(18, 8, 0, 0, 4, 3)
 SHORT = 40
 
@@ -244,15 +241,6 @@ def test_table_tells_what_was_done_and_what_was_not(viso: Viso, tlog: Path) -> N
     assert "10 frames received, 0 added, 1 lost, 9 passed on; 0 changed\nwritten: out.tlog\n" in outcome.out
     assert "9 nothing in it to change" in outcome.out
     assert outcome.err == "note: entry 2 (degrees) happened to no message\n"
-
-
-@pytest.mark.slow
-def test_commands_of_the_page_work(viso: Viso, tmp_path: Path, tlog: Path) -> None:
-    (tmp_path / "docs").symlink_to(DOCS)
-    block = re.search(r"```\n(viso faults flight.tlog .*?)```", (DOCS / "faults.md").read_text(), re.DOTALL)
-    assert block is not None
-    for line in block[1].splitlines():
-        assert viso(*shlex.split(line)[1:]).code == 0
 
 
 @pytest.mark.parametrize(("args", "complaint"), [

@@ -243,7 +243,7 @@ def test_command_takes_a_file_in_its_axes(viso: Viso) -> None:
     assert outcome.code == 1
     data = json.loads(outcome.out)
     assert "XN2-05" in {finding["code"] for finding in data["findings"]}
-    assert data["notes"] == ["poses.csv: poses and velocities; taken as ned_frd (--axes), sent as odometry (--as)"]
+    assert "poses.csv: poses and velocities; taken as ned_frd (--axes), sent as odometry (--as)" in data["notes"]
 
 
 @pytest.mark.parametrize(

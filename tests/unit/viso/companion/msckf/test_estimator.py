@@ -21,7 +21,7 @@ from tests.unit.viso.companion.msckf.point_world import (
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.multi_state import Plane
-from viso.companion.msckf.window_filter import ACCEL, GYRO, WindowFilter
+from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.companion.world.imu import default_bias
@@ -95,12 +95,23 @@ def flown(relief_m: float) -> Flight:
     return Flight(PointWorld(relief_m=relief_m), None if relief_m else GROUND).fly(80)
 
 
-@pytest.mark.parametrize(
-    ("relief_m", "limit_m", "limit_m_s"), [(0.0, 1.0, 0.15), pytest.param(RELIEF_M, 2.0, 0.3, marks=pytest.mark.slow)]
-)
-def test_flight_stays_on_course(relief_m: float, limit_m: float, limit_m_s: float) -> None:
+@pytest.mark.parametrize(("relief_m", "limit_m"), [(0.0, 1.0), pytest.param(RELIEF_M, 2.0, marks=pytest.mark.slow)])
+def test_flight_stays_on_course(relief_m: float, limit_m: float) -> None:
     assert flown(relief_m).position_error_m() < limit_m
-    assert flown(relief_m).velocity_error_m_s() < limit_m_s
+
+
+def test_velocity_above_a_plane_is_known_well() -> None:
+    assert flown(0.0).velocity_error_m_s() < 0.15
+
+
+@pytest.mark.slow
+def test_velocity_above_relief_is_as_uncertain_as_stated() -> None:
+    # No height is measured: the scale is known to some 0.3 m/s. 16.3 is passed once in a thousand draws.
+    flight = flown(RELIEF_M)
+    state, truth = flight.estimator.state, flight.truth
+    assert truth is not None
+    error = state.v - truth.velocity_w
+    assert error @ np.linalg.solve(state.cov[VEL, VEL], error) < 16.3
 
 
 @pytest.mark.slow
