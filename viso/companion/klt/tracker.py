@@ -3,7 +3,9 @@
 """Where points of one picture are in the next one: pyramidal Lucas-Kanade, there and back, and a look at the result.
 
 Lucas-Kanade takes each point to keep its grey level. Where the exposure has changed, the lighter picture is darkened
-before: at first by what the whole pictures tell, then by what the points that were found do.
+before: at first by what the whole pictures tell, then by what the points that were found do. It takes
+what surrounds a point to be shifted only. Where points are expected to turn about each other or to spread, as when the
+camera rolls or climbs, the later picture is turned back before.
 """
 
 import math
@@ -15,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.companion.klt.grid import Mask, Points
+from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import Pixels
 
 Patches = npt.NDArray[np.float32]
@@ -33,6 +36,10 @@ _FEWEST_LEVELS: Final = 10.0  # sigma of what has to be compared to tell a gain 
 _MIDDLE: Final = 110.0  # grey level
 _SAME_GAIN: Final = 0.05  # a change of exposure that is less does not move points
 _SAME_LEVEL: Final = 4.0
+_NOTICED_TURN: Final = 0.05  # moves the edge of what surrounds a point by half a pixel
+_MOST_TURN: Final = 2.0  # any turn; beyond it nothing is alike
+_FEWEST_FOR_TURN: Final = 8
+_LEAST_SPREAD_PX: Final = 20.0
 _PATCH: Final = np.arange(-BORDER_PX, BORDER_PX + 1, dtype=np.float32)
 
 
@@ -59,6 +66,18 @@ class KltTracker:
         """
         if len(pixels) == 0:
             return pixels, np.zeros(0, np.bool_)
+        turn = _turn_of(pixels, guess)
+        if turn is None:
+            there, found = self._track(before, after, pixels, guess)
+        else:
+            there, found = self._track(before, turn.undone(after), pixels, turn.back(guess))
+            there = turn.forth(there)
+        x, y = there[:, 0], there[:, 1]
+        found &= (x >= BORDER_PX) & (y >= BORDER_PX)
+        found &= (x < self._width - BORDER_PX) & (y < self._height - BORDER_PX)
+        return there, found
+
+    def _track(self, before: Pixels, after: Pixels, pixels: Points, guess: Points) -> tuple[Points, Mask]:
         exposure = _exposure_of(before, after)
         one, other = exposure.undone(before, after)
         there, found = self._flow(one, other, pixels, guess, self._levels)
@@ -67,10 +86,7 @@ class KltTracker:
             one, other = better.undone(before, after)
             there, found = self._flow(one, other, pixels, np.where(found[:, None], there, guess), self._levels)
         back, returned = self._flow(other, one, there, pixels, _BACK_LEVELS)
-        x, y = there[:, 0], there[:, 1]
         found &= returned & (np.hypot(*(back - pixels).T) < self._fb_threshold_px)
-        found &= (x >= BORDER_PX) & (y >= BORDER_PX)
-        found &= (x < self._width - BORDER_PX) & (y < self._height - BORDER_PX)
         # In a picture of nothing but noise, points stay where they were expected, and come back.
         found[found] = _alike(_patches(before, pixels[found]), _patches(after, there[found])) >= MIN_CORRELATION
         return there, found
@@ -89,6 +105,40 @@ class KltTracker:
         )
         there, status, _ = flow
         return there.reshape(-1, 2), status.ravel() == 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Turn:
+    """Where pixels go: a map [2, 3], turn and spread, then shift."""
+
+    matrix: Array
+
+    def forth(self, pixels: Points) -> Points:
+        there: Points = (pixels @ self.matrix[:, :2].T + self.matrix[:, 2]).astype(np.float32)
+        return there
+
+    def back(self, pixels: Points) -> Points:
+        there = np.linalg.solve(self.matrix[:, :2], (pixels - self.matrix[:, 2]).T).T
+        return there.astype(np.float32)
+
+    def undone(self, image: Pixels) -> Pixels:
+        """Return a later picture as if nothing had turned, shifted back as well."""
+        size, flags = (image.shape[1], image.shape[0]), cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        return cast(Pixels, cv2.warpAffine(image, self.matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT))
+
+
+def _turn_of(pixels: Points, guess: Points) -> _Turn | None:
+    """Return how points [N, 2] are expected to turn about each other and to spread; None for hardly or not known."""
+    if len(pixels) < _FEWEST_FOR_TURN:
+        return None
+    middle, other = pixels.mean(axis=0, dtype=np.float64), guess.mean(axis=0, dtype=np.float64)
+    fitted, _, _, spread = np.linalg.lstsq(pixels - middle, guess - other, rcond=None)
+    if spread[-1] < _LEAST_SPREAD_PX * math.sqrt(len(pixels)):
+        return None
+    linear = fitted.T
+    if not _NOTICED_TURN < np.linalg.norm(linear - np.eye(2), 2) < _MOST_TURN or np.linalg.det(linear) <= 0:
+        return None
+    return _Turn(np.column_stack([linear, other - linear @ middle]))
 
 
 @dataclass(frozen=True, slots=True)

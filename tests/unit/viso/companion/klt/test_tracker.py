@@ -8,6 +8,7 @@ import pytest
 from tests.unit.viso.companion.klt.pictures import HEIGHT, WIDTH, moved, noise, shifted, texture
 from viso.companion.klt.grid import FeatureGrid, Points
 from viso.companion.klt.tracker import BORDER_PX, KltTracker
+from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import Pixels
 
 IMAGE = texture()
@@ -118,6 +119,52 @@ def test_zoom_is_followed() -> None:
     there, found = tracker().track(IMAGE, moved(IMAGE, zoom), points, points)
     assert found.mean() > 0.9
     assert np.abs(there - (middle + 1.05 * (points - middle)))[found].max() < 0.3
+
+
+def mapped(points: Points, matrix: Array) -> Points:
+    there: Points = (points @ matrix[:2, :2].T + matrix[:2, 2]).astype(np.float32)
+    return there
+
+
+def about_the_middle(turn_rad: float, zoom: float = 1.0) -> Array:
+    """Return a map [3, 3] of pixels that turns and zooms a picture."""
+    linear = zoom * np.array([[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]])
+    middle = np.array([WIDTH / 2, HEIGHT / 2])
+    return np.vstack([np.column_stack([linear, middle - linear @ middle + [2.0, -3.0]]), [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize(("turn_rad", "zoom"), [(0.3, 1.0), (-1.0, 1.0), (3.0, 1.0), (0.0, 1.3), (0.2, 0.8)])
+def test_points_that_turn_as_expected_are_where_they_are(turn_rad: float, zoom: float) -> None:
+    motion = about_the_middle(turn_rad, zoom)
+    inner = corners()[np.hypot(*(corners() - [WIDTH / 2, HEIGHT / 2]).T) < 80]
+    truth = mapped(inner, motion)
+    there, found = tracker().track(IMAGE, moved(IMAGE, motion), inner, truth + np.float32(1.5))
+    assert found.mean() > 0.95
+    assert np.abs(there - truth)[found].max() < 0.15
+
+
+def test_points_that_turn_out_of_the_picture_are_not_found() -> None:
+    motion = about_the_middle(0.5 * np.pi)
+    points = FeatureGrid(WIDTH, HEIGHT, 150).detect(IMAGE, np.zeros((0, 2), np.float32))
+    truth = mapped(points, motion)
+    _, found = tracker().track(IMAGE, moved(IMAGE, motion), points, truth)
+    inside = ((truth >= BORDER_PX) & (truth < np.array([WIDTH, HEIGHT]) - BORDER_PX)).all(axis=1)
+    assert 0.4 < inside.mean() < 0.9
+    assert not found[~inside].any()
+    assert found[inside].mean() > 0.95
+
+
+@pytest.mark.parametrize("guess", ["mirrored", "one line", "one place", "far apart"])
+def test_expectation_that_no_camera_has_is_no_trouble(guess: str) -> None:
+    points = corners()
+    guesses: dict[str, Array] = {
+        "mirrored": points * [-1, 1] + [WIDTH, 0],
+        "one line": points * [1, 0] + [0, 100],
+        "one place": np.full(points.shape, 100.0),
+        "far apart": 5 * points,
+    }
+    there, _ = tracker().track(IMAGE, IMAGE, points, guesses[guess].astype(np.float32))
+    assert np.isfinite(there).all()
 
 
 def test_wide_pictures_get_another_level() -> None:
