@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from tools.trial import Trial, run_trial
-from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels, SensorEvent
@@ -34,6 +34,7 @@ EXPOSURE: Final = 0.35
 FOCAL: Final = 1.01
 EXTRINSICS_RAD: Final = math.radians(1.0)
 CLOCK_S: Final = 0.01
+PATIENCE_S: Final = 30.0  # the machine may be busy; how fast an engine is does not count here
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +85,16 @@ class ScenePlan:
     config: VioConfig = GENERAL
     alter: Callable[[SyntheticFlight, int], Altered] = lambda flight, seed: Altered(flight, flight.calibration)
 
-    def fly(self, strategy: str, seed: int) -> Trial:
-        """Return how a strategy does."""
+    def fly(self, strategy: str, seed: int, command: str = "") -> Trial:
+        """Return how a strategy does; an engine by the program that a command starts, which may take its time."""
         flight = self.flight(seed)
-        config = dataclasses.replace(self.config, strategy=strategy)
-        return run_trial(self.alter(flight, seed), config, flight.warm_start(), truth=flight.truth)
+        told = self.alter(flight, seed)
+        told = dataclasses.replace(
+            told, calibration=dataclasses.replace(told.calibration, imu_rate_hz=float(flight.imu_rate_hz))
+        )
+        engine = EngineConfig(command, frame_timeout_s=PATIENCE_S)
+        config = dataclasses.replace(self.config, strategy=strategy, engine=engine)
+        return run_trial(told, config, flight.warm_start(), truth=flight.truth)
 
 
 @functools.cache

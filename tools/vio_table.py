@@ -4,8 +4,8 @@
 
 The table goes to standard output, or with --page between the lines `<!-- measured: vio -->` and `<!-- end -->` of a
 page. It takes some minutes. Without the clip (VISO_DATA, or ../shared/data) its rows say that it is absent. With
---scenes it is that of the scenes instead (`vio-scenes`), for all strategies that are there, engines too; --plot draws
-it.
+--scenes it is that of the scenes instead (`vio-scenes`), for all strategies that are there, and for the engines whose
+programs --engine names; --plot draws it.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import contextlib
 import dataclasses
 import functools
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +27,8 @@ from tools.measured_page import render, replace
 from tools.trial import Claims, Trial, disturbed_start, run_trial
 from tools.vio_scenes import SCENES, ScenePlan
 from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
-from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.trials.evaluation import EvaluationError
+from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import all_strategies, build_vio_strategy
 from viso.companion.vio.types import VioState
@@ -155,12 +157,13 @@ def rows() -> Iterator[Row]:
             bar.advance(bar.task_ids[0])
 
 
-def strategies() -> list[str]:
-    """Return the names of the strategies that can be built here."""
+def strategies(commands: Mapping[str, str]) -> list[str]:
+    """Return the names of the strategies that can be built here, with those whose programs the commands start."""
     names = []
     for name in all_strategies():
+        config = VioConfig(strategy=name, engine=EngineConfig(commands.get(name, "")))
         with contextlib.suppress(StrategyNotAvailableError, ImportError):
-            build_vio_strategy(VioConfig(strategy=name), nadir_calibration(), lambda: 0, logging.getLogger(__name__))
+            build_vio_strategy(config, nadir_calibration(), lambda: 0, logging.getLogger(__name__)).close()
             names.append(name)
     return names
 
@@ -170,7 +173,7 @@ class Scored:
     """How a strategy did in a scene.
 
     Attributes:
-        errors_m: of the trajectory with each seed (ATE).
+        errors_m: of the trajectory with each seed (ATE); NaN where there is none, for want of poses.
         claims: with each seed.
     """
 
@@ -180,24 +183,29 @@ class Scored:
     def cell(self) -> str:
         """Return it as text."""
         frames, refuted = (sum(getattr(claim, name) for claim in self.claims) for name in ("frames", "refuted"))
-        errors = " ".join(f"{error:.3g}" for error in self.errors_m)
+        errors = " ".join("none" if math.isnan(error) else f"{error:.3g}" for error in self.errors_m)
         return f"{errors} ({frames}/{refuted}/{max(claim.worst_m for claim in self.claims):.2g})"
 
 
-def scored(scene: ScenePlan, strategy: str) -> tuple[Scored, float]:
+def scored(scene: ScenePlan, strategy: str, command: str) -> tuple[Scored, float]:
     """Return how a strategy does in a scene, and the mean length of the path in m."""
-    trials = [scene.fly(strategy, seed) for seed in SCENE_SEEDS]
-    errors = [trial.absolute_error() for trial in trials]
-    score = Scored(tuple(error.rmse_m for error in errors), tuple(trial.claims() for trial in trials))
-    return score, float(np.mean([error.path_m for error in errors]))
+    trials = [scene.fly(strategy, seed, command) for seed in SCENE_SEEDS]
+    score = Scored(tuple(_error_m(trial) for trial in trials), tuple(trial.claims() for trial in trials))
+    return score, float(np.mean([trial.truth().path_length_m() for trial in trials]))
 
 
-def scene_rows(names: Sequence[str], plot: Path | None) -> Iterator[Row]:
+def _error_m(trial: Trial) -> float:
+    with contextlib.suppress(EvaluationError):
+        return trial.absolute_error().rmse_m
+    return math.nan
+
+
+def scene_rows(names: Sequence[str], commands: Mapping[str, str], plot: Path | None) -> Iterator[Row]:
     """Measure, a row for each scene; draw them at the end."""
     all_scores: dict[str, list[Scored]] = {}
     with progress("measuring", len(SCENES)) as bar:
         for scene in SCENES:
-            results = [scored(scene, name) for name in names]
+            results = [scored(scene, name, commands.get(name, "")) for name in names]
             all_scores[scene.name] = [score for score, _ in results]
             path_m = results[0][1]
             yield (scene.name, scene.what, f"{path_m:.0f} m", *(score.cell() for score, _ in results))
@@ -233,13 +241,17 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--page", type=Path, help="put the table there")
     parser.add_argument("--scenes", action="store_true", help="measure the scenes")
     parser.add_argument("--plot", type=Path, help="draw the scenes there")
+    parser.add_argument("--engine", action="append", default=[], metavar="NAME=COMMAND", help="an engine's program")
     options = parser.parse_args(arguments)
+    commands = dict(engine.split("=", 1) for engine in options.engine if "=" in engine)
+    if unknown := [engine for engine in options.engine if engine.split("=", 1)[0] not in all_strategies()]:
+        parser.error(f"--engine: {unknown[0]} begins with the name of no strategy")
     name = "vio"
     head: Row = HEAD
     body = rows()
     if options.scenes:
-        names = strategies()
-        name, head, body = "vio-scenes", (*SCENE_HEAD, *names), scene_rows(names, options.plot)
+        names = strategies(commands)
+        name, head, body = "vio-scenes", (*SCENE_HEAD, *names), scene_rows(names, commands, options.plot)
     try:
         if options.page is None:
             print(render(head, body), end="")

@@ -14,13 +14,15 @@ import pytest
 
 pytest.importorskip("cv2", reason="needs OpenCV, of the extra vio")
 
-from tools import vio_table
+from tools import vio_scenes, vio_table
 from tools.trial import Claims
 from viso.companion.trials.euroc import EurocError
-from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.trials.evaluation import EvaluationError, TimedPoses
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.types import VioState
+from viso.companion.world.flight import SyntheticFlight
+from viso.companion.world.texture import GroundTexture
 
 PAGE = "before\n<!-- measured: vio -->\nold\n<!-- end -->\nafter\n"
 TRACKED = Counter({VioState.INIT: 2, VioState.TRACKING: 8})
@@ -289,23 +291,58 @@ def test_clip_that_cannot_be_read_is_one_line(
 class FakeFlight:
     """A flight in a scene, with figures of its own."""
 
+    def __init__(self, error_m: float | None = 0.25) -> None:
+        self._error_m = error_m
+
     def absolute_error(self) -> Any:
-        return SimpleNamespace(rmse_m=0.25, path_m=300.0)
+        if self._error_m is None:
+            raise EvaluationError("no poses")
+        return SimpleNamespace(rmse_m=self._error_m)
+
+    def truth(self) -> TimedPoses:
+        return poses(0.0, 300.0)
 
     def claims(self) -> Claims:
         return Claims(100, 2, 1.25, 0.5)
 
 
+def scenes(*names: str, error_m: float | None = 0.25) -> list[Any]:
+    """Return scenes in which all strategies do the same."""
+    return [SimpleNamespace(name=name, what="any", fly=lambda *_: FakeFlight(error_m)) for name in names]
+
+
 def test_scenes_have_a_row_each_with_all_strategies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    scenes = [SimpleNamespace(name=name, what="any", fly=lambda strategy, seed: FakeFlight()) for name in ("a", "b")]
-    monkeypatch.setattr(vio_table, "SCENES", scenes)
-    rows = list(vio_table.scene_rows(["one", "other"], tmp_path / "scenes.png"))
+    monkeypatch.setattr(vio_table, "SCENES", scenes("a", "b"))
+    rows = list(vio_table.scene_rows(["one", "other"], {}, tmp_path / "scenes.png"))
     cell = "0.25 0.25 0.25 (300/6/1.2)"
     assert rows == [("a", "any", "300 m", cell, cell), ("b", "any", "300 m", cell, cell)]
     assert (tmp_path / "scenes.png").stat().st_size > 0
 
 
+def test_strategy_without_poses_has_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(vio_table, "SCENES", scenes("a", error_m=None))
+    (row,) = vio_table.scene_rows(["one"], {}, tmp_path / "scenes.png")
+    assert row[-1].startswith("none none none (")
+
+
+def test_engine_flies_by_its_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    configs: list[VioConfig] = []
+    monkeypatch.setattr(vio_scenes, "run_trial", lambda told, config, start, truth: configs.append(config))
+    black = np.zeros((8, 8), np.uint8)
+    flight = SyntheticFlight(texture=GroundTexture(black, 1.0, black))
+    vio_scenes.ScenePlan("a", "any", lambda seed: flight).fly("okvis2", 0, "./okvis2_adapter")
+    assert (configs[0].strategy, configs[0].engine.command) == ("okvis2", "./okvis2_adapter")
+
+
+def test_engine_without_a_strategy_of_its_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        vio_table.main(["--scenes", "--engine", "nonesuch=./program"])
+    assert end.value.code == 2
+    assert "nonesuch" in capsys.readouterr().err
+
+
 def test_strategies_that_cannot_be_built_are_left_out() -> None:
-    assert "klt_ransac" in vio_table.strategies()
-    assert "okvis2" not in vio_table.strategies()
+    assert "klt_ransac" in vio_table.strategies({})
+    assert "okvis2" not in vio_table.strategies({})

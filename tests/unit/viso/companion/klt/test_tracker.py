@@ -161,7 +161,7 @@ def test_expectation_that_no_camera_has_is_no_trouble(guess: str) -> None:
         "mirrored": points * [-1, 1] + [WIDTH, 0],
         "one line": points * [1, 0] + [0, 100],
         "one place": np.full(points.shape, 100.0),
-        "far apart": 5 * points,
+        "far apart": 5.0 * points.astype(np.float64),
     }
     there, _ = tracker().track(IMAGE, IMAGE, points, guesses[guess].astype(np.float32))
     assert np.isfinite(there).all()
