@@ -9,7 +9,7 @@ import numpy as np
 from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.held_points import FEWEST_HELD, HeldPoints
-from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, relief_of, use_tracks
+from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, parallax_of, relief_of, use_tracks
 from viso.companion.msckf.tracks import RIPE, TrackBook, padded
 from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
 from viso.companion.vio.imu_window import bracketed
@@ -17,9 +17,10 @@ from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuWindow
 
 UNSURE_VELOCITY_M_S: Final = 0.1
-UNSURE_PASSES: Final = 3
+UNSURE_PASSES: Final = 6
 _RATIO_KEPT: Final = 0.9
 _ENOUGH_TRACKS: Final = 8  # of which none has a point that can be found: the body hardly moves
+_MOST_PARALLAX: Final = 0.02  # rad, of a body that hardly moves
 _MOST_ANCHORS: Final = 3
 _FEWEST_FOR_RELIEF: Final = 3  # sightings
 
@@ -87,7 +88,12 @@ class WindowEstimator:
         if used.used:
             self._note_ratio(used.nis_per_dof)
             self._depth_m = used.depth_m
-        elif plane is None and not used.offered and len(chosen) >= _ENOUGH_TRACKS:
+        elif (
+            plane is None
+            and not used.offered
+            and len(chosen) >= _ENOUGH_TRACKS
+            and parallax_of(state.clones, self._B_T_C, tracks) < _MOST_PARALLAX  # else the state is wrong
+        ):
             self.hold(number, sighting, depth_m)
         self._shorten(keep)
         return used

@@ -28,6 +28,7 @@ _BELOW_SHARE: Final = 0.2  # of the height: how far aside a point may be
 _SLOPE_SHARE: Final = 0.4  # of the height: how far aside a point may be that tells the ground's slope
 _BEND: Final = 0.1  # of the ground, by which points aside are higher or lower than its slope says
 _BENT: Final = 0.3  # share of the parallax times the doubt that the equations miss
+_CONVERGED_SIGMAS: Final = 1.0  # by which the last pass may have led elsewhere
 _RELIEF_PARALLAX_SIGMAS: Final = 80.0  # rays that differ by less do not tell 2 % of the distance
 _FEWEST_FOR_RELIEF: Final = 8
 _NORMAL: Final = 1.4826  # sigma of what is spread normally, by the median of its absolute
@@ -151,12 +152,14 @@ def use_tracks(
         inflation: of the measurement's covariance, 1 or more.
         passes: how often the equations are made anew, each time where the last pass has led, but for the state as it
             was before: for one that is far off, as after a start, one pass would not do. Only the last one counts, as
-            equations that were made in different places would together say more than any of them.
+            equations that were made in different places would together say more than any of them. If it has led
+            elsewhere than the one before, they hold nowhere, and the state stays what it was.
         doubt: variance of the velocity as a share of its square: by that share of their parallax the tracks may be off
             what the equations, which are linear, say.
     """
     result = TracksUsed()
     before, moved = state.copy() if passes > 1 else state, np.zeros(len(state.cov))
+    step = moved
     for index in range(passes):
         stack = _equations(state, B_T_C, tracks, sigma, plane)
         if len(stack.dof) < _FEWEST_FOUND * len(tracks):
@@ -174,10 +177,29 @@ def use_tracks(
         bend = _BENT * doubt * float(np.median(good.parallax)) / sigma
         # All tracks bend alike, as it is one velocity that is wrong: many are no better than one.
         noise = max(variance, inflation) + len(good.dof) * bend * bend
-        moved = state.update(jacobian, residual, math.sqrt(noise))
+        step, moved = -moved, state.update(jacobian, residual, math.sqrt(noise))
+        step = step + moved
         error, depth_m = float(good.error.mean()), float(np.median(good.depth_m))
         result = TracksUsed(len(stack.dof), len(good.dof), nis, error, depth_m)
+    if passes > 1 and (np.abs(step) > _CONVERGED_SIGMAS * np.sqrt(state.cov.diagonal()))[:MOTION].any():
+        state.go_back(before)
+        return TracksUsed(result.offered)
     return result
+
+
+def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
+    """Return by how much, in rad, points have moved from where they were seen first, in the median; turns left out.
+
+    Args:
+        clones: the poses that the points were seen from.
+        B_T_C: from the camera into the body.
+        tracks: sightings from those.
+    """
+    rotations, _ = _cameras(clones, B_T_C, tracks)
+    rays = np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
+    rays = np.einsum("tmij,tmj->tmi", rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    last = rays[np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1]
+    return float(np.median(np.linalg.norm(last - rays[:, 0], axis=1)))
 
 
 def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks, sigma: float) -> float | None:
