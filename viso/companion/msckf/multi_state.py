@@ -181,7 +181,7 @@ def use_tracks(
         step = step + moved
         error, depth_m = float(good.error.mean()), float(np.median(good.depth_m))
         result = TracksUsed(len(stack.dof), len(good.dof), nis, error, depth_m)
-    if passes > 1 and (np.abs(step) > _CONVERGED_SIGMAS * np.sqrt(state.cov.diagonal()))[:MOTION].any():
+    if passes > 1 and (np.abs(step) > _CONVERGED_SIGMAS * np.sqrt(state.cov.diagonal())).any():
         state.go_back(before)
         return TracksUsed(result.offered)
     return result

@@ -25,6 +25,7 @@ from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.companion.world.imu import default_bias
+from viso.companion.world.motion import Trajectory, hover, nadir_survey
 
 CLONES = 11
 GROUND = Plane(0.0, 0.1)
@@ -249,3 +250,16 @@ def test_filter_is_healthy_after_fifteen_hundred_frames(relief_m: float, plane: 
     assert flight.velocity_error_m_s() < 0.5
     assert 0.5 < np.mean(flight.errors) < 1.6
     assert flight.position_error_m() < (2.0 if plane else 60.0)
+
+
+@pytest.mark.parametrize(("trajectory", "factor", "holds"), [(hover(), 1.0, True), (nadir_survey(), -1.0, False)])
+def test_points_are_held_where_the_body_hardly_moves_not_where_the_state_is_wrong(
+    trajectory: Trajectory, factor: float, holds: bool
+) -> None:
+    world = PointWorld(trajectory=trajectory)
+    pose, velocity_w = world.start()
+    estimator = WindowEstimator(filter_at(pose, factor * velocity_w), B_T_C, SIGMA, CLONES, 3)
+    for moment in world.moments(7):
+        estimator.propagate(moment.window)
+        estimator.add_frame(moment.number, moment.sighting, None, None)
+    assert bool(estimator.state.points) == holds
