@@ -54,7 +54,9 @@ def rows(report: Path, environment: Path) -> Iterator[tuple[str, ...]]:
         ends = [child.tag for child in case if child.tag in {"error", "failure", "skipped"}]
         results.setdefault(name, []).extend(ends or ["passed"])
     for client in CLIENTS:
-        own = {name: ends for name, ends in results.items() if name.startswith(client.tests)}
+        # Which worker ends first is chance: by file, then as they stand in it.
+        files = sorted(results, key=lambda name: name.partition(".")[0])
+        own = {name: results[name] for name in files if name.startswith(client.tests)}
         done = "; ".join(name.partition(".test_")[2].replace("_", " ") for name in own)
         counts = Counter(end for ends in own.values() for end in ends)
         result = ", ".join(f"{count} {end}" for end, count in counts.items()) or "not run"
