@@ -17,8 +17,12 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
+
+from typer.testing import CliRunner
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
@@ -33,7 +37,7 @@ from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
 from tools import ekf_sources, rooms_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
-from viso.cli import command_function
+from viso.cli import command_function, make_app
 from viso.companion.engine import protocol as engine_protocol
 from viso.companion.faults.kinds import FAULTS
 from viso.companion.faults.parameters import parameters_of
@@ -60,6 +64,7 @@ from viso.web.desk import ACTIONS
 from viso.web.faults import SWITCHES
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
+PACKAGES: Final = ("viso", "mav_handlers", "ap_visualodom", "ekf_stub", "ap_core")
 _BLOCK: Final = re.compile(r"(<!-- (table|text): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TYPE_NAMES: Final = {
     ParamType.INT8: "int8",
@@ -150,7 +155,46 @@ def _links() -> Iterator[tuple[str, ...]]:
 
 def _cli() -> Iterator[tuple[str, ...]]:
     for name in CLI_COMMANDS:
-        yield f"`viso {name}`", first_line(command_function(name))
+        yield f"[`viso {name}`](#viso-{name})", first_line(command_function(name))
+
+
+def _command_sections() -> Iterator[str]:
+    app = make_app()
+    for name in CLI_COMMANDS:
+        said = CliRunner().invoke(app, [name, "--help"], prog_name="viso", terminal_width=80)
+        yield f"## viso {name}\n"
+        yield f"```text\n{said.output.strip()}\n```\n"
+
+
+def _api() -> Iterator[str]:
+    """Yield a section for each package that lists names; mkdocstrings fills it on the site, each name once."""
+    shown = set[tuple[str, int]]()
+    for package in _public_packages():
+        module = import_module(package)
+        names = {name: (name, id(getattr(module, name))) for name in module.__all__}
+        own = [name for name, key in names.items() if key not in shown]
+        shown.update(names.values())
+        yield f"## {package}\n"
+        yield f"::: {package}\n    options:\n      members: [{', '.join(own)}]\n"
+        if above := ", ".join(f"`{name}`" for name in names if name not in own):
+            yield f"Explained above: {above}.\n"
+
+
+def _public_packages() -> Iterator[str]:
+    for root in PACKAGES:
+        for file in sorted((DOCS.parent / root).rglob("__init__.py")):
+            if "__all__" in file.read_text(encoding="utf-8"):
+                yield ".".join(file.parent.relative_to(DOCS.parent).parts)
+
+
+def _arming_texts() -> Iterator[tuple[str, ...]]:
+    title = ""
+    for line in (DOCS / "arming.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith("## "):
+            title = line.removeprefix("## ")
+        elif line.startswith("| `"):
+            text, meaning, _ = line.strip("| ").split(" | ")
+            yield text, meaning, f"[{title}](arming.md#{title.lower().replace(' ', '-')})"
 
 
 def _default(row: ParamInfo) -> str:
@@ -266,6 +310,13 @@ def _presets() -> Iterator[tuple[str, ...]]:
         yield f"`{name}`", preset_title(path)
 
 
+def _preset_values(path: Path) -> Iterator[tuple[str, ...]]:
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line and not line.startswith("#"):
+            value, _, why_so = line.partition("#")
+            yield f"`{' '.join(value.split())}`", why_so.strip()
+
+
 def _sources() -> Iterator[tuple[str, ...]]:
     for name, row in SOURCES.items():
         yield f"`{name}`", row.summary, row.axes
@@ -311,7 +362,7 @@ _WITNESSES: Final = {
 def _doctor_codes() -> Iterator[tuple[str, ...]]:
     for rule in DOCTOR_RULES:
         link = f"[{rule.code}](doctor-codes.md#{rule.code.lower()})"
-        yield link, rule.severity.value, _WITNESSES[rule.witness], rule.title
+        yield rule.title, link, rule.severity.value, _WITNESSES[rule.witness]
 
 
 def _doctor_sections() -> Iterator[str]:
@@ -447,6 +498,11 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "links": (("connection string", "what it is"), _links),
     "cli": (("command", "what it does"), _cli),
     "presets": (("preset", "what it is for"), _presets),
+    **{
+        f"preset_{name.replace('-', '_')}": (("parameter", "why"), partial(_preset_values, path))
+        for name, path in PRESETS.items()
+    },
+    "arming_texts": (("the autopilot says", "what it means", "what to do"), _arming_texts),
     "firmware": (("", *(f"`{name}`" for name in PROFILES)), _firmware),
     "renames": (("before", "name", "since", "value"), _renames),
     "axes": (("--axes", "world/body", "whose they are"), _axes),
@@ -465,7 +521,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "text_exceptions": (("capture", "only recorded", "only ours", "why"), _text_exceptions),
     "rooms": (("room", "what it holds"), _rooms),
     "objectives": (("column", "unit", "what it is"), _objectives),
-    "doctor_codes": (("code", "at worst", "witness", "what is wrong"), _doctor_codes),
+    "doctor_codes": (("what is wrong", "code", "at worst", "witness"), _doctor_codes),
     "web_actions": (("button", "key", "what it does"), _web_actions),
     "web_faults": (("switch", "what happens"), _web_faults),
     "scenarios": (("scenario", "what happens"), _scenarios),
@@ -479,6 +535,8 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
 
 
 TEXTS: Final[Mapping[str, Callable[[], Iterable[str]]]] = {
+    "api": _api,
+    "command_sections": _command_sections,
     "doctor_sections": _doctor_sections,
     "engine_protocol": _engine_protocol,
 }

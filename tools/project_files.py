@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-NOT_OURS = {"__pycache__", "build", "dist", "logs"}
+NOT_OURS = {"__pycache__", "build", "dist", "logs", "site"}
 DOT_NAMES = {".ci", ".github", ".gitignore", ".gitattributes"}
 
 

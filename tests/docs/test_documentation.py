@@ -21,7 +21,7 @@ def _python_blocks(page: Path) -> list[str]:
 
 def test_first_walk_prints_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {}
-    (block,) = _python_blocks(ROOT / "docs" / "index.md")
+    (block,) = _python_blocks(ROOT / "docs" / "concepts.md")
     exec(block, names)
     verdict, state = capsys.readouterr().out.splitlines()
     assert "'outcome': 'accepted', 'rule': 'consumed'" in verdict

@@ -126,7 +126,8 @@ class Autopilot:
 
         Args:
             message: one of ``mav_handlers.wire.messages``, one of pymavlink's, or bytes as they come from a link.
-            system_id, component_id: whose frame a message is put into; bytes are left as they are.
+            system_id: whose frame a message is put into; bytes are left as they are.
+            component_id: likewise.
 
         Raises:
             TypeError: it is none of these.
