@@ -314,7 +314,7 @@ def _preset_values(path: Path) -> Iterator[tuple[str, ...]]:
     for line in path.read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("#"):
             value, _, why_so = line.partition("#")
-            yield f"`{' '.join(value.split())}`", why_so.strip()
+            yield f"`{' '.join(value.split())}`", why_so.strip() or "likewise"
 
 
 def _sources() -> Iterator[tuple[str, ...]]:
