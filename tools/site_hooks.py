@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the site has besides docs/, and links as they have to be there; mkdocs calls these functions.
+"""What the site has besides docs/, links as they have to be there, and our docstrings; mkdocs calls all of this.
 
 Pages link as a reader of the repository needs it. The site has the pages of docs/ and three of the root, all in one
 folder. A link to anything else of the repository becomes its text.
@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import posixpath
 import re
-from typing import Final
+from typing import Any, Final
 
+import griffe
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -20,6 +21,7 @@ from tools.project_files import ROOT
 
 ROOT_PAGES: Final = ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
 _LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\((?!\w+:|#)([^)#\s]+)(#[^)\s]*)?\)")
+_ENTRY: Final = re.compile(r"^    (\w+(?:, \w+)+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -42,3 +44,19 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         return text if is_elsewhere else f"[{text}]({page_or_file}{anchor})"
 
     return _LINK.sub(linked, markdown)
+
+
+class Docstrings(griffe.Extension):
+    """Reads our classes as we write them."""
+
+    def on_class_instance(self, *, cls: griffe.Class, **_: Any) -> None:
+        """Show the fields of a message, whose decorator makes a dataclass of it, and each of fields with one text."""
+        for made in [one for one in cls.decorators if str(one.value) == "message"]:
+            expression = griffe.ExprName("dataclasses.dataclass")
+            cls.decorators.append(griffe.Decorator(expression, lineno=made.lineno, endlineno=made.endlineno))
+        if cls.docstring:
+            cls.docstring.value = _ENTRY.sub(_one_each, cls.docstring.value)
+
+
+def _one_each(match: re.Match[str]) -> str:
+    return "\n".join(f"    {name}: {match[2]}" for name in match[1].split(", "))
