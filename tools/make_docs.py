@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the tables of the documentation from the tables of the code, and the picture of the rooms from the contracts.
+"""Writes the tables of the documentation from the tables of the code, and draws the pictures that are made by code.
 
 A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`, sections between `<!-- text: NAME -->` and
 `<!-- end -->`; all else in a page is left alone.
@@ -35,7 +35,7 @@ from mav_handlers.links import LINKS
 from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_report, parked
 from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
-from tools import ekf_sources, rooms_picture
+from tools import ekf_sources, pictures, rooms_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function, make_app
 from viso.companion.engine import protocol as engine_protocol
@@ -566,11 +566,11 @@ def _block(kind: str, name: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Rewrite the pages and the picture, or with --check tell which are stale; return the exit code."""
+    """Rewrite the pages and the pictures, or with --check tell which are stale; return the exit code."""
     pages = {page: page.read_text(encoding="utf-8") for page in sorted(DOCS.rglob("*.md"))}
-    made = {page: refresh(text) for page, text in pages.items()} | {
-        DOCS / "images" / "rooms.svg": rooms_picture.draw(_plan())
-    }
+    drawn = {DOCS / "images" / name: picture for name, picture in pictures.drawn()}
+    drawn[DOCS / "images" / "rooms.svg"] = rooms_picture.draw(_plan())
+    made = {page: refresh(text) for page, text in pages.items()} | drawn
     stale = []
     for path, after in made.items():
         if not path.exists() or path.read_text(encoding="utf-8") != after:

@@ -45,7 +45,7 @@ def test_readme_script_is_the_example_without_its_frame() -> None:
 
 
 def test_relative_links_lead_somewhere() -> None:
-    link = re.compile(r"\]\((?!https?:|#)([^)#]+)")
+    link = re.compile(r"(?:\]\(|(?:src|srcset)=\")(?!https?:|#)([^)#\"]+)")
     links = [page.parent / target for page in PAGES for target in link.findall(page.read_text(encoding="utf-8"))]
     assert [path for path in links if not path.exists()] == []
 
