@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make an SVG of what a command prints, such as the pictures of docs/start.md.
 
-`FORCE_COLOR=1 COLUMNS=88 viso doctor mystream.tlog | python -m tools.terminal_picture FILE.svg "viso doctor mystream.tlog"`
+`FORCE_COLOR=1 COLUMNS=88 viso doctor FLIGHT | python -m tools.terminal_picture PICTURE.svg "viso doctor FLIGHT"`
 """
 
 from __future__ import annotations

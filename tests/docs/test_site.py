@@ -64,10 +64,11 @@ def test_navigation_leads_to_all_pages(site: Path) -> None:
 
 
 @pytest.mark.interop
-def test_search_finds_a_word_without_a_server(site: Path) -> None:
+def test_search_finds_a_word_without_a_server(site: Path, tmp_path: Path) -> None:
     if BROWSER is None:
         pytest.skip("chromium is not installed")
     switches = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=10000", "--dump-dom"]
+    switches.append(f"--user-data-dir={tmp_path}")
     address = f"{(site / 'index.html').as_uri()}?q=horizon"
     shown = subprocess.run([BROWSER, *switches, address], capture_output=True, text=True, check=True).stdout
     assert re.search(r'href="[^"]*glossary\.html[^"]*#horizon', shown)
