@@ -29,7 +29,7 @@ from typing import Any
 from pymavlink.DFReader import DFReader_binary
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
-from tools.measured_page import render, replace
+from tools.measured_page import render, replace, where
 from tools.soak import LIMIT_S, Peer, Process, boot, free_port, odometry, read_until
 
 ASK_PERIOD_S = 0.1
@@ -261,7 +261,7 @@ class Siege:
             f"{render(HEAD, rows)}\n"
             f"{self.verdicts:,} frames met their verdicts, and {self.noise_bytes:,} bytes outside frames were counted. "
             f"Memory: {memory}{self.memory_mb[-1]:.0f} in the end. At most {self.descriptors} descriptors were open. "
-            f"Exit code {self.exit_code}; pymavlink reads {self.records:,} records of the log.\n"
+            f"Exit code {self.exit_code}; pymavlink reads {self.records:,} records of the log.\n\n{where()}"
         )
 
 

@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 
-from tools.measured_page import render, replace
+from tools.measured_page import render, replace, where
 from tools.trial import Claims, Trial, disturbed_start, run_trial
 from tools.vio_scenes import SCENES, ScenePlan
 from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
@@ -258,7 +258,7 @@ def main(arguments: Sequence[str]) -> int:
             return 0
         page = options.page.read_text(encoding="utf-8")
         replace(page, name, "")  # before the long run
-        options.page.write_text(replace(page, name, render(head, body)), encoding="utf-8")
+        options.page.write_text(replace(page, name, f"{render(head, body)}\n{where()}"), encoding="utf-8")
     except (InputError, EurocError, OSError) as error:
         print(f"vio_table: {error}", file=sys.stderr)
         return 2

@@ -5,7 +5,6 @@
 Example: python -m tools.bench message parse -o speed.json
 """
 
-import subprocess
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,15 +14,14 @@ from importlib.metadata import version
 import pyperf
 
 from tools.bench.table import BENCHES, Bench
-from tools.project_files import ROOT
+from tools.measured_page import commit
 
 PACKAGES = ("numpy", "pymavlink", "numpy-quaternion", "numba")
 
 
 def about() -> dict[str, str]:
     """Return what pyperf does not know of where figures come from: the commit, and the versions of packages."""
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False).stdout
-    return {"commit": commit.strip() or "none", "packages": ", ".join(f"{name} {version(name)}" for name in PACKAGES)}
+    return {"commit": commit(), "packages": ", ".join(f"{name} {version(name)}" for name in PACKAGES)}
 
 
 def _rounds(bench: Bench, stack: ExitStack) -> Callable[[int], float]:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The table of the strategies' accuracy: what its rows say of figures that were given, not measured."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -264,6 +265,7 @@ def test_table_goes_into_a_page(figures: Figures, capsys: pytest.CaptureFixture[
     page.write_text(PAGE)
     assert vio_table.main(["--page", str(page)]) == 0
     assert page.read_text().count("| met |") == len(vio_table.MEASURES)
+    assert re.search(r"^Measured at (\w{10}|none) on .*, \d+ cores\.$", page.read_text(), re.MULTILINE)
     assert "old" not in page.read_text()
     assert capsys.readouterr().out == ""
 
