@@ -39,9 +39,9 @@ class Capability(enum.IntFlag):
     STARTS_AT_REST = 1
     """It finds its state while the body stands still; else it needs motion."""
     TAKES_HEIGHT = 2
-    """It makes use of HEIGHT."""
+    """It uses HEIGHT."""
     HAS_COVARIANCE = 4
-    """Its estimates have a covariance, of one kind or the other."""
+    """Its estimates have a covariance, RELATIVE or JOINT."""
     UPDATES_KEYFRAMES = 8
     """It sends KEYFRAME_UPDATE."""
 
@@ -56,14 +56,14 @@ class Status(enum.IntEnum):
     LOST = 2
     """The image could not be used: the IMU alone carries the state on."""
     FAILED = 3
-    """Nothing that it says holds before a RESET."""
+    """Nothing in its estimates holds before a RESET."""
 
 
 class CovarianceKind(enum.IntEnum):
     """What the numbers of an estimate's covariance are."""
 
     NONE = 0
-    """There are none."""
+    """There is no covariance."""
     RELATIVE = 1
     """The first 36: of ``keyframe_T_body``, right perturbation, (rx, ry, rz, tx, ty, tz) in the body."""
     JOINT = 2
@@ -80,39 +80,39 @@ class Setup:
     cy: Annotated[float, "d", "px"]
     distortion: Annotated[Array, "8d", "k1 k2 p1 p2 k3 (radtan), k1 k2 k3 k4 (equidistant), then zeros"]
     body_T_camera: Annotated[Array, "16d", "where the camera is"]
-    body_T_camera_sigma: Annotated[Array, "2d", "of it: rotation, position; 0 for exact"]
+    body_T_camera_sigma: Annotated[Array, "2d", "sigma of rotation and position; 0 for exact"]
     time_offset_s: Annotated[
-        float, "d", "what was added to the camera's stamps to get those of IMAGE, in the IMU's time"
+        float, "d", "what viso adds to the camera's stamps to get those of IMAGE, in the IMU's time"
     ]
-    time_offset_sigma_s: Annotated[float, "d", "of it; 0 for exact"]
-    line_time_s: Annotated[float, "d", "from a line of the picture to the next; 0 for a global shutter"]
+    time_offset_sigma_s: Annotated[float, "d", "sigma of time_offset_s; 0 for exact"]
+    line_time_s: Annotated[float, "d", "time from a line of the picture to the next; 0 for a global shutter"]
     gyro_noise: Annotated[float, "d", "density, rad/s/sqrt(Hz)"]
     accel_noise: Annotated[float, "d", "density, m/s^2/sqrt(Hz)"]
     gyro_walk: Annotated[float, "d", "density, rad/s^2/sqrt(Hz)"]
     accel_walk: Annotated[float, "d", "density, m/s^3/sqrt(Hz)"]
-    imu_rate_hz: Annotated[float, "d", "samples a second; 0 if not known"]
+    imu_rate_hz: Annotated[float, "d", "samples per second; 0 if not known"]
     gyro_limit: Annotated[float, "d", "rad/s at which the gyro saturates; infinite if not known"]
     accel_limit: Annotated[float, "d", "m/s^2 at which the accelerometer saturates; infinite if not known"]
     gravity: Annotated[float, "d", "m/s^2"]
-    width: Annotated[int, "I", "of the pictures, px"]
-    height: Annotated[int, "I", "of the pictures, px"]
+    width: Annotated[int, "I", "width of the pictures, px"]
+    height: Annotated[int, "I", "height of the pictures, px"]
     distortion_model: Annotated[int, "I", "0 none, 1 radtan, 2 equidistant"]
-    max_features: Annotated[int, "I", "that are tracked at a time"]
-    threads: Annotated[int, "I", "that may be used"]
-    seed: Annotated[int, "I", "of all that is random"]
-    mask: Annotated[bytes, _BYTES, "nothing, or width * height: 0 where the picture is not to be used"]
+    max_features: Annotated[int, "I", "most features to track at a time"]
+    threads: Annotated[int, "I", "most threads to use"]
+    seed: Annotated[int, "I", "seed of all random numbers"]
+    mask: Annotated[bytes, _BYTES, "empty, or width * height bytes: 0 where the picture must not be used"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Options:
     """The table ``vio.native`` of the configuration."""
 
-    text: Annotated[bytes, _BYTES, "lines name=value, UTF-8; true and false for what is either"]
+    text: Annotated[bytes, _BYTES, "lines name=value, UTF-8; booleans are true or false"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SharedMemory:
-    """Where pictures may be put; an engine that cannot map it says so in READY, and gets them in IMAGE."""
+    """Memory for pictures. An engine that cannot map it says so in READY, and gets the pictures in IMAGE."""
 
     size: Annotated[int, "Q", "bytes"]
     descriptor: Annotated[int, "I", "an open file of that size"]
@@ -121,7 +121,7 @@ class SharedMemory:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Reset:
-    """Forget all; start from a state that holds at the next image, or find one without help."""
+    """Forget everything. Start from a state that holds at the next image, or find one."""
 
     world_T_body: Annotated[Array, "16d", "the pose"]
     velocity_world: Annotated[Array, "3d", "m/s"]
@@ -130,9 +130,9 @@ class Reset:
     covariance: Annotated[
         Array,
         "225d",
-        "of (attitude, right perturbation; position, world; velocity, world; gyro bias; accelerometer bias)",
+        "order: attitude (right perturbation), position and velocity (world), gyro bias, accelerometer bias",
     ]
-    has_state: Annotated[int, "I", "0: all other fields say nothing"]
+    has_state: Annotated[int, "I", "0: ignore all other fields"]
     zero: Annotated[int, "I", "0"]
 
 
@@ -151,7 +151,7 @@ class Height:
 
     t_ns: Annotated[int, "q", "stamp"]
     height_m: Annotated[float, "d", "along the vertical"]
-    sigma_m: Annotated[float, "d", "of it"]
+    sigma_m: Annotated[float, "d", "sigma of the height"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -159,29 +159,29 @@ class Image:
     """A grey picture, row by row, without gaps; answered by ESTIMATE."""
 
     t_ns: Annotated[int, "q", "stamp"]
-    image_id: Annotated[int, "Q", "one more with each, from 1"]
+    image_id: Annotated[int, "Q", "1 for the first image, then one more each"]
     width: Annotated[int, "I", "px"]
     height: Annotated[int, "I", "px"]
-    in_shared_memory: Annotated[int, "I", "1: at its begin; valid until the answer"]
+    in_shared_memory: Annotated[int, "I", "1: the picture is at the start of the shared memory, valid until the answer"]
     zero: Annotated[int, "I", "0"]
-    pixels: Annotated[bytes, _BYTES, "width * height, or nothing if they are in shared memory"]
+    pixels: Annotated[bytes, _BYTES, "width * height bytes; empty if they are in shared memory"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Hello:
     """The first message."""
 
-    imu_rate_hz: Annotated[float, "d", "fewer samples a second are too few, and viso warns; 0 for any"]
-    version: Annotated[int, "I", f"of the protocol: {VERSION}"]
+    imu_rate_hz: Annotated[float, "d", "least samples per second; viso warns below that; 0 for any"]
+    version: Annotated[int, "I", f"version of the protocol: {VERSION}"]
     capabilities: Annotated[int, "I", "bits, see below"]
-    image_width_px: Annotated[int, "I", "the widest picture that it wants; 0 for any"]
+    image_width_px: Annotated[int, "I", "width of the widest picture that it takes; 0 for any"]
     zero: Annotated[int, "I", "0"]
-    name: Annotated[bytes, f"{_NAME_BYTES}s", "of the engine, ASCII, zeros at the end"]
+    name: Annotated[bytes, f"{_NAME_BYTES}s", "name of the engine, ASCII, zeros at the end"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ready:
-    """The answer to the first RESET: the engine is made."""
+    """The answer to the first RESET: the engine is ready."""
 
     shared_memory: Annotated[int, "I", "1: it has mapped the shared memory"]
     zero: Annotated[int, "I", "0"]
@@ -205,7 +205,7 @@ class Estimate:
     innovation_ratio: Annotated[
         float, "d", "mean normalised residual squared per degree of freedom, inliers; 1 if unknown"
     ]
-    covariance: Annotated[Array, "144d", "by its kind, row by row from the first number on"]
+    covariance: Annotated[Array, "144d", "as covariance_kind says, row by row from the first number"]
     status: Annotated[int, "I", "see below"]
     is_keyframe: Annotated[int, "I", "1: this image is the keyframe of those after it"]
     covariance_kind: Annotated[int, "I", "see below"]
@@ -218,7 +218,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class KeyframeUpdate:
-    """A better pose of a keyframe, in the engine's world, ahead of the estimate of the same image."""
+    """A better pose of a keyframe, in the engine's world. It comes before the estimate of the same image."""
 
     keyframe_id: Annotated[int, "Q", "its image"]
     world_T_keyframe: Annotated[Array, "16d", "the body there"]
@@ -228,7 +228,7 @@ class KeyframeUpdate:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Log:
-    """A line for the log; at any time."""
+    """A line for the log. It may come at any time."""
 
     level: Annotated[int, "I", "10 debug, 20 info, 30 warning, 40 error"]
     text: Annotated[bytes, _BYTES, f"UTF-8, at most {MOST_TEXT} bytes"]
@@ -236,7 +236,7 @@ class Log:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Failure:
-    """The last message of an engine that gives up: why."""
+    """The last message of an engine that gives up, with the reason."""
 
     text: Annotated[bytes, _BYTES, f"UTF-8, one line, at most {MOST_TEXT} bytes"]
 

@@ -5,13 +5,13 @@
 //
 // Derive a class from viso::Engine, and
 //     int main() { return viso::run([] { return std::make_unique<Mine>(); }, "mine", viso::STARTS_AT_REST); }
-// One file, C++17, Linux, nothing but the standard library. docs/engines.md tells the protocol, an example and the
-// rules; the structs here are its messages, byte for byte.
+// One file, C++17, Linux, only the standard library. docs/engines.md has the protocol, an example and the rules. The
+// structs here are its messages, byte for byte.
 //
 // Stamps are nanoseconds of the IMU's clock. The world is ENU with gravity (0, 0, -g), the body FLU with its origin in
 // the IMU; a camera's x points right, y down. A_T_B maps from B to A: [4, 4], row by row. Units are m, s, rad.
 //
-// Standard output is the protocol's: what is printed there goes to standard error, and so into viso's log.
+// Standard output belongs to the protocol. Text that is printed there goes to standard error, and so into viso's log.
 
 #ifndef VISO_ENGINE_HPP
 #define VISO_ENGINE_HPP
@@ -55,8 +55,8 @@ constexpr Matrix4 IDENTITY = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 
 // Capabilities, to be combined.
 constexpr std::uint32_t STARTS_AT_REST = 1;     // finds its state while the body stands still; else it needs motion
-constexpr std::uint32_t TAKES_HEIGHT = 2;       // add_height is made use of
-constexpr std::uint32_t HAS_COVARIANCE = 4;     // estimates have one, of one kind or the other
+constexpr std::uint32_t TAKES_HEIGHT = 2;       // uses add_height
+constexpr std::uint32_t HAS_COVARIANCE = 4;     // estimates have one, RELATIVE or JOINT
 constexpr std::uint32_t UPDATES_KEYFRAMES = 8;  // update_keyframe is called
 
 enum class Status : std::uint32_t {
@@ -74,12 +74,12 @@ enum class CovarianceKind : std::uint32_t {
 
 enum class Distortion : std::uint32_t { NONE = 0, RADTAN = 1, EQUIDISTANT = 2 };
 
-// What the program tells of itself, before it knows anything.
+// The program's first message.
 struct Hello {
-    double imu_rate_hz = 0;  // fewer samples a second are too few, and viso warns; 0 for any
+    double imu_rate_hz = 0;  // least samples per second; viso warns below that; 0 for any
     std::uint32_t version = VERSION;
     std::uint32_t capabilities = 0;
-    std::uint32_t image_width_px = 0;  // the widest picture that it wants; 0 for any
+    std::uint32_t image_width_px = 0;  // width of the widest picture that it takes; 0 for any
     std::uint32_t zero = 0;
     char name[64] = {};
 };
@@ -93,7 +93,7 @@ struct Setup {
     double body_T_camera_position_sigma;   // 0 for exact
     double time_offset_s;                  // added already: the stamps of images are of the IMU's clock
     double time_offset_sigma_s;            // 0 for exact
-    double line_time_s;                    // from a line of the picture to the next; 0 for a global shutter
+    double line_time_s;                    // time from a line of the picture to the next; 0 for a global shutter
     double gyro_noise, accel_noise;        // densities, rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
     double gyro_walk, accel_walk;          // densities, rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz)
     double imu_rate_hz;                    // 0 if not known; a deviation per sample is density * sqrt(rate)
@@ -127,7 +127,7 @@ struct Start {
 // A grey picture, row by row without gaps; the pixels are there until add_image returns, and not to be written to.
 struct Image {
     std::int64_t t_ns;
-    std::uint64_t id;  // one more with each, from 1
+    std::uint64_t id;  // 1 for the first image, then one more each
     std::uint32_t width, height, in_shared_memory, zero;
     const std::uint8_t* pixels;
 };
@@ -248,7 +248,7 @@ public:
         }
     }
 
-    // Return the value, or the default where there is none. Throws std::invalid_argument for what is none of the kind.
+    // Return the value, or the default if there is none. Throws std::invalid_argument if the value has another type.
     std::string text(const std::string& name, const std::string& standard) {
         const auto at = values_.find(name);
         asked_[name];
@@ -259,7 +259,7 @@ public:
         if (value.empty()) return standard;
         char* end = nullptr;
         const double number = std::strtod(value.c_str(), &end);
-        if (*end != '\0') throw std::invalid_argument("vio.native." + name + ": " + value + " is no number");
+        if (*end != '\0') throw std::invalid_argument("vio.native." + name + ": " + value + " is not a number");
         return number;
     }
     bool flag(const std::string& name, bool standard) {
@@ -267,7 +267,7 @@ public:
         if (value != "true" && value != "false") throw std::invalid_argument("vio.native." + name + ": not true or false");
         return value == "true";
     }
-    // Throws std::invalid_argument if there is an option that nobody has asked for.
+    // Throws std::invalid_argument if there is an option that was never read.
     void expect_no_others() const {
         for (const auto& [name, value] : values_)
             if (!asked_.count(name)) throw std::invalid_argument("vio.native." + name + ": unknown");
@@ -282,21 +282,21 @@ inline void log(std::uint32_t level, const std::string& text) {
     detail::connection().send_text(detail::LOG, level, text);
 }
 
-// Tell a better pose of a keyframe, from within add_image.
+// Send a better pose of a keyframe, from within add_image.
 inline void update_keyframe(std::uint64_t keyframe_id, const Matrix4& world_T_keyframe, bool is_loop_closure) {
     const detail::KeyframeUpdate update = {keyframe_id, world_T_keyframe, is_loop_closure, 0};
     detail::connection().send(detail::KEYFRAME_UPDATE, &update, sizeof update);
 }
 
-// An engine. All calls come from one thread; whatever one throws ends the program, and viso tells why.
+// An engine. All calls come from one thread. An exception ends the program, and viso shows its text.
 class Engine {
 public:
     virtual ~Engine() = default;
 
     // Called once, first. An exception refuses.
-    // mask: empty, or width * height bytes, 0 where the picture is not to be used.
+    // mask: empty, or width * height bytes, 0 where the picture must not be used.
     virtual void set_up(const Setup& setup, Options& options, const std::vector<std::uint8_t>& mask) = 0;
-    // Forget all; start from a state that holds at the next image, or (nullptr) find one without help.
+    // Forget everything. Start from a state that holds at the next image, or (nullptr) find one.
     virtual void reset(const Start* start) = 0;
     // Stamps increase from one reset to the next. Samples up to an image come before it, and one beyond it.
     virtual void add_imu(const Imu& sample) = 0;

@@ -149,7 +149,7 @@ class LostPolicy(_Section):
     """What is sent when the pose is lost.
 
     Attributes:
-        send_s: how long the last pose is repeated with quality -1; silence after that.
+        send_s: how long a LOST odometry repeats the last pose with quality -1 before it is silent.
     """
 
     send_s: float = _within(3.0, 0.0, 60.0)
@@ -160,11 +160,11 @@ class OdometryConfig(_Section):
     """The section ``vio.odometry``: what goes to the autopilot.
 
     Attributes:
-        rate_hz: messages a second.
-        covariance_encoding: what their covariances hold.
+        rate_hz: messages per second.
+        covariance_encoding: contents of their covariances.
         local_alignment: where x of the local frame points.
         lost_policy: what is sent when the pose is lost.
-        system_id, component_id: of the sender.
+        system_id, component_id: MAVLink id of the sender.
     """
 
     rate_hz: float = _within(20.0, 4.0, 200.0)
@@ -191,14 +191,14 @@ class EngineConfig(_Section):
     """The section ``vio.engine``: how an engine, such as ``okvis2``, is run, and how far it is believed.
 
     Attributes:
-        command: starts its program, as in a shell; nothing for an engine that is a module of Python.
-        start_timeout_s: how long its program may take until it is ready.
-        frame_timeout_s: how long its program may take for a frame; after that it is ended and started anew.
-        mask: picture, 0 where the camera's is not to be used; for a program that can do with one.
-        covariance_scale: factor for the covariances that it tells.
-        drift_rad: sigma of the rotation 1 s after the keyframe, growing as the root of time, if it tells none.
-        drift_m: sigma of the position 1 s after the keyframe, growing as the root of time, if it tells none.
-        drift_share: sigma of the position as a share of the distance from the keyframe, if it tells none.
+        command: starts the engine's program, as in a shell; empty for an engine that is a module of Python.
+        start_timeout_s: how long the program may take to start.
+        frame_timeout_s: how long the program may take for a frame before viso restarts it.
+        mask: file of a picture that is 0 where the camera's pictures must not be used; for programs that take one.
+        covariance_scale: factor for the engine's covariances.
+        drift_rad: without covariances: sigma of the rotation 1 s after the keyframe, growing as the root of time.
+        drift_m: without covariances: sigma of the position 1 s after the keyframe, growing as the root of time.
+        drift_share: without covariances: sigma of the position as a share of the distance from the keyframe.
     """
 
     command: str = ""
@@ -216,31 +216,31 @@ class VioConfig(_Section):
     """The section ``vio``.
 
     Attributes:
-        strategy: its name in the registry.
-        working_width_px: largest width of the image that is worked on.
-        max_features: tracked at a time.
+        strategy: name of the strategy.
+        working_width_px: largest width of processed images; larger ones are shrunk.
+        max_features: most features that are tracked at a time.
         fb_threshold_px: largest forward-backward error of a track.
-        ransac_threshold_px: of the geometric check.
-        min_tracked: inliers below which a frame is degraded.
-        lost_frames_fatal: consecutive lost frames that end in LOST.
-        degraded_inflation: of the emitted covariance in DEGRADED.
-        max_position_sigma_m: of a position that is not DEGRADED.
-        max_velocity_sigma_m_s: of a velocity that is not DEGRADED.
-        auto_reinit_s: from LOST to INIT without a warm start; 0 for never.
+        ransac_threshold_px: threshold of the geometric check.
+        min_tracked: a frame with fewer inliers is DEGRADED.
+        lost_frames_fatal: consecutive frames without a result that lead to LOST.
+        degraded_inflation: factor of the sent covariance in DEGRADED.
+        max_position_sigma_m: a position with a larger sigma is DEGRADED.
+        max_velocity_sigma_m_s: a velocity with a larger sigma is DEGRADED.
+        auto_reinit_s: time from LOST to INIT without a warm start; 0 for never.
         scene: what the camera looks at.
-        agl_source: where the height above ground comes from.
+        agl_source: source of the height above ground.
         agl_sigma_m: smallest sigma of the height.
         agl_scale_sigma: sigma of the scale that a wrong height causes, as a share.
-        ground_z_m: of the plane, in the world (ENU).
+        ground_z_m: height of the plane in the world (ENU).
         window_clones: poses in the filter's window.
         clahe: whether contrast is equalised.
-        seed: of all that is random.
-        threads: of the libraries for pictures and for linear algebra.
+        seed: seed of all random numbers.
+        threads: threads of the libraries for pictures and for linear algebra.
         imu_noise: densities of the IMU's noise.
         odometry: what goes to the autopilot.
         queue: between camera and worker.
         engine: how an engine is run, and how far it is believed.
-        native: an engine's own options, which it gets as they are; see its documentation.
+        native: an engine's own options, passed on unchanged; see its documentation.
     """
 
     strategy: str = "klt_ransac"
