@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every verdict that a message can meet, in one table."""
+"""Every verdict that a message can get, in one table."""
 
 from typing import Final
 

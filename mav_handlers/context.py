@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a handler gets along with its message."""
+"""What a handler gets with its message."""
 
 from typing import NamedTuple
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""External navigation that comes as transforms of ROS 2, over DDS in place of MAVLink.
+"""External navigation as transforms of ROS 2, over DDS instead of MAVLink.
 
 No link corrects the stamps: they are taken for the autopilot's own time since boot. Errors, reset counter and quality
 are 0, as a transform has none.

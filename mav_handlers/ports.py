@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the endpoint asks of the vehicle behind it, and what handlers ask of the endpoint."""
+"""What the endpoint needs of the vehicle, and what handlers need of the endpoint."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

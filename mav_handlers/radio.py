@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What telemetry radios tell of their transmit buffers, and how a link slows down for them.
+"""Reports of telemetry radios about their transmit buffers, and how a link slows down for them.
 
 Source: GCS_MAVLink/GCS_Common.cpp (handle_radio_status, last_txbuf_is_greater).
 """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where releases differ at the endpoint, and which strategy a release has for each such place."""
+"""Differences between releases at the endpoint, and the strategy of each release."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts for the ground station: cutting into chunks, and the queue of those.
+"""Texts for the ground station: chunks and their queue.
 
 Source: GCS_MAVLink/GCS_Common.cpp (GCS::send_textv, GCS::service_statustext, StatusTextQueue::prune).
 """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rules by which the endpoint itself decides about a frame or a message."""
+"""The rules by which the endpoint decides about a frame or a message."""
 
 from typing import Final
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ``viso`` command: one row a command, of which only the one that is asked for is imported."""
+"""The ``viso`` command: one row per subcommand; only the requested one is imported."""
 
 import ast
 import atexit

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""TOML, YAML and JSON that somebody else wrote: what cannot be used is a ValueError whose text is one line."""
+"""TOML, YAML and JSON of users: unusable contents are a ValueError with one line of text."""
 
 import json
 import re

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The distribution's name and version, and what to type for a library that only an extra brings."""
+"""The distribution's name and version, and how to install a library that an extra brings."""
 
 from typing import Final
 

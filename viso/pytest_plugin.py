@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pytest plugin: fixtures that are the autopilot at the other end of what a companion computer sends.
+"""The pytest plugin: fixtures that are the autopilot for tests of a companion computer.
 
 Whoever has this project installed has the plugin loaded; nothing heavy is imported until a test asks for a fixture.
 """

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vehicle asks: AHRS facades."""
+"""AHRS facades: the vehicle's questions to the estimator."""

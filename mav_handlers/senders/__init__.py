@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The messages that the vehicle can send, in the firmware's order, and what each says.
+"""The messages that the vehicle can send, in the firmware's order, and their contents.
 
 A builder returns None when there is nothing to report; the message is then left out.
 """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The companion computer as a MAVLink component: what it sends and when, and by which clock, not the autopilot's."""
+"""The companion computer as a MAVLink component: what it sends and when, by its own clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

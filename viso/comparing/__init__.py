@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recordings of an autopilot held against viso, field by field; the tolerances are in ``viso.comparing.rules``."""
+"""`viso compare`: recordings of an autopilot against viso, field by field."""

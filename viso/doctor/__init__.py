@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What would the autopilot do with a stream of external navigation, and what to change."""
+"""`viso doctor`: what the autopilot would do with a stream of external navigation, and what to change."""
 
 from typing import TYPE_CHECKING
 

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The filter run over the replay records of a log, and judged."""
+"""`viso ekf`: the filter run over the replay records of a log, and judged."""

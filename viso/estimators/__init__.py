@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What two recordings of one motion say about delay, mounting, scale and clocks: pure functions on numpy arrays."""
+"""Delay, mounting, scale and clocks from two recordings of one motion: pure functions on numpy arrays."""

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A recorded stream through the vehicle; comparisons; firmware vectors."""
+"""`viso replay`: a recorded stream through the vehicle; comparisons; firmware vectors."""

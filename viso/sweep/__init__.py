@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Many replays of recorded streams, with parameters, faults, seeds and firmware changed, and what came of each."""
+"""`viso sweep`: many replays of streams with changed parameters, faults, seeds and firmware, and their results."""
 
 from typing import TYPE_CHECKING
 

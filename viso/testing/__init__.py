@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The emulated autopilot for tests of software that sends external navigation; pytest's fixtures return these."""
+"""The emulated autopilot for tests; pytest's fixtures return these objects."""
 
 from typing import TYPE_CHECKING
 

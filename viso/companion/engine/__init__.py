@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Engines that are programs of their own: the bytes that are spoken with them, the process, and a base for new ones."""
+"""Engines that are programs: their protocol, their process, and a base class for new ones."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
