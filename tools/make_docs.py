@@ -4,7 +4,8 @@
 
 A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`, sections between `<!-- text: NAME -->` and
 `<!-- end -->`; all else in a page is left alone.
-`make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale.
+`make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale; with `--terminals` it runs the commands
+whose terminals are shown, too.
 """
 
 import ast
@@ -35,7 +36,7 @@ from mav_handlers.links import LINKS
 from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_report, parked
 from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
-from tools import ekf_sources, pictures, rooms_picture
+from tools import ekf_sources, pictures, rooms_picture, terminal_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function, make_app
 from viso.companion.engine import protocol as engine_protocol
@@ -568,7 +569,8 @@ def _block(kind: str, name: str) -> str:
 def main(arguments: list[str]) -> int:
     """Rewrite the pages and the pictures, or with --check tell which are stale; return the exit code."""
     pages = {page: page.read_text(encoding="utf-8") for page in sorted(DOCS.rglob("*.md"))}
-    drawn = {DOCS / "images" / name: picture for name, picture in pictures.drawn()}
+    shown = [*pictures.drawn(), *(terminal_picture.taken() if "--terminals" in arguments else ())]
+    drawn = {DOCS / "images" / name: picture for name, picture in shown}
     drawn[DOCS / "images" / "rooms.svg"] = rooms_picture.draw(_plan())
     made = {page: refresh(text) for page, text in pages.items()} | drawn
     stale = []
