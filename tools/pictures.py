@@ -3,8 +3,9 @@
 """Draw the pictures of the pages: the way of a message, frames, alignment, horizon; each in light and in dark.
 
 Codes and outcomes come from the tables of the code; `tools/make_docs.py` writes the files and checks them.
-A page shows one with `<picture>`, whose `<source>` asks for the reader's colour scheme: that works on GitHub and on the
-site. The ground is part of a picture, so it can be read on a page of the other scheme as well.
+A page shows one with `<picture>`, whose `<source>` asks for the reader's colour scheme, as GitHub does. The site makes
+two images of it (`tools/site_hooks.py`), so that its own switch between light and dark counts. The ground is part of a
+picture: where neither works, it can still be read.
 """
 
 from __future__ import annotations

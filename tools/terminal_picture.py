@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run the commands of docs/start.md, and make an SVG of what each prints.
 
-`tools/make_docs.py --terminals` writes them. The autopilot runs in real time, so its times differ from run to run, and
-nothing checks that the pictures are the latest.
+`tools/make_docs.py --terminals` writes them. The autopilot runs in real time, so its times differ from run to run:
+only words of findings and verdicts are checked (`tests/unit/tools/test_pictures.py`).
 """
 
 from __future__ import annotations
