@@ -218,7 +218,7 @@ def _fmod(x: float, y: float) -> float:
 
 
 def is_zero(x: np.float32) -> bool:
-    """Tell whether |x| is below FLT_EPSILON (AP_Math.h, is_zero)."""
+    """Return whether |x| is below FLT_EPSILON (AP_Math.h, is_zero)."""
     return bool(abs(x) < FLT_EPSILON)
 
 

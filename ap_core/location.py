@@ -69,7 +69,7 @@ class Location:
     alt_cm: int
 
     def is_valid(self) -> bool:
-        """Tell whether latitude and longitude are within +-90 and +-180 degrees (check_latlng)."""
+        """Return whether latitude and longitude are within +-90 and +-180 degrees (check_latlng)."""
         return abs(self.lat) <= MAX_LAT and abs(self.lng) <= MAX_LNG
 
     def distance_ned(self, to: "Location") -> Vector3f:

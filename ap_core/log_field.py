@@ -21,7 +21,7 @@ LogValue = int | float | np.float32 | np.float64 | str | bytes
 Converter = Callable[[LogValue], int | bytes]
 
 
-# Tuples made once: a union written at the call is built anew for each value.
+# Tuples made once: a union written at the call is built again for each value.
 _TEXT_TYPES: Final = (str, bytes)
 FLOAT_TYPES: Final = (float, np.floating)
 _I64_LIMIT: Final = 1 << 63

@@ -102,13 +102,13 @@ def to_f32(value: float | np.float32) -> np.float32:
 
 
 def is_equal(a: np.float32, b: np.float32) -> bool:
-    """Tell whether two values differ by less than FLT_EPSILON; false with NaN (AP_Math.cpp, is_equal)."""
+    """Return whether two values differ by less than FLT_EPSILON; false with NaN (AP_Math.cpp, is_equal)."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(abs(a - b) < FLT_EPSILON)
 
 
 def is_within_hundredth_percent(value: np.float32, reference: np.float32) -> bool:
-    """Tell whether ``reference`` is within 0.01 % of ``value`` (AP_Param.cpp, save_sync)."""
+    """Return whether ``reference`` is within 0.01 % of ``value`` (AP_Param.cpp, save_sync)."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(abs(value - reference) < f32(0.0001) * abs(value))
 

@@ -65,7 +65,7 @@ class Quaternion:
         return self.q1, self.q2, self.q3, self.q4
 
     def is_nan(self) -> bool:
-        """Tell whether any component is NaN (QuaternionT::is_nan)."""
+        """Return whether any component is NaN (QuaternionT::is_nan)."""
         return math.isnan(self.q1) or math.isnan(self.q2) or math.isnan(self.q3) or math.isnan(self.q4)
 
     @classmethod

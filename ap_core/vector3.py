@@ -56,5 +56,5 @@ class Vector3f:
         return norm3(self.x, self.y, self.z)
 
     def is_nan(self) -> bool:
-        """Tell whether any component is NaN (vector3.cpp, Vector3<T>::is_nan)."""
+        """Return whether any component is NaN (vector3.cpp, Vector3<T>::is_nan)."""
         return math.isnan(self.x) or math.isnan(self.y) or math.isnan(self.z)

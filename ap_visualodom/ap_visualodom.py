@@ -92,11 +92,11 @@ class AP_VisualOdom:
         self._driver = make(self) if make is not None else None
 
     def enabled(self) -> bool:
-        """Tell whether VISO_TYPE is set (AP_VisualOdom::enabled)."""
+        """Return whether VISO_TYPE is set (AP_VisualOdom::enabled)."""
         return self._type != _NO_TYPE
 
     def healthy(self) -> bool:
-        """Tell whether there is a backend and it receives data (AP_VisualOdom::healthy)."""
+        """Return whether there is a backend and it receives data (AP_VisualOdom::healthy)."""
         return self.enabled() and self._driver is not None and self._driver.healthy()
 
     def quality(self) -> int:

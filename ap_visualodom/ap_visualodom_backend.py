@@ -41,7 +41,7 @@ class AP_VisualOdom_Backend(ABC):
         self._quality = 0
 
     def healthy(self) -> bool:
-        """Tell whether a message came within 300 ms; true in the first 300 ms after boot without any.
+        """Return whether a message came within 300 ms; true in the first 300 ms after boot without any.
 
         Source: AP_VisualOdom_Backend::healthy.
         """

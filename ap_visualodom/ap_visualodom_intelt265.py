@@ -261,7 +261,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         return None
 
     def should_consume_sensor_data(self, vision_position_estimate: bool, reset_counter: int) -> bool:
-        """Tell whether samples may be used; a T265's are not for a second after its position was reset.
+        """Return whether samples may be used; a T265's are not for a second after its position was reset.
 
         Source: AP_VisualOdom_IntelT265::should_consume_sensor_data.
         """

@@ -21,13 +21,13 @@ class Ahrs(Protocol):
     """The part of AP_AHRS that external navigation uses. Attitudes map body (FRD) to earth (NED)."""
 
     def initialised(self) -> bool:
-        """Tell whether the estimator has been running for its settling time."""
+        """Return whether the estimator has been running for its settling time."""
 
     def dcm_yaw_initialised(self) -> bool:
-        """Tell whether DCM has had a yaw reference."""
+        """Return whether DCM has had a yaw reference."""
 
     def using_extnav_for_yaw(self) -> bool:
-        """Tell whether the active estimator takes its yaw from external navigation."""
+        """Return whether the active estimator takes its yaw from external navigation."""
 
     def get_yaw_rad(self) -> np.float32:
         """Return the vehicle's yaw in radians, -pi..pi."""

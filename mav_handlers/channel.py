@@ -156,7 +156,7 @@ class Channel:
 
     @property
     def streaming(self) -> bool:
-        """Tell whether anything but the heartbeat is sent at an interval."""
+        """Return whether anything but the heartbeat is sent at an interval."""
         return not self.buckets.is_empty
 
     @property
@@ -178,7 +178,7 @@ class Channel:
         self.counters[name, verdict.outcome, verdict.rule.code] += amount
 
     def has_room(self) -> bool:
-        """Tell whether output may be added; a peer that does not read must not cost memory."""
+        """Return whether output may be added; a peer that does not read must not cost memory."""
         return len(self._output) < OUTPUT_LIMIT_BYTES
 
     def txspace(self) -> int:
@@ -190,7 +190,7 @@ class Channel:
         return self.codec.overhead_bytes + self.reserve.bytes_at(now_us)
 
     def has_space_for(self, message_type: type[Message], now_us: int | None = None) -> bool:
-        """Tell whether a message fits; counted when it does not (GCS_MAVLINK::check_payload_size).
+        """Return whether a message fits; counted when it does not (GCS_MAVLINK::check_payload_size).
 
         Args:
             message_type: what is to be sent.

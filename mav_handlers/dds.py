@@ -65,7 +65,7 @@ def convert_transform(transform: Transform) -> tuple[Vector3f, Quaternion]:
 
 
 def is_odometry_frame(transform: Transform) -> bool:
-    """Tell whether a transform is the one that the firmware takes (AP_DDS_External_Odom::is_odometry_frame)."""
+    """Return whether a transform is the one that the firmware takes (AP_DDS_External_Odom::is_odometry_frame)."""
     return transform.frame_id == ODOM_PARENT and transform.child_frame_id == ODOM_CHILD
 
 

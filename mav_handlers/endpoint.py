@@ -69,7 +69,7 @@ class MessageEvent(NamedTuple):
 class MavEndpoint:
     """Any number of links, one vehicle.
 
-    Give each link's bytes to ``receive_bytes``, call ``poll`` some hundred times a second, send what ``bytes_to_send``
+    Give each link's bytes to ``receive_bytes``, call ``poll`` about 100 times per second, send what ``bytes_to_send``
     returns, and read what happened from ``next_event`` (``on_event`` is told at once). Nothing that comes from outside
     raises.
 

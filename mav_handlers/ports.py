@@ -71,7 +71,7 @@ class LogPort(Protocol):
         """Return the number of log records lost."""
 
     def failed(self) -> bool:
-        """Tell whether the log cannot be written."""
+        """Return whether the log cannot be written."""
 
     def text(self, text: str) -> None:
         """Write a MSG record."""
@@ -96,10 +96,10 @@ class AhrsPort(Protocol):
     """What telemetry asks of the AHRS; names are those of AP_AHRS."""
 
     def initialised(self) -> bool:
-        """Tell whether the estimator has been running for its settling time."""
+        """Return whether the estimator has been running for its settling time."""
 
     def healthy(self) -> bool:
-        """Tell whether the estimator runs well."""
+        """Return whether the estimator runs well."""
 
     def get_quaternion(self) -> Quaternion | None:
         """Return the attitude, body (FRD) to earth (NED), or None while there is none."""
@@ -244,7 +244,7 @@ class CopterPort(Protocol):
         """The checks before arming."""
 
     def is_armed(self) -> bool:
-        """Tell whether the motors are armed."""
+        """Return whether the motors are armed."""
 
     def arm(self, do_checks: bool) -> bool:
         """Try to arm; tell whether it worked. Failures are told as texts."""
@@ -262,22 +262,22 @@ class CopterPort(Protocol):
         """Enter a mode; tell whether the vehicle is in it now. A refusal is told as a text."""
 
     def is_holding_height(self) -> bool:
-        """Tell whether the mode runs the vertical position controller."""
+        """Return whether the mode runs the vertical position controller."""
 
     def is_holding_position(self) -> bool:
-        """Tell whether the mode runs the horizontal position controller."""
+        """Return whether the mode runs the horizontal position controller."""
 
     def is_landed(self) -> bool:
-        """Tell whether the vehicle stands on the ground."""
+        """Return whether the vehicle stands on the ground."""
 
     def is_taking_off(self) -> bool:
-        """Tell whether it climbs to where it was asked to take off to."""
+        """Return whether it climbs to where it was asked to take off to."""
 
     def is_landing(self) -> bool:
-        """Tell whether the mode brings it down."""
+        """Return whether the mode brings it down."""
 
     def is_in_failsafe(self) -> bool:
-        """Tell whether a failsafe is active."""
+        """Return whether a failsafe is active."""
 
     def set_safety(self, on: bool) -> None:
         """Move the safety switch; on, it keeps the motors off."""
@@ -306,10 +306,10 @@ class FlowPort(Protocol):
     """The flow sensor."""
 
     def enabled(self) -> bool:
-        """Tell whether there is one."""
+        """Return whether there is one."""
 
     def healthy(self) -> bool:
-        """Tell whether it works."""
+        """Return whether it works."""
 
     @property
     def newest(self) -> FlowMeasurement:
@@ -345,10 +345,10 @@ class RangesPort(Protocol):
     is_enabled: bool
 
     def is_present(self) -> bool:
-        """Tell whether one looks down."""
+        """Return whether one looks down."""
 
     def has_data(self) -> bool:
-        """Tell whether ranges come in from that, good or not."""
+        """Return whether ranges come in from that, good or not."""
 
     def downward_m(self) -> float | None:
         """Return its range in m; None without one."""
@@ -445,10 +445,10 @@ class VehiclePort(Protocol):
         """Return the texts that introduce the vehicle."""
 
     def is_initialised(self) -> bool:
-        """Tell whether booting is over."""
+        """Return whether booting is over."""
 
     def is_time_to_log(self) -> bool:
-        """Tell whether the vehicle is in a state in which it logs."""
+        """Return whether the vehicle is in a state in which it logs."""
 
     def request_reboot(self) -> None:
         """Restart, once the answer to the command has left."""

@@ -24,7 +24,7 @@ class RadioLink:
         self._txbuf_percent = txbuf_percent
 
     def txbuf_is_greater(self, percent: int, now_us: int) -> bool:
-        """Tell whether more than this is free, or no radio has reported for more than 5 s."""
+        """Return whether more than this is free, or no radio has reported for more than 5 s."""
         return now_us // 1000 - self._received_ms > STALE_MS or self._txbuf_percent > percent
 
 

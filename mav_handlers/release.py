@@ -45,12 +45,12 @@ class OriginSender(Protocol):
 
 
 def is_factory_default(action: float) -> bool:
-    """Tell whether a storage action is PARAM_RESET_FACTORY_DEFAULT."""
+    """Return whether a storage action is PARAM_RESET_FACTORY_DEFAULT."""
     return is_equal(f32(action), f32(RESET_FACTORY_DEFAULT))
 
 
 def is_any_default(action: float) -> bool:
-    """Tell whether a storage action, cut to a byte, is PARAM_RESET_FACTORY_DEFAULT or PARAM_RESET_ALL_DEFAULT."""
+    """Return whether a storage action, cut to a byte, is PARAM_RESET_FACTORY_DEFAULT or PARAM_RESET_ALL_DEFAULT."""
     return u8(int_of_float(action)) in (RESET_FACTORY_DEFAULT, RESET_ALL_DEFAULT)
 
 

@@ -100,7 +100,7 @@ class StatusTextQueue:
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether no chunk waits."""
+        """Return whether no chunk waits."""
         return not self._queue
 
     def pending(self) -> tuple[QueuedChunk, ...]:

@@ -80,7 +80,7 @@ def require_python(version: tuple[int, ...] = sys.version_info[:3]) -> None:
 
 
 def _is_new_enough(python: str) -> bool:
-    """Tell whether the interpreter starts (a version manager's shim may not) and is new enough."""
+    """Return whether the interpreter starts (a version manager's shim may not) and is new enough."""
     test = f"import sys; sys.exit(sys.version_info[:2] < {MINIMUM_PYTHON})"
     return subprocess.run([python, "-c", test], capture_output=True, check=False).returncode == 0
 
@@ -180,7 +180,7 @@ def _install(root: Path, venv: Path, profile: str) -> None:
 
 
 def _has_former_name(venv: Path) -> bool:
-    """Tell whether the project is installed by the name that it had: two would claim one command and one plugin."""
+    """Return whether the project is installed by the name that it had: two would claim one command and one plugin."""
     # An editable one is ours; the package index has another project of that name.
     records = venv.glob(f"lib/python*/site-packages/{FORMER_NAME}-*.dist-info/direct_url.json")
     return any('"editable": true' in record.read_text(encoding="utf-8") for record in records)

@@ -558,7 +558,7 @@ def _in_markdown(lines: Rows) -> str:
 
 
 def refresh(text: str) -> str:
-    """Return a page with its tables and sections made anew."""
+    """Return a page with its tables and sections made again."""
     return _BLOCK.sub(lambda match: match[1] + "\n" + _block(match[2], match[3]) + "\n" + match[4], text)
 
 

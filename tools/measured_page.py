@@ -31,7 +31,7 @@ def where() -> str:
 
 
 def replace(text: str, name: str, table: str) -> str:
-    """Return a page with its table of a name made anew.
+    """Return a page with its table of a name made again.
 
     Raises:
         InputError: if it has no place for one.

@@ -51,7 +51,7 @@ class Target(NamedTuple):
     at_least: bool = False
 
     def is_met(self, value: float) -> bool:
-        """Tell whether a value is good enough."""
+        """Return whether a value is good enough."""
         return value >= self.limit if self.at_least else value <= self.limit
 
     def text(self) -> str:

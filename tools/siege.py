@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Attack a running `viso serve` over real sockets, one way after the other, and print what another link felt of it.
 
-A ground station on a UDP link of its own listens for heartbeats and asks for the time, ten times a second, while a
+A ground station on a UDP link of its own listens for heartbeats and asks for the time, ten times per second, while a
 process beside it floods a TCP link, a second UDP link and the page. Exits with 1 when the ground station waited longer
 than it should, when memory or descriptors grew, or when the vehicle or its log did not end as they should.
 """
@@ -187,7 +187,7 @@ def attack(name: str, target: Target, seed: int) -> None:
     """Attack until this process is ended."""
     source = random.Random(seed)
     while True:
-        with suppress(OSError):  # the vehicle shut the connection: begin anew
+        with suppress(OSError):  # the vehicle shut the connection: restart
             for _ in ATTACKS[name](target, source):
                 pass
         time.sleep(0.01)

@@ -28,7 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--update-golden",
         action="store_true",
         dest=UPDATE_GOLDEN,
-        help="write the golden logs of assert_golden anew",
+        help="write the golden logs of assert_golden again",
     )
 
 

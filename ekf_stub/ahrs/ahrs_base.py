@@ -60,19 +60,19 @@ class AhrsBase:
         return self._clock.micros64() // 1000
 
     def started(self) -> bool:
-        """Tell whether the AHRS runs, if only on its first, simple estimate (DCM)."""
+        """Return whether the AHRS runs, if only on its first, simple estimate (DCM)."""
         return self._clock.micros64() >= self._start_us
 
     def estimator_started(self) -> bool:
-        """Tell whether the estimator runs, for which the AHRS waits 1 s (AP_AHRS::update_EKF3)."""
+        """Return whether the estimator runs, for which the AHRS waits 1 s (AP_AHRS::update_EKF3)."""
         return self._clock.micros64() >= self._estimator_start_us
 
     def initialised(self) -> bool:
-        """Tell whether the AHRS has run for more than 20 s (AP_AHRS::initialised)."""
+        """Return whether the AHRS has run for more than 20 s (AP_AHRS::initialised)."""
         return self.estimator_started() and self._now_ms() - self._start_us // 1000 > AP_AHRS_NAVEKF_SETTLE_TIME_MS
 
     def dcm_yaw_initialised(self) -> bool:
-        """Tell whether DCM has had a yaw reference."""
+        """Return whether DCM has had a yaw reference."""
         return False
 
     def get_yaw_rad(self) -> np.float32:
@@ -84,7 +84,7 @@ class AhrsBase:
         return None
 
     def using_extnav_for_yaw(self) -> bool:
-        """Tell whether yaw comes from external navigation.
+        """Return whether yaw comes from external navigation.
 
         While such a yaw is configured but missing, the EKF fuses a synthetic one, which counts as well.
         Source: NavEKF3_core::using_extnav_for_yaw.
@@ -154,7 +154,7 @@ class AhrsBase:
         return None
 
     def healthy(self) -> bool:
-        """Tell whether the estimator runs well (AP_AHRS::healthy)."""
+        """Return whether the estimator runs well (AP_AHRS::healthy)."""
         return self.estimator_started()
 
     def reset_height_datum(self) -> bool:

@@ -229,7 +229,7 @@ class Ekf3Ahrs(AhrsBase):
         return 0 if until_ms is None else until_ms * 1000 + 1000
 
     def _brings_nothing(self, found: Sensors, before: Sensors) -> bool:
-        """Tell whether sensors say what they said before, but for inertial data that the filter takes as they are."""
+        """Return whether sensors say what they said before, but for inertial data that the filter takes as they are."""
         is_same = found.baro is before.baro and found.mag is before.mag and found.declination == before.declination
         core = self.core
         return is_same and core is not None and core.fix is self._gps()
@@ -409,11 +409,11 @@ class Ekf3Ahrs(AhrsBase):
         return reported if flags & _INITIALISED else reported | FilterFlag.UNINITIALISED
 
     def dcm_yaw_initialised(self) -> bool:
-        """Tell whether there has been a compass heading."""
+        """Return whether there has been a compass heading."""
         return self.started() and self._has_compass()
 
     def using_extnav_for_yaw(self) -> bool:
-        """Tell whether yaw comes from external navigation (NavEKF3_core::using_extnav_for_yaw)."""
+        """Return whether yaw comes from external navigation (NavEKF3_core::using_extnav_for_yaw)."""
         return self.core is not None and self.core.uses_ext_nav_for_yaw(self._now_ms())
 
     def get_yaw_rad(self) -> np.float32:
@@ -496,7 +496,7 @@ class Ekf3Ahrs(AhrsBase):
         return core.height.terrain.down - float(core.output.now.pos[2])
 
     def healthy(self) -> bool:
-        """Tell whether the filter runs well."""
+        """Return whether the filter runs well."""
         return self._active and self.core is not None and self.core.control.healthy(self._now_ms())
 
     # What the vehicle asks for

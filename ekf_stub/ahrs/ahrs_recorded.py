@@ -64,7 +64,7 @@ class RecordedAhrs(AhrsBase):
         return [float(np.interp(now_us, time_us, column)) for column in values.T]
 
     def dcm_yaw_initialised(self) -> bool:
-        """Tell whether the log has an attitude by now."""
+        """Return whether the log has an attitude by now."""
         return bool(self._clock.micros64() >= self._states.att_time_us[0])
 
     def get_yaw_rad(self) -> np.float32:

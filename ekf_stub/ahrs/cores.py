@@ -163,7 +163,7 @@ class Cores:
         return None
 
     def record_is_due(self, now_us: int) -> bool:
-        """Tell whether the only filter writes anything by itself after a step."""
+        """Return whether the only filter writes anything by itself after a step."""
         core, log = self._logged[0]
         return log.is_due(now_us, core.is_still(), is_step=True)
 

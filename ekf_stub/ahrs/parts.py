@@ -61,7 +61,7 @@ class AhrsParts:
     expected: Callable[[], tuple[bool, bool]] = lambda: (False, False)
 
     def is_fitted(self, sensor: str) -> bool:
-        """Tell whether there is a sensor that EKF sources may need, by its name in ``source_check.SENSORS``."""
+        """Return whether there is a sensor that EKF sources may need, by its name in ``source_check.SENSORS``."""
         fitted = {
             BARO: True,
             COMPASS: self.has_compass(),
@@ -73,7 +73,7 @@ class AhrsParts:
         return fitted.get(sensor, False)
 
     def has_flow(self) -> bool:
-        """Tell whether there is to be a flow sensor (AP_OpticalFlow::enabled)."""
+        """Return whether there is to be a flow sensor (AP_OpticalFlow::enabled)."""
         return self.params.get_int("FLOW_TYPE") != 0
 
     def _looks_down(self) -> bool:
@@ -81,7 +81,7 @@ class AhrsParts:
         return ranges is not None and any(finder.orientation == DOWNWARD for finder in ranges.finders)
 
     def has_compass(self) -> bool:
-        """Tell whether there is a compass, and in use."""
+        """Return whether there is a compass, and in use."""
         return self.params.get_int("COMPASS_ENABLE") != 0 and self.params.get_int("COMPASS_USE") != 0
 
     def imu_pos(self, imu: int = 0) -> Vector3f:

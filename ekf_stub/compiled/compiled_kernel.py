@@ -292,7 +292,7 @@ def tilt_variance(cov: Array, quat: Quat) -> float:
 
 @compiled
 def is_sound(del_ang: Array, del_vel: Array, del_ang_dt: float, del_vel_dt: float) -> bool:
-    """Tell whether inertial data is finite, and no more than a vehicle survives (inertial.is_sound)."""
+    """Return whether inertial data is finite, and no more than a vehicle survives (inertial.is_sound)."""
     ang, vel = abs(del_ang[0]) + abs(del_ang[1]) + abs(del_ang[2]), abs(del_vel[0]) + abs(del_vel[1]) + abs(del_vel[2])
     are_short = 0.0 <= del_ang_dt <= MAX_DT and 0.0 <= del_vel_dt <= MAX_DT
     return are_short and ang <= MAX_DEL_ANG and vel <= MAX_DEL_VEL

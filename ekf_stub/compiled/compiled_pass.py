@@ -161,7 +161,7 @@ class CompiledPass(InertialPass):
         kernel.sense(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT)
 
     def begin(self, state: ErrorState, length: int) -> None:
-        """Begin anew with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
+        """Restart with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
         self._restart()
         self.output = CompiledOutput(self._mem, state, length)
 

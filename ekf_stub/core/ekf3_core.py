@@ -11,7 +11,7 @@ from the horizon to the present, which each step draws towards the filter. A ste
 what has come due, and fuses it in the firmware's order: yaw, then velocity, position and height, then optical flow,
 then body odometry.
 
-This class has that order, and what starts the filter and begins it anew. The state, each kind of measurement, the
+This class has that order, and what starts the filter and restarts it. The state, each kind of measurement, the
 modes and the report are classes of their own, so that each can be tested alone and held against a recorded log.
 """
 
@@ -450,7 +450,7 @@ class Ekf3Core:
         return bool(int(self._get_float("OGN_HGT_MASK")) & IN_MEASUREMENTS)
 
     def _check_stuck(self, frame: Frame, now_ms: int) -> None:
-        """Begin anew once nothing has been right for a while, on the ground."""
+        """Restart once nothing has been right for a while, on the ground."""
         if self._had_flags_ms and now_ms - self._had_flags_ms > FORCED_RESET_MS and not frame.armed:
             self._texts.add("forced reset", MAV_SEVERITY_WARNING)
             self._initialise(frame, now_ms)
@@ -537,7 +537,7 @@ class Ekf3Core:
         return self.yaw.resets if self.initialised else 0
 
     def uses_ext_nav_for_yaw(self, now_ms: int) -> bool:
-        """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
+        """Return whether yaw comes from external navigation, or is assumed while it waits for that."""
         if self.initialised:
             return self.yaw.uses_ext_nav(now_ms)
         return self.sources.yaw() == _YAW_EXTNAV and now_ms < YAW_IN_USE_MS

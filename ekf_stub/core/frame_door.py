@@ -26,7 +26,7 @@ MAX_GPS_YAW_DEG: Final = 1e4
 
 
 def _within(limit: float, *values: float) -> bool:
-    """Tell whether the sum of absolute values is within a limit, as it is not when one is not a number."""
+    """Return whether the sum of absolute values is within a limit, as it is not when one is not a number."""
     return sum(map(abs, values)) <= limit
 
 

@@ -181,7 +181,7 @@ class Lanes:
                 )
 
     def _has_better_score(self, i: int, than: int) -> bool:
-        """Tell whether a core is better than another (coreBetterScore)."""
+        """Return whether a core is better than another (coreBetterScore)."""
         if not self._is_healthy(i):
             return False
         new, old = self.cores[i], self.cores[than]

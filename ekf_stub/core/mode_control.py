@@ -172,7 +172,7 @@ class ModeControl:
         self._now_ms = now_ms
 
     def _forget_flight(self, now_ms: int) -> None:
-        """Begin anew with what was known by a yaw that the vehicle has lost as it was disarmed."""
+        """Restart with what was known by a yaw that the vehicle has lost as it was disarmed."""
         core = self._core
         mode, core.aiding.mode = core.aiding.mode, _NO_AIDING
         core.yaw.aligned = False
@@ -184,7 +184,7 @@ class ModeControl:
         core.aiding.mode = mode
 
     def _is_news(self, frame: Frame) -> bool:
-        """Tell whether anything may have changed since the last frame, in which there was no step."""
+        """Return whether anything may have changed since the last frame, in which there was no step."""
         states, sources = self._core.state.states, self._core.sources.active()
         expected = frame.takeoff_expected, frame.touchdown_expected
         situation = frame.armed, frame.flying_ms > FLYING_MS, expected, self._core.yaw.has_compass()
@@ -300,7 +300,7 @@ class ModeControl:
     # Every step
 
     def healthy(self, now_ms: int) -> bool:
-        """Tell whether nothing is wrong (NavEKF3_core::healthy)."""
+        """Return whether nothing is wrong (NavEKF3_core::healthy)."""
         innovations = self._core.fusion.innovations
         if self._initialised_ms is None or now_ms - self._initialised_ms < HEALTHY_AFTER_MS:
             return False

@@ -3,7 +3,7 @@
 """What becomes of a covariance. It stays symmetric to the bit, and positive: no mix of errors gets a negative variance.
 
 filterpy's KalmanFilter is what the tests compare with, and not what runs: one of its updates takes 16 us with 22
-states, where the gain and `fused` take 4, some 200 times a second; and it knows neither gains that leave states alone,
+states, where the gain and `fused` take 4, 200 times per second; and it knows neither gains that leave states alone,
 nor variances that must not become negative. Its prediction takes 5 us, as the two products and their mean do here.
 """
 
@@ -25,7 +25,7 @@ def diagonal(cov: Array) -> Array:
 
 
 def is_positive(cov: Array) -> bool:
-    """Tell whether no mix of errors has a negative variance, but for rounding."""
+    """Return whether no mix of errors has a negative variance, but for rounding."""
     try:
         np.linalg.cholesky(cov + np.diag(ROUNDING * diagonal(cov) + _NO_VAR))
     except np.linalg.LinAlgError:

@@ -115,7 +115,7 @@ def rotation_of_quat(quat: quaternion.quaternion) -> Array:
 
 
 def is_sound(inertial: InertialDelta | InertialStep) -> bool:
-    """Tell whether inertial data is finite, and no more than a vehicle survives."""
+    """Return whether inertial data is finite, and no more than a vehicle survives."""
     vel_x, vel_y, vel_z = inertial.del_vel.tolist()
     ang_x, ang_y, ang_z = inertial.del_ang.tolist()
     return (

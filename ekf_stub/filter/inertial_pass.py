@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What inertial data go through in every pass of the main loop, 400 times a second.
+"""What inertial data go through in every pass of the main loop, 400 times per second.
 
 The test for standing still, the down-sampler and, once the filter has a state, the output predictor. They are together
 because that is what a kernel compiles as one: see `ekf_stub.compiled.compiled_pass`.
@@ -67,7 +67,7 @@ class InertialPass:
         self._stillness.sense(delta, LOOP_DT)
 
     def begin(self, state: ErrorState, length: int) -> None:
-        """Begin anew with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
+        """Restart with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
         self.output = self._output = OutputPredictor(state, length)
         self._sampler = DownSampler()
         self.dt_ekf_avg = self._sampler.dt_ekf_avg

@@ -148,7 +148,7 @@ class NominalState:
         return matrix_of_quat(self.quat)
 
     def prefers_321(self) -> bool:
-        """Tell whether yaw is best measured by the x axis (3-2-1), not by the y axis (3-1-2)."""
+        """Return whether yaw is best measured by the x axis (3-2-1), not by the y axis (3-1-2)."""
         down_x, down_y, _ = self.rotation[2].tolist()
         return bool(abs(down_x) < abs(down_y))
 

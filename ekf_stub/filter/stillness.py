@@ -49,7 +49,7 @@ class Stillness:
         self.reset()
 
     def reset(self) -> None:
-        """Begin the test anew; the filters go on."""
+        """Restart the test; the filters go on."""
         self.is_still = False
         self._ratios: tuple[float, float, float, float] | None = None
         # In the firmware there was a rate of 0 before the first, so that the vehicle seems to move for a while.
@@ -78,7 +78,7 @@ class Stillness:
         return None if self._ratios is None else StillnessReport(self.is_still, *self._ratios)
 
     def test(self, gyro_bias: Three, accel_bias: Three, dt_ekf_avg: float, scale: float) -> None:
-        """Test anew.
+        """Test again.
 
         Args:
             gyro_bias, accel_bias: rad/s and m/s/s.

@@ -38,7 +38,7 @@ class CompassReader(Fusion):
         is_lost: whether it has been in use and failed its gate for 10 s.
         has_failed: there is none, or yaw was taken from GPS because of it: none is used from then on.
         are_consistent: whether compasses pointed the same way at the last reading.
-        wants_reset: the magnetic fields are to be set anew, whatever is known of them.
+        wants_reset: the magnetic fields are to be reset, whatever is known of them.
         forgets_body_field: what is known of the vehicle's field is to be forgotten with the next prediction.
     """
 
@@ -57,7 +57,7 @@ class CompassReader(Fusion):
         return self.said.readings[number] if number < len(self.said.readings) else None
 
     def is_used(self) -> bool:
-        """Tell whether the compass may be used for yaw."""
+        """Return whether the compass may be used for yaw."""
         return self._may_be_used and self._is_there()
 
     def _choose(self, number: int) -> None:
@@ -131,7 +131,7 @@ class CompassReader(Fusion):
         self._forget()
 
     def _forget(self) -> None:
-        """Begin anew with the compass's own errors."""
+        """Restart with the compass's own errors."""
         self._state.body_field = np.zeros(3)
         self.samples.clear()
         self.forgets_body_field = True

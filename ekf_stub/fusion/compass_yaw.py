@@ -61,7 +61,7 @@ class CompassAlignment:
         self._innovation_at_reset = innovation
 
     def wants_field(self, magcal: int, vehicle: Vehicle) -> bool:
-        """Tell whether the field is to be estimated."""
+        """Return whether the field is to be estimated."""
         moves = math.hypot(*self._state.accel_filtered[:2].tolist()) > MANOEUVRING_MSS
         has_climbed = self.yaw_done and self.field_done
         wanted = {

@@ -66,7 +66,7 @@ class FlowFusion(Fusion):
             self._fuse(seen, now_ms)
 
     def is_used(self) -> bool:
-        """Tell whether the filter navigates by flow."""
+        """Return whether the filter navigates by flow."""
         return self._get_float("FLOW_USE") == FLOW_FOR_NAVIGATION and self._sources.uses_vel_xy(_XY_OPTFLOW)
 
     def _fuse(self, flow: FlowSample, now_ms: int) -> None:

@@ -108,7 +108,7 @@ class GpsYaw(Fusion):
         self._requested_ms = now_ms
 
     def emergency(self, now_ms: int) -> bool:
-        """Tell whether an emergency reset is asked for, and there may still be one in this flight."""
+        """Return whether an emergency reset is asked for, and there may still be one in this flight."""
         is_asked_for = self._runs and self._requested_ms > 0 and now_ms - self._requested_ms < REQUEST_MS
         return is_asked_for and self._emergencies < self._get_float("GSF_RST_MAX") and self._uses_gps()
 
@@ -141,5 +141,5 @@ class GpsYaw(Fusion):
         return Course(course, variance, self._course_valid >= STEADY, disagrees)
 
     def forget_course(self) -> None:
-        """Begin to count anew how long the course has been exact."""
+        """Restart the count of how long the course has been exact."""
         self._course_valid = 0

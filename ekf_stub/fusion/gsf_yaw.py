@@ -149,7 +149,7 @@ class GsfYaw:
 
     @staticmethod
     def _rolls_more(down: Three) -> bool:
-        """Tell whether yaw is that of the x axis (3-2-1), not of the y axis (3-1-2)."""
+        """Return whether yaw is that of the x axis (3-2-1), not of the y axis (3-1-2)."""
         return abs(down[0]) < abs(down[1])
 
     # Fusion
@@ -188,7 +188,7 @@ class GsfYaw:
         self._north_east = np.array([north * cosines - east * sines, north * sines + east * cosines])
 
     def _correct(self, measured: Array, variance: float) -> None:
-        """Fuse a velocity in each model, and weigh the models anew by how well they had predicted it."""
+        """Fuse a velocity in each model, and weigh the models again by how well they had predicted it."""
         innovations = self._innovations = self._states[:, _VELOCITY] - measured
         expected = self._cov[:, _VELOCITY, _VELOCITY] + variance * np.eye(2)
         inverse = np.linalg.inv(expected)

@@ -99,7 +99,7 @@ class Terrain(Fusion):
             self._fuse_flow(now_ms, flow)
 
     def _can_use(self, flow: FlowSample) -> bool:
-        """Tell whether the vehicle is so fast over the ground that flow tells its height."""
+        """Return whether the vehicle is so fast over the ground that flow tells its height."""
         if self._get_float("FLOW_USE") != FLOW_FOR_TERRAIN or self._aiding.mode is _RELATIVE:
             return False
         north, east, _ = self._state.vel.tolist()

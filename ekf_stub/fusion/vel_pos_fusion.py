@@ -305,7 +305,7 @@ class VelPosFusion(Fusion):
         return self._get_float("GLITCH_RAD") > 0
 
     def _test_position(self, now_ms: int, observed: _Observed, pos_ne: Array) -> bool:
-        """Tell whether to fuse a position; False as well when the filter was reset to it instead."""
+        """Return whether to fuse a position; False as well when the filter was reset to it instead."""
         square = 0.0
         for axis, measured in enumerate(pos_ne.tolist()):
             innovation = self.innovations.pos[axis] = self._state.component(POS.start + axis) - measured

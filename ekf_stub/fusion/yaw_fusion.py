@@ -87,7 +87,7 @@ class YawFusion(Fusion):
         self._yaw_at_rest, self._by_321_at_rest = 0.0, True
 
     def has_compass(self) -> bool:
-        """Tell whether there is a compass that may be used for yaw."""
+        """Return whether there is a compass that may be used for yaw."""
         return self.compass.is_used()
 
     def source(self) -> int:
@@ -95,7 +95,7 @@ class YawFusion(Fusion):
         return self._frame_source
 
     def uses_compass(self) -> bool:
-        """Tell whether yaw comes from the compass, as of ``control``."""
+        """Return whether yaw comes from the compass, as of ``control``."""
         return self._frame_uses_compass
 
     def _look_at_sources(self) -> None:
@@ -104,7 +104,7 @@ class YawFusion(Fusion):
         self._frame_uses_compass = source in _BY_COMPASS and has_compass and not self.compass.has_failed
 
     def uses_ext_nav(self, now_ms: int) -> bool:
-        """Tell whether yaw comes from external navigation, or is assumed while it waits for that."""
+        """Return whether yaw comes from external navigation, or is assumed while it waits for that."""
         in_use = now_ms - max(self._ext_nav_ms, self._synthetic_ms) < IN_USE_MS
         return self._sources.yaw() == _YAW_EXTNAV and in_use
 
@@ -308,7 +308,7 @@ class YawFusion(Fusion):
         return True
 
     def _best_order(self) -> bool:
-        """Tell whether to set yaw by 3-2-1 (bestRotationOrder)."""
+        """Return whether to set yaw by 3-2-1 (bestRotationOrder)."""
         return abs(float(self._state.rotation[0, 2])) < abs(float(self._state.rotation[1, 2]))
 
     def _align(self, yaw: float, variance: float, vehicle: Vehicle, *, by_321: bool) -> None:

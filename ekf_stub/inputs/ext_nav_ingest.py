@@ -133,7 +133,7 @@ class ExtNavIngest:
         self._waiting = tuple(self._waiting_ms.values())
 
     def reset(self) -> None:
-        """Forget everything, as the estimator begins anew (NavEKF3_core::InitialiseVariables)."""
+        """Forget everything, as the estimator restarts (NavEKF3_core::InitialiseVariables)."""
         self.initialised = False
         self.horizon_ms = 0
         self.has_due = True

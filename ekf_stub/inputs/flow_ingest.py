@@ -71,7 +71,7 @@ class FlowIngest:
         self.reset(0)
 
     def reset(self, now_ms: int) -> None:
-        """Forget everything, as the estimator begins anew."""
+        """Forget everything, as the estimator restarts."""
         self._ring.clear()
         self.received_ms: int | None = None
         self.valid_ms = now_ms

@@ -73,7 +73,7 @@ class Imus:
         return imu if reading is not None and reading.has_accel else self.first_accel
 
     def has_data_of(self, imu: int) -> bool:
-        """Tell whether there are inertial data of a core of an IMU."""
+        """Return whether there are inertial data of a core of an IMU."""
         return {self.gyro_of(imu), self.accel_of(imu)} <= self.readings.keys()
 
     def delta_of(self, imu: int) -> InertialDelta:

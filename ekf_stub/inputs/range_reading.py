@@ -67,7 +67,7 @@ class _Slots:
         self._samples[self._index] = sample
 
     def are_fresh(self, now_ms: int) -> bool:
-        """Tell whether all samples are."""
+        """Return whether all samples are."""
         return all(now_ms - sample.time_ms < FRESH_SAMPLE_MS for sample in self._samples)
 
     def median(self) -> RangeSample:
@@ -99,7 +99,7 @@ class RangeReading:
         self.reset(0)
 
     def reset(self, now_ms: int) -> None:
-        """Forget everything, as the estimator begins anew."""
+        """Forget everything, as the estimator restarts."""
         self._ring.clear()
         self._newest = RangeSample(0, 0.0, (0.0, 0.0, 0.0))
         self._slots = [_Slots() for _ in range(MOST_FINDERS)]
@@ -116,7 +116,7 @@ class RangeReading:
         return self._newest.distance
 
     def is_fresh(self, now_ms: int) -> bool:
-        """Tell whether a range was read not long ago."""
+        """Return whether a range was read not long ago."""
         return now_ms - self.valid_ms < FRESH_MS
 
     def read(self, finders: RangeFinders, now_ms: int, *, on_ground: bool) -> None:

@@ -61,7 +61,7 @@ class SensorSource(Protocol):
         """Hear, before each pass, whether the vehicle is armed."""
 
     def is_at_rest(self, until_us: int) -> bool:
-        """Tell whether the vehicle stands still until a time since boot unless it is told otherwise.
+        """Return whether the vehicle stands still until a time since boot unless it is told otherwise.
 
         If so, passes of the main loop may be left out until then.
         """

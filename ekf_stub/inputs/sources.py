@@ -122,11 +122,11 @@ class EkfSources:
         return self._rows[self.active_set]["YAW"]
 
     def uses_vel_xy(self, source: SourceXY) -> bool:
-        """Tell whether horizontal velocity is taken from a source (useVelXYSource)."""
+        """Return whether horizontal velocity is taken from a source (useVelXYSource)."""
         return self._uses_velocity("VELXY", source)
 
     def uses_vel_z(self, source: SourceZ) -> bool:
-        """Tell whether vertical velocity is taken from a source (useVelZSource)."""
+        """Return whether vertical velocity is taken from a source (useVelZSource)."""
         return self._uses_velocity("VELZ", source)
 
     def _uses_velocity(self, what: str, source: int) -> bool:
@@ -136,11 +136,11 @@ class EkfSources:
         return fuse_all and self._any_set_has(what, source)
 
     def ext_nav_enabled(self) -> bool:
-        """Tell whether any set names external navigation for anything."""
+        """Return whether any set names external navigation for anything."""
         return any(self._any_set_has(what, EXTNAV) for what in ROWS)
 
     def uses_gps(self) -> bool:
-        """Tell whether the active set takes anything from GPS; its yaw alone does not count (usingGPS)."""
+        """Return whether the active set takes anything from GPS; its yaw alone does not count (usingGPS)."""
         rows = (self.value(self.active_set, what) for what in ROWS[:-1])
         return SourceXY.GPS in rows or self.yaw() == SourceYaw.GSF
 

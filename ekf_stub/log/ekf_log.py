@@ -86,7 +86,7 @@ class EkfLog:
     # Whatever EK3_LOG_LEVEL says
 
     def is_due(self, now_us: int, is_still: bool | None, *, is_step: bool) -> bool:
-        """Tell whether :meth:`update` would write anything: not in every frame is it worth making a report.
+        """Return whether :meth:`update` would write anything: not in every frame is it worth making a report.
 
         Args:
             now_us: time of the frame.

@@ -61,7 +61,7 @@ class ExtNavLog:
         return self._enabled()
 
     def new_log(self) -> None:
-        """Begin anew with the next frame, as another log begins."""
+        """Restart with the next frame, as another log begins."""
         self._in_frames = False
 
     def _write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:

@@ -9,7 +9,7 @@ As recorded logs of the reference have it:
   RSO2 and RSO3 do not end it.
 - The inputs come in this order, each only when it has changed: RFRN, RISH, RISI, RBRH, RBRI, RGPH, then RGPI and RGPJ
   of each receiver, RMGH, RMGI, RRNH, RRNI, RVOH. The first frame of a log has all. Most frames have RISI alone, armed
-  or not; RBRI and RMGI come together, ten times a second. Arming changes RFRN and nothing else.
+  or not; RBRI and RMGI come together, ten times per second. Arming changes RFRN and nothing else.
 - RFRF.FTypes is 5 up to and including the frame in which EKF3 gets a state, 13 in the next, and 9 from then on: EKF2
   (1), which is built in but not enabled, is tried every time. Writing estimates adds 32; where a call has ended the
   frame before, that gets an RFRF of its own. RFRF.Slow is always 0.
@@ -117,7 +117,7 @@ class ReplayLog(ExtNavLog):
         self._origin_again: Place | None = None
 
     def new_log(self) -> None:
-        """Begin anew with the next frame, as another log begins."""
+        """Restart with the next frame, as another log begins."""
         super().new_log()
         self._is_wanted = False
 

@@ -14,7 +14,7 @@ from ap_core.log_structure import HEAD_BYTE1, HEAD_BYTE2, LogStructure
 class FrameStructure(LogStructure):
     """A layout whose values are nearly always numbers that fit: these are packed in one go.
 
-    Several such records are written in each of 400 frames a second. Its format has only those characters that mean
+    Several such records are written in each of 400 frames per second. Its format has only those characters that mean
     the same to ``struct``.
     """
 

@@ -92,7 +92,7 @@ def _needs_mavlink2(ctx: Context, mission_type: int) -> Verdict | None:
 
 
 def handle_mission_request_list(ctx: Context, message: MISSION_REQUEST_LIST) -> Verdict:
-    """Tell how many items there are."""
+    """Return how many items there are."""
     return _refusal(ctx, message.mission_type) or _send_count(ctx, message.mission_type)
 
 

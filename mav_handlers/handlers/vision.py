@@ -69,7 +69,7 @@ def handle_att_pos_mocap(ctx: Context, message: ATT_POS_MOCAP) -> Verdict:
 
 
 def odometry_frames_accepted(message: ODOMETRY) -> bool:
-    """Tell whether an ODOMETRY has the one pair of frames that the firmware takes."""
+    """Return whether an ODOMETRY has the one pair of frames that the firmware takes."""
     return message.frame_id == MAV_FRAME_LOCAL_FRD and message.child_frame_id == MAV_FRAME_BODY_FRD
 
 

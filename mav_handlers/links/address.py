@@ -27,7 +27,7 @@ def text_of(address: SocketAddress) -> str:
 
 
 def is_loopback(address: SocketAddress) -> bool:
-    """Tell whether only this machine reaches an IPv4 address."""
+    """Return whether only this machine reaches an IPv4 address."""
     return address[0].startswith("127.")
 
 

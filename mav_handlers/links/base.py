@@ -180,7 +180,7 @@ def cannot_open(name: str, error: Exception) -> LinkError:
 
 
 def is_short_of_descriptors(descriptor: int) -> bool:
-    """Tell whether a descriptor that the system has just given is one of the last few that the process may have.
+    """Return whether a descriptor that the system has just given is one of the last few that the process may have.
 
     The system gives the lowest that is free, so this one tells how many are in use. A newcomer with such a descriptor
     is turned away; one whose descriptor was refused altogether would have taken the vehicle's last ones.
@@ -202,7 +202,7 @@ R = TypeVar("R", bound=Readable)
 def wait_readable(links: Iterable[R], timeout_s: float) -> list[R]:
     """Wait until a link has something to read, or for ``timeout_s`` seconds, and return those that have.
 
-    A link without a descriptor is never returned: poll it. The descriptors are asked for anew in each call
+    A link without a descriptor is never returned: poll it. The descriptors are asked for again in each call
     because a link that lost its peer may come back under the same number, which a kept set would miss. It takes no
     descriptor itself, so that a process that has none left goes on.
     """

@@ -20,7 +20,7 @@ class Backoff:
         self._due_s = monotonic()
 
     def due(self) -> bool:
-        """Tell whether to try now."""
+        """Return whether to try now."""
         return self._monotonic() >= self._due_s
 
     def failed(self) -> None:

@@ -105,7 +105,7 @@ class StreamLink(ABC):
         self._closed = True
 
     def _connected(self) -> bool:
-        """Tell whether there is a stream, after trying to get one."""
+        """Return whether there is a stream, after trying to get one."""
         if self._fd < 0 and not self._closed:
             self._fd = self._open_stream()
             if self._fd >= 0:

@@ -80,7 +80,7 @@ def open_link(connection: str) -> Link:
 
 
 def is_open_to_network(link: Link) -> bool:
-    """Tell whether a link takes what anybody sends who reaches this machine."""
+    """Return whether a link takes what anybody sends who reaches this machine."""
     return isinstance(link, UdpInLink | TcpServerLink | McastLink) and not is_loopback(link.address)
 
 

@@ -60,7 +60,7 @@ class TcpLink(StreamLink):
             self._failed(reason_of(OSError(error, "")))
 
     def _finished(self, sock: socket.socket) -> bool:
-        """Tell whether the attempt has worked; if it failed, set the time of the next."""
+        """Return whether the attempt has worked; if it failed, set the time of the next."""
         if not _writable(sock):
             if self._monotonic() >= self._give_up_s:
                 self._failed(f"no answer within {CONNECT_TIMEOUT_S:g} s")
@@ -196,7 +196,7 @@ class TcpClientLink(StreamLink):
 
 
 def is_connected_to_itself(sock: socket.socket) -> bool:
-    """Tell whether both ends are one socket.
+    """Return whether both ends are one socket.
 
     That happens when nobody listens on a port from which the system also takes a client's own.
     """

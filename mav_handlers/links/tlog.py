@@ -109,7 +109,7 @@ class TlogReader(Iterator[TlogEntry]):
         return False
 
     def _trusted(self, start: int, end: int) -> bool:
-        """Tell whether an entry is what it claims to be.
+        """Return whether an entry is what it claims to be.
 
         Either another follows, or only what follows is damaged: its time fits, and no entry begins inside it.
         """
@@ -127,13 +127,13 @@ class TlogReader(Iterator[TlogEntry]):
         return None
 
     def _leads_on(self, start: int, end: int) -> bool:
-        """Tell whether an entry with a possible time is followed by another or by the end of the file."""
+        """Return whether an entry with a possible time is followed by another or by the end of the file."""
         if self._stamp_at(start) >= YEAR_2100_US or end > len(self._data):
             return False
         return end == len(self._data) or self._size_at(end) > 0
 
     def _time_fits(self, at: int) -> bool:
-        """Tell whether the time there is in this century, or within a day of the last one."""
+        """Return whether the time there is in this century, or within a day of the last one."""
         time_us = self._stamp_at(at)
         if YEAR_2000_US <= time_us < YEAR_2100_US:
             return True
@@ -159,7 +159,7 @@ class TlogWriter:
     """Write a tlog, plain or, if the name ends in ``.gz``, compressed.
 
     Args:
-        path: the file, written anew.
+        path: the file, rewritten.
         file: where its bytes go if it is open already.
 
     Raises:

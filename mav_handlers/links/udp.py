@@ -58,7 +58,7 @@ class UdpInLink(DatagramLink):
         return True
 
     def _introduce(self, peer: SocketAddress, data: bytes) -> bool:
-        """Tell whether a sender that is no peer yet becomes one, and make room for it."""
+        """Return whether a sender that is no peer yet becomes one, and make room for it."""
         if not begins_with_frame(data):
             return False
         self._forget_silent()

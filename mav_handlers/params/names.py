@@ -40,7 +40,7 @@ class EndpointParams:
     last_ground_station_id: str | None = None
 
     def is_ground_station(self, params: ParamTable, system_id: int) -> bool:
-        """Tell whether a system is a ground station in charge: one, or a range of ids (GCS::sysid_is_gcs)."""
+        """Return whether a system is a ground station in charge: one, or a range of ids (GCS::sysid_is_gcs)."""
         first = last = params.get_int(self.ground_station_id)
         if self.last_ground_station_id is not None:
             last = max(first, params.get_int(self.last_ground_station_id))

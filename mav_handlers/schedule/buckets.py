@@ -50,7 +50,7 @@ class IntervalBuckets:
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether no message has an interval (GCS_MAVLINK::is_streaming, negated)."""
+        """Return whether no message has an interval (GCS_MAVLINK::is_streaming, negated)."""
         return self._sending is None
 
     def intervals_ms(self) -> dict[str, int]:

@@ -38,7 +38,7 @@ class SigningKey:
 
     @property
     def switches_off(self) -> bool:
-        """Tell whether this is the key that stands for no signing: zero in all its bytes and its timestamp."""
+        """Return whether this is the key that stands for no signing: zero in all its bytes and its timestamp."""
         return self.timestamp == 0 and not any(self.secret_key)
 
     def to_bytes(self) -> bytes:

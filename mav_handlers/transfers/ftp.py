@@ -99,11 +99,11 @@ class FtpServer:
 
     @property
     def busy(self) -> bool:
-        """Tell whether ``continue_burst`` has something to do, now or later."""
+        """Return whether ``continue_burst`` has something to do, now or later."""
         return self._job is not None or bool(self._queue)
 
     def slows_streams(self, now_us: int) -> bool:
-        """Tell whether periodic messages come at a quarter of their rate (get_reschedule_interval_ms).
+        """Return whether periodic messages come at a quarter of their rate (get_reschedule_interval_ms).
 
         That is for 1 s after a reply, other than one to TerminateSession, and as in the firmware for 1 s after boot.
         """

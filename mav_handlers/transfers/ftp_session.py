@@ -42,7 +42,7 @@ class FtpSession:
 
     @property
     def is_open(self) -> bool:
-        """Tell whether a file is open."""
+        """Return whether a file is open."""
         return self._reading is not None or self._writing is not None
 
     def close(self) -> None:

@@ -166,7 +166,7 @@ def _without_extensions(frame: bytes, layout: _Layout) -> bytes:
 
 
 def begins_with_frame(data: bytes) -> bool:
-    """Tell whether bytes begin with a whole frame of a message of the dialect whose checksum is right."""
+    """Return whether bytes begin with a whole frame of a message of the dialect whose checksum is right."""
     codec = Codec(0, 0)
     codec.feed(data)
     received = codec.next_received()

@@ -100,7 +100,7 @@ class LinkSigning:
         self._timestamp = u64(value)
 
     def check_signature(self, frame: bytes | bytearray, system_id: int, component_id: int) -> bool:
-        """Tell whether a signed frame is genuine and new; if so, this link's timestamp is not behind it any more."""
+        """Return whether a signed frame is genuine and new; if so, this link's timestamp is not behind it any more."""
         failure = self._failure_of(frame, system_id, component_id)
         self._failure = failure or Refusal.UNSIGNED
         return failure is None

@@ -87,7 +87,7 @@ def clip_errors_m(strategy: str) -> list[float]:
 
 
 def claims_to_track(trial: Trial) -> bool:
-    """Tell whether a strategy never said that something was wrong."""
+    """Return whether a strategy never said that something was wrong."""
     return set(trial.states()) <= {VioState.INIT, VioState.TRACKING}
 
 

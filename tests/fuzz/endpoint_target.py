@@ -202,7 +202,7 @@ class _Run:
 
 
 def log_is_whole(data: bytes | bytearray) -> bool:
-    """Tell whether a log consists of nothing but records of described types."""
+    """Return whether a log consists of nothing but records of described types."""
     lengths = {128: 89}
     at = 0
     while at < len(data):

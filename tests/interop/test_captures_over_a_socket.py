@@ -185,12 +185,12 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Playe
 
 
 def concerns_us(text: str) -> bool:
-    """Tell whether a text is about external navigation or about arming."""
+    """Return whether a text is about external navigation or about arming."""
     return text.startswith(("VisOdom: ", "PreArm: VisOdom: ", "Arm: ", "Arming ", "Field Elevation", "Internal Err"))
 
 
 def is_same(one: str, other: str) -> bool:
-    """Tell whether texts have the same words, and numbers that hardly differ, angles across north included."""
+    """Return whether texts have the same words, and numbers that hardly differ, angles across north included."""
     numbers = [[float(number) for number in NUMBER.findall(text)] for text in (one, other)]
     return NUMBER.sub("#", one) == NUMBER.sub("#", other) and all(
         abs(math.remainder(a - b, 360)) <= ANGLE_TOLERANCE_DEG for a, b in zip(*numbers, strict=True)

@@ -28,7 +28,7 @@ class Session:
     verdicts: dict[str, dict[str, int]]
 
     def said(self, words: str) -> bool:
-        """Tell whether the operator has read these words."""
+        """Return whether the operator has read these words."""
         return any(words in line for line in self.screen)
 
 

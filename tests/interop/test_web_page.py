@@ -130,7 +130,7 @@ def url(vehicle: Autopilot) -> str:
 
 @pytest.fixture
 def page(driver: WebDriver, vehicle: Autopilot, url: str) -> LivePage:
-    """Return the page, opened anew."""
+    """Return the page, opened again."""
     driver.get(url)
     made = LivePage(driver, url, vehicle)
     made.media("light")

@@ -104,7 +104,7 @@ def test_scenarios_of_the_reference_are_those_of_4_6_and_not_of_the_later_one() 
 
 
 def errors_differ(capture: Path, count: int, firmware: Firmware) -> bool:
-    """Tell whether the errors of any of the first messages come out otherwise than recorded."""
+    """Return whether the errors of any of the first messages come out otherwise than recorded."""
     stream = read_stream(capture, 0)
     vehicle = Vehicle(VehicleConfig(defaults=stream.params, firmware=firmware))
     replay = Replay(vehicle, replace(stream, messages=stream.messages[:count]), BAUD)

@@ -62,7 +62,7 @@ class Voyage:
         rig: the vehicle.
 
     Attributes:
-        samples: what the core said, ten times a second.
+        samples: what the core said, ten times per second.
         texts: what it told, with the time in us since the start.
     """
 
@@ -200,7 +200,7 @@ def use(sources: str, feed: str, mode: AidingMode, start_us: int) -> Voyage:
 
 
 def lose_all_flags(start_us: int) -> Voyage:
-    """Move while parked, as velocities say, until the filter begins anew."""
+    """Move while parked, as velocities say, until the filter restarts."""
     voyage = slow("06666", "velocity", start_us=start_us)
     voyage.run_until(3)
     voyage.rig.vel[0] = 5.0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What memory a vehicle needs that is sent 200 messages a second for long: all that grows is to be its log on disk.
+"""What memory a vehicle needs that is sent 200 messages per second for long: all that grows is to be its log on disk.
 
 Prints a list in JSON with a point for each minute of the vehicle's time; 60 take some minutes. Example:
 python -m tools.bench.memory 60 > memory.json

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stream that benches send: ODOMETRY with covariance, 30 times a second, from a camera that sways."""
+"""The stream that benches send: ODOMETRY with covariance, 30 times per second, from a camera that sways."""
 
 import math
 from typing import Final

@@ -55,7 +55,7 @@ class LoopFigures:
         fused: positions that the filter made use of; the number is a model's.
         qualities: the least, the median and the greatest of those that arrived.
         reset_counter: of the last message.
-        position_resets: when the filter set its position anew while it navigated, and by how many metres; a model's.
+        position_resets: when the filter set its position again while it navigated, and by how many metres; a model's.
     """
 
     path_m: float

@@ -65,7 +65,7 @@ class _Story:
 def _mark(axes: Any, story: _Story) -> list[Any]:
     """Mark what happened to the odometry; return what a legend needs."""
     covered = [axes.axvspan(*span, color=_COVERED, zorder=0, label="lens covered") for span in story.covered_s()]
-    resets = [axes.axvline(at, color=_RESTART, lw=1.5, ls="--", label="begun anew") for at in story.resets_s()]
+    resets = [axes.axvline(at, color=_RESTART, lw=1.5, ls="--", label="restarted") for at in story.resets_s()]
     return covered[:1] + resets[:1]
 
 

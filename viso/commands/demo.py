@@ -165,9 +165,9 @@ def demo(
     """Fly a survey in virtual time, navigating by what a camera sees of the ground.
 
     A companion computer makes odometry of rendered ground and inertial data, and sends it as ODOMETRY. The autopilot's
-    filter, a model of EKF3, fuses it: aiding starts, the vehicle arms and flies. Twice the lens is covered: two seconds
-    degrade the odometry; after six it is lost and silent, and is begun anew, which its reset counter tells. A table and
-    a picture compare truth, odometry and estimate.
+    filter, a model of EKF3, fuses it: aiding starts, the vehicle arms and flies. The lens is covered twice: for 2 s,
+    which degrades the odometry, and for 6 s, in which it is lost and falls silent. It restarts with another reset
+    counter. A table and a picture compare truth, odometry and estimate.
 
     With --camera simulated a tracking camera sees a figure of eight instead, with low quality, a reset, a dropout and a
     second of wrong places. The DataFlash log holds the filter's inputs and estimates. Ctrl-C ends the flight early.

@@ -196,7 +196,7 @@ def replay(
     if changes:
         runs.append(_Run({**settings, **assigned, **changes}, setup))
     elif other is not None:
-        # Files are read anew, as the other firmware may call their parameters otherwise.
+        # Files are read again, as the other firmware may call their parameters otherwise.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
     is_judged = changes and with_filter and kind_of(stream_file, options) == DATAFLASH_LOG

@@ -73,7 +73,7 @@ def vio(
         str,
         typer.Option(help="How the IMU is turned on the vehicle beyond that, as of viso play.", metavar="ROTATION"),
     ] = "0,0,0",
-    fps: Annotated[float | None, typer.Option(help="Take no more frames a second than this.")] = None,
+    fps: Annotated[float | None, typer.Option(help="Take no more frames per second than this.")] = None,
     warm_start: Annotated[
         bool, typer.Option(help="Begin with the state that the source knows, or else wait for stillness.")
     ] = True,

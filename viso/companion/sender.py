@@ -39,7 +39,7 @@ class Companion:
     Args:
         link: the wire to the autopilot.
         estimate: returns the estimate of a frame taken at a time in us, or None when there is none.
-        rate_hz: frames a second.
+        rate_hz: frames per second.
         latency_us: from taking a frame to sending its estimate.
         start_us: when the companion is up.
     """

@@ -207,7 +207,7 @@ def _field_differences(
 
 
 def is_close(recorded: Any, ours: Any, tolerance: Tolerance | None) -> bool:
-    """Tell whether two values of a field, floats in hex, are the same, or as near as they have to be."""
+    """Return whether two values of a field, floats in hex, are the same, or as near as they have to be."""
     if recorded == ours or tolerance is None:
         return bool(recorded == ours)
     theirs, mine = (float(float_of(one)) if isinstance(one, str) else one for one in (recorded, ours))

@@ -123,7 +123,7 @@ def _sendable(field: str, value: Any) -> Any:
 
 
 def is_equal(wanted: Any, got: Any) -> bool:
-    """Tell whether a field holds what is wanted: bytes that begin with some, or numbers of float32."""
+    """Return whether a field holds what is wanted: bytes that begin with some, or numbers of float32."""
     if isinstance(got, tuple) and isinstance(wanted, str):
         return bytes(got).hex().startswith(wanted.lower())
     if isinstance(got, tuple):

@@ -126,7 +126,7 @@ def _origin(vehicle: Vehicle, message: ros.GeoPointStamped) -> bool:
 
 
 def _status(vehicle: Vehicle, message: ros.Status) -> bool:
-    """Tell what has changed, and in some releases now and then what has not."""
+    """Return what has changed, and in some releases now and then what has not."""
     copter, last = vehicle.copter, message.header.stamp
     told = (
         APM_ARDUCOPTER,

@@ -32,7 +32,7 @@ COVERED_S: Final = ((20.0, 22.0), (25.0, 31.0))
 """When the lens is covered, in s since boot: once for short, once for too long."""
 
 RESTART_S: Final = 31.1
-"""When the odometry is told to begin anew, from what the autopilot knows, in s since boot."""
+"""When the odometry is told to restart, from what the autopilot knows, in s since boot."""
 
 ARM_S: Final = 9.5
 DISARM_S: Final = 44.5

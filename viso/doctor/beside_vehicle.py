@@ -50,7 +50,7 @@ class Way:
         track: the messages.
         chosen: N, which of them tell it.
         pos_m: N x 3.
-        breaks_us: where it began anew.
+        breaks_us: where it restarted.
     """
 
     track: Track
@@ -84,7 +84,7 @@ class HeadingDeparture:
 
 
 def is_of_one_time(evidence: Evidence) -> bool:
-    """Tell whether stream and vehicle are known to be of one time: a trajectory has a clock of its own."""
+    """Return whether stream and vehicle are known to be of one time: a trajectory has a clock of its own."""
     if Aspect.RESETS not in evidence.lacks:
         return True
     return any(compared.since_arrival.enough_motion for compared in evidence.comparisons)
@@ -98,7 +98,7 @@ def aligned_us(evidence: Evidence) -> list[int]:
 
 
 def follows_vehicle(evidence: Evidence, time_us: Ints) -> Bools:
-    """Tell when the autopilot made the positions of a log follow the vehicle, which navigated by something else."""
+    """Return when the autopilot made the positions of a log follow the vehicle, which navigated by something else."""
     own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
     if own is None or evidence.viso_type not in ALIGNING_TYPES:
         return np.zeros(len(time_us), dtype=np.bool_)
@@ -173,7 +173,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
 
 
 def _set_anew_us(vehicle: AttitudeSeries) -> Ints:
-    """Return when the vehicle's own yaw was set anew, as by an alignment in flight: no vehicle turns so fast."""
+    """Return when the vehicle's own yaw was set again, as by an alignment in flight: no vehicle turns so fast."""
     yaw = vehicle.euler_rad[:, 2]
     step = np.abs(np.angle(np.exp(1j * np.diff(yaw))))
     usual = np.abs(np.angle(np.exp(1j * (yaw[2:] - yaw[:-2]))))
@@ -191,7 +191,7 @@ def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
 
 
 def leaves(heading: HeadingDeparture) -> Bools:
-    """Tell which messages have a yaw that is off for longer than a late one is in a turn; none if they are few."""
+    """Return which messages have a yaw that is off for longer than a late one is in a turn; none if they are few."""
     allowed = _LEAVES_RAD + _LATE_S * heading.turning_rad
     off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
     mask = lasting(heading.poses.track.arrival_us[heading.chosen], off, _LASTING_US)
@@ -199,7 +199,7 @@ def leaves(heading: HeadingDeparture) -> Bools:
 
 
 def wanders(evidence: Evidence, sender: Sender) -> bool:
-    """Tell whether the yaw that a sender tells leaves the vehicle's: what is turned by it says nothing of axes then."""
+    """Return whether the sender's yaw leaves the vehicle's: what it turns says nothing about axes then."""
     return any(one.poses.track.sender == sender and leaves(one).any() for one in heading_departures(evidence))
 
 
@@ -215,7 +215,7 @@ def likeness_of(evidence: Evidence, way: Way) -> Likeness | None:
 
 
 def is_related(evidence: Evidence, poses: Poses) -> bool:
-    """Tell whether positions move with the vehicle, so that their axes and scale can be asked for."""
+    """Return whether positions move with the vehicle, so that their axes and scale can be asked for."""
     for one, way in ways_of_poses(evidence):
         found = likeness_of(evidence, way) if one is poses else None
         if found is not None:

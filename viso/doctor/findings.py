@@ -37,7 +37,7 @@ class Severity(StrEnum):
         return list(Severity).index(self)
 
     def at_least(self, other: "Severity") -> bool:
-        """Tell whether it is as bad as another, or worse."""
+        """Return whether it is as bad as another, or worse."""
         return self.rank <= other.rank
 
 

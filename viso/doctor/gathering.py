@@ -289,7 +289,7 @@ def _uses_flow(params: Mapping[str, float]) -> bool:
 
 
 def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
-    """Tell whether the vehicle turns, and nowhere as the stream does: a trajectory has a clock of its own."""
+    """Return whether the vehicle turns, and nowhere as the stream does: a trajectory has a clock of its own."""
     turning = [one for one in comparisons if one.since_arrival.rate_rad > _TURNING_RAD]
     return bool(turning) and not any(one.since_arrival.enough_motion for one in turning)
 

@@ -29,7 +29,7 @@ def usable_tracks(evidence: Evidence) -> Iterator[Track]:
 
 
 def tells_lags(track: Track) -> bool:
-    """Tell whether the stamps of a track say how late its messages are."""
+    """Return whether the stamps of a track say how late its messages are."""
     return not is_constant(track) and are_us(track) and sender_clock(track) is None
 
 

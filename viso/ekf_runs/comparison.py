@@ -70,7 +70,7 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Tell whether nothing that was asked is missed."""
+        """Return whether nothing that was asked is missed."""
         return all(check.passed for check in self.checks)
 
 

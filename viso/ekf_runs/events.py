@@ -130,7 +130,7 @@ def _compare(ours: Sequence[Event], recorded: Sequence[Event], step: float) -> D
 
 
 def agree(our: Event, theirs: Event, step: float, within_s: float) -> bool:
-    """Tell whether two events are the same: their numbers to within a step, their times to within some seconds."""
+    """Return whether two events are the same: their numbers to within a step, their times to within some seconds."""
     numbers = zip(our.numbers, theirs.numbers, strict=True)
     is_near = all(abs(mine - other) <= step + _ROUNDING for mine, other in numbers)
     return is_near and abs(our.time_s - theirs.time_s) <= within_s

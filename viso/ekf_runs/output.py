@@ -40,7 +40,7 @@ class EkfOutput:
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether it has not begun."""
+        """Return whether it has not begun."""
         return not self._data
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:

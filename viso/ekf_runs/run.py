@@ -146,7 +146,7 @@ class EkfRun:
         """Run to the end.
 
         Args:
-            on_progress: told the frames that have been, and how many there are, a few times a second.
+            on_progress: told the frames that have been, and how many there are, a few times per second.
 
         Raises:
             NothingToCompare: the log has no replay records.

@@ -72,7 +72,7 @@ def log_name(path: Path) -> str:
 
 
 def is_bench(path: Path) -> bool:
-    """Tell whether a log is judged as a bench's."""
+    """Return whether a log is judged as a bench's."""
     return log_name(path).startswith(BENCH_PREFIX)
 
 

@@ -98,7 +98,7 @@ def estimate_likeness(
     noise_m: float,
     breaks_us: npt.ArrayLike = (),
 ) -> Likeness:
-    """Tell how a stream's moves are like those of a reference, whatever the stream's axes, mirrored ones included.
+    """Return how a stream's moves are like those of a reference, whatever the stream's axes, mirrored ones included.
 
     Args:
         stream_time_us: [N], on the reference's clock; what hides in them of a delay does not matter.
@@ -106,7 +106,7 @@ def estimate_likeness(
         reference_time_us: [M].
         reference_pos_m: [M, 2 or 3]; without heights those of the stream do not matter.
         noise_m: by how much the reference wanders while the vehicle stands.
-        breaks_us: when the stream began anew, in other axes perhaps.
+        breaks_us: when the stream restarted, in other axes perhaps.
 
     Raises:
         ValueError: if shapes do not fit.

@@ -38,7 +38,7 @@ class Series:
         return self.columns.get(label, np.full(len(self), np.nan))
 
     def has(self, label: str) -> bool:
-        """Tell whether a column holds any number."""
+        """Return whether a column holds any number."""
         return bool(np.isfinite(self[label]).any())
 
     def matrix(self, *labels: str) -> Array:

@@ -56,12 +56,12 @@ FilterCounts = Mapping[tuple[str, str], int]
 
 
 def is_final(rule: Rule) -> bool:
-    """Tell whether a rule decides about a sample for good; one that was only let in has its fate before it."""
+    """Return whether a rule decides about a sample for good; one that was only let in has its fate before it."""
     return rule is not rules.TAKEN
 
 
 def is_model(rule: Rule) -> bool:
-    """Tell whether a rule's decision is a model's opinion, not the firmware's own."""
+    """Return whether a rule's decision is a model's opinion, not the firmware's own."""
     return rule.code.startswith("model_")
 
 

@@ -27,7 +27,7 @@ class HandedSample:
 
     @property
     def is_settled(self) -> bool:
-        """Tell whether the filter has decided about it."""
+        """Return whether the filter has decided about it."""
         return any(fate.outcome.kind == self.kind for fate in self.fates)
 
     def fates_as_dicts(self) -> list[dict[str, object]]:

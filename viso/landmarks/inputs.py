@@ -24,7 +24,7 @@ _Any = TypeVar("_Any", bound=Any)
 
 
 def is_live(name: str) -> bool:
-    """Tell whether an input is a connection that has no end: a device, or what is no path and has a scheme."""
+    """Return whether an input is a connection that has no end: a device, or what is no path and has a scheme."""
     path = Path(name)
     if name == STANDARD_INPUT:
         return False

@@ -185,7 +185,7 @@ class WholeFile(Source[FileReader]):
 
 
 class Snapshots(Source[Dump1090Reader]):
-    """A snapshot of dump1090 that is written anew again and again."""
+    """A snapshot of dump1090 that is rewritten again and again."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(str(path), Dump1090Reader())
@@ -320,7 +320,7 @@ def _is_snapshot(text: str) -> bool:
 
 
 def _is_one_record(text: str) -> bool:
-    """Tell whether a file is one record over several lines."""
+    """Return whether a file is one record over several lines."""
     return _record(text) is not None and len([line for line in text.splitlines() if line.strip()]) > 1
 
 

@@ -86,7 +86,7 @@ class Logger:
 
     @property
     def is_open(self) -> bool:
-        """Tell whether a log takes records now."""
+        """Return whether a log takes records now."""
         return self._sink is not None
 
     @property
@@ -100,7 +100,7 @@ class Logger:
         return self.losses.total()
 
     def takes(self, structure: LogStructure) -> bool:
-        """Tell whether there is, or may come to be, anybody who wants records of a fixed type."""
+        """Return whether there is, or may come to be, anybody who wants records of a fixed type."""
         wanted = self.wanted_by_listener
         is_heard = self.on_write is not None and (wanted is None or structure.name in wanted)
         return is_heard or self._open_sink is not None
@@ -135,7 +135,7 @@ class Logger:
             self._append(record)
         self._on_open()
         if self._sink is not None and self.failure is not None:
-            _log.warning("log: begun anew, %d records are lost", self.dropped)
+            _log.warning("log: restarted, %d records are lost", self.dropped)
             self.failure = None
 
     def _append(self, data: bytes) -> None:

@@ -167,7 +167,7 @@ def valid_positions(log: LogColumns, core: int = 0) -> Array:
 
 
 def _of_core(log: LogColumns, kind: str, core: int) -> npt.NDArray[np.bool_]:
-    """Tell which records are of a core; before Copter 4.1 others than the first have types of their own."""
+    """Return which records are of a core; before Copter 4.1 others than the first have types of their own."""
     if "C" not in log.types[kind].labels:
         return np.ones(log.counts[kind], dtype=np.bool_)
     return np.asarray(log.columns(kind, ["C"])["C"] == core, dtype=np.bool_)

@@ -131,5 +131,5 @@ class VehicleLog:
         return self._logger.dropped
 
     def failed(self) -> bool:
-        """Tell whether the log cannot be written."""
+        """Return whether the log cannot be written."""
         return self._logger.failure is not None

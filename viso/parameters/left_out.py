@@ -23,7 +23,7 @@ _ASKING: Final[Mapping[str, tuple[Callable[[float], bool], str]]] = MappingProxy
 
 
 def may_ask(name: str) -> bool:
-    """Tell whether a parameter may ask for what there is not."""
+    """Return whether a parameter may ask for what there is not."""
     return name in _ASKING
 
 

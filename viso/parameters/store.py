@@ -21,7 +21,7 @@ from viso.parameters.conversion import NO_RENAMES, Renames, carry_over
 
 _log = logging.getLogger(__name__)
 
-_HEADER: Final = "# Parameters set over MAVLink, kept over restarts. Written anew whenever one changes.\n"
+_HEADER: Final = "# Parameters set over MAVLink, kept over restarts. Rewritten whenever one changes.\n"
 _NAME: Final = re.compile(r"[A-Za-z0-9_]{1,16}", re.ASCII)
 _INTEGER: Final = re.compile(r"[+-]?\d{1,10}", re.ASCII)
 _DECIMAL: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -87,7 +87,7 @@ class ParamStore:
     def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
         """Write the file if it is to hold anything else than at the last load or save; tell whether it was written.
 
-        A file that somebody has deleted is written anew, and so is one that is to be synced and was not.
+        A file that somebody has deleted is rewritten, and so is one that is to be synced and was not.
 
         Args:
             values: what a restart has to remember, by name: int, or what fits float32. Unknown names are added.

@@ -32,7 +32,7 @@ class Fields:
         self._given = dict(given)
 
     def __contains__(self, name: str) -> bool:
-        """Tell whether a field is there that nobody has taken."""
+        """Return whether a field is there that nobody has taken."""
         return name in self._given
 
     def at(self, name: str) -> str:

@@ -229,7 +229,7 @@ def _split_tail(group: Sequence[StreamMessage]) -> Iterator[tuple[StreamMessage,
 
 
 def makes_record(frame: bytes) -> bool:
-    """Tell whether a frame carries external navigation that gets as far as the log."""
+    """Return whether a frame carries external navigation that gets as far as the log."""
     codec = Codec(0, 0)
     codec.feed(frame)
     received = codec.next_received()

@@ -76,7 +76,7 @@ class KindFacts:
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """Something began anew.
+    """Something restarted.
 
     Attributes:
         time_s: when the log first shows it.

@@ -75,7 +75,7 @@ def read_source(text: str) -> MakeSource:
 
 
 def wants_vicon(vision: str | None, imu: str | None, option: str) -> bool:
-    """Tell whether the simulator's own camera is asked for. Raises InputError for another, or if nothing flies."""
+    """Return whether the simulator's own camera is asked for. Raises InputError for another, or if nothing flies."""
     if vision is None:
         return False
     if vision != VICON:

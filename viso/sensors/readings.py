@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When barometer and compass are read, and what an ideal compass says.
 
-The reference reads both ten times a second, and its filter sees a reading in the next pass of the main loop.
+The reference reads both ten times per second, and its filter sees a reading in the next pass of the main loop.
 """
 
 from typing import Final

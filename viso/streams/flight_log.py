@@ -237,7 +237,7 @@ def read_flight_log(path: Path, *, may_be_empty: bool = False) -> Stream:
 
 
 def _came_apart(events: Sequence[_Event]) -> bool:
-    """Tell whether poses and velocities came in messages of their own.
+    """Return whether poses and velocities came in messages of their own.
 
     Quality comes with ODOMETRY only. Without any, a pose and a velocity of one stamp that were handled in different
     passes of the main loop cannot have been one message.

@@ -46,7 +46,7 @@ VEHICLES: Final = {
 
 
 def is_autopilot(component_id: int, message: Message | None) -> bool:
-    """Tell whether a message is the heartbeat of an autopilot."""
+    """Return whether a message is the heartbeat of an autopilot."""
     is_beat = isinstance(message, HEARTBEAT) and message.autopilot != MAV_AUTOPILOT_INVALID
     return is_beat and component_id == MAV_COMP_ID_AUTOPILOT1
 

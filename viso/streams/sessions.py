@@ -3,7 +3,7 @@
 """A recording over which the autopilot was rebooted holds several flights, each with a time since boot of its own.
 
 Its clock, which many of its messages carry, falls back then. Alignment, resets, parameters that need a reboot all begin
-anew.
+again.
 """
 
 from collections.abc import Iterator

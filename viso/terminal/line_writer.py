@@ -39,7 +39,7 @@ class LineWriter:
 
     @property
     def reader_left(self) -> bool:
-        """Tell whether the other end of a pipe has been closed."""
+        """Return whether the other end of a pipe has been closed."""
         return isinstance(self.error, BrokenPipeError)
 
     def put(self, line: str) -> None:

@@ -16,7 +16,7 @@ REFRESH_US: Final = 250_000
 
 
 class LiveCounts:
-    """Shows what became of messages and samples, counted, anew now and then; nothing where there is no terminal.
+    """Shows what became of messages and samples, updated now and then; nothing where there is no terminal.
 
     It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
 
@@ -56,7 +56,7 @@ class LiveCounts:
             self._live.stop()
 
     def update(self, now_us: int) -> None:
-        """Show the counts anew if it is time to; a clock that has gone back has started again."""
+        """Show the counts again if it is time to; a clock that has gone back has started again."""
         if self._live is None or (self._shown_us is not None and 0 <= now_us - self._shown_us < self._period_us):
             return
         self._shown_us = now_us

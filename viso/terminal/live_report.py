@@ -104,7 +104,7 @@ class LiveReport:
         self._print(f"filter: first {outcome.kind} {sentence(outcome)} ({basis(rule)})")
 
     def _is_starting(self, now_us: int) -> bool:
-        """Tell whether the filter is still to be aligned, or has just been; one that never is shows why in time."""
+        """Return whether the filter is still to be aligned, or has just been; one that never is shows why in time."""
         ahrs = None if self._vehicle is None else self._vehicle.ahrs
         if self._aligned_us is None and isinstance(ahrs, Ekf3Ahrs) and ahrs.core is not None and ahrs.core.is_aligned:
             self._aligned_us = now_us

@@ -99,7 +99,7 @@ class VerdictStream:
 
     @property
     def reader_left(self) -> bool:
-        """Tell whether nobody can read any further."""
+        """Return whether nobody can read any further."""
         return self._writer.reader_left
 
     def take(self, link: str, event: MessageEvent) -> None:

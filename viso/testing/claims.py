@@ -45,7 +45,7 @@ class Claim:
     count: int | None
 
     def fits(self, verdict: MessageVerdict) -> bool:
-        """Tell whether a message is one of those."""
+        """Return whether a message is one of those."""
         return (
             verdict.outcome is self.outcome
             and self.message in (None, verdict.name)
@@ -53,7 +53,7 @@ class Claim:
         )
 
     def holds(self, found: int) -> bool:
-        """Tell whether a number of messages is the right one."""
+        """Return whether a number of messages is the right one."""
         return found > 0 if self.count is None else found == self.count
 
     def __str__(self) -> str:

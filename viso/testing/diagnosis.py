@@ -19,7 +19,7 @@ __tracebackhide__ = True  # what goes wrong for a test's own fault is shown wher
 
 
 def findings_in(seen: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
-    """Return what the doctor finds in a stream, tried anew on a vehicle with the same parameters.
+    """Return what the doctor finds in a stream, tried again on a vehicle with the same parameters.
 
     Args:
         seen: what was sent, and where a vehicle that flies really was.

@@ -89,5 +89,5 @@ class MessageVerdict:
 
     @property
     def is_settled(self) -> bool:
-        """Tell whether the filter has decided about all its samples."""
+        """Return whether the filter has decided about all its samples."""
         return all(sample.is_settled for sample in self._samples)

@@ -94,11 +94,11 @@ class MavlinkFlow:
         self._gyro_count = 0
 
     def enabled(self) -> bool:
-        """Tell whether FLOW_TYPE asks for a sensor (AP_OpticalFlow::enabled)."""
+        """Return whether FLOW_TYPE asks for a sensor (AP_OpticalFlow::enabled)."""
         return self._type() != FLOW_TYPE_NONE
 
     def healthy(self) -> bool:
-        """Tell whether there is a sensor whose last flow was younger than 0.5 s (AP_OpticalFlow::healthy)."""
+        """Return whether there is a sensor whose last flow was younger than 0.5 s (AP_OpticalFlow::healthy)."""
         return self._has_driver and self._healthy
 
     def take(self, packet: OPTICAL_FLOW) -> bool:
@@ -121,7 +121,7 @@ class MavlinkFlow:
         return not self._has_driver
 
     def update(self) -> None:
-        """Make the flow since the last update known, 200 times a second (AP_OpticalFlow::update)."""
+        """Make the flow since the last update known, 200 times per second (AP_OpticalFlow::update)."""
         if self._type() == FLOW_TYPE_NONE:
             return
         if self._has_driver:

@@ -80,7 +80,7 @@ class MavlinkGps:
 
     @property
     def has_driver(self) -> bool:
-        """Tell whether there is a driver that takes messages."""
+        """Return whether there is a driver that takes messages."""
         return self._driver is not None and self._type() != GPS_TYPE_NONE
 
     def take(self, packet: GPS_INPUT) -> bool:
@@ -127,11 +127,11 @@ class MavlinkGps:
         )
 
     def _healthy(self) -> bool:
-        """Tell whether messages come regularly, at about 5 Hz or more (AP_GPS::is_healthy)."""
+        """Return whether messages come regularly, at about 5 Hz or more (AP_GPS::is_healthy)."""
         return self._delayed_count < _MAX_DELAYED and bool(self._average_delta_ms < _MAX_AVERAGE_DELTA_MS)
 
     def update(self) -> None:
-        """Look for the driver, then for what it has got, 50 times a second (AP_GPS::update_instance)."""
+        """Look for the driver, then for what it has got, 50 times per second (AP_GPS::update_instance)."""
         if self._type() == GPS_TYPE_NONE:
             self._sample = None
             self._state.status = NO_GPS

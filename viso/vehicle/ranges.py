@@ -169,7 +169,7 @@ class MavlinkRanges:
         return not self._finders
 
     def update(self) -> None:
-        """Make what was heard known, 20 times a second (RangeFinder::update)."""
+        """Make what was heard known, 20 times per second (RangeFinder::update)."""
         if not self._finders:
             return
         for finder in self._finders.values():
@@ -205,11 +205,11 @@ class MavlinkRanges:
     # What the vehicle tells
 
     def is_present(self) -> bool:
-        """Tell whether one looks down (RangeFinder::has_orientation)."""
+        """Return whether one looks down (RangeFinder::has_orientation)."""
         return self._downward() is not None
 
     def has_data(self) -> bool:
-        """Tell whether ranges come in from the one that looks down (RangeFinder::has_data_orient)."""
+        """Return whether ranges come in from the one that looks down (RangeFinder::has_data_orient)."""
         down = self._downward()
         return down is not None and down.has_data
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The emulated vehicle: everything wired together, behind a MAVLink endpoint.
 
-Two calls move it, both with the time: ``receive_bytes`` when a link has delivered, and ``loop`` 400 times a second. A
+Two calls move it, both with the time: ``receive_bytes`` when a link has delivered, and ``loop`` 400 times per second. A
 pass of the loop runs the tasks in the firmware's order, each at its own period: estimator, modes and arming, sensors,
 slow tasks, telemetry, log. So records and messages come in the order that a real log has. Nothing here waits, sleeps
 or runs beside; who calls decides whether time is real.
@@ -267,7 +267,7 @@ class Vehicle:
             self.endpoint.request_message(channel, "HEARTBEAT")
 
     def loop(self) -> None:
-        """Run one pass of the main loop, 400 times a second."""
+        """Run one pass of the main loop, 400 times per second."""
         now_us = self.clock.micros64()
         if not self._initialised and now_us >= AHRS_START_US:
             self._finish_boot()
@@ -342,13 +342,13 @@ class Vehicle:
         return until_us if self.flown is None else min(until_us, self.flown.next_event_us())
 
     def _is_quiet(self, now_us: int) -> bool:
-        """Tell whether nothing but the estimator has to do anything in a pass."""
+        """Return whether nothing but the estimator has to do anything in a pass."""
         copter = self.copter
         is_quiet = self.endpoint.quiet_until_us() > now_us and copter.quiet_until_us() > now_us
         return is_quiet and not copter.has_news_of_terrain()
 
     def _may_expect_ground(self) -> bool:
-        """Tell whether anything may come of looking for the ground, of which a log may tell in place of the vehicle."""
+        """Return whether to look for the ground: a log may report it in place of the vehicle."""
         copter = self.copter
         may_expect = self._told_expected() is None and copter.landing.may_expect(armed=copter.arming.armed)
         return may_expect or copter.has_news_of_terrain()
@@ -520,11 +520,11 @@ class Vehicle:
         return banner(self._config.firmware, self.params)
 
     def is_initialised(self) -> bool:
-        """Tell whether booting is over."""
+        """Return whether booting is over."""
         return self._initialised
 
     def is_time_to_log(self) -> bool:
-        """Tell whether it is armed, was so or was to be so a moment ago, or logs while disarmed (LOG_DISARMED)."""
+        """Return whether it is armed, was so or was to be so a moment ago, or logs while disarmed (LOG_DISARMED)."""
         if self.copter.arming.armed or self._logs_disarmed():
             return True
         disarmed_us = self.copter.disarmed_us

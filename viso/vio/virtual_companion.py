@@ -142,7 +142,7 @@ class VirtualCompanion:
         self.alter_frame: Callable[[NavCameraFrame], NavCameraFrame] = lambda frame: frame
 
     def start_from(self, start: Start | None = None) -> None:
-        """Begin anew with the next frame at whose time a state is known.
+        """Restart with the next frame at whose time a state is known.
 
         Args:
             start: knows the state; the autopilot unless given.

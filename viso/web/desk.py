@@ -71,7 +71,7 @@ ACTIONS: Final = (
     Action("source2", "Source 2", "Navigate by the second set, EK3_SRC2.", "2", MavCmd.SET_EKF_SOURCE_SET, (2.0,)),
     Action("source3", "Source 3", "Navigate by the third set, EK3_SRC3.", "3", MavCmd.SET_EKF_SOURCE_SET, (3.0,)),
     Action(
-        "restart", "Restart", "Start the autopilot anew; parameters are kept.", "",
+        "restart", "Restart", "Restart the autopilot; parameters are kept.", "",
         MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, (1.0,),
     ),
 )  # fmt: skip
@@ -121,7 +121,7 @@ def number_of(text: str) -> int:
 
 
 def asks_for_diagnosis(text: str) -> bool:
-    """Tell whether a page asks for the doctor, which needs no vehicle."""
+    """Return whether a page asks for the doctor, which needs no vehicle."""
     try:
         return _object(text).get("do") == "diagnose"
     except RequestError:

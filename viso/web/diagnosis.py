@@ -31,7 +31,7 @@ class RecentFrames:
             self._frames.popleft()
 
     def restart(self) -> None:
-        """Begin anew, as time does."""
+        """Restart, as time does."""
         self._frames.clear()
 
     def as_lists(self) -> list[tuple[int, str]]:

@@ -220,7 +220,7 @@ class _Counted:
         self._ignored = np.concatenate([[0], np.cumsum(series["Ign"] > 0)])
 
     def row(self, now_s: float, start_s: float) -> dict[str, Any]:
-        """Return records a second and in all, as the page has them."""
+        """Return records per second and in all, as the page has them."""
         first, last = np.searchsorted(self._time_s, (now_s - _WINDOW_S, now_s), side="right").tolist()
         span_s = min(max(now_s - start_s, LOOK_PERIOD_S), _WINDOW_S)
         return {"name": self._name, "per_s": self._counts(first, last, span_s), "total": self._counts(0, last, 1.0)}

@@ -52,7 +52,7 @@ class Rates:
         self._total[name, what] += 1
 
     def restart(self) -> None:
-        """Begin anew, as time does; what was counted in all stays."""
+        """Restart, as time does; what was counted in all stays."""
         self._fates = SampleFates()
         self._waiting.clear()
         self._marks.clear()
@@ -71,7 +71,7 @@ class Rates:
         self._waiting = still
 
     def rows(self, now_us: int) -> list[dict[str, Any]]:
-        """Return a row for each name that was ever seen, with messages a second and in all, as JSON has it."""
+        """Return a row for each name that was ever seen, with messages per second and in all, as JSON has it."""
         self._settle(now_us)
         while self._marks and now_us - self._marks[0][0] > WINDOW_US:
             _, name, what = self._marks.popleft()

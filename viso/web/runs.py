@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Verdicts as rows that a person can read at 200 messages a second: the same again is counted, not repeated."""
+"""Verdicts as rows that a person can read at 200 messages per second: the same again is counted, not repeated."""
 
 from collections import deque
 from typing import Any, Final, NamedTuple

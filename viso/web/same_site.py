@@ -33,7 +33,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 def is_own_name(host: str, named: str) -> bool:
-    """Tell whether a ``Host`` header can only mean this server.
+    """Return whether a ``Host`` header can only mean this server.
 
     An address always does, for nobody can make that mean another machine.
 
@@ -53,7 +53,7 @@ def is_own_name(host: str, named: str) -> bool:
 
 
 def is_same_site(origin: str | None, host: str) -> bool:
-    """Tell whether a page of this server is asking, by the headers ``Origin`` and ``Host``."""
+    """Return whether a page of this server is asking, by the headers ``Origin`` and ``Host``."""
     return origin is not None and origin.lower() == f"http://{host.lower()}"
 
 

@@ -62,7 +62,7 @@ FILES: Final = {
 
 
 class Client:
-    """A page that is open: what is to be sent to it; one that is too slow gets everything anew instead."""
+    """A page that is open: what is to be sent to it; one that is too slow gets everything again instead."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -102,7 +102,7 @@ class Client:
 
 
 class Broadcaster:
-    """Turns what the vehicle's thread has seen into batches for all pages, ten times a second.
+    """Turns what the vehicle's thread has seen into batches for all pages, ten times per second.
 
     Args:
         state: what pages show.

@@ -22,7 +22,7 @@ FULL_TURN_DEG: Final = 360.0
 
 
 def condition_yaw(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Turn to param1 degrees at param2 degrees a second, param3 -1 to the left; relative if param4 is 1."""
+    """Turn to param1 degrees at param2 degrees per second, param3 -1 to the left; relative if param4 is 1."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
         return MavResult.UNSUPPORTED

@@ -42,7 +42,7 @@ ARM, FORCED, ACCEPTED = 400, 21196, 0
 
 
 def slews(log: Log, step_s: float, until_s: float) -> bool:
-    """Tell whether yaw turns little by little, always to the same side."""
+    """Return whether yaw turns little by little, always to the same side."""
     turns = [b - a for a, b in pairwise(log.values("XKF1", "Yaw", step_s + FUSED_AFTER_S, until_s))]
     return all(0.0 < turn < 5.0 for turn in turns)
 

@@ -35,7 +35,7 @@ def close(v: Vector3f, x: float, y: float, z: float) -> bool:
 
 
 def same_attitude(a: Quaternion, b: Quaternion) -> bool:
-    """Tell whether two quaternions are the same rotation, whatever their sign."""
+    """Return whether two quaternions are the same rotation, whatever their sign."""
     pairs = [(float(x), float(y)) for x, y in zip(a.to_wxyz(), b.to_wxyz(), strict=True)]
     return any(all(abs(x - sign * y) < 1e-6 for x, y in pairs) for sign in (1, -1))
 

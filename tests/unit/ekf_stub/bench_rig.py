@@ -209,5 +209,5 @@ class BenchRig:
         self.gps = GpsSample(time_ms=self.now_ms, location=place or self.place, **values)
 
     def stream_gps(self, until_s: float, place: Location | None = None, **fields: Any) -> None:
-        """Let the GPS have a solution five times a second."""
+        """Let the GPS have a solution five times per second."""
         self.stream(until_s, lambda: self.fix(place, **fields), period_s=0.2)

@@ -34,7 +34,7 @@ class CoreRig:
     Attributes:
         frame: fields of the frames, but time and inertial data.
         accel, rate: what the IMU feels, m/s/s and rad/s, body (FRD).
-        height: of the barometer, read ten times a second; None without one.
+        height: of the barometer, read ten times per second; None without one.
         field: what the compass feels as often, mGauss, body; None without one.
         said: time in ms and text of all that was said, without the core.
     """

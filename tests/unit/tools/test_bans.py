@@ -86,7 +86,7 @@ def _graph() -> tuple[grimp.ImportGraph, dict[str, Any]]:
 
 
 def _breaks_a_contract(package: str, module: str) -> bool:
-    """Tell whether an import of `module` by a new module of `package` breaks a contract with forbidden modules."""
+    """Return whether an import of `module` by a new module of `package` breaks a contract with forbidden modules."""
     graph, options = _graph()
     for contract in options["contracts_options"]:
         if contract["type"] == "forbidden":

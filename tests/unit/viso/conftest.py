@@ -349,7 +349,7 @@ class CopterRig:
         return found
 
     def run_for(self, duration_s: float) -> None:
-        """Run the copter's main loop for a while, ten times a second."""
+        """Run the copter's main loop for a while, ten times per second."""
         for _ in range(round(duration_s * 10)):
             self.clock.set_us(self.clock.micros64() + 100_000)
             self.copter.update()

@@ -53,7 +53,7 @@ class EngineProgram(ABC):
         name: ASCII, at most 63 letters.
         capabilities: what it can do.
         image_width_px: the widest picture that it wants; 0 for any.
-        imu_rate_hz: fewer samples a second are too few; 0 for any.
+        imu_rate_hz: fewer samples per second are too few; 0 for any.
     """
 
     name = "engine"

@@ -48,7 +48,7 @@ class Fault(ABC):
 
     @property
     def goes_on(self) -> bool:
-        """Tell whether the next message is met without asking chance."""
+        """Return whether the next message is met without asking chance."""
         return False
 
     @abstractmethod

@@ -254,7 +254,7 @@ class Frozen(ContentFault):
 
 @dataclass(slots=True)
 class Reset(ContentFault):
-    """The odometry begins anew: the local frame is turned about its origin and shifted, and the reset counter says so.
+    """The odometry restarts: the local frame is turned about its origin and shifted, and the reset counter says so.
 
     Attributes:
         x_m, y_m, z_m: how far positions jump.

@@ -113,12 +113,12 @@ def with_position(message: Any, position: Vector) -> Any:
 
 
 def has_euler_angles(message: Any) -> bool:
-    """Tell whether the attitude is in roll, pitch and yaw."""
+    """Return whether the attitude is in roll, pitch and yaw."""
     return isinstance(message, _EULER)
 
 
 def has_quaternion(message: Any) -> bool:
-    """Tell whether the attitude is in a quaternion."""
+    """Return whether the attitude is in a quaternion."""
     return isinstance(message, ODOMETRY | ATT_POS_MOCAP)
 
 

@@ -53,7 +53,7 @@ class Entry:
         return round(self.start_s * 1e6)
 
     def covers(self, time_us: int, name: str) -> bool:
-        """Tell whether a message of that name, at that time from the first frame on, is concerned."""
+        """Return whether a message of that name, at that time from the first frame on, is concerned."""
         if time_us < self.start_us or (self.end_s < math.inf and time_us >= round(self.end_s * 1e6)):
             return False
         return self.messages is None or name in self.messages

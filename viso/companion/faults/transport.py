@@ -52,7 +52,7 @@ class Loss(Fault):
 
     @property
     def goes_on(self) -> bool:
-        """Tell whether the row is not at its end."""
+        """Return whether the row is not at its end."""
         return self._left > 0
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
@@ -63,7 +63,7 @@ class Loss(Fault):
 
 @dataclass(slots=True)
 class Rate(Fault):
-    """No more than so many messages a second arrive of each kind from each sender; those between are lost.
+    """No more than so many messages per second arrive of each kind from each sender; those between are lost.
 
     Attributes:
         rate_hz: largest rate.
@@ -191,7 +191,7 @@ class Mavlink1(Fault):
     """A message comes as MAVLink 1, without its extension fields; ODOMETRY cannot."""
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Pack it anew."""
+        """Pack it again."""
         return (packet if packet.version == 1 else pack(replace(decode(packet), version=1)),)
 
 
@@ -208,7 +208,7 @@ class SenderId(Fault):
     component_id: int = parameter(197, 1, 255)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Pack it anew."""
+        """Pack it again."""
         changed = replace(decode(packet), system_id=self.system_id, component_id=self.component_id)
         return (pack(changed),)
 

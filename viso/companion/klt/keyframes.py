@@ -36,7 +36,7 @@ class Keyframe:
         self._sighting = sighting
 
     def is_outdated(self, t_ns: int, camera_rotation: Array, sighting: Sighting, focal_px: float) -> bool:
-        """Tell whether a later frame, taken in motion, is to be the next keyframe.
+        """Return whether a later frame, taken in motion, is to be the next keyframe.
 
         Args:
             t_ns, camera_rotation, sighting: of the later frame.

@@ -206,7 +206,7 @@ def _short(text: str, limit: int = 60) -> str:
 
 
 def _is_visible(axes: Any, at: tuple[float, float] | None) -> bool:
-    """Tell whether a place is within the axes."""
+    """Return whether a place is within the axes."""
     if at is None:
         return False
     return all(

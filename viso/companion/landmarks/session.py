@@ -43,7 +43,7 @@ LONGEST_GAP_S: Final = 1.5
 ALONE_S: Final = 0.1
 """A pose stands for a picture that is so near to it, without another on the other side."""
 CLOCK_STEP_S: Final = 5.0
-"""A pose that is so much earlier than the last one means that the clock was set, or started anew."""
+"""A pose that is so much earlier than the last one means that the clock was set, or restarted."""
 _ROUNDING_S: Final = 1e-6
 MOST_POSES: Final = 200_000
 MOST_PICTURES: Final = 20_000

@@ -96,7 +96,7 @@ class Ground:
         return max(_NEAR_M, 0.5 * (float(state.p[2]) - self.z_m))
 
     def leaves_scale_open(self, state: WindowFilter) -> bool:
-        """Tell whether nothing has fixed the scale yet: neither a height nor, by its excitation, the accelerometer."""
+        """Return whether nothing has fixed the scale yet: neither a height nor an accelerated motion."""
         if self._scene is not Scene.PLANAR or self._has_height:
             return False
         return sigma_of(state.cov[POS, POS]) > SCALE_KNOWN * float(np.linalg.norm(state.p))

@@ -150,7 +150,7 @@ def use_tracks(
         sigma: of a normalised coordinate.
         plane: the ground, if all points lie on it or its height right below is known.
         inflation: of the measurement's covariance, 1 or more.
-        passes: how often the equations are made anew, each time where the last pass has led, but for the state as it
+        passes: how often the equations are made again, each time where the last pass has led, but for the state as it
             was before: for one that is far off, as after a start, one pass would not do. Only the last one counts, as
             equations that were made in different places would together say more than any of them. If it has led
             elsewhere than the one before, they hold nowhere, and the state stays what it was.

@@ -56,11 +56,11 @@ class Stillness:
             self._reference = now_ns, sighting
 
     def is_still(self) -> bool:
-        """Tell whether nothing has moved for long enough for a zero-velocity update (0.25 s)."""
+        """Return whether nothing has moved for long enough for a zero-velocity update (0.25 s)."""
         return self._rests(SPAN_NS)
 
     def is_start(self) -> bool:
-        """Tell whether nothing has moved for long enough to begin with (0.5 s)."""
+        """Return whether nothing has moved for long enough to begin with (0.5 s)."""
         return self._rests(START_SPAN_NS)
 
     def means(self) -> tuple[Array, Array]:

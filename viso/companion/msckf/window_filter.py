@@ -115,7 +115,7 @@ class WindowFilter:
         return SE3(_orthonormal(self.R), self.p)
 
     def is_finite(self) -> bool:
-        """Tell whether state and covariance are numbers, and no variance is negative."""
+        """Return whether state and covariance are numbers, and no variance is negative."""
         motion = np.concatenate([self.R.ravel(), self.p, self.v, self.gyro_bias, self.accel_bias])
         return bool(np.isfinite(motion).all() and np.isfinite(self.cov).all() and (self.cov.diagonal() >= 0).all())
 

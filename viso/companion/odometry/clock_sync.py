@@ -80,7 +80,7 @@ class ClockSync:
         sample = _Sample(round_trip_ns, message.ts1 + round_trip_ns // 2 - message.tc1)
         best = self._best()
         if best is not None and _disagree(sample, best):
-            # One of the clocks has been set or begun anew, as a rebooted autopilot's has.
+            # One of the clocks has been set or restarted, as a rebooted autopilot's has.
             self._samples.clear()
         self._samples.append(sample)
 

@@ -93,7 +93,7 @@ class OdometryComposer:
         return self._L_T_W.R[:, 2]
 
     def knows(self, keyframe_id: uuid.UUID) -> bool:
-        """Tell whether poses relative to a keyframe can be composed."""
+        """Return whether poses relative to a keyframe can be composed."""
         return self._keyframe is not None and self._keyframe.frame_id == keyframe_id
 
     def anchor(self, output: VioOutput, body_yaw_rad: float | None = None) -> bool:

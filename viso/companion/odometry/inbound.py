@@ -93,7 +93,7 @@ class FcInbound:
         self._attitudes: deque[FcAttitude] = deque(maxlen=ATTITUDE_HISTORY)
 
     def imu_silent(self, now_ns: int) -> bool:
-        """Tell whether no inertial message has been taken for half a second."""
+        """Return whether no inertial message has been taken for half a second."""
         return self._imu_arrival_ns is None or now_ns - self._imu_arrival_ns > SOURCE_TIMEOUT_NS
 
     def take(self, message: Message, arrival_ns: int) -> None:

@@ -80,7 +80,7 @@ class OdometryPropagator:
     def correct(
         self, t_ns: int, pose: LocalPose, velocity_b: Array, bias: ImuBias, up: Array = UP
     ) -> tuple[Array, Array] | None:
-        """Start anew from a camera frame.
+        """Restart from a camera frame.
 
         Args:
             t_ns: the frame's stamp, usually well in the past.

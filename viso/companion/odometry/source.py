@@ -79,7 +79,7 @@ class ResetCounter:
 class OdometrySource:
     """Makes the ODOMETRY message of any instant; for one thread that works on frames and one that serves the link.
 
-    A strategy that starts anew goes on from the last pose, or, with a warm start, from that one in the world that it
+    A strategy that restarts goes on from the last pose, or, with a warm start, from that one in the world that it
     had. A camera that says nothing any more loses the pose just as one that sees nothing: after 1 s without an output
     the state counts as degraded, after 3 s as lost. It counts as degraded too while the sigma of the position that is
     sent is above ``max_position_sigma_m``, which a strategy that knows no more than its last keyframe cannot tell.

@@ -127,7 +127,7 @@ class LivePoses:
         return recorded
 
     def _is_in_time(self, time_ns: int) -> bool:
-        """Tell whether a stamp goes on from the one before; two that go on from each other elsewhere begin anew."""
+        """Return whether a stamp goes on from the one before; two that go on from each other elsewhere restart."""
         last, stray_ns = self._last, self._stray_ns
         if last is None or 0 < time_ns - last.time_ns <= DAY_NS:
             self._stray_ns = None
@@ -165,7 +165,7 @@ class LivePoses:
         return Told(time_ns, options.form.encode(report))
 
     def _leapt(self, last: _Last, pose: Pose, turn_rad: float, elapsed_s: float) -> bool:
-        """Tell whether a pose is neither near the one before nor where its motion leads."""
+        """Return whether a pose is neither near the one before nor where its motion leads."""
         before = last.report.pose
         step = pose.position - before.position
         off_m = min(float(np.linalg.norm(step)), float(np.linalg.norm(step - before.velocity * elapsed_s)))

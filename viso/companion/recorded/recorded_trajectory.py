@@ -165,7 +165,7 @@ class RecordedTrajectory:
         two records that a reset parts, the earlier one stands.
 
         Args:
-            rate_hz: records a second.
+            rate_hz: records per second.
             max_gap_s: where two records are further apart, there is none in between.
         """
         times_ns = self._grid_ns(1e9 / rate_hz, int(max_gap_s * 1e9))

@@ -68,7 +68,7 @@ class NodeFacts:
     """What became of a node.
 
     Attributes:
-        begins: whether the smoother began anew with it: it has to be a keyframe, as no node before is known any more.
+        begins: whether the smoother restarted with it: it has to be a keyframe, as no node before is known any more.
         failed: whether the equations could not be solved.
         is_filtered: whether a filter has taken the place of the smoother; its points count as landmarks.
         landmarks: seen, new ones among them.
@@ -98,7 +98,7 @@ class SmootherEstimator:
     Attributes:
         state: what is known now; its last clone is the keyframe, at first the first node.
         innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
-        chain: of the poses since the start, None before there is one and after the smoother has begun anew.
+        chain: of the poses since the start, None before there is one and after the smoother has restarted.
     """
 
     def __init__(self, state: WindowFilter, noise: ImuNoise, B_T_C: SE3, sigma: float) -> None:
@@ -120,7 +120,7 @@ class SmootherEstimator:
         self._keyframe = 0
 
     def propagate(self, window: ImuWindow) -> None:
-        """Move on by inertial data; where they are missing, the smoother has to begin anew."""
+        """Move on by inertial data; where they are missing, the smoother has to restart."""
         samples = bracketed(window)
         if not self.state.carry_on(window, samples):
             self._smoother = None
@@ -133,7 +133,7 @@ class SmootherEstimator:
     def add_node(self, node: Node) -> NodeFacts:
         """Take in a frame.
 
-        If the smoother cannot, the state goes on by inertial data alone, and the next node begins anew from it.
+        If the smoother cannot, the state goes on by inertial data alone, and the next node restarts from it.
         """
         try:
             if isinstance(node.plane, Below):
@@ -228,7 +228,7 @@ class SmootherEstimator:
         return WindowEstimator(self.state, self._B_T_C, sigma, _WINDOW_CLONES, _FILTER_SIGHTINGS)
 
     def _go_on(self, filtered: WindowEstimator, node: Node) -> NodeFacts:
-        """Take in a frame without the smoother, which begins anew when the body moves."""
+        """Take in a frame without the smoother, which restarts when the body moves."""
         self._remember(node, self.state.pose)
         self._book.note(node.number, node.sighting)
         self._restart_imu()

@@ -156,7 +156,7 @@ class LagSmoother:
         """Take in what was added, and forget what is older than the lag.
 
         Args:
-            passes: how often the equations are made anew, at most.
+            passes: how often the equations are made again, at most.
             keep: nodes whose poses are not to be forgotten for another lag.
         """
         self._stamps |= {X(number): self._t_s for number in keep}

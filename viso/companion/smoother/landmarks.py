@@ -86,7 +86,7 @@ class LandmarkBook:
     def discover(self, poses: Mapping[int, SE3], plane: Plane | None) -> list[NewLandmark]:
         """Return points that become landmarks: seen often enough, from places that are far enough apart.
 
-        Old landmarks are given up, while there is motion enough to find their points anew.
+        Old landmarks are given up, while there is motion enough to find their points again.
 
         Args:
             poses: world_T_body of nodes; sightings from others do not count.

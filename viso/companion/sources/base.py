@@ -128,7 +128,7 @@ class Thinning:
         self._due_ns: float | None = None
 
     def wants(self, t_ns: int) -> bool:
-        """Tell whether to take the frame of a time, which is later than that of the one before."""
+        """Return whether to take the frame of a time, which is later than that of the one before."""
         if self._due_ns is None:
             self._due_ns = t_ns
         if t_ns + self._tolerance_ns < self._due_ns:

@@ -90,7 +90,7 @@ class CameraFrames:
 
 
 def sounds_like_camera(name: str) -> bool:
-    """Tell whether a name is a number, a URL or a video device."""
+    """Return whether a name is a number, a URL or a video device."""
     return name.isdigit() or "://" in name or name.startswith("/dev/video")
 
 

@@ -51,7 +51,7 @@ class _Part:
 
 
 def has_telemetry(path: Path) -> bool:
-    """Tell whether a file is an MP4 with GoPro's telemetry."""
+    """Return whether a file is an MP4 with GoPro's telemetry."""
     try:
         return bool(read_payloads(path, TELEMETRY))
     except SourceError:

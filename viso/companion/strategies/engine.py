@@ -3,7 +3,7 @@
 """An engine as a strategy: a program of its own, or a module of Python.
 
 A program that ends, hangs or says what cannot be takes nothing with it: the strategy is in INIT, the program is started
-anew with a later frame, and goes on from the last good state, carried on by the IMU. After some failures in a row
+again with a later frame, and goes on from the last good state, carried on by the IMU. After some failures in a row
 without a pose the strategy is LOST, as any other.
 """
 
@@ -313,7 +313,7 @@ class EngineStrategy(NativeFacade):
         self.health.warm_start()
 
     def _restart(self, window: ImuWindow) -> None:
-        """Start the program anew if that is due, from what is known of the state."""
+        """Start the program again if that is due, from what is known of the state."""
         assert self._program is not None
         if window.end_t_ns < self._retry_ns:
             raise VioInitializingError("engine: waiting before it is started again")
@@ -335,7 +335,7 @@ class EngineStrategy(NativeFacade):
         super()._start_over()
 
     def _revive(self) -> None:
-        """Start the program if it is down, because somebody wants it to begin anew."""
+        """Start the program if it is down, because somebody wants it to restart."""
         self._good, self._failures, self._retry_ns = None, 0, 0
         if self._program is not None and self._program.session is None:
             self._program.counters["restarts"] += 1

@@ -79,7 +79,7 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         )
 
     def _is_due(self, seen: Seen) -> bool:
-        """Tell whether to keep the pose of a frame."""
+        """Return whether to keep the pose of a frame."""
         return seen.sighting.model is not None and seen.window.end_t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
 
     def _add_frame(self, estimator: WindowEstimator, seen: Seen) -> TracksUsed:

@@ -232,7 +232,7 @@ class HealthMachine:
         return facts.imu_fault or (SCALE_UNOBSERVED if facts.scale_unobserved else None)
 
     def _is_usual(self, growth: Growth) -> bool:
-        """Tell whether a translation is known as well as others were, or well enough.
+        """Return whether a translation is known as well as others were, or well enough.
 
         Half as well from twice the depth; and a keyframe that is older than theirs lets the variance grow with time. A
         younger one earns nothing: the variance has a floor, which is the noise of the points.

@@ -250,6 +250,6 @@ class StrategyBase(abc.ABC):
 
 
 def _checked(pose: WarmStartPose) -> WarmStartPose:
-    # Made anew: whoever got around the constructors does not get around this.
+    # Made again: whoever got around the constructors does not get around this.
     motion, bias = pose.body_T_world, pose.bias
     return WarmStartPose(SE3(motion.R, motion.t), pose.velocity_b, ImuBias(bias.accel, bias.gyro), pose.covariance)

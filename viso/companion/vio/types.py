@@ -187,7 +187,7 @@ class CameraCalibration:
         rotation_sigma_rad: of each axis of ``B_T_C``'s rotation; 0 where it counts as exact.
         position_sigma_m: of each axis of the camera's position; 0 where it counts as exact.
         line_time_s: from one row of pixels to the next one below, of a rolling shutter; 0 for a global one.
-        imu_rate_hz: samples a second; 0 where it is not known.
+        imu_rate_hz: samples per second; 0 where it is not known.
         accel_limit_m_s2, gyro_limit_rad_s: what each axis of the IMU can measure; inf where it is not known.
     """
 

@@ -76,7 +76,7 @@ class Canvas:
         return self.rng.uniform(0, self.size, (round(self.area_m2 / each_m2), 2))
 
     def is_any(self, place: npt.NDArray[np.float64], *materials: Material) -> bool:
-        """Tell whether a place, column and row, is of one of some materials."""
+        """Return whether a place, column and row, is of one of some materials."""
         return int(self.material[int(place[1]), int(place[0])]) in materials
 
     def patch(self, column: float, row: float, reach: float) -> tuple[Patch, Field, Field]:

@@ -29,7 +29,7 @@ _BITS: Final = ((FLOW, 1 << 6), (RANGE, 1 << 8))
 """Of MAV_SYS_STATUS_SENSOR: OPTICAL_FLOW and LASER_POSITION."""
 
 _FRAMES: Final = 20
-"""Of a log, from one range to the next: the filter looks at them 20 times a second."""
+"""Of a log, from one range to the next: the filter looks at them 20 times per second."""
 
 _FINDERS: Final = "123456789A"
 _MAVLINK: Final = 10

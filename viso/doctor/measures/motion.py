@@ -178,7 +178,7 @@ def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | N
 
 
 def _is_level(quat_wxyz: Floats) -> bool:
-    """Tell whether most of some attitudes are tilted by less than 45 deg."""
+    """Return whether most of some attitudes are tilted by less than 45 deg."""
     upright = down_in_body(euler_of_quat(quat_wxyz))[:, 2]
     return float(np.nanmedian(upright)) > math.cos(math.radians(45))
 

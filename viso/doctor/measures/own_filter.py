@@ -240,11 +240,11 @@ class OwnFilter:
         return float(sizes.max()) if len(sizes) else None
 
     def is_fed_by_others(self, channel: int, time_us: Ints) -> Bools:
-        """Tell at which times a channel is known to be fed by something else than external navigation."""
+        """Return at which times a channel is known to be fed by something else than external navigation."""
         return self._at(time_us, self.is_told(channel) & ~self.fed_by_extnav(channel))
 
     def lost_itself(self, time_us: Ints) -> Bools:
-        """Tell at which times it rejected a height that is not the stream's: what it says of attitude is no measure."""
+        """Return when it rejected a height of another source: its attitude is no measure then."""
         return self._at(time_us, np.asarray((self.ratios[:, HEIGHT] > 1.0) & ~self.fed_by_extnav(HEIGHT), np.bool_))
 
     def _at(self, time_us: Ints, mask: Bools) -> Bools:

@@ -126,7 +126,7 @@ def _turns_s(track: Track) -> Floats:
 
 
 def _is_queue(windows: _Windows, drift_s: float, range_s: float) -> bool:
-    """Tell whether it is messages that waited: made at a steady rate by their stamps, they came at another at times."""
+    """Return whether messages waited: their stamps have a steady rate, and their arrivals another one at times."""
     if drift_s > 0.5 * range_s or np.any(windows.rate <= 0):
         return False
     by_arrival = windows.messages / windows.length_s

@@ -34,14 +34,14 @@ def stamp_rate(track: Track, parts: int = 8) -> float | None:
 
 
 def is_constant(track: Track) -> bool:
-    """Tell whether nearly all stamps are the same; whole seconds are not."""
+    """Return whether nearly all stamps are the same; whole seconds are not."""
     if len(track) < FEWEST or np.mean(np.diff(track.stamp_us) == 0) < 0.9:
         return False
     return len(np.unique(track.stamp_us)) < max(3.0, 0.5 * track.span_s)
 
 
 def are_us(track: Track) -> bool:
-    """Tell whether the stamps count us, as far as can be told."""
+    """Return whether the stamps count us, as far as can be told."""
     rate = stamp_rate(track)
     return rate is not None and _RIGHT_UNIT[0] < rate < _RIGHT_UNIT[1]
 

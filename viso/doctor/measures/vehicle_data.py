@@ -240,7 +240,7 @@ def _truth(heard: list[tuple[float, ...]]) -> AttitudeSeries | None:
 
 
 def is_of_simulator(names: Iterable[str]) -> bool:
-    """Tell whether some parameters are of a vehicle in ArduPilot's simulator."""
+    """Return whether some parameters are of a vehicle in ArduPilot's simulator."""
     return any(name.startswith("SIM_") for name in names)
 
 
@@ -271,7 +271,7 @@ def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) ->
 
 
 def is_log(path: Path) -> bool:
-    """Tell whether a file is a DataFlash log by its name."""
+    """Return whether a file is a DataFlash log by its name."""
     return path.name.lower().endswith(_LOG_ENDINGS)
 
 

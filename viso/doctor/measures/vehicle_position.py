@@ -110,13 +110,13 @@ def sources_of(values: Iterable[tuple[str, float]]) -> dict[str, float]:
 
 
 def is_independent(params: Mapping[str, float], names: Sequence[str] = _OF_PATH, sets: Iterable[int] = _SETS) -> bool:
-    """Tell whether the filter is known to take nothing of some sources from external navigation in some sets."""
+    """Return whether the filter is known to take nothing of some sources from external navigation in some sets."""
     used = [params.get(f"EK3_SRC{number}_{name}") for number in sets for name in names]
     return "EK3_SRC1_POSXY" in params and EXTNAV not in used
 
 
 def follows_yaw(params: Mapping[str, float]) -> bool:
-    """Tell whether the autopilot's yaw may come from external navigation."""
+    """Return whether the autopilot's yaw may come from external navigation."""
     by_filter = params.get("AHRS_EKF_TYPE", EKF3) == EKF3
     return by_filter and any(params.get(f"EK3_SRC{number}_YAW") == EXTNAV for number in _SETS)
 
@@ -232,7 +232,7 @@ def _places(log: LogColumns, kind: str, labels: Sequence[str], only: tuple[str, 
 
 
 def _is_primary(log: LogColumns, kind: str, count: int) -> Bools:
-    """Tell which records of a type are of the primary sensor, by its field I if it has one."""
+    """Return which records of a type are of the primary sensor, by its field I if it has one."""
     if not count or "I" not in log.types[kind].labels:
         return np.ones(count, dtype=np.bool_)
     number = log.columns(kind, ["I"])["I"]

@@ -30,7 +30,7 @@ _TILTED_RAD: Final = math.radians(20)
 
 
 def _is_ros(compared: Comparison) -> bool:
-    """Tell whether an attitude is of an FLU body in a world whose z is up."""
+    """Return whether an attitude is of an FLU body in a world whose z is up."""
     orientation, world = compared.orientation, compared.world
     return orientation.sufficient and orientation.name == "FLU" and world.sufficient and world.is_up
 

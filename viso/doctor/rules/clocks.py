@@ -73,7 +73,7 @@ def _wrong_unit(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _counts(track: Track, factor: float) -> bool:
-    """Tell whether stamps count a unit of which there are ``factor`` in a us."""
+    """Return whether stamps count a unit of which there are ``factor`` in a us."""
     if is_constant(track) or are_us(track):
         return False
     # Whole seconds show over half of the track alone.
@@ -180,7 +180,7 @@ def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
     "XN3-12",
     "The sender's clock runs otherwise than the autopilot's",
     "Only differences of stamps count. A fast clock is followed at once: each sample counts as just measured, whatever "
-    "its stamp. A slow one makes samples older and older, by up to 500 ms, until 100 have come, and then anew.",
+    "its stamp. A slow one makes samples older and older, by up to 500 ms, until 100 have come, and then again.",
     CORRECTION,
     "Stamp with a clock that runs as the autopilot's does, in us, and is never set: a monotonic one, read when the "
     "measurement is made.",

@@ -171,7 +171,7 @@ def _witness(fit: FlowFit) -> str:
 
 
 def _is_ranged(evidence: Evidence) -> bool:
-    """Tell whether a range is known; else the height above the start stands for it, as if the ground were level."""
+    """Return whether a range is known; else the height above the start stands for it, as if the ground were level."""
     return any(one.looks_down and one.is_good.any() for one in evidence.ground.ranges)
 
 

@@ -144,7 +144,7 @@ def _order_mix(motion: Motion) -> Iterator[_Mixed]:
 
 
 def is_misordered(motion: Motion) -> bool:
-    """Tell whether velocities fit a path only if the quaternion is read as x, y, z, w."""
+    """Return whether velocities fit a path only if the quaternion is read as x, y, z, w."""
     mixed = _mix_up(motion)
     return mixed is not None and mixed.code == _ORDER
 

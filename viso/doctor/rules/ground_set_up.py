@@ -39,7 +39,7 @@ def range_finders(evidence: Evidence) -> list[RangeFinder] | None:
 
 
 def is_recorded(evidence: Evidence, bit: int) -> bool:
-    """Tell whether the recording would hold what a sensor says: a log by LOG_BITMASK, a stream if it is one."""
+    """Return whether the recording would hold what a sensor says: a log by LOG_BITMASK, a stream if it is one."""
     if evidence.vehicle_witness is not Witness.LOG:
         return bool(evidence.messages) or evidence.vehicle_witness is Witness.TELEMETRY
     return bool(int(evidence.told.get("LOG_BITMASK", 0.0)) >> bit & 1)
@@ -99,7 +99,7 @@ def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
 
 
 def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
-    """Tell at which times the vehicle was armed, and not on the ground, as far as anybody knows."""
+    """Return at which times the vehicle was armed, and not on the ground, as far as anybody knows."""
     own = evidence.own_filter
     armed = np.ones(len(time_us), np.bool_)
     if own is not None and own.armed:

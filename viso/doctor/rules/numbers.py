@@ -251,7 +251,7 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
-    """Tell whether the pose stops as no vehicle can, or goes on elsewhere; a leap between two rests is no motion."""
+    """Return whether the pose stops as no vehicle can, or goes on elsewhere; a leap between two rests is no motion."""
     pos_m = poses.pos_m
     start, end = max(0, first - 1), min(len(poses.track) - 1, last + 1)
     time_s = max(float(poses.track.arrival_us[first] - poses.track.arrival_us[start]) * 1e-6, 5e-3)

@@ -56,7 +56,7 @@ def _own_filter(evidence: Evidence) -> OwnFilter | None:
 
 
 def _is_denied(evidence: Evidence) -> bool:
-    """Tell whether the vehicle's own filter waited for external navigation all along, and never had a position."""
+    """Return whether the vehicle's own filter waited for external navigation all along, and never had a position."""
     own = _own_filter(evidence)
     return own is not None and bool((own.wants_extnav & own.running).any()) and not own.uses_extnav.any()
 
@@ -230,7 +230,7 @@ def _after_silence(evidence: Evidence, messages: list[SeenMessage]) -> set[int]:
 
 
 def _accelerates(evidence: Evidence, messages: list[SeenMessage]) -> bool:
-    """Tell whether the path, without a jump, is too hard for the imagined vehicle before the first of some messages."""
+    """Return whether a path without jumps is too hard for the imagined vehicle before the first of some messages."""
     start_us, end_us = messages[0].arrival_us - _BEFORE_US, messages[0].arrival_us + _GATE_US
     for poses in evidence.poses:
         time_s: Floats = np.asarray(time_base_us(poses.track) * 1e-6, dtype=np.float64)

@@ -55,13 +55,13 @@ def _is_slow(evidence: Evidence) -> bool:
     "The sensor is healthy for 300 ms after a message; at less than 4 a second it is unhealthy every time one is a "
     "little late, arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
     _HEALTH,
-    "Send 10 to 50 messages a second.",
+    "Send 10 to 40 messages per second.",
 )
 def _too_slow(evidence: Evidence) -> Iterator[Sighting]:
     if _is_slow(evidence):
         taken = _taken(evidence)
         interval = float(np.median(np.diff([one.arrival_us for one in taken])))
-        text = f"{1e6 / interval:.1f} messages a second, {interval / 1000:.0f} ms apart"
+        text = f"{1e6 / interval:.1f} messages per second, {interval / 1000:.0f} ms apart"
         yield seen_in(text, taken)
 
 
@@ -139,7 +139,7 @@ def _median_interval_us(track: Track) -> float:
     "More messages than the filter takes",
     "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 a second is the most.",
     _INGEST,
-    "Send 30 to 50 messages a second; more only fills the link.",
+    "Send 30 to 50 messages per second; more only fills the link.",
 )
 def _too_fast(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
@@ -149,7 +149,7 @@ def _too_fast(evidence: Evidence) -> Iterator[Sighting]:
         kind = "velocity" if track.sender.name == "VISION_SPEED_ESTIMATE" else "pose"
         offered, refused = _samples(evidence, kind)
         if refused:
-            text = f"{track.sender}: {1e6 / interval:.0f} messages a second; {share(len(refused), len(offered))}"
+            text = f"{track.sender}: {1e6 / interval:.0f} messages per second; {share(len(refused), len(offered))}"
             yield Sighting(f"{text} {kind} samples were refused", [one.number for one in refused])
 
 
@@ -196,10 +196,10 @@ def _twice_the_same(evidence: Evidence) -> Iterator[Sighting]:
     "Few messages",
     "It works, but between samples the filter relies on inertial data alone.",
     _INGEST,
-    "Send 10 to 50 messages a second if the source allows it.",
+    "Send 10 to 40 messages per second if the source allows it.",
 )
 def _slowish(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
         interval = _median_interval_us(track)
         if len(track) >= FEWEST and 100_000 < interval < 250_000:
-            yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages a second", track.numbers.tolist())
+            yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages per second", track.numbers.tolist())

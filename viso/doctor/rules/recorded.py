@@ -194,7 +194,7 @@ def _failsafe(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _may_rely_on_extnav(own: OwnFilter) -> bool:
-    """Tell whether external navigation was a source, or nobody tells what was."""
+    """Return whether external navigation was a source, or nobody tells what was."""
     if own.wants_extnav.any() or any(by_extnav for _, by_extnav, _ in said_by_filter(own.texts)):
         return True
     return not own.is_told(POSITION).any()

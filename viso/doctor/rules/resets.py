@@ -156,7 +156,7 @@ def jumps_in(evidence: Evidence) -> int:
     "The samples are rejected by the gate for 7 s, then the filter resets to them; with velocities that pass it "
     "never does, and horizontal position counts as lost after 10 s.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
-    "Count up reset_counter whenever the map was re-localised or tracking started anew; filter single outliers.",
+    "Count up reset_counter whenever the map was re-localised or tracking restarted; filter single outliers.",
 )
 def _jump_without_counter(evidence: Evidence) -> Iterator[Sighting]:
     for poses, resets in _tracks(evidence):
@@ -205,7 +205,7 @@ def _counter_shifted(evidence: Evidence) -> Iterator[Sighting]:
     "XN6-03",
     "Reset counter changes without a jump",
     "Type 1 resets the filter to the sample, which is harmless; type 2 ignores the camera for more than a "
-    "second, type 3 aligns it anew.",
+    "second, type 3 aligns it again.",
     _CONSUME,
     "Change reset_counter with the first message behind a jump, and only then.",
     needs=frozenset({Aspect.RESETS}),
@@ -231,7 +231,7 @@ def _counter_flaps(poses: Poses) -> bool:
     "XN6-04",
     "Reset counter changes all the time",
     "Type 1 resets the filter with every change, type 2 ignores everything, for it waits for a second without a "
-    "change, and type 3 aligns anew with every change.",
+    "change, and type 3 aligns again with every change.",
     _CONSUME,
     "reset_counter is not a counter of messages; and messages without one count as 0, so do not mix them with others.",
     needs=frozenset({Aspect.RESETS}),

@@ -144,7 +144,7 @@ class Flight:
 
 
 def has(log: LogColumns, kind: str, *labels: str) -> bool:
-    """Tell whether a log has records of a type with such fields."""
+    """Return whether a log has records of a type with such fields."""
     return kind in log.counts and set(labels) <= set(log.types[kind].labels)
 
 
@@ -174,7 +174,7 @@ def parameters(log: LogColumns) -> dict[str, float]:
 
 
 def growing(time_us: Array) -> npt.NDArray[np.bool_]:
-    """Tell which times come after all before them."""
+    """Return which times come after all before them."""
     newest = np.maximum.accumulate(time_us) if len(time_us) else time_us
     return np.concatenate([np.ones(min(len(time_us), 1), bool), time_us[1:] > newest[:-1]])
 

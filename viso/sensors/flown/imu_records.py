@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Passes of a main loop made of the IMU records of an ordinary log.
 
-IMU holds what gyros and accelerometers said at a moment, 25 times a second or faster, after the low-pass filters of
+IMU holds what gyros and accelerometers said at a moment, 25 times per second or faster, after the low-pass filters of
 INS_GYRO_FILTER and INS_ACCEL_FILTER. These are filters of second order, so that a record tells of a moment before it,
 by sqrt(2) over the angular cut-off: 11 ms at 20 Hz. GYR and ACC (raw IMU logging) come unfiltered, with their time.
 """

@@ -124,7 +124,7 @@ class RecordedSource(UnmovedSource):
             self._yaw_rad = yaw_rad
 
     def is_at_rest(self, until_us: int) -> bool:
-        """Tell whether the log says nothing from now until a time since boot."""
+        """Return whether the log says nothing from now until a time since boot."""
         times_us = self._times_us
         return (self._next or 0) == len(times_us) or times_us[self._next or 0] > until_us
 

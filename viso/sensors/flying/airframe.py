@@ -53,11 +53,11 @@ class AirframeState(NamedTuple):
         return State(self.pos, self.vel, quat_of_rpy(*self.rpy), self.rpy[2])
 
     def is_on_ground(self) -> bool:
-        """Tell whether its legs touch the ground."""
+        """Return whether its legs touch the ground."""
         return -self.pos[2] < CONTACT_M
 
     def is_at_rest(self) -> bool:
-        """Tell whether it stands still with its motors off, and would for ever."""
+        """Return whether it stands still with its motors off, and would for ever."""
         return self.is_on_ground() and max(map(abs, self.vel)) == self.thrust_m_s2 == self.turn_rad_s == 0.0
 
 

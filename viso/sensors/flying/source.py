@@ -98,7 +98,7 @@ class FlyingSource(UnmovedSource):
             self._go_to(time_us)
 
     def is_at_rest(self, until_us: int) -> bool:
-        """Tell whether it stands still with its motors off."""
+        """Return whether it stands still with its motors off."""
         return self.state.is_at_rest() and not self._demand.thrust_m_s2
 
     def yaw_rad(self) -> float:

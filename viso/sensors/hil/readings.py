@@ -10,7 +10,7 @@ SHORTEST, LONGEST = 0.25, 4.0
 """Of an interval that is used, in average ones."""
 
 LATE_US: Final = 1_000_000
-"""What is older than the newest message by less is late; by more, time has begun anew."""
+"""What is older than the newest message by less is late; by more, time has restarted."""
 
 REFERENCE_US: Final = 1_000_000
 """For so long heights are averaged; they count from there."""

@@ -57,7 +57,7 @@ class HilSource(UnmovedSource):
     is what an ideal compass would show.
 
     Heights count from their average over the first second, and there are none before. Barometer and compass are read
-    ten times a second.
+    ten times per second.
 
     Attributes:
         ignored: how many messages, or readings in them, were not used, by reason.

@@ -27,7 +27,7 @@ class TomlTable:
         return InputError(f"{self.place}: {key}: {why}")
 
     def has(self, key: str) -> bool:
-        """Tell whether a key is there, which is then known."""
+        """Return whether a key is there, which is then known."""
         self._known.append(key)
         return key in self._values
 

@@ -29,7 +29,7 @@ GAP_US: Final = 300_000
 """Without a pose for so long, when external navigation counts as unhealthy, the vehicle brakes."""
 
 ACCELERATION_DELAY_S: Final = 0.22
-"""After which half of a step of acceleration is followed, at 30 poses a second, each 50 ms old."""
+"""After which half of a step of acceleration is followed, at 30 poses per second, each 50 ms old."""
 
 MAX_AGE_MS: Final = 500
 MIN_INTERVAL_S: Final = 0.0005

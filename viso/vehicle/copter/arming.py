@@ -107,7 +107,7 @@ class Arming:
         return self._release.enabled_checks(self._params.get_int(self._release.arming_check))
 
     def is_enabled(self, bit: int) -> bool:
-        """Tell whether the check with a bit is to be made."""
+        """Return whether the check with a bit is to be made."""
         return bit == 0 or bool(self.enabled_checks() & (CHECK_ALL | bit))
 
     def _option(self, bit: int) -> bool:
@@ -156,7 +156,7 @@ class Arming:
     def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Try to arm and tell failures; without checks the mandatory ones remain (AP_Arming::arm).
 
-        Tell whether the vehicle is armed by this; False when it was armed already.
+        Return whether the vehicle is armed by this; False when it was armed already.
         """
         if self.armed or not (self._may_be_forced(do_checks) or self._passes()):
             return False

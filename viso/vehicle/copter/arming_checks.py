@@ -38,7 +38,7 @@ class CheckedCopter(Protocol):
     safety_on: bool
 
     def has_home(self) -> bool:
-        """Tell whether home is set."""
+        """Return whether home is set."""
 
 
 class ArmingChecks:

@@ -130,11 +130,11 @@ class Copter:
         return self._parts.visual_odom.enabled() or self._parts.flow.enabled()
 
     def is_armed(self) -> bool:
-        """Tell whether the vehicle is armed."""
+        """Return whether the vehicle is armed."""
         return self.arming.armed
 
     def has_home(self) -> bool:
-        """Tell whether home is set."""
+        """Return whether home is set."""
         return self.home.place is not None
 
     # What happens by itself
@@ -161,21 +161,21 @@ class Copter:
         return min(until_us, self.landing.quiet_until_us()) if self.arming.armed else until_us
 
     def check_estimator(self) -> None:
-        """See whether the estimator is to be trusted; ten times a second."""
+        """See whether the estimator is to be trusted; ten times per second."""
         self._ekf_check.update()
 
     def _climbs_or_sinks(self) -> bool:
         return self.landing.is_taking_off() or self.modes.current.lands
 
     def has_news_of_terrain(self) -> bool:
-        """Tell whether ``expect_ground`` has anything new to tell but of take-off and touchdown."""
+        """Return whether ``expect_ground`` has anything new to tell but of take-off and touchdown."""
         return self._is_stable() != self._was_stable
 
     def _is_stable(self) -> bool:
         return self._climbs_or_sinks() and self.estimates.position_ok()
 
     def expect_ground(self) -> None:
-        """See whether take-off or touchdown is near, and let heights count from the ground then; 50 times a second.
+        """See whether take-off or touchdown is near, and let heights count from the ground then; 50 times per second.
 
         Source: Copter::update_ground_effect_detector, Copter::update_ekf_terrain_height_stable.
         """
@@ -189,7 +189,7 @@ class Copter:
         self._parts.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{core}")
 
     def disarm_when_idle(self) -> None:
-        """Disarm after DISARM_DELAY on the ground; ten times a second."""
+        """Disarm after DISARM_DELAY on the ground; ten times per second."""
         if self.landing.wants_disarming(self.is_armed()):
             self._disarm(ArmMethod.DISARMDELAY)
 
@@ -212,27 +212,27 @@ class Copter:
         return AVAILABLE_MODES
 
     def is_holding_height(self) -> bool:
-        """Tell whether the mode runs the vertical position controller."""
+        """Return whether the mode runs the vertical position controller."""
         return self.modes.current.holds_height
 
     def is_holding_position(self) -> bool:
-        """Tell whether the mode runs the horizontal position controller."""
+        """Return whether the mode runs the horizontal position controller."""
         return self.modes.current.holds_position
 
     def is_landed(self) -> bool:
-        """Tell whether the vehicle stands on the ground."""
+        """Return whether the vehicle stands on the ground."""
         return self.landing.landed
 
     def is_taking_off(self) -> bool:
-        """Tell whether it climbs to where it was asked to take off to (Mode::is_taking_off)."""
+        """Return whether it climbs to where it was asked to take off to (Mode::is_taking_off)."""
         return self.landing.is_taking_off()
 
     def is_landing(self) -> bool:
-        """Tell whether the mode brings it down; RTL does so at its end alone (Mode::is_landing)."""
+        """Return whether the mode brings it down; RTL does so at its end alone (Mode::is_landing)."""
         return self.modes.current.number == ModeNumber.LAND or (self.flight is not None and self.flight.is_landing())
 
     def is_in_failsafe(self) -> bool:
-        """Tell whether a failsafe is active; the estimator's is the only one here (Copter::any_failsafe_triggered)."""
+        """Return whether a failsafe is active: the estimator's is the only one (Copter::any_failsafe_triggered)."""
         return self._ekf_check.in_failsafe
 
     def set_safety(self, on: bool) -> None:

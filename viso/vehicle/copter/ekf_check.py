@@ -25,7 +25,7 @@ _MAV_SEVERITY_CRITICAL: Final = 2
 
 
 def is_over_threshold(status: FilterStatus, threshold: float, *, has_flow: bool = False) -> bool:
-    """Tell whether too many variances are too large (Copter::ekf_over_threshold).
+    """Return whether too many variances are too large (Copter::ekf_over_threshold).
 
     With a flow sensor that works a velocity far off counts as any that is off.
     """
@@ -39,7 +39,7 @@ def is_over_threshold(status: FilterStatus, threshold: float, *, has_flow: bool 
 
 
 class EkfCheck:
-    """Counts failures, ten times a second; it asks the estimator for help, and after a second of them it warns.
+    """Counts failures, ten times per second; it asks the estimator for help, and after a second of them it warns.
 
     Args:
         ahrs: whose estimator it is.

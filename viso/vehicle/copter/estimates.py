@@ -36,23 +36,23 @@ class Estimates:
         return self._ahrs.get_relative_position_NED_origin_float() is not None
 
     def attitude_ok(self) -> bool:
-        """Tell whether the attitude is valid (AP_Arming_Copter::pre_arm_ekf_attitude_check)."""
+        """Return whether the attitude is valid (AP_Arming_Copter::pre_arm_ekf_attitude_check)."""
         status = self._ahrs.get_filter_status()
         return self._ahrs.estimator_started() if status is None else FilterFlag.ATTITUDE in status.flags
 
     def alt_ok(self) -> bool:
-        """Tell whether height and climb rate are known (Copter::ekf_alt_ok)."""
+        """Return whether height and climb rate are known (Copter::ekf_alt_ok)."""
         status = self._ahrs.get_filter_status()
         if status is None:
             return self._stand_in_knows_position()
         return FilterFlag.VERT_POS | FilterFlag.VERT_VEL in status.flags
 
     def position_ok(self) -> bool:
-        """Tell whether there is a position and no failsafe of the estimator (Copter::position_ok)."""
+        """Return whether there is a position and no failsafe of the estimator (Copter::position_ok)."""
         return not self._is_in_failsafe() and self.has_position()
 
     def has_position(self) -> bool:
-        """Tell whether the horizontal position is known, or while disarmed will be.
+        """Return whether the horizontal position is known, or while disarmed will be.
 
         Source: Copter::ekf_has_absolute_position, Copter::ekf_has_relative_position.
         """
@@ -74,7 +74,7 @@ class Estimates:
         return FilterFlag.CONST_POS_MODE not in flags and FilterFlag.HORIZ_POS_REL in flags
 
     def is_gps_glitching(self) -> bool:
-        """Tell whether the estimator disbelieves the GPS."""
+        """Return whether the estimator disbelieves the GPS."""
         status = self._ahrs.get_filter_status()
         return status is not None and FilterFlag.GPS_GLITCHING in status.flags
 

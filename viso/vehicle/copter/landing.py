@@ -107,7 +107,7 @@ class Landing:
         self._set_landed(True)
 
     def is_taking_off(self) -> bool:
-        """Tell whether the vehicle climbs to where it was asked to take off to (Mode::is_taking_off)."""
+        """Return whether the vehicle climbs to where it was asked to take off to (Mode::is_taking_off)."""
         return self._takeoff is not None and self._takeoff[0] is self._mode()
 
     def take_off(self, must_navigate: bool, climb_m: float) -> bool:
@@ -171,7 +171,7 @@ class Landing:
         return NEVER if self._lift_off_us is None else self._lift_off_us
 
     def expect(self, *, armed: bool) -> None:
-        """See whether the vehicle is about to lift off or to touch down; 50 times a second.
+        """See whether the vehicle is about to lift off or to touch down; 50 times per second.
 
         Source: Copter::update_ground_effect_detector.
         """
@@ -191,7 +191,7 @@ class Landing:
         self.expected = takes_off and not climbed and mode.number != ModeNumber.THROW, sinks_slowly
 
     def may_expect(self, *, armed: bool) -> bool:
-        """Tell whether ``expect`` may change anything as things are."""
+        """Return whether ``expect`` may change anything as things are."""
         return any(self.expected) or (armed and (self.landed or self._mode().lands))
 
     def _set_landed(self, landed: bool) -> None:
@@ -213,7 +213,7 @@ class Landing:
         self._set_landed(landed)
 
     def wants_disarming(self, armed: bool) -> bool:
-        """Tell, ten times a second, whether the vehicle has idled on the ground for DISARM_DELAY.
+        """Tell, ten times per second, whether the vehicle has idled on the ground for DISARM_DELAY.
 
         Its throttle stick is down, always. Source: Copter::auto_disarm_check.
         """
@@ -225,6 +225,6 @@ class Landing:
         return idles and now_us - self._idle_since_us >= delay_us
 
     def has_landed_by_itself(self) -> bool:
-        """Tell whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
+        """Return whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
         is_idle = self.landed and self._clock.micros64() >= self._motors.idle_us()
         return is_idle and not self.is_told and self._mode().lands

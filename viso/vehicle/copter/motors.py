@@ -49,7 +49,7 @@ class Motors:
         self._idle_us = self._clock.micros64() + SPOOL_DOWN_US
 
     def update(self) -> None:
-        """Tell whether they may turn if that has changed; every main loop."""
+        """Return whether they may turn if that has changed; every main loop."""
         interlock = self._clock.micros64() >= self._turn_us
         if interlock != self._interlock:
             self._interlock = interlock

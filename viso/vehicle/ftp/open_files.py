@@ -65,7 +65,7 @@ class ParamPckFile:
             query = self._query
             if query.start >= self._params.count:
                 return _INVALID
-            # FIRMWARE PARITY: the firmware packs the values anew for each read, and a parameter that changes length
+            # FIRMWARE PARITY: the firmware packs the values again for each read, and a parameter that changes length
             # or hides others in the middle of a download damages the file; here all values are of the first read.
             self._image = build_param_pck(
                 self._params,

@@ -10,7 +10,7 @@ const SECONDS = [0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600];
 const probe = document.createElement("span");
 let palette = {};
 
-/** Read the colours of the theme anew. */
+/** Read the colours of the theme again. */
 export function readPalette() {
   document.body.append(probe);
   palette = Object.fromEntries(

@@ -4,7 +4,7 @@
 
 export const byId = (id) => document.getElementById(id);
 
-/** Tell whether the page shows a recording, which nothing changes. */
+/** Return whether the page shows a recording, which nothing changes. */
 export const isRecording = () => "recording" in document.body.dataset;
 
 /** Return an element with a class and a text. */
@@ -16,7 +16,7 @@ export function element(tag, { className = "", text = "", ...attributes } = {}) 
   return made;
 }
 
-/** Set a text where it differs, so that nothing is laid out or read aloud anew without need. */
+/** Set a text where it differs, so that nothing is laid out or read aloud again without need. */
 export function setText(target, text) {
   if (target.textContent !== text) target.textContent = text;
 }

@@ -84,7 +84,7 @@ function rankOf({ name }) {
   return rank < 0 ? FIRST.length : rank;
 }
 
-/** Show all parameters anew. */
+/** Show all parameters again. */
 export function takeTable(table) {
   const focused = document.activeElement?.id;
   const sorted = [...table].sort((a, b) => rankOf(a) - rankOf(b));

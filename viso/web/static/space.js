@@ -14,7 +14,7 @@ const canvas = byId("plan");
 const view = { azimuth: 0, elevation: ABOVE };
 let redraw = () => {};
 
-/** Say how to draw anew. */
+/** Say how to draw again. */
 export function connectSpace(how) {
   redraw = how;
 }

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The compiled pass does what the plain one does, but for rounding: over seconds, with resets, and begun anew."""
+"""The compiled pass does what the plain one does, but for rounding: over seconds, with resets, and restarted."""
 
 from collections.abc import Callable
 from dataclasses import astuple

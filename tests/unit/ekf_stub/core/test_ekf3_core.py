@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One core: starting up, beginning anew, its origin, and places and heights that others tell it."""
+"""One core: starting up, restarting, its origin, and places and heights that others tell it."""
 
 import math
 from collections.abc import Callable
@@ -154,7 +154,7 @@ def test_bias_of_a_gyro_is_found(make_core: MakeCore, sources: str) -> None:
     assert rig.core.state.gyro_bias[:2] / rig.core.dt_ekf_avg == pytest.approx([0.01, -0.02], abs=0.003)
 
 
-# Beginning anew
+# Restarting
 
 
 def moving_feed(rig: "CoreRig") -> None:

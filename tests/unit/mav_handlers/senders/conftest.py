@@ -128,7 +128,7 @@ class Desk:
         return message
 
     def has_nothing(self, builder: Callable[[VehiclePort, Channel, int], Message | None]) -> bool:
-        """Tell whether there is nothing to report."""
+        """Return whether there is nothing to report."""
         return builder(self.vehicle, self.channel, NOW_US) is None
 
 

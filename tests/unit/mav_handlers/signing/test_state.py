@@ -102,7 +102,7 @@ class Links:
         return result
 
     def accepts(self, data: bytes, link: int = 1) -> bool:
-        """Tell whether the only frame in the bytes is accepted."""
+        """Return whether the only frame in the bytes is accepted."""
         return isinstance(self.receive(data, link), Received)
 
     def timestamp(self, link: int = 1) -> int:

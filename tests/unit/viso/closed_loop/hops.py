@@ -69,7 +69,7 @@ HOP_END_S: Final = 14.5
 
 @cache
 def hop() -> CompanionLoop:
-    """A few seconds in the air, the lens covered for one, then begun anew."""
+    """A few seconds in the air, the lens covered for one, then restarted."""
     setup = make_setup(HOP_END_S, covered_s=[HOP_COVERED_S], plan=HOP)
     return play(setup, HOP_END_S, [(HOP_RESTART_S, lambda loop: loop.companion.start_from())])
 

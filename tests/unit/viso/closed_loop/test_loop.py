@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The closed loop: what covering the lens, beginning anew and another camera do to odometry and autopilot."""
+"""The closed loop: what covering the lens, restarting and another camera do to odometry and autopilot."""
 
 import dataclasses
 from collections.abc import Callable
@@ -36,7 +36,7 @@ def true_start(loop: CompanionLoop, jump_enu: Array | None = None) -> Callable[[
 
 
 def begin_anew(loop: CompanionLoop) -> None:
-    """Let the odometry begin anew at a place that is off."""
+    """Let the odometry restart at a place that is off."""
     loop.companion.start_from(true_start(loop, JUMP_ENU))
 
 
@@ -73,7 +73,7 @@ SHORT_S, LONG_S, BEGIN_ANEW_S, COVERED_END_S = (15.0, 17.0), (20.0, 32.0), 37.0,
 
 @cache
 def covered() -> CompanionLoop:
-    """A flight during which the lens is covered for 2 s and for 12 s, and which then begins anew."""
+    """A flight during which the lens is covered for 2 s and for 12 s, and which then restarts."""
     setup = make_setup(COVERED_END_S, covered_s=(SHORT_S, LONG_S))
     return play(setup, COVERED_END_S, [(BEGIN_ANEW_S, lambda loop: loop.companion.start_from(true_start(loop)))])
 
@@ -198,7 +198,7 @@ def test_start_after_a_loss_counts_as_reset() -> None:
     assert {one.message.reset_counter for one in arrived(covered(), BEGIN_ANEW_S, COVERED_END_S)} == {1}
 
 
-# The odometry begins anew in flight
+# The odometry restarts in flight
 
 RESTART_S = 14.0
 SETTLED_S = 18.0
@@ -217,7 +217,7 @@ def swap_camera(loop: CompanionLoop) -> None:
 
 @cache
 def restarted(viso_type: int) -> CompanionLoop:
-    """A flight that begins anew 2.5 m off; with the first type of camera, another camera then takes its place."""
+    """A flight that restarts 2.5 m off; with the first type of camera, another camera then takes its place."""
     end_s = {1: 24.0, 2: SETTLED_S, 3: 25.5}[viso_type]
     script: Script = [(RESTART_S, begin_anew), *([(SWAP_S, swap_camera)] if viso_type == 1 else [])]
     return play(make_setup(end_s, params={"VISO_TYPE": viso_type}), end_s, script)

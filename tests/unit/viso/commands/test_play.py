@@ -234,7 +234,7 @@ def test_file_that_is_not_there_is_one_line(viso: Viso, name: str) -> None:
     assert outcome.err.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", re.findall(r"viso play [^`\n]+", PAGE.read_text(encoding="utf-8")))
+@pytest.mark.parametrize("command", re.findall(r"viso play (?!--ros2)[^`\n]+", PAGE.read_text(encoding="utf-8")))
 def test_command_of_the_page_works(viso: Viso, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     recorded = load_trajectory(Source(FLIGHT))  # in the place of files that only their owners have
     _, ours = make_pair()

@@ -54,7 +54,7 @@ def _sent(case: Case) -> list[Finding]:
 
 
 def _holds(case: Case, findings: list[Finding]) -> bool:
-    """Tell whether what is expected was found, and is the first error if it is to be that."""
+    """Return whether what is expected was found, and is the first error if it is to be that."""
     errors = [finding.code for finding in findings if finding.severity is Severity.ERROR]
     return case.expected <= codes(findings) and (not case.first or errors[:1] == [case.first])
 

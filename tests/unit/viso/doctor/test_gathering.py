@@ -111,7 +111,7 @@ def test_more_than_the_filter_takes_is_a_note() -> None:
     _, findings = examine(stream_of(companion(8_000), dict(SETUP)))
     (finding,) = [finding for finding in findings if finding.code == "XN4-02"]
     assert finding.severity == "note"
-    assert "125 messages a second" in finding.evidence
+    assert "125 messages per second" in finding.evidence
     assert "XN4-06" not in codes(findings)
 
 

@@ -87,7 +87,7 @@ RECORDINGS = (
     Recording(
         "evo_georeferenced_start.tum",
         {
-            "XN4-01": error("0.8 messages a second", "its times are 1.3 s apart"),
+            "XN4-01": error("0.8 messages per second", "its times are 1.3 s apart"),
             "XN5-19": error("in steps of 0.5 m", "UTM: 5.4e6 m north, where binary32 has 24 bits"),
             **_OF_TEXT,
             "XN9-04": note("after a time without samples", "each pose comes 1.3 s after the one before"),
@@ -96,7 +96,7 @@ RECORDINGS = (
     Recording(
         "evo_fr2_desk_ORB_kf_mono.tum",
         {
-            "XN4-01": error("2.7 messages a second", "key frames alone, half of them more than 0.37 s apart"),
+            "XN4-01": error("2.7 messages per second", "key frames alone, half of them more than 0.37 s apart"),
             **_OF_TEXT,
         },
     ),

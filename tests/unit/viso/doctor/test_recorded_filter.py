@@ -134,7 +134,7 @@ PLANTED: Final = (
         N,
         ("position from ExtNav", "above 1 for 0.2 s of 60 s"),
     ),
-    Planted("a second and a half", lambda: logged(during(20, 21.5, SP=1.3)), "XN9-10", W, ("worst 1.3",)),
+    Planted("1.5 s", lambda: logged(during(20, 21.5, SP=1.3)), "XN9-10", W, ("worst 1.3",)),
     Planted(
         *("armed", lambda: logged(during(50, 59.9, SP=2.0), others=ARM), "XN9-10", E),
         ("5.0 s of that armed", "position test ratio"),

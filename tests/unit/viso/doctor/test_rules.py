@@ -226,7 +226,7 @@ def _turning(euler_deg: list[list[float]]) -> dict[str, Finding]:
 
 
 def test_shaking_by_hand_is_no_jump_of_yaw_and_a_jump_meanwhile_is() -> None:
-    """Ten poses a second, while yaw swings by 25 deg to either side 1.9 times a second: up to 300 deg/s."""
+    """Ten poses per second, while yaw swings by 25 deg to either side 1.9 times per second: up to 300 deg/s."""
     shaken = [25 * math.sin(2 * math.pi * 1.9 * n / 10) for n in range(60)]
     assert "XN6-02" not in _turning([[0, 0, yaw] for yaw in shaken])
     jumping = [[0, 0, yaw + 150 * (n >= 30)] for n, yaw in enumerate(shaken)]

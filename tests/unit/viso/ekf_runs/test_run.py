@@ -54,7 +54,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
 
 
 def matters(name: str, fields: dict[str, Any]) -> bool:
-    """Tell whether a run looks at a record; of parameters there are more than a thousand more."""
+    """Return whether a run looks at a record; of parameters there are more than a thousand more."""
     return fields["Name"].startswith(FILTERS) if name == "PARM" else name not in ("FMT", "FMTU", "UNIT", "MULT")
 
 
@@ -92,7 +92,7 @@ class Rig:
         return read(self._out)
 
     def fails_with(self, problem: str, change: Change) -> bool:
-        """Tell whether a changed copy is refused with one line that names it and the problem."""
+        """Return whether a changed copy is refused with one line that names it and the problem."""
         with pytest.raises(InputError) as refused:
             self.run(change)
         assert str(refused.value) == f"{self.path}: {problem}"

@@ -75,9 +75,9 @@ def test_jump_alone_is_no_other_motion(noise_m: float) -> None:
 
 def test_axes_may_turn_where_the_stream_began_anew() -> None:
     time_us, path = walk(np.random.default_rng(7))
-    anew = np.where((time_us > 3e7)[:, None], turned(path, 120.0), path)
-    assert estimate_likeness(time_us, anew, time_us, path, noise_m=0.05).correlation < 0.9
-    assert estimate_likeness(time_us, anew, time_us, path, noise_m=0.05, breaks_us=[3e7]).correlation > 0.99
+    again = np.where((time_us > 3e7)[:, None], turned(path, 120.0), path)
+    assert estimate_likeness(time_us, again, time_us, path, noise_m=0.05).correlation < 0.9
+    assert estimate_likeness(time_us, again, time_us, path, noise_m=0.05, breaks_us=[3e7]).correlation > 0.99
 
 
 def test_vehicle_that_hardly_moves_tells_nothing() -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inputs that go on: files that grow, snapshots that are written anew, links; and that nothing of them is lost."""
+"""Inputs that go on: files that grow, snapshots that are rewritten, links; and that nothing of them is lost."""
 
 import json
 import os

@@ -372,7 +372,7 @@ def test_failure_is_told_once_and_so_is_its_end(rig: Rig, caplog: pytest.LogCapt
     assert caplog.messages == [f"log: {FULL}"]
     rig.next_log = MemoryLog()
     rig.update(after_ms=5000)
-    assert caplog.messages[1:] == [f"log: begun anew, {rig.logger.dropped} records are lost"]
+    assert caplog.messages[1:] == [f"log: restarted, {rig.logger.dropped} records are lost"]
 
 
 def test_failure_that_is_told_at_the_end_is_told_then_alone(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:

@@ -44,11 +44,11 @@ def yawed(degrees: float) -> Wxyz:
 
 
 class FilterLoop:
-    """A core of the filter and what its inertial data come from, 400 passes a second.
+    """A core of the filter and what its inertial data come from, 400 passes per second.
 
     Attributes:
         texts: what the core has said, with the time in s.
-        reports: what it said of itself, with the time in s, ten times a second.
+        reports: what it said of itself, with the time in s, ten times per second.
         armed: whether the vehicle is.
     """
 
@@ -133,7 +133,7 @@ class FilterLoop:
         return [report for now_s, report in self.reports if start_s <= now_s <= end_s]
 
     def is_aided(self) -> bool:
-        """Tell whether the filter navigates by external navigation."""
+        """Return whether the filter navigates by external navigation."""
         return self.core.aiding.mode is AidingMode.ABSOLUTE
 
 

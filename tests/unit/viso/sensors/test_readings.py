@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Slow sensors are read ten times a second, as in recordings, and an ideal compass knows where north is."""
+"""Slow sensors are read ten times per second, as in recordings, and an ideal compass knows where north is."""
 
 import math
 

@@ -194,7 +194,7 @@ def test_replay_of_a_log_leaves_the_firmwares_records(name: str) -> None:
             # Where a log begins, the correction of times has been running for a while.
             limit = 100.0 if label == "CTimeMS" and name.startswith("bench") else 4.0
             if label in LINEAR:
-                limit = 5e-4 if aligned else 0.0  # aligned anew, by attitudes of 10 Hz
+                limit = 5e-4 if aligned else 0.0  # aligned again, by attitudes of 10 Hz
             elif label in "RPY":
                 limit = 5e-3 if aligned else 4e-5
             elif label != "CTimeMS":

@@ -181,7 +181,7 @@ def test_body_rates_are_averaged_over_1000_updates_at_most() -> None:
     rig.run_us(1000 * UPDATE_US)
     rig.gyro = Vector3f(3, 3, 0)
     rig.run_us(1000 * UPDATE_US)
-    # As long a silence has no rates itself; the next flow begins anew.
+    # As long a silence has no rates itself; the next flow restarts.
     assert rig.see(flow(1))["bodyX"] == 0
     assert rig.see(flow(1))["bodyX"] == 3
 

@@ -70,7 +70,7 @@ GUIDED, ARM, TAKE_OFF = 4, 400, 22
 
 
 class Parked:
-    """A vehicle from boot on, above which nothing moves; its sensors are heard 25 times a second."""
+    """A vehicle from boot on, above which nothing moves; its sensors are heard 25 times per second."""
 
     def __init__(self, params: Mapping[str, float], firmware: Firmware = REFERENCE) -> None:
         self.log = MemoryLog()

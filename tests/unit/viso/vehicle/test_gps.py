@@ -381,7 +381,7 @@ def place_of(bench: "Bench") -> tuple[float, ...]:
 
 
 def hear(bench: "Bench", until_s: float, packet: GPS_INPUT) -> None:
-    """Send solutions five times a second."""
+    """Send solutions five times per second."""
     while bench.scheduler.now_us < until_s * 1e6:
         bench.send(packet)
         bench.run_for(0.2)

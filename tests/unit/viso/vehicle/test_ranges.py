@@ -28,7 +28,7 @@ def distance(
 
 
 class Rig:
-    """Range finders that are updated 20 times a second; the first hears MAVLink unless told otherwise."""
+    """Range finders that are updated 20 times per second; the first hears MAVLink unless told otherwise."""
 
     def __init__(self, release: Any = None, **params: float) -> None:
         self.clock = VirtualClock()

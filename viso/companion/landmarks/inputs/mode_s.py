@@ -90,7 +90,7 @@ class ModeSReader(LineReader):
 
 
 def is_frame(line: str) -> bool:
-    """Tell whether a line looks like a frame."""
+    """Return whether a line looks like a frame."""
     match = _LINE.fullmatch(line.strip())
     return match is not None and len(_digits(match)) in (LONG_DIGITS // 2, LONG_DIGITS)
 

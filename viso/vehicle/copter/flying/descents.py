@@ -89,7 +89,7 @@ class ReturnHome:
         self._since_us = 0
 
     def is_landing(self) -> bool:
-        """Tell whether it has come to its end."""
+        """Return whether it has come to its end."""
         return self._stage is _Stage.LAND
 
     def enter(self) -> None:

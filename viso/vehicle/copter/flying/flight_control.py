@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flight controller: 50 times a second, from what the estimator says to lean angles, a thrust and a turn.
+"""The flight controller: 50 times per second, from what the estimator says to lean angles, a thrust and a turn.
 
 It knows where the vehicle is by the vehicle's own estimate alone. An estimate that is wrong flies it away.
 """
@@ -108,7 +108,7 @@ class FlightControl:
         return self._next_us if armed or self._is_flying else NEVER
 
     def is_landing(self) -> bool:
-        """Tell whether RTL has come to its end, the landing."""
+        """Return whether RTL has come to its end, the landing."""
         return self._mode is self._returns and self._returns.is_landing()
 
     def guide(self, target: GuidedTarget | None) -> None:

@@ -37,7 +37,7 @@ def descriptors() -> int:
 
 
 def has_ended(pid: int) -> bool:
-    """Tell whether a process has ended, which may take a moment after it was killed."""
+    """Return whether a process has ended, which may take a moment after it was killed."""
     try:
         process = os.pidfd_open(pid)
     except ProcessLookupError:

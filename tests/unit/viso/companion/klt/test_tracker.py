@@ -61,7 +61,7 @@ def test_points_that_come_near_the_border_are_not_found() -> None:
 
 
 def test_strictness_is_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Which would refuse them as well. A test of missing extras may have had the module imported anew meanwhile.
+    # Which would refuse them as well. A test of missing extras may have had the module imported again meanwhile.
     monkeypatch.setitem(KltTracker.track.__globals__, "MIN_CORRELATION", -2.0)
     points, after = corners(), texture(seed=9)
     strict, lax = (tracker(fb_threshold_px=px).track(IMAGE, after, points, points)[1].mean() for px in (0.1, 50.0))

@@ -249,7 +249,7 @@ class TestBoth:
 
 @pytest.mark.slow
 def test_passes_bring_a_state_that_is_far_off_nearer() -> None:
-    """By relief, whose points are found anew with each pass."""
+    """By relief, whose points are found again with each pass."""
     once: list[float] = []
     often: list[float] = []
     for seed in range(6):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Poses that come one by one: the same messages as of a recording, and what begins anew or is left out."""
+"""Poses that come one by one: the same messages as of a recording, and what restarts or is left out."""
 
 import dataclasses
 import math

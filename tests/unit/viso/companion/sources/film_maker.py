@@ -35,7 +35,7 @@ def write_film(path: Path, count: int = 12, fps: float = 10.0, size: tuple[int, 
 
 
 def write_inertial_csv(path: Path, seconds: float, gravity: Sequence[float] = (0.0, 0.0, 9.81)) -> Path:
-    """Write what an IMU at rest measures, 200 times a second."""
+    """Write what an IMU at rest measures, 200 times per second."""
     lines = ["t_s,gx,gy,gz,ax,ay,az"]
     lines += [f"{index / 200},0,0,0,{','.join(map(str, gravity))}" for index in range(round(200 * seconds))]
     path.write_text("\n".join(lines) + "\n")

@@ -54,7 +54,7 @@ def test_velocity_far_off_is_one_variance_while_a_flow_sensor_works() -> None:
 
 
 def watch(rig: "CopterRig", duration_s: float, found: FilterStatus) -> None:
-    """Let the copter look at an estimator in such a state for a while, ten times a second."""
+    """Let the copter look at an estimator in such a state for a while, ten times per second."""
     rig.ahrs.status = found
     for _ in range(round(duration_s * 10)):
         rig.clock.set_us(rig.clock.micros64() + 100_000)
