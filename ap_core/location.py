@@ -82,7 +82,7 @@ class Location:
     def offset(self, ned: Vector3f) -> "Location":
         """Return the place that lies some metres north, east and down of this one.
 
-        Whatever is not finite, or too far for an integer, gives a place all the same: that which x86-64 arrives at.
+        Whatever is not finite, or too far for an integer, gives a place all the same: what x86-64 arrives at.
 
         Source: Location::offset, Location::offset_latlng.
         """

@@ -126,7 +126,7 @@ class AhrsPort(Protocol):
         """Return the EKF origin, or None while unset."""
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
-        """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used."""
+        """Take a place that somebody else has worked out, at a time in ms since boot; say whether it was used."""
 
     def height_above_ground(self) -> float | None:
         """Return the height above the ground in m, or None while it is unknown."""
@@ -141,7 +141,7 @@ class ArmingPort(Protocol):
     passed: bool
 
     def pre_arm_checks(self, display: bool) -> bool:
-        """Run all checks; tell whether they passed, and failures as texts when asked to."""
+        """Run all checks; say whether they passed, and failures as texts when asked to."""
 
     def enabled_checks(self) -> int:
         """Return the bits of the checks that are enabled."""
@@ -247,10 +247,10 @@ class CopterPort(Protocol):
         """Return whether the motors are armed."""
 
     def arm(self, do_checks: bool) -> bool:
-        """Try to arm; tell whether it worked. Failures are told as texts."""
+        """Try to arm; say whether it worked. Failures are told as texts."""
 
     def disarm(self, force: bool) -> bool:
-        """Try to disarm; tell whether it worked."""
+        """Try to disarm; say whether it worked."""
 
     def custom_mode(self) -> int:
         """Return the flight mode's number."""
@@ -259,7 +259,7 @@ class CopterPort(Protocol):
         """Return the flight modes in the firmware's order; AVAILABLE_MODES counts them from 1."""
 
     def set_mode(self, number: int) -> bool:
-        """Enter a mode; tell whether the vehicle is in it now. A refusal is told as a text."""
+        """Enter a mode; say whether the vehicle is in it now. A refusal is told as a text."""
 
     def is_holding_height(self) -> bool:
         """Return whether the mode runs the vertical position controller."""
@@ -283,13 +283,13 @@ class CopterPort(Protocol):
         """Move the safety switch; on, it keeps the motors off."""
 
     def set_home(self, place: Location) -> bool:
-        """Set home for good; tell whether it was set, for which the EKF needs an origin."""
+        """Set home for good; say whether it was set, for which the EKF needs an origin."""
 
     def set_home_here(self) -> bool:
-        """Set home for good to where the vehicle is; tell whether that is known."""
+        """Set home for good to where the vehicle is; say whether that is known."""
 
     def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
-        """Start a take-off to a height above home; tell whether it was accepted."""
+        """Start a take-off to a height above home; say whether it was accepted."""
 
 
 class GpsPort(Protocol):
@@ -299,7 +299,7 @@ class GpsPort(Protocol):
         """Return its newest solution, or None without a GPS; one that has lost its data has fix type 1."""
 
     def take(self, packet: GPS_INPUT) -> bool:
-        """Give it a solution, whatever its ``gps_id``; tell whether there is one that takes it."""
+        """Give it a solution, whatever its ``gps_id``; say whether there is one that takes it."""
 
 
 class FlowPort(Protocol):
@@ -316,7 +316,7 @@ class FlowPort(Protocol):
         """What it measured last."""
 
     def take(self, packet: OPTICAL_FLOW) -> bool:
-        """Give it flow; tell whether there is one that takes it."""
+        """Give it flow; say whether there is one that takes it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +357,7 @@ class RangesPort(Protocol):
         """Return what each says from which ranges come in."""
 
     def take(self, packet: DISTANCE_SENSOR) -> bool:
-        """Give them a range; tell whether there is one that takes it."""
+        """Give them a range; say whether there is one that takes it."""
 
 
 class HilPort(Protocol):

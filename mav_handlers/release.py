@@ -62,9 +62,9 @@ class EndpointRelease:
         error_formula: makes an error of three variances.
         mocap_errors: makes both errors of the covariance of ATT_POS_MOCAP.
         tells_param_errors: whether PARAM_ERROR answers what cannot be read or set; else nothing does.
-        tell_origin: tells of an origin that a client has just set over a link, at a time in us since boot.
+        tell_origin: reports an origin that a client has just set over a link, at a time in us since boot.
         params: the names of the endpoint's parameters.
-        resets_parameters: takes the first parameter of MAV_CMD_PREFLIGHT_STORAGE, tells whether it is to forget all
+        resets_parameters: takes the first parameter of MAV_CMD_PREFLIGHT_STORAGE, says whether it is to forget all
             stored parameters.
         highres_field_scale: what HIGHRES_IMU has a field in mGauss multiplied by.
         velocity_error: makes the error of a velocity (m/s) of the covariance of VISION_SPEED_ESTIMATE.

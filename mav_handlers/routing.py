@@ -95,8 +95,8 @@ class RouteTable:
             target_component: the component it is addressed to, likewise.
             channel: number of the link it came on.
             own_system: the autopilot's system id.
-            is_private: tells whether nothing but what is meant for its components is forwarded to a link.
-            is_active: tells whether a frame other than a radio's has been received on a link.
+            is_private: says whether nothing but what is meant for its components is forwarded to a link.
+            is_active: says whether a frame other than a radio's has been received on a link.
             channels: numbers of all links.
         """
         if header.system_id == own_system and header.component_id == _MAV_COMP_ID_AUTOPILOT1:

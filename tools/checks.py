@@ -102,6 +102,7 @@ STEPS = (
     Step("layers", "who may import whom, and which modules", _fixed(_program("lint-imports", "--no-logo"))),
     Step("house", "folders, circles of imports, lines", _fixed(_module("tools.house"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
+    Step("prose", "plain English in pages and docstrings", _fixed(_module("tools.prose"))),
     Step("docs", "the generated tables and pictures are current", _docs),
     Step("clients", "the environment of the interop tests", _clients),
     Step("tests", "pytest, with everything also branch coverage", _tests),

@@ -99,7 +99,7 @@ class Peer:
 
 
 class Process:
-    """What the system tells of a running process."""
+    """What the system says about a running process."""
 
     def __init__(self, process_id: int) -> None:
         self._folder = Path("/proc", str(process_id))

@@ -96,7 +96,7 @@ class AhrsBase:
         return self._origin
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once, and not before the estimator runs; tell whether it was set."""
+        """Set the origin, once, and not before the estimator runs; say whether it was set."""
         if self._origin is not None or not self.estimator_started():
             return False
         self._origin = origin
@@ -117,7 +117,7 @@ class AhrsBase:
         Args:
             times_us: of the frames, all before ``quiet_until_us``.
             set_us: sets the clock to the time of one that is run.
-            is_quiet: tells whether nothing beside the estimator has to do with what came of the frame at a time.
+            is_quiet: says whether nothing beside the estimator has to do with what came of the frame at a time.
         """
         return 0
 
@@ -158,7 +158,7 @@ class AhrsBase:
         return self.estimator_started()
 
     def reset_height_datum(self) -> bool:
-        """Let heights count from the present one; tell whether the estimator did (AP_AHRS::resetHeightDatum)."""
+        """Let heights count from the present one; say whether the estimator did (AP_AHRS::resetHeightDatum)."""
         return False
 
     def request_yaw_reset(self) -> None:
@@ -168,7 +168,7 @@ class AhrsBase:
         """Let a better core take over, if there is one (AP_AHRS::check_lane_switch)."""
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
-        """Take a place that somebody else has worked out, at a time in ms since boot; tell whether it was used.
+        """Take a place that somebody else has worked out, at a time in ms since boot; say whether it was used.
 
         Source: AP_AHRS::handle_external_position_estimate.
         """

@@ -502,7 +502,7 @@ class Ekf3Ahrs(AhrsBase):
     # What the vehicle asks for
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once, and not before the estimator runs; tell whether it was set."""
+        """Set the origin, once, and not before the estimator runs; say whether it was set."""
         core = self.core
         is_early = core is None or (core.release.refuses_early_origin and not core.initialised)
         if self._origin is not None or self.cores is None or is_early:
@@ -551,7 +551,7 @@ class Ekf3Ahrs(AhrsBase):
             self._follow_primary(self.cores)
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
-        """Put the vehicle somewhere while it navigates without a position; tell whether it was."""
+        """Put the vehicle somewhere while it navigates without a position; say whether it was."""
         self._is_stirred = True
         return self.cores is not None and self.cores.lanes.set_place(location, float(accuracy_m), time_ms)
 

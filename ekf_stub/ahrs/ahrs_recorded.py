@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RecordedStates:
-    """What a log tells of the vehicle's state; times in us since boot, rising.
+    """What a log says about the vehicle's state; times in us since boot, rising.
 
     Attributes:
         att_time_us: shape (n,), times of the ATT records.

@@ -120,7 +120,7 @@ def test(mem: Array, known: int, scale: float) -> int:
 def add(
     mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float, may_step: bool
 ) -> bool:
-    """Add up the data of a pass (DownSampler.add); tell whether a step is complete, which is then at ``STEP``."""
+    """Add up the data of a pass (DownSampler.add); say whether a step is complete, which is then at ``STEP``."""
     dt_imu = mem[DT_IMU_AVG]
     mem[DT_IMU_AVG] = dt_imu + _SLOW_SAMPLING * (clamped(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
     mem[ANG_DT] += max(ang_dt, MIN_DT)

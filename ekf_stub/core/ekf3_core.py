@@ -92,7 +92,7 @@ class Ekf3Core:
         sizes: lengths of the buffers.
         texts: what the ground station is told.
         counts: what became of samples of external navigation.
-        has_compass: tells whether a compass is in use.
+        has_compass: says whether a compass is in use.
         kernel: what its arithmetic runs on.
         common: the origin that it shares with other cores.
         release: what the firmware's release does otherwise than others.
@@ -474,7 +474,7 @@ class Ekf3Core:
     # Origin and height
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once; tell whether it was set (setOrigin)."""
+        """Set the origin, once; say whether it was set (setOrigin)."""
         if self.origin is not None or (self.release.refuses_early_origin and not self.initialised):
             return False
         self.origin = origin
@@ -489,7 +489,7 @@ class Ekf3Core:
         return True
 
     def set_place(self, place: Location, accuracy_m: float, time_ms: int) -> bool:
-        """Put the vehicle somewhere while it navigates without a position; tell whether it was (setLatLng).
+        """Put the vehicle somewhere while it navigates without a position; say whether it was (setLatLng).
 
         Args:
             place: its height counts for nothing.

@@ -219,7 +219,7 @@ class Lanes:
         return self._common.place
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once; tell whether it was set (setOriginLLH)."""
+        """Set the origin, once; say whether it was set (setOriginLLH)."""
         if self._common.place is not None:
             self._texts.send_text(MAV_SEVERITY_WARNING, "EKF3: origin already set")
             return False
@@ -227,12 +227,12 @@ class Lanes:
         return any(were_set)
 
     def set_place(self, place: Location, accuracy_m: float, time_ms: int) -> bool:
-        """Put the vehicle somewhere while it navigates without a position; tell whether it was (setLatLng)."""
+        """Put the vehicle somewhere while it navigates without a position; say whether it was (setLatLng)."""
         were_put = [core.initialised and core.set_place(place, accuracy_m, time_ms) for core in self.cores]
         return any(were_put)
 
     def reset_height_datum(self) -> bool:
-        """Count heights from the present one, on the ground; tell whether all do (resetHeightDatum)."""
+        """Count heights from the present one, on the ground; say whether all do (resetHeightDatum)."""
         were_reset = [core.reset_height_datum() for core in self.cores]
         return all(were_reset)
 

@@ -220,7 +220,7 @@ class ErrorState(NominalState):
     # Fusion
 
     def update(self, row: Array, innovation: float, variance: float, left_alone: Sequence[int] = ()) -> bool:
-        """Fuse a scalar; tell whether it was, as it is not when a variance would become negative, or all is unsound.
+        """Fuse a scalar; say whether it was, as it is not when a variance would become negative, or all is unsound.
 
         Args:
             row: shape (22,), how the prediction depends on the errors.

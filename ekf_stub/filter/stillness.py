@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tells whether the vehicle stands still on the ground (AP_NavEKF3_Measurements.cpp, updateMovementCheck).
+"""Says whether the vehicle stands still on the ground (AP_NavEKF3_Measurements.cpp, updateMovementCheck).
 
 Only asked while yaw comes from elsewhere than the compass.
 """

@@ -76,7 +76,7 @@ class Aiding:
         self.times = FusionTimes()
 
     def update(self, now_ms: int, ready: Callable[[], Ready], *, no_yaw_on_ground: bool) -> bool:
-        """Choose the mode, once a frame; tell whether it changed.
+        """Choose the mode, once a frame; say whether it changed.
 
         Args:
             now_ms: time of the last inertial data.

@@ -30,7 +30,7 @@ _XY_GPS: Final = SourceXY.GPS
 class Course(NamedTuple):
     """The direction in which GPS says that the vehicle moves, rad, and its variance.
 
-    ``is_steady`` tells whether it has been exact for long enough; ``disagrees`` whether the filter moves or points
+    ``is_steady`` says whether it has been exact for long enough; ``disagrees`` whether the filter moves or points
     elsewhere.
     """
 

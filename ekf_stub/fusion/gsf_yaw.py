@@ -73,7 +73,7 @@ class GsfYaw:
     # Prediction
 
     def predict(self, step: InertialStep, *, may_run: bool) -> None:
-        """Follow inertial data; ``may_run`` tells whether velocity is to be fused (update)."""
+        """Follow inertial data; ``may_run`` says whether velocity is to be fused (update)."""
         self._may_run = may_run
         keep = 1.0 - min(ACCEL_FILTER_RATIO * step.del_vel_dt * TILT_GAIN, 1.0)
         x, y, z = (step.del_vel / max(step.del_vel_dt, 1e-3)).tolist()

@@ -101,7 +101,7 @@ class HeightSource(Fusion):
         self.variance = 1.0
 
     def select(self, now_ms: int, vehicle: Vehicle) -> bool:
-        """Choose and measure, once a step; tell whether the source has changed and the height must follow."""
+        """Choose and measure, once a step; say whether the source has changed and the height must follow."""
         baro = self.baro.recall(self._ingest.horizon_ms).sample if self.baro.samples else None
         if baro is not None:
             self.baro_height = baro.height
@@ -216,7 +216,7 @@ class HeightSource(Fusion):
         return True
 
     def _measure_by_range(self) -> bool:
-        """Measure by the range to flat ground; tell whether the vehicle is upright enough for that."""
+        """Measure by the range to flat ground; say whether the vehicle is upright enough for that."""
         upright, ranges = self._upright(), self.terrain.ranges
         if upright < LEAST_UPRIGHT:
             return False

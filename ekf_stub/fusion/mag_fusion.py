@@ -56,7 +56,7 @@ class MagFusion:
         self._begins = False
 
     def learn(self, *, wanted: bool) -> bool:
-        """Estimate the fields from now on, or stop; tell whether that has begun (setWindMagStateLearningMode)."""
+        """Estimate the fields from now on, or stop; say whether that has begun (setWindMagStateLearningMode)."""
         state = self._state
         if wanted == state.learns_field:
             return False
@@ -122,7 +122,7 @@ class MagFusion:
         self._state.update(row, limited(innovation, -bound, bound), err**2)
 
     def fuse(self, mag: MagSample, step: InertialStep, *, knows_north: bool = False) -> bool:
-        """Fuse the three axes one after the other, with the attitude that they all found; tell whether all passed.
+        """Fuse the three axes one after the other, with the attitude that they all found; say whether all passed.
 
         The declination keeps the earth's field from turning, unless there is no table and ``knows_north`` tells that
         positions do.

@@ -32,7 +32,7 @@ class FilterParts:
         origin_height: how high the origin is.
         texts: what the ground station is told.
         get_float: returns a parameter by its name after ``EK3_``.
-        has_compass: tells whether a compass is in use.
+        has_compass: says whether a compass is in use.
         ring_size: how many barometric heights, and how many magnetic fields, wait.
         release: what the firmware's release does otherwise than others.
         core: the number of the core.

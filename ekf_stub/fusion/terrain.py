@@ -156,7 +156,7 @@ class Terrain(Fusion):
         self._fuse_flow_axis(innovations[0], -aside)
 
     def _fuse_flow_axis(self, innovation: float, speed: float) -> bool:
-        """Fuse the flow of one axis, given the speed that it shows; tell whether it passed its gate."""
+        """Fuse the flow of one axis, given the speed that it shows; say whether it passed its gate."""
         slope = self._upright() * speed / self.above**2
         innovation_variance = slope * self.variance * slope + max(self._get_float("FLOW_M_NSE"), LEAST_FLOW_NOISE) ** 2
         gate = max(0.01 * self._get_float("FLOW_I_GATE"), 1.0) ** 2

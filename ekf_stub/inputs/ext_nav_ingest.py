@@ -281,7 +281,7 @@ class ExtNavIngest:
         return sample
 
     def _tell_lost(self, kind: str, left_ms: list[int]) -> None:
-        """Tell of all that left the buffer in a step but the one that is recalled, the last that is not too old."""
+        """Report all that left the buffer in a step but the one that is recalled, the last that is not too old."""
         fresh_ms = []
         for time_ms in left_ms:
             if i32(self.horizon_ms - time_ms) < RECALL_WINDOW_MS:

@@ -87,7 +87,7 @@ class FlowIngest:
     def write(
         self, measured: FlowMeasurement, delta: InertialDelta, now_ms: int, horizon_ms: int, delay_ms: int
     ) -> bool:
-        """Take a measurement; tell whether it did not come too soon after the last.
+        """Take a measurement; say whether it did not come too soon after the last.
 
         Args:
             measured: the measurement.

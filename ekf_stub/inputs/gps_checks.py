@@ -32,7 +32,7 @@ _SATS, _HDOP, _SPEED_ERR, _POS_ERR, _YAW_ERR, _DRIFT, _VERT_SPEED, _HORIZ_SPEED 
 
 
 class GpsSurroundings(NamedTuple):
-    """What else tells whether GPS is to be believed.
+    """What else says whether GPS is to be believed.
 
     ``speed_accuracy`` is the worst of the last seconds, m/s, 0 without any; ``horizontal_speed`` that of the last fix
     at the horizon, m/s. ``mag_x`` and ``mag_y`` are ratios of the compass's innovations to their gates, squared,

@@ -45,7 +45,7 @@ _WARNING_RATIO: Final = 0.7
 class GpsFix:
     """A solution at the time of its observation: m NED from the origin, m/s NED.
 
-    ``antenna`` is the place of the antenna from that which position and velocity are of, m, body (FRD).
+    ``antenna`` is the place of the antenna from the one that position and velocity are of, m, body (FRD).
     """
 
     time_ms: int
@@ -117,7 +117,7 @@ class GpsReading:
             now_ms: time of the step.
             absolute: whether the filter navigates by position.
             worst_ratios: of the innovations of velocity and position to their gates, squared.
-            around: what else tells whether it is to be believed; what the receiver says of that is added.
+            around: what else says whether it is to be believed; what the receiver says of that is added.
             wants_climb: whether a vertical velocity is wanted from GPS.
         """
         fix = self.checks.update(sample)

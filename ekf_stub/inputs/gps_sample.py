@@ -26,7 +26,7 @@ class GpsSample:
 
     ``time_ms`` is since boot. Accuracies and the vertical velocity are None when the receiver gives none; hdop and
     vdop are x 100, 65535 when unknown. ``yaw_deg`` is 0..360 from north. ``last_fix_ms`` is the ``time_ms`` of the last
-    solution with a fix, 0 before the first. ``is_healthy`` tells whether solutions have come regularly. ``lag_s`` is
+    solution with a fix, 0 before the first. ``is_healthy`` says whether solutions have come regularly. ``lag_s`` is
     how old a solution is when it comes; the default is what the firmware assumes of most receivers. ``antenna`` is the
     antenna's place from the IMU, m, body (FRD).
     """

@@ -49,7 +49,7 @@ class ObsRing(Generic[T]):
         self.exists = size > 0
 
     def push(self, sample: T) -> bool:
-        """Append a sample; tell whether the oldest was overwritten for it."""
+        """Append a sample; say whether the oldest was overwritten for it."""
         overwrites = len(self.samples) >= self._size
         if overwrites:
             self.samples.popleft()

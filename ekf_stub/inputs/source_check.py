@@ -71,7 +71,7 @@ def source_failure(sources: EkfSources, is_fitted: Callable[[str], bool], *, req
 
     Args:
         sources: the source sets.
-        is_fitted: tells whether there is a sensor, by its name in ``SENSORS``.
+        is_fitted: says whether there is a sensor, by its name in ``SENSORS``.
         requires_position: whether position and velocity are looked at, too.
     """
     needed: set[str | None] = set()

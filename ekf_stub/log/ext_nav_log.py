@@ -42,7 +42,7 @@ class ExtNavLog:
 
     Args:
         logger: where the records go.
-        enabled: tells whether replay records are wanted (LOG_REPLAY).
+        enabled: says whether replay records are wanted (LOG_REPLAY).
     """
 
     def __init__(self, logger: RecordSink, enabled: Callable[[], bool]) -> None:

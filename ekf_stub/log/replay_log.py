@@ -88,7 +88,7 @@ class ReplayLog(ExtNavLog):
 
     Args:
         logger: where the records go.
-        enabled: tells whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
+        enabled: says whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
         fitted: how many sensors there are; two IMUs, two barometers and three compasses unless told otherwise.
         event_order: the records of an event that both filters know, in their order.
     """
@@ -124,7 +124,7 @@ class ReplayLog(ExtNavLog):
     # A frame
 
     def start_frame(self, now_us: int, flying_ms: int) -> bool:
-        """Begin a frame at ``now_us`` since boot, ``flying_ms`` in flight; tell whether its inputs are wanted."""
+        """Begin a frame at ``now_us`` since boot, ``flying_ms`` in flight; say whether its inputs are wanted."""
         if not self._enabled():
             self._is_wanted = False
             self._done = 0

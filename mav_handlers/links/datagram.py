@@ -42,7 +42,7 @@ class DatagramLink(ABC):
 
     @abstractmethod
     def _accept(self, peer: SocketAddress, data: bytes) -> bool:
-        """Note who sent a datagram, and tell whether to take it."""
+        """Note who sent a datagram, and say whether to take it."""
 
     @abstractmethod
     def _transmit(self, data: bytes) -> None:

@@ -91,7 +91,7 @@ class ParamReads:
             self._replies.append((read.channel, error))
 
     def send(self, now_us: int) -> bool:
-        """Send all replies, five at most, each to whoever asked, and tell whether there were any.
+        """Send all replies, five at most, each to whoever asked, and say whether there were any.
 
         A full link holds up those behind it, whomever they are for.
         """

@@ -61,7 +61,7 @@ class KeyStore(Protocol):
         """Return what was saved, or nothing."""
 
     def save(self, data: bytes) -> bool:
-        """Keep these bytes; tell whether that worked."""
+        """Keep these bytes; say whether that worked."""
 
 
 class MemoryKeyStore:

@@ -56,7 +56,7 @@ class FtpServer:
     Args:
         files: what clients see.
         send_text: takes a severity and a text for the ground station.
-        has_room: tells whether a link takes another frame; until then its replies are held back.
+        has_room: says whether a link takes another frame; until then its replies are held back.
     """
 
     def __init__(

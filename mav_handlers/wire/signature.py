@@ -57,7 +57,7 @@ class SigningStreams:
 
 
 class LinkSigning:
-    """Signing on one link. pymavlink's parser and packer work on it, hence the names of what is not a method.
+    """Signing on one link. pymavlink's parser and packer work on it, so its attributes have their names.
 
     Args:
         secret_key: 32 bytes.

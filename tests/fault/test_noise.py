@@ -47,7 +47,7 @@ def test_five_million_random_bytes_are_counted_and_do_no_harm(make_bench: "MakeB
 
 
 def unknown_frame(message_id: int) -> bytes:
-    """Return a frame of a type that no dialect has; nobody can tell whether its checksum is right."""
+    """Return a frame of a type that no dialect has; nobody can say whether its checksum is right."""
     return bytes((0xFD, 0, 0, 0, 0, 255, 190)) + message_id.to_bytes(3, "little") + bytes(2)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two TCP clients, three UDP clients and a serial one at once: `viso serve` tells of each, and serves each."""
+"""Two TCP clients, three UDP clients and a serial one at once: `viso serve` reports each, and serves each."""
 
 import os
 import re

@@ -70,7 +70,7 @@ class Pair(NamedTuple):
     ours: Flight
 
     def said(self, since_s: float, only: str = "") -> list[list[tuple[float, str]]]:
-        """Return what both estimators said from a time on, of it that which begins so."""
+        """Return what both estimators said from a time on, of it what begins so."""
         return [
             [(time_s, text) for time_s, text in flight.texts if time_s > since_s and text.startswith(only or "EKF")]
             for flight in self

@@ -115,7 +115,7 @@ def run_until(rig: CoreRig, is_reached: Callable[[CoreRig], bool], within_s: flo
 
 
 def navigates(mode: AidingMode) -> Callable[[CoreRig], bool]:
-    """Return what tells whether the filter navigates in a way."""
+    """Return what says whether the filter navigates in a way."""
     return lambda rig: rig.core.initialised and rig.core.aiding.mode is mode
 
 

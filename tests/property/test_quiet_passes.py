@@ -84,7 +84,7 @@ machine.MAKERS.update(
 
 
 class Trip(machine.Trip):
-    """A vehicle and its camera; ``in_one`` tells whether passes are run many at once."""
+    """A vehicle and its camera; ``in_one`` says whether passes are run many at once."""
 
     def __init__(self, kind: str, *, in_one: bool, **defaults: float) -> None:
         super().__init__(kind, 0, LOG_REPLAY=0, **defaults)

@@ -48,7 +48,7 @@ def compare(
     firmware: Annotated[
         str | None,
         typer.Option(
-            help=f"The firmware to be: {', '.join(PROFILES)}; default the one that a recording names, else that which "
+            help=f"The firmware to be: {', '.join(PROFILES)}; default the one that a recording names, else what "
             "it is most like.",
             metavar="PROFILE",
         ),

@@ -68,7 +68,7 @@ class _Flown:
 
 @contextmanager
 def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[], bool]]]:
-    """Yield what shows the progress of a flight, and what tells whether the user wants it to end."""
+    """Yield what shows the progress of a flight, and what says whether the user wants it to end."""
     with progress("flying", int(end_s)) as bar, stop_on_signal() as signals:
         yield lambda time_s: bar.update(bar.task_ids[0], completed=time_s), lambda: bool(signals)
 

@@ -161,7 +161,7 @@ def compare_recording(path: Path, firmware: Firmware | None = None, on_progress:
 
     Args:
         path: the recording.
-        firmware: the profile to be; None for the one that the recording names, and for that which it is most like if
+        firmware: the profile to be; None for the one that the recording names, and for what it is most like if
             it names none.
         on_progress: told how much was played, and how much there is.
 

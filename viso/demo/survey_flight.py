@@ -82,7 +82,7 @@ def survey_flight(
     texture: GroundTexture | None = None,
     covered_s: tuple[tuple[float, float], ...] = (),
 ) -> SyntheticFlight:
-    """Return what a companion's sensors tell of a flight.
+    """Return what a companion's sensors say about a flight.
 
     Args:
         plan: what is flown.

@@ -84,7 +84,7 @@ class GatherOptions:
     filter_s: float = math.inf
 
     def beside(self, vehicle: VehicleData) -> "GatherOptions":
-        """Return the options with what else tells of the vehicle."""
+        """Return the options with what else describes the vehicle."""
         return replace(
             self,
             attitude=vehicle.attitude,

@@ -86,7 +86,7 @@ def heard_on_topic(
         topic: to listen to.
         seconds: how long.
         now_ns: the clock by which they arrive.
-        stop: tells whether to end.
+        stop: says whether to end.
         on_progress: told the seconds that have passed.
 
     Raises:

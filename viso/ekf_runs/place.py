@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a log tells of the earth's magnetic field at its origin, which the firmware has from a table of the world."""
+"""What a log says about the earth's magnetic field at its origin, which the firmware has from a table of the world."""
 
 import math
 from typing import Any, Final

@@ -25,7 +25,7 @@ class FaultProxy:
         source: where the faulty stream comes from.
         target: where it goes to; what comes from there goes back as it is.
         injector: fresh.
-        stop: tells whether to end.
+        stop: says whether to end.
         now_s: a monotonic clock in seconds.
     """
 

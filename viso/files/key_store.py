@@ -58,7 +58,7 @@ class FileKeyStore:
         return self._data
 
     def save(self, data: bytes) -> bool:
-        """Keep these bytes; tell whether that worked."""
+        """Keep these bytes; say whether that worked."""
         try:
             replace_file(self._path, data, mode=_OWNER_ONLY)
         except OSError as error:

@@ -244,7 +244,7 @@ class Live:
         """Yield what comes until it is enough, or all is over; then what had come by then, to the last line.
 
         Args:
-            stop: tells whether it is enough.
+            stop: says whether it is enough.
             until_s: how long to go on.
 
         Raises:

@@ -41,7 +41,7 @@ class LogFile:
         dropped: calls of :meth:`write` whose records are lost.
         reason: one line naming the file, once writing has failed.
         flush_due_us: when ``flush_if_due`` writes next, in us since boot.
-        is_told_at_end: whether whoever opened it tells of a failure himself, at the end.
+        is_told_at_end: whether whoever opened it reports a failure himself, at the end.
     """
 
     def __init__(self, path: Path, number: int, descriptor: int) -> None:

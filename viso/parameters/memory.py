@@ -16,7 +16,7 @@ class StoredParams(Protocol):
         """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
 
     def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
-        """Keep what a restart has to remember, by name; tell whether anything was new.
+        """Keep what a restart has to remember, by name; say whether anything was new.
 
         ``synced``: over a restart of the computer as well, which takes longer.
         """
@@ -33,7 +33,7 @@ class MemoryParamStore:
         params.load_stored(carry_over(self._values, params, renames).values)
 
     def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
-        """Keep what a restart has to remember, by name; tell whether anything was new."""
+        """Keep what a restart has to remember, by name; say whether anything was new."""
         changed = values != self._values
         self._values = dict(values)
         return changed

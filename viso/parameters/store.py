@@ -85,7 +85,7 @@ class ParamStore:
             _log.warning("%s: unknown parameters, kept in the file: %s", self._path, ", ".join(unknown))
 
     def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
-        """Write the file if it is to hold anything else than at the last load or save; tell whether it was written.
+        """Write the file if it is to hold anything else than at the last load or save; say whether it was written.
 
         A file that somebody has deleted is rewritten, and so is one that is to be synced and was not.
 

@@ -27,7 +27,7 @@ class LogPieces:
         self.is_whole = False
 
     def take(self, message: LOG_DATA) -> bool:
-        """Take in a piece; tell whether it is a new one of this log."""
+        """Take in a piece; say whether it is a new one of this log."""
         if message.id != self._log_id or message.ofs % PIECE_BYTES or message.ofs in self._pieces:
             return False
         self._pieces[message.ofs] = bytes(message.data[: message.count])

@@ -63,7 +63,7 @@ class Stream:
         heading_deg: of the camera, clockwise from north.
         velocity_m_s: NED, of a line.
         radius_m, period_s: of a circle.
-        wobble_deg: how far roll and pitch go to and fro, once in 4 s.
+        wobble_deg: how far roll and pitch go back and forth, once in 4 s.
         noise_m, noise_deg: standard deviations of what is added to position and angles.
         seed: of noise and of random delays.
         quality: of ODOMETRY, -1 to 100, and the confidence of VISION_POSITION_DELTA.
@@ -120,7 +120,7 @@ _MOST: Final[Mapping[str, int]] = {"covariance": 21, "velocity_covariance": 21, 
 
 
 def _stream_values(given: Fields) -> dict[str, Any]:
-    """Return the fields of a stream that are given, but for its message."""
+    """Return the fields of a stream that are given, except its message."""
     values: dict[str, Any] = {}
     for one in fields(Stream)[1:]:
         name, default = one.name, one.default

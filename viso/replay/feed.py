@@ -153,7 +153,7 @@ class Replay:
         others = f" ({count} gaps, {total_us / 1e6:.0f} s in all; this is the longest)" if count > 1 else ""
         run_s = (SILENCE_BEGIN_US / 1e6, SILENCE_END_US / 1e6)
         gap = f"gap of {length_us / 1e6:.0f} s from {start_us / 1e6:.3f} s on{others}"
-        return (f"{self._stream.name}: {gap}: passed over but for its first {run_s[0]:g} s and last {run_s[1]:g} s",)
+        return (f"{self._stream.name}: {gap}: passed over except its first {run_s[0]:g} s and last {run_s[1]:g} s",)
 
     def _deliver(self, batch: Sequence[StreamMessage]) -> None:
         self._arrival_us = arrival_us = batch[0].arrival_us

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a replay cannot tell of a parameter, because of what moves its vehicle."""
+"""What a replay cannot say about a parameter, because of what moves its vehicle."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final

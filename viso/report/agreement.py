@@ -53,7 +53,7 @@ def remote_lag_ms(series: Series) -> Array:
 
 
 def observed_s(series: Series, delay_ms: float) -> Array:
-    """Return when each measurement was taken, as the EKF reckons: VISO_DELAY_MS before CTimeMS, in s since boot."""
+    """Return when each measurement was taken, as the EKF counts: VISO_DELAY_MS before CTimeMS, in s since boot."""
     return series.time_s - (lag_ms(series) + delay_ms) * 1e-3
 
 

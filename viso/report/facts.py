@@ -140,7 +140,7 @@ class Facts:
 
 
 def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
-    """Return what a report tells of a log; defaults of parameters are those of a release."""
+    """Return what a report says about a log; defaults of parameters are those of a release."""
     times = [one.time_s for one in (*material.vision, material.xkf1, material.xkf4) if len(one)]
     spoken = np.array([one.time_s for one in material.happenings])
     every_s = np.concatenate([*times, spoken]) if times or len(spoken) else np.zeros(1)

@@ -88,7 +88,7 @@ class Material:
         parameters: in the order of the log.
         left_out: how many records had a time that cannot be.
         stream: the messages of external navigation behind the records; empty without any, or if they make no sense.
-        vehicle: what the log tells of the vehicle and its filter, as the doctor takes it.
+        vehicle: what the log says about the vehicle and its filter, as the doctor takes it.
     """
 
     name: str

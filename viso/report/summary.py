@@ -140,7 +140,7 @@ def _as_remark(finding: Finding) -> str:
 
 
 def _unjudged(facts: Facts) -> str:
-    """Return why nothing in the log can tell whether the filter agreed with vision; nothing if something can."""
+    """Return why nothing in the log can say whether the filter agreed with vision; nothing if something can."""
     own = facts.own
     if not own.record:
         return "The log has no XKF4: what the EKF made of it is not known. That is no sign that it went well."

@@ -92,7 +92,7 @@ def _draw_modes(axes: Any, material: Material, facts: Facts, row: int) -> None:
 
 
 def chosen(happenings: Sequence[Happening]) -> tuple[list[Happening], int]:
-    """Return what there is room for, in order, and how many were left out: rather what tells of the EKF and vision."""
+    """Return what there is room for, in order, and how many were left out: first what is about the EKF and vision."""
     if len(happenings) <= MOST_TEXTS:
         return list(happenings), 0
     said: set[str] = set()

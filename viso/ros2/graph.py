@@ -123,7 +123,7 @@ class Reader(Generic[T]):
         return self._descriptor
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until something has come, or for some seconds; tell whether it has."""
+        """Wait until something has come, or for some seconds; say whether it has."""
         poller = select.poll()
         poller.register(self._descriptor, select.POLLIN)
         return bool(poller.poll(timeout_s * 1e3))
@@ -160,7 +160,7 @@ class Writer(Generic[T]):
         self._entity = entity
 
     def write(self, sample: T) -> bool:
-        """Send a sample; tell whether DDS took it. It is not waited for."""
+        """Send a sample; say whether DDS took it. It is not waited for."""
         from cyclonedds.core import DDSException
 
         try:

@@ -212,7 +212,7 @@ class Clock(IdlStruct, typename=_name("rosgraph_msgs", "Clock")):
 
 @dataclass
 class Status(IdlStruct, typename=_name("ardupilot_msgs", "Status")):
-    """What ArduPilot tells of the vehicle: type, mode, failsafes."""
+    """What ArduPilot says about the vehicle: type, mode, failsafes."""
 
     header: Header = field(default_factory=Header)
     vehicle_type: uint8 = 0

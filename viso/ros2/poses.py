@@ -60,7 +60,7 @@ class PoseTopic:
         self._pairs: Counter[str] = Counter()
 
     def find(self) -> bool:
-        """Begin to read as soon as somebody writes the topic with a type that can be read; tell whether it is."""
+        """Begin to read as soon as somebody writes the topic with a type that can be read; say whether it is."""
         from viso.ros2.messages import POSES
 
         if self._reader is None:

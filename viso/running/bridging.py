@@ -42,7 +42,7 @@ class Bridge:
         poses: makes messages of them.
         on_text: told of each text of the autopilot.
         on_news: told, in a line, what is waited for, when poses begin to come, and when they do not.
-        stop: tells whether to end.
+        stop: says whether to end.
         wall_ns: the clock by which poses are stamped, since 1970; it may be set meanwhile.
         now_ns: a monotonic clock.
     """
@@ -94,7 +94,7 @@ class Bridge:
             self._take_poses(self._now_ns())
 
     def wait_for_vehicle(self, patience_s: float) -> bool:
-        """Send heartbeats until something is heard of the vehicle; tell whether it was before patience ended."""
+        """Send heartbeats until something is heard of the vehicle; say whether it was before patience ended."""
         end_ns = self._now_ns() + round(patience_s * 1e9)
         while not self._link.stats.bytes_in and not self._stop() and self._now_ns() < end_ns:
             self._serve_link((self._link,))

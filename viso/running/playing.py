@@ -25,7 +25,7 @@ class LinkPlay:
         link: to the vehicle.
         player: what to play.
         on_text: told of each text of the vehicle.
-        stop: tells whether to end before the end.
+        stop: says whether to end before the end.
         speedup: seconds of the recording in one of the wall clock.
         now_s: a monotonic clock in seconds.
     """
@@ -48,7 +48,7 @@ class LinkPlay:
         self._now_s = now_s
 
     def wait_for_vehicle(self, patience_s: float) -> bool:
-        """Send heartbeats until something is heard; tell whether it was before patience ended."""
+        """Send heartbeats until something is heard; say whether it was before patience ended."""
         start_s = next_beat_s = self._now_s()
         while not self._player.heard and not self._stop():
             now_s = self._now_s()

@@ -84,7 +84,7 @@ class PoweredVehicle:
         return None if param is None else param.value
 
     def restart_if_asked(self) -> bool:
-        """Restart the vehicle if a client asked for it, once its answer has left; tell whether it was."""
+        """Restart the vehicle if a client asked for it, once its answer has left; say whether it was."""
         if not self.vehicle.reboot_requested:
             return False
         self.close()

@@ -20,7 +20,7 @@ class ImuOptions:
 
     Attributes:
         heading_rad: where the vehicle points at first, if the source itself does not know.
-        has_compass: tells whether there is a compass, and in use.
+        has_compass: says whether there is a compass, and in use.
         errors: what is wrong with the sensors.
         seed: of the random part of the errors.
     """

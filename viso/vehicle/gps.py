@@ -84,7 +84,7 @@ class MavlinkGps:
         return self._driver is not None and self._type() != GPS_TYPE_NONE
 
     def take(self, packet: GPS_INPUT) -> bool:
-        """Give a message to the driver; tell whether there is one (AP_GPS::handle_msg)."""
+        """Give a message to the driver; say whether there is one (AP_GPS::handle_msg)."""
         if self._driver is None or self._type() == GPS_TYPE_NONE:
             return False
         self._driver.handle(packet, self._state, self._clock.millis())

@@ -68,7 +68,7 @@ class GpsState:
 class MavlinkGpsDriver:
     """The driver of GPS1_TYPE 14: takes messages, and tells once that there are new ones.
 
-    ``has_news`` tells whether there are some of which ``read`` has not told.
+    ``has_news`` says whether there are some of which ``read`` has not told.
     """
 
     def __init__(self) -> None:

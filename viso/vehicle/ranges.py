@@ -84,7 +84,7 @@ class _Finder:
         return self._status not in _HAVE_NO_DATA
 
     def take(self, packet: DISTANCE_SENSOR, now_ms: int) -> bool:
-        """Hear of a range; tell whether it is measured where this one looks."""
+        """Hear of a range; say whether it is measured where this one looks."""
         if not self.is_there or packet.orientation != self.setting().orientation:
             return False
         self._heard, self._heard_ms = packet, now_ms
@@ -158,7 +158,7 @@ class MavlinkRanges:
         return next(good, down[0] if down else None)
 
     def take(self, packet: DISTANCE_SENSOR) -> bool:
-        """Hear of a range; tell whether a range finder looks where it is measured (RangeFinder::handle_msg)."""
+        """Hear of a range; say whether a range finder looks where it is measured (RangeFinder::handle_msg)."""
         now_ms = self._clock.millis()
         takers = [finder for finder in self._finders.values() if finder.take(packet, now_ms)]
         return bool(takers)

@@ -29,7 +29,7 @@ class Rtc:
     Args:
         clock: time since boot.
         params: holds BRD_RTC_TYPES.
-        is_armed: tells whether the vehicle is armed.
+        is_armed: says whether the vehicle is armed.
         boot_utc_us: time of day at boot, as a clock in hardware would tell it; 0 when unknown.
     """
 

@@ -110,7 +110,7 @@ class LiveVio:
         )
 
     def wait_for_vehicle(self, patience_s: float, stop: Callable[[], bool]) -> bool:
-        """Send heartbeats until something is heard; tell whether it was before patience ended."""
+        """Send heartbeats until something is heard; say whether it was before patience ended."""
         end_ns = self._now_ns() + round(patience_s * 1e9)
         while self._link is not None and not self._link.stats.bytes_in and not stop() and self._now_ns() < end_ns:
             self._step()
@@ -120,7 +120,7 @@ class LiveVio:
         """Work until the source ends, or for so long.
 
         Args:
-            stop: tells whether to end before that.
+            stop: says whether to end before that.
             delay_s: how long to wait before the first frame.
             until_s: when to end with a camera, since the start; a recording ends by itself.
 

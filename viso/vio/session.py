@@ -36,7 +36,7 @@ class VioSession:
         config: of the odometry.
         log: told of each frame.
         logger: for events.
-        stop: tells whether to end before the end.
+        stop: says whether to end before the end.
         until_s: where to end, in seconds since the first frame; None for the source's end.
     """
 

@@ -38,7 +38,7 @@ class BoundedQueue(Generic[T]):
             self._waiting.append(thing)
 
     def put_if_room(self, thing: T) -> bool:
-        """Add something unless there is no room; tell whether it was added."""
+        """Add something unless there is no room; say whether it was added."""
         with self._lock:
             if len(self._waiting) >= self._limit:
                 return False

@@ -151,7 +151,7 @@ class FaultSwitches:
         return tuple(switch.name for switch in SWITCHES if switch.name in self._on)
 
     def set(self, name: str, *, on: bool) -> bool:
-        """Switch a fault on or off; tell whether there is such a one."""
+        """Switch a fault on or off; say whether there is such a one."""
         if name not in _BY_NAME:
             return False
         (self._on.add if on else self._on.discard)(name)

@@ -16,7 +16,7 @@ POSES = 30
 
 
 def until(done: Callable[[], bool]) -> bool:
-    """Wait until something is so; tell whether it became so in time."""
+    """Wait until something is so; say whether it became so in time."""
     end_s = time.monotonic() + LIMIT_S
     while not done() and time.monotonic() < end_s:
         time.sleep(PERIOD_S)

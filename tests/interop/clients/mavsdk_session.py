@@ -61,7 +61,7 @@ class Heard:
             self._news.notify_all()
 
     def until(self, done: Callable[[], bool]) -> bool:
-        """Wait until something is true of what was heard; tell whether it became so in time."""
+        """Wait until something is true of what was heard; say whether it became so in time."""
         with self._news:
             return self._news.wait_for(done, LIMIT_S)
 

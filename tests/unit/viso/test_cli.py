@@ -357,7 +357,7 @@ def test_gap_in_a_recording_is_told(viso: Viso, monkeypatch: pytest.MonkeyPatch,
     Path("hole.tlog").write_bytes(b"".join((base * 10**6).to_bytes(8, "big") + frame for base in (10**9, 10**9 + 3600)))
     outcome = viso(*args, "hole.tlog", "--lead", "0.5")
     assert outcome.code in (0, 1)
-    passed = "passed over but for its first 0.4 s and last 0.05 s"
+    passed = "passed over except its first 0.4 s and last 0.05 s"
     assert f"note: hole: gap of 3600 s from 0.500 s on: {passed}\n" in outcome.err
 
 

@@ -136,7 +136,7 @@ class SensorPlace(ContentFault):
     z_m: float = parameter(0.0, -100.0, 100.0)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Tell of the camera's place what was told of the vehicle's."""
+        """Report for the place of the camera what was said about that of the vehicle."""
         attitude, offset = attitude_of(message), (self.x_m, self.y_m, self.z_m)
         if attitude is None:
             return None

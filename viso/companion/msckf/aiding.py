@@ -17,7 +17,7 @@ _GATE: Final = 16.3  # of 3 degrees of freedom, 99.9 %
 
 
 def stand_still(state: WindowFilter, mean_gyro: Array, share: float = 1.0) -> bool:
-    """Take in that the body does not move, and that what its gyro shows is bias; tell whether that can be.
+    """Take in that the body does not move, and that what its gyro shows is bias; say whether that can be.
 
     A body at a great height may move without its camera seeing it.
 
@@ -39,7 +39,7 @@ def stand_still(state: WindowFilter, mean_gyro: Array, share: float = 1.0) -> bo
 
 
 def take_height(state: WindowFilter, up_m: float, sigma_m: float, gate: float) -> bool:
-    """Take in how high the body is in the world; tell whether that can be.
+    """Take in how high the body is in the world; say whether that can be.
 
     Args:
         state: the filter.

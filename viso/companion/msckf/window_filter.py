@@ -136,7 +136,7 @@ class WindowFilter:
         self._propagate_cov(transition, into_world.dot(delta.cov).dot(into_world.T), dt_s)
 
     def carry_on(self, window: ImuWindow, samples: Sequence[ImuSample]) -> bool:
-        """Move on over a window; tell whether all of it was measured.
+        """Move on over a window; say whether all of it was measured.
 
         Args:
             window: the inertial data between two frames.

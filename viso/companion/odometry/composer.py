@@ -97,7 +97,7 @@ class OdometryComposer:
         return self._keyframe is not None and self._keyframe.frame_id == keyframe_id
 
     def anchor(self, output: VioOutput, body_yaw_rad: float | None = None) -> bool:
-        """Make the local frame from the first output, and tell whether that was possible.
+        """Make the local frame from the first output, and say whether that was possible.
 
         It is not while the frame is to be aligned to north and north is not known.
 

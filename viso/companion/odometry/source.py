@@ -179,7 +179,7 @@ class OdometrySource:
         return "frames"
 
     def _prepare(self, frame: _Frame, output: VioOutput) -> bool:
-        """See to it that the output's keyframe has a place in the local frame; tell whether it has."""
+        """See to it that the output's keyframe has a place in the local frame; say whether it has."""
         composer, last = self._composer, self._propagator.state()
         if last is None:
             return composer.anchor(output, self._yaw_at(frame.t_ns))

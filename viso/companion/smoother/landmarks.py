@@ -25,7 +25,7 @@ MIN_PARALLAX_RAD: Final = math.radians(1.0)
 MAX_ERROR_SIGMAS: Final = 8.0
 LANDMARK_SIGMA_M: Final = 20.0
 _MIN_DEPTH_M: Final = 1e-3
-_FEWEST_MOVING: Final = 8  # points that tell whether the body moves
+_FEWEST_MOVING: Final = 8  # points that say whether the body moves
 
 _Track = dict[int, tuple[float, float]]
 

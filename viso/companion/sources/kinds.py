@@ -20,7 +20,7 @@ class SourceKind:
 
     Attributes:
         open: opens one; raises SourceError.
-        fits: tells whether a name means one of this kind.
+        fits: says whether a name means one of this kind.
         summary: what it is, in one line.
         axes: of its IMU, where it is not told otherwise.
     """

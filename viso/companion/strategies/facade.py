@@ -179,7 +179,7 @@ class NativeFacade(StrategyBase):
         return sound is not None
 
     def _drifted(self, age_s: float, pose: NativePose) -> Array:
-        """Return the covariance that the configuration tells of an engine that tells none."""
+        """Return the covariance that the configuration states for an engine that states none."""
         drift, age_s = self.context.config.engine, max(age_s, _LEAST_AGE_S)
         distance_m = float(np.linalg.norm(pose.keyframe_T_body[:3, 3]))
         position = drift.drift_m**2 * age_s + (drift.drift_share * distance_m) ** 2

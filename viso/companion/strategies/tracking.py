@@ -189,7 +189,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         return self._answer(self._estimator.state, seen, outcome)
 
     def _takes_rest(self, state: WindowFilter, span_ns: int) -> bool:
-        """Take in that nothing has moved for a while, if that is so; tell whether."""
+        """Take in that nothing has moved for a while, if that is so; say whether."""
         # Inertial data count once, though each frame looks back over the same span.
         share = min(1.0, span_ns / SPAN_NS)
         return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)

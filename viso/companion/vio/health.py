@@ -164,7 +164,7 @@ class HealthMachine:
         self._restart(AUTO_REINIT, warm=False)
 
     def auto_reinit(self, t_ns: int) -> bool:
-        """Go from LOST to INIT if that is due; tell whether it was."""
+        """Go from LOST to INIT if that is due; say whether it was."""
         after_s = self._config.auto_reinit_s
         due = self.state is VioState.LOST and after_s > 0 and t_ns - self._lost_since_ns >= round(after_s * 1e9)
         if due:

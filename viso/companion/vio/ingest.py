@@ -121,7 +121,7 @@ class CameraIngest:
             self._camera_event(logging.ERROR, "camera_close_failed", f"the camera could not be closed: {reason}")
 
     def join(self, timeout_s: float | None) -> bool:
-        """Wait for the thread; tell whether it has ended."""
+        """Wait for the thread; say whether it has ended."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 

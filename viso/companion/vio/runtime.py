@@ -72,7 +72,7 @@ class VioRuntime:
         self._ingest.start()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait until the source has ended and its last frame is done with; tell whether that is so.
+        """Wait until the source has ended and its last frame is done with; say whether that is so.
 
         Args:
             timeout_s: the longest wait in s; None for no limit.

@@ -220,7 +220,7 @@ class VioWorker:
         self._queue.close()
 
     def join(self, timeout_s: float | None) -> bool:
-        """Wait for the thread; tell whether it has ended."""
+        """Wait for the thread; say whether it has ended."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -245,7 +245,7 @@ class VioWorker:
         return True
 
     def _wait_on(self) -> bool:
-        """Find out why there is no frame; tell whether one may still come."""
+        """Find out why there is no frame; say whether one may still come."""
         if self._queue.closed:
             if self._queue.failure is not None:
                 self._no_frames = self._queue.failure

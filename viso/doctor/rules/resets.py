@@ -268,7 +268,7 @@ def _first_counter(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN6-11",
     "Two poses that contradict each other",
-    "Both are taken for one camera's: the filter is pulled to and fro, and rejects one or both.",
+    "Both are taken for one camera's: the filter is pulled back and forth, and rejects one or both.",
     "AP_VisualOdom.cpp, AP_VisualOdom::handle_pose_estimate",
     "Send one of them.",
 )

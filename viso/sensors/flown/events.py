@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a log tells of a flight besides its motion: arming, lift-off, source sets, the origin, and the GPS."""
+"""What a log says about a flight besides its motion: arming, lift-off, source sets, the origin, and the GPS."""
 
 import math
 import re

@@ -3,7 +3,7 @@
 """Passes of a main loop made of the IMU records of an ordinary log.
 
 IMU holds what gyros and accelerometers said at a moment, 25 times per second or faster, after the low-pass filters of
-INS_GYRO_FILTER and INS_ACCEL_FILTER. These are filters of second order, so that a record tells of a moment before it,
+INS_GYRO_FILTER and INS_ACCEL_FILTER. These are filters of second order, so that a record is about a moment before it,
 by sqrt(2) over the angular cut-off: 11 ms at 20 Hz. GYR and ACC (raw IMU logging) come unfiltered, with their time.
 """
 

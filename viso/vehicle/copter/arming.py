@@ -181,7 +181,7 @@ class Arming:
         return self.passed and self._run_arm_checks()
 
     def disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
-        """Disarm; tell whether that changed anything."""
+        """Disarm; say whether that changed anything."""
         if not self.armed:
             return False
         self.armed = False

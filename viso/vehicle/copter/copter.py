@@ -196,7 +196,7 @@ class Copter:
     # What clients ask for
 
     def set_mode(self, number: int, reason: ModeReason = ModeReason.GCS_COMMAND) -> bool:
-        """Enter a mode on behalf of a client; tell whether the vehicle is in it now. A refusal is told as a text."""
+        """Enter a mode on behalf of a client; say whether the vehicle is in it now. A refusal is told as a text."""
         before = self.modes.current
         entered = self.modes.set_mode(number, reason)
         if self.modes.current is not before:
@@ -240,15 +240,15 @@ class Copter:
         self.safety_on = on
 
     def set_home(self, place: Location) -> bool:
-        """Set home on behalf of a client; tell whether it was set."""
+        """Set home on behalf of a client; say whether it was set."""
         return self.home.set(place, lock=True)
 
     def set_home_here(self) -> bool:
-        """Set home to where the vehicle is, on behalf of a client; tell whether that is known."""
+        """Set home to where the vehicle is, on behalf of a client; say whether that is known."""
         return self.home.set_here(lock=True)
 
     def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
-        """Start a take-off to a height above home; tell whether it was accepted (Mode::do_user_takeoff)."""
+        """Start a take-off to a height above home; say whether it was accepted (Mode::do_user_takeoff)."""
         if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
             return False
         if self._parts.stands_for_ever:
@@ -299,7 +299,7 @@ class Copter:
         parts.on_armed()
 
     def disarm(self, force: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
-        """Disarm, in flight only when forced; tell whether that changed anything (AP_Arming_Copter::disarm)."""
+        """Disarm, in flight only when forced; say whether that changed anything (AP_Arming_Copter::disarm)."""
         if not force and not self.landing.landed:
             return False
         return self._disarm(method, forced=force)

@@ -47,9 +47,9 @@ class EkfCheck:
         texts: where it is told.
         log: where it is logged.
         clock: time since boot.
-        has_flow: tells whether a flow sensor works.
-        has_position: tells whether the estimator has a position, failsafe or not.
-        is_armed: tells whether the vehicle is armed.
+        has_flow: says whether a flow sensor works.
+        has_position: says whether the estimator has a position, failsafe or not.
+        is_armed: says whether the vehicle is armed.
         variance_texts: what is told as variances are over thresholds, and as the position is lost.
         act: leaves a mode that needs a position, of an armed vehicle; returns what it is called that it enters.
 

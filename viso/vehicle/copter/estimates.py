@@ -15,9 +15,9 @@ class Estimates:
 
     Args:
         ahrs: whose estimator it is.
-        is_armed: tells whether the vehicle is armed, which asks for more than a prediction.
-        aids_relative_position: tells whether visual odometry or optical flow is enabled.
-        is_in_failsafe: tells whether the estimator has failed so that no position counts.
+        is_armed: says whether the vehicle is armed, which asks for more than a prediction.
+        aids_relative_position: says whether visual odometry or optical flow is enabled.
+        is_in_failsafe: says whether the estimator has failed so that no position counts.
     """
 
     def __init__(

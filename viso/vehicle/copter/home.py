@@ -26,7 +26,7 @@ class Home:
 
     Args:
         ahrs: says where the vehicle and the EKF origin are.
-        is_armed: tells whether the vehicle is armed.
+        is_armed: says whether the vehicle is armed.
         mission: whose first item home is.
         log: where it is logged.
         texts: where the field's elevation is told.
@@ -92,7 +92,7 @@ class Home:
             self.has_return_path |= self.set(Location(place.lat, place.lng, origin.alt_cm), lock=False)
 
     def set_here(self, lock: bool) -> bool:
-        """Set home to where the vehicle is; tell whether that is known (Copter::set_home_to_current_location)."""
+        """Set home to where the vehicle is; say whether that is known (Copter::set_home_to_current_location)."""
         place = self._ahrs.get_location()
         if place is None or not self.set(place, lock):
             return False
@@ -100,7 +100,7 @@ class Home:
         return True
 
     def set(self, place: Location, lock: bool) -> bool:
-        """Set home; tell whether it was set: there must be an origin (Copter::set_home, AP_AHRS::set_home)."""
+        """Set home; say whether it was set: there must be an origin (Copter::set_home, AP_AHRS::set_home)."""
         origin = self._ahrs.origin()
         if origin is None or place == Location(0, 0, 0) or not place.is_valid():
             return False

@@ -111,7 +111,7 @@ class Landing:
         return self._takeoff is not None and self._takeoff[0] is self._mode()
 
     def take_off(self, must_navigate: bool, climb_m: float) -> bool:
-        """Start an armed vehicle's take-off by some metres; tell whether the mode can (Mode::do_user_takeoff)."""
+        """Start an armed vehicle's take-off by some metres; say whether the mode can (Mode::do_user_takeoff)."""
         takeoff = self._mode().takeoff
         able = takeoff is UserTakeoff.ALWAYS or (takeoff is UserTakeoff.BY_PILOT and not must_navigate)
         if not self.landed or not able:

@@ -28,8 +28,8 @@ class CopterParts:
         gps: returns the newest solution of the GPS; None without a GPS.
         flow: the flow sensor.
         ranges: the range finders.
-        is_initialised: tells whether booting is over.
-        is_downloading: tells whether a client is downloading a log.
+        is_initialised: says whether booting is over.
+        is_downloading: says whether a client is downloading a log.
         on_mode: called when the mode has changed.
         on_armed: called when the vehicle has been armed.
         release: which parameters there are.

@@ -27,7 +27,7 @@ HEADING = 1.0
 
 
 class Flight:
-    """A level vehicle under the parts of a filter that accelerates to and fro along its nose, and sees it by GPS."""
+    """A level vehicle that accelerates back and forth along its nose, and sees it by GPS."""
 
     def __init__(self, parts: "FilterParts") -> None:
         self.parts = parts

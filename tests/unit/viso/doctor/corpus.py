@@ -267,7 +267,7 @@ CORPUS: Final = (
     _first("yaw swings", SPEED, _turning(40, -40, -40, 40, 40, -40), "XN8-10", "flown"),
     _first("yaw wanders, with a compass", SPEED, _turning(25, 10, -45, 30, 60, -20), "XN8-10", "flown", EK3_SRC1_YAW=1),
     _first(
-        "yaw jumps to and fro",
+        "yaw jumps back and forth",
         SPEED,
         "{kind: yawerr, yaw_deg: 50, start_s: 3, end_s: 5}, {kind: yawerr, yaw_deg: -60, start_s: 7, end_s: 10}",
         "XN8-10",

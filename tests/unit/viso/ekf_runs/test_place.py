@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a log tells of the magnetic field at its origin."""
+"""What a log says about the magnetic field at its origin."""
 
 import math
 from collections.abc import Sequence

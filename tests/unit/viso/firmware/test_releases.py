@@ -39,7 +39,7 @@ ROWS = {
 
 
 def made_up() -> Firmware:
-    """Return a release that is the reference but for its texts, and its errors from a covariance."""
+    """Return a release that is the reference except its texts, and its errors from a covariance."""
     return replace(
         REFERENCE,
         name=MADE_UP,

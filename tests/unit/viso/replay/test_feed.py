@@ -359,7 +359,7 @@ def test_silence_of_an_hour_is_passed_over(short_waits: None, monkeypatch: pytes
     assert len(loops) < 300
     assert [loops[number + 1] - time_us for number, time_us in enumerate(loops[:-1])].count(2500) == len(loops) - 2
     (note,) = replay.notes()
-    assert note == "test: gap of 3600 s from 0.100 s on: passed over but for its first 0.4 s and last 0.05 s"
+    assert note == "test: gap of 3600 s from 0.100 s on: passed over except its first 0.4 s and last 0.05 s"
 
 
 def test_health_runs_out_in_a_silence_that_is_passed_over(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:

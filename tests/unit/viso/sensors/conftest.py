@@ -83,7 +83,7 @@ class FilterLoop:
         self.texts.append((1e-6 * self.now_us, text.removeprefix("EKF3 IMU0 ")))
 
     def run_pass(self) -> bool:
-        """Run a pass of the main loop; tell whether there was anything for the filter to do."""
+        """Run a pass of the main loop; say whether there was anything for the filter to do."""
         self.now_us += LOOP_US
         sensors = self._source.sense(self.now_us)
         if sensors is None:

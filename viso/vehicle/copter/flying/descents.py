@@ -23,7 +23,7 @@ class Land:
 
     Args:
         steering: what it steers with.
-        knows_position: tells whether the position counts.
+        knows_position: says whether the position counts.
         height_m: returns the height above home, which stands for that above the ground.
 
     Attributes:

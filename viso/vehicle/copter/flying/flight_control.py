@@ -166,7 +166,7 @@ class FlightControl:
     # What it does
 
     def update(self, *, armed: bool) -> bool:
-        """Decide, if it is time to; tell whether it was. Once a pass of the main loop."""
+        """Decide, if it is time to; say whether it was. Once a pass of the main loop."""
         now_us = self._copter.clock.micros64()
         late_us = now_us - self._next_us
         if late_us < 0:

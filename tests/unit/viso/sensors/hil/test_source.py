@@ -391,7 +391,7 @@ def test_arming_does_not_touch_it(hil: HilSource) -> None:
 
 
 def simulate(t: float) -> tuple[float, float]:
-    """Return velocity and acceleration north of a vehicle that swings to and fro from 6 s on."""
+    """Return velocity and acceleration north of a vehicle that swings back and forth from 6 s on."""
     since = max(0.0, t - 6.0)
     envelope, growth = (1.0 - math.exp(-since)) ** 2, 2.0 * (1.0 - math.exp(-since)) * math.exp(-since)
     return envelope * math.sin(since), envelope * math.cos(since) + growth * math.sin(since)
