@@ -46,8 +46,8 @@ class TestSurvey:
 class TestScenes:
     """Scenes without a depth to be learnt, and without the plane that was promised."""
 
-    @pytest.mark.parametrize("seed", SEEDS)
-    @pytest.mark.parametrize(("name", "most_m"), [("hover", 1.0), ("hills", 0.8)])
+    @pytest.mark.parametrize("seed", [*SEEDS, 31])
+    @pytest.mark.parametrize(("name", "most_m"), [("hover", 1.0), ("hills", 0.5)])
     def test_error_is_small_and_admitted(self, name: str, most_m: float, seed: int) -> None:
         (scene,) = (scene for scene in SCENES if scene.name == name)
         trial = scene.fly(NAME, seed)

@@ -89,7 +89,7 @@ class WindowEstimator:
             self._note_ratio(used.nis_per_dof)
             self._depth_m = used.depth_m
         elif (
-            plane is None
+            not isinstance(plane, Plane)
             and not used.offered
             and len(chosen) >= _ENOUGH_TRACKS
             and parallax_of(state.clones, self._B_T_C, tracks) < _MOST_PARALLAX  # else the state is wrong
@@ -119,7 +119,7 @@ class WindowEstimator:
         tracks = self._tracks.longest(_FEWEST_FOR_RELIEF)
         if len(tracks) < _ENOUGH_TRACKS:
             return None
-        return relief_of(self.state.clones, self._B_T_C, padded(tracks, self._clone_of()), self._sigma)
+        return relief_of(self.state.clones, self._B_T_C, padded(tracks, self._clone_of()))
 
     def _clone_of(self) -> dict[int, int]:
         return {clone.number: index for index, clone in enumerate(self.state.clones)}

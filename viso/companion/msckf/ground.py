@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is known about the ground below: whether it is a plane and all that there is to see, and where it is."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -12,15 +13,16 @@ from viso.companion.msckf.window_filter import POS, WindowFilter, sigma_of
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.se3 import SE3, Array
 
-ROUGHNESS_SHARE: Final = 0.01  # of the height: how rough a ground is that counts as a plane
+ROUGHNESS_SHARE: Final = 0.005  # of the height: how far each point is off a plane, independently of the others
 MIN_PLANE_HEIGHT_M: Final = 0.5
 SCALE_KNOWN: Final = 0.05  # share of the distance that may be uncertain
 _NEAR_M: Final = 3.0
-ROUGH_SHARE: Final = 0.025  # of the height: ground that is rougher is no plane
-SMOOTH_SHARE: Final = 0.015  # ... and is one again
-UNKNOWN_SHARE: Final = 0.5  # before anything is known about it: on a slope many points err as one
-_RELIEF_KEPT: Final = 0.7
+ROUGH_SHARE: Final = 0.01  # of the height: ground with more relief is no plane
+UNKNOWN_SHARE: Final = 0.02  # relief, before anything is known about it
+_TOGETHER: Final = 4.0  # root of the number of points that relief moves together, as a slope does
+_RELIEF_KEPT: Final = 0.6
 _KEPT: Final = 0.9
+_DOUBTED_SIGMAS: Final = 3.0
 _MOSTLY: Final = 0.8  # share of frames
 
 
@@ -33,7 +35,7 @@ class Ground:
 
     Attributes:
         z_m: of the plane, in the filter's world.
-        is_rough: whether what is said to be a plane is none.
+        is_rough: whether what is said to be a plane has not shown to be one, or has shown to be none.
     """
 
     def __init__(self, config: VioConfig, origin_z_m: float) -> None:
@@ -41,8 +43,8 @@ class Ground:
         self._scene = config.scene
         self._has_height = config.agl_source is not AglSource.NONE
         self._planar_share = 0.0
-        self._relief_share: float | None = None  # of the height
-        self.is_rough = False
+        self._relief_share = UNKNOWN_SHARE  # of the height
+        self.is_rough = config.scene is Scene.PLANAR and self._has_height
 
     def note(self, model: Model | None) -> None:
         """Note what the points in a frame agreed with."""
@@ -52,19 +54,23 @@ class Ground:
         """Note how much the points in a frame differ in height, as a share of the distance; None if that is unknown."""
         if share is None:
             return
-        before = share if self._relief_share is None else self._relief_share
-        self._relief_share = _RELIEF_KEPT * before + (1 - _RELIEF_KEPT) * share
-        self.is_rough = self._relief_share > (SMOOTH_SHARE if self.is_rough else ROUGH_SHARE)
+        # Relief counts at once, as a filter that believes in a plane tilts until the ground looks like one.
+        mean = _RELIEF_KEPT * self._relief_share + (1 - _RELIEF_KEPT) * share
+        self._relief_share = max(share, mean) if share > ROUGH_SHARE else mean
+        self.is_rough = self._relief_share > ROUGH_SHARE
 
-    def take_height(self, up_m: float, height_m: float) -> None:
+    def take_height(self, state: WindowFilter, height_m: float, sigma_m: float) -> None:
         """Follow ground that is no plane: it is where a height says.
 
         Args:
-            up_m: z of the body in the filter's world.
+            state: the filter.
             height_m: of the body above the ground.
+            sigma_m: of that.
         """
-        self._local_z_m = up_m - height_m
-        self.note_relief(abs(self._local_z_m - self.z_m) / max(height_m, MIN_PLANE_HEIGHT_M))
+        self._local_z_m = float(state.p[2]) - height_m
+        off_m = abs(self._local_z_m - self.z_m)
+        if off_m > _DOUBTED_SIGMAS * math.hypot(sigma_m, math.sqrt(state.cov[5, 5])):
+            self.note_relief(off_m / max(height_m, MIN_PLANE_HEIGHT_M))
 
     def plane(self, world_T_camera: SE3) -> Plane | None:
         """Return the plane, if all that the camera sees is known to lie on it."""
@@ -72,8 +78,7 @@ class Ground:
         height_m = float(world_T_camera.t[2]) - self.z_m
         if not is_plane or self.is_rough or not self._has_height or height_m < MIN_PLANE_HEIGHT_M:
             return None
-        roughness = UNKNOWN_SHARE if self._relief_share is None else max(ROUGHNESS_SHARE, self._relief_share)
-        return Plane(self.z_m, roughness * height_m)
+        return Plane(self.z_m, math.hypot(ROUGHNESS_SHARE, _TOGETHER * self._relief_share) * height_m)
 
     def expected_map(self, before: SE3, after: SE3) -> Array:
         """Return the map [3, 3] of directions that says where points are expected after the camera has moved.

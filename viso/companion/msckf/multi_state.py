@@ -29,7 +29,7 @@ _SLOPE_SHARE: Final = 0.4  # of the height: how far aside a point may be that te
 _BEND: Final = 0.1  # of the ground, by which points aside are higher or lower than its slope says
 _BENT: Final = 0.3  # share of the parallax times the doubt that the equations miss
 _CONVERGED_SIGMAS: Final = 1.0  # by which the last pass may have led elsewhere
-_RELIEF_PARALLAX_SIGMAS: Final = 80.0  # rays that differ by less do not tell 2 % of the distance
+_RELIEF_ERROR: Final = 0.02  # of a distance, as a share: points that are farther off do not tell the relief
 _FEWEST_FOR_RELIEF: Final = 8
 _NORMAL: Final = 1.4826  # sigma of what is spread normally, by the median of its absolute
 _WEAKEST: Final = 1e-10  # information, of the strongest direction's, below which there is none
@@ -202,27 +202,31 @@ def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
     return float(np.median(np.linalg.norm(last - rays[:, 0], axis=1)))
 
 
-def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks, sigma: float) -> float | None:
-    """Return how much points differ in height, as a share of their distance; None where that is less than their error.
+def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | None:
+    """Return how much points differ in height, as a share of their distance; None if too few of them tell.
+
+    What their errors explain is left out. Those are as large as the sightings' disagreement says.
 
     Args:
         clones: the poses that the points were seen from.
         B_T_C: from the camera into the body.
-        tracks: sightings from those.
-        sigma: of a normalised coordinate.
+        tracks: sightings from those, 3 or more of each point.
     """
     rotations, positions = _cameras(clones, B_T_C, tracks)
     points, good = triangulate(rotations, positions, tracks)
-    rows, last = np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1
-    rays = points - positions[:, 0], points - positions[rows, last]
+    _, _, residual = _seen_again(rotations, positions, tracks, points, good)
+    rows, count = np.arange(len(tracks)), tracks.seen.sum(axis=1)
+    rays = points - positions[:, 0], points - positions[rows, count - 1]
     lengths = [np.maximum(np.linalg.norm(ray, axis=1), 1e-6) for ray in rays]
     parallax = np.linalg.norm(rays[0] / lengths[0][:, None] - rays[1] / lengths[1][:, None], axis=1)
-    good = good & (parallax > _RELIEF_PARALLAX_SIGMAS * sigma)
+    noise = math.sqrt(float((residual[good] ** 2).sum()) / max(float((2 * count[good] - 3).sum()), 1.0))
+    error = math.sqrt(2) * noise / np.maximum(parallax, 1e-9)
+    good = good & (error < _RELIEF_ERROR)
     if np.count_nonzero(good) < _FEWEST_FOR_RELIEF:
         return None
-    up, error = points[good, 2], math.sqrt(2) * sigma / parallax[good]
+    up = points[good, 2]
     spread = _NORMAL * float(np.median(np.abs(up - np.median(up)))) / float(np.median(lengths[1][good]))
-    return math.sqrt(max(spread**2 - float(np.median(error)) ** 2, 0.0))
+    return math.sqrt(max(spread**2 - float(np.median(error[good])) ** 2, 0.0))
 
 
 def _cameras(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> tuple[Array, Array]:
@@ -241,9 +245,8 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     )
     local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
     good = good & ((local[..., 2] > 1e-3) | ~tracks.seen).all(axis=1)
-    depth = np.where(tracks.seen & good[:, None], local[..., 2], np.inf)
-    projected = local[..., :2] / depth[..., None]
-    residual = np.where(np.isfinite(depth)[..., None], tracks.normalised - projected, 0.0) / sigma
+    projected, depth, residual = _seen_again(rotations, positions, tracks, points, good)
+    residual = residual / sigma
     by_point = _projection(projected, depth, rotations) / sigma
     equations = _by_poses(by_point, residual, points, tracks, len(state.clones))
     told = np.zeros(len(tracks))
@@ -256,6 +259,16 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     return _Stack(
         *_eliminated(*equations), dof.astype(np.float64), error, first_m, way_m / np.maximum(first_m, 1e-3)
     ).only(good)
+
+
+def _seen_again(
+    rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask
+) -> tuple[Array, Array, Array]:
+    """Return where points should be seen [T, M, 2], at which depths [T, M], and how far they were seen from there."""
+    local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
+    depth = np.where(tracks.seen & good[:, None], local[..., 2], np.inf)
+    projected = local[..., :2] / depth[..., None]
+    return projected, depth, np.where(np.isfinite(depth)[..., None], tracks.normalised - projected, 0.0)
 
 
 def _projection(projected: Array, depth: Array, rotations: Array) -> Array:

@@ -4,7 +4,7 @@
 
 A body that hardly moves shows where it looks from and not how far away things are: there are no landmarks, or wrong
 ones. As long as that lasts, the baseline's filter takes the place of the smoother: it can hold points without that.
-It does so for good where the ground has turned out to be no plane, as it knows what a height above that says.
+It does so for good over ground whose height is measured, plane or not: it knows what such a height says.
 """
 
 import math
@@ -136,7 +136,7 @@ class SmootherEstimator:
         If the smoother cannot, the state goes on by inertial data alone, and the next node restarts from it.
         """
         try:
-            if isinstance(node.plane, Below):
+            if node.plane is not None:
                 self._stays, self._filter = True, self._filter or self._stand_in()
             if self._filter is not None:
                 return self._go_on(self._filter, node)
@@ -169,7 +169,7 @@ class SmootherEstimator:
             return None
         clones = [Clone(number, pose.R, pose.t) for number, pose in self._poses.items()]
         arrays = padded(tracks, {clone.number: index for index, clone in enumerate(clones)})
-        return relief_of(clones, self._B_T_C, arrays, FILTER_SIGMA_SHARE * self._sigma)
+        return relief_of(clones, self._B_T_C, arrays)
 
     def _origins(self) -> list[int]:
         return [] if self.chain is None else [self.chain.origin]
@@ -200,7 +200,7 @@ class SmootherEstimator:
         if node.height is not None:
             smoother.add_height(*node.height)
         seen = self._book.note(node.number, node.sighting)
-        seen += self._discover(smoother, node.plane)
+        seen += self._discover(smoother)
         smoother.add_sightings(seen, self._sigma * self._inflation())
         kept = list(dict.fromkeys([*self._origins(), self._keyframe]))
         smoother.solve(self._passes(), keep=kept)
@@ -211,9 +211,8 @@ class SmootherEstimator:
             self._compare(correction_nis(expected, expected_cov, motion_of(state), state.cov))
             if self._book.count < FEWEST_LANDMARKS and self._parallax_rad() < MIN_PARALLAX_RAD:
                 self._filter = self._stand_in()
-                if node.plane is None:
-                    state.clone(node.number)
-                    self._filter.hold(node.number, node.sighting, node.depth_m)
+                state.clone(node.number)
+                self._filter.hold(node.number, node.sighting, node.depth_m)
         return self._judge(smoother, [one for one in seen if one.number == node.number])
 
     def _parallax_rad(self) -> float:
@@ -263,10 +262,10 @@ class SmootherEstimator:
         self._times_ns = {number: times_ns[number] for number in recent}
         self._poses = {number: poses[number] for number in recent}
 
-    def _discover(self, smoother: LagSmoother, plane: Plane | Below | None) -> list[Seen]:
+    def _discover(self, smoother: LagSmoother) -> list[Seen]:
         sightings: list[Seen] = []
-        for new in self._book.discover(self._poses, plane if isinstance(plane, Plane) else None):
-            smoother.add_landmark(new.landmark, new.position, new.sigmas_m)
+        for new in self._book.discover(self._poses):
+            smoother.add_landmark(new.landmark, new.position)
             sightings.extend(new.sightings)
         return sightings
 

@@ -28,6 +28,7 @@ except ImportError as error:
 
 LAG_S: Final = 3.0
 STILL_VELOCITY_SIGMA_M_S: Final = 0.02
+LANDMARK_SIGMA_M: Final = 20.0  # how far from where it is expected a landmark may be
 MOTION: Final = 15
 _HUBER: Final = 1.345  # sigmas up to which an error counts in full
 _RELINEARIZE: Final = 0.01  # m, rad, m/s: about a pixel near by
@@ -125,16 +126,15 @@ class LagSmoother:
         noise = _robust(gtsam.noiseModel.Diagonal.Sigmas(np.array([_ANYWHERE_M, _ANYWHERE_M, sigma_m])))
         self._graph.add(gtsam.GPSFactor(X(self._last), np.array([east_m, north_m, up_m]), noise))
 
-    def add_landmark(self, landmark: int, position: Array, sigmas_m: Array) -> None:
+    def add_landmark(self, landmark: int, position: Array) -> None:
         """Add a landmark, to be seen at least once before the next solution.
 
         Args:
             landmark: its number; never used before.
             position: [3] in the world, as expected.
-            sigmas_m: [3], how far from there it may be.
         """
         self._values.insert(L(landmark), position)
-        noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas_m)
+        noise = gtsam.noiseModel.Isotropic.Sigma(3, LANDMARK_SIGMA_M)
         self._graph.add(gtsam.PriorFactorPoint3(L(landmark), position, noise))
 
     def add_sightings(self, sightings: Iterable[Seen], sigma: float) -> None:

@@ -10,20 +10,17 @@ from typing import Final
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting
-from viso.companion.msckf.multi_state import Plane
 from viso.companion.msckf.tracks import MOST_TRACKS, Tracks, padded
-from viso.companion.msckf.triangulation import Mask, on_plane, triangulate
+from viso.companion.msckf.triangulation import Mask, triangulate
 from viso.companion.smoother.lag_smoother import Seen
 from viso.companion.vio.se3 import SE3, Array
 
 MOST_LANDMARKS: Final = 30  # at a time; more take longer and hardly help
 FEWEST_SIGHTINGS: Final = 3
-FEWEST_ON_PLANE: Final = 2
 MOST_SIGHTINGS: Final = 4  # of a landmark, in motion: tracked points wander
 FEWEST_LEFT: Final = MOST_LANDMARKS // 2  # when old ones are given up: the body may stop and show no more
 MIN_PARALLAX_RAD: Final = math.radians(1.0)
 MAX_ERROR_SIGMAS: Final = 8.0
-LANDMARK_SIGMA_M: Final = 20.0
 _MIN_DEPTH_M: Final = 1e-3
 _FEWEST_MOVING: Final = 8  # points that say whether the body moves
 
@@ -37,13 +34,11 @@ class NewLandmark:
     Attributes:
         landmark: its number.
         position: [3] in the world.
-        sigmas_m: [3], how far from there it may be.
         sightings: of it so far, none of them used yet.
     """
 
     landmark: int
     position: Array
-    sigmas_m: Array
     sightings: tuple[Seen, ...]
 
 
@@ -83,30 +78,27 @@ class LandmarkBook:
         self._landmarks = {point: number for point, number in self._landmarks.items() if point in self._tracks}
         return seen
 
-    def discover(self, poses: Mapping[int, SE3], plane: Plane | None) -> list[NewLandmark]:
+    def discover(self, poses: Mapping[int, SE3]) -> list[NewLandmark]:
         """Return points that become landmarks: seen often enough, from places that are far enough apart.
 
         Old landmarks are given up, while there is motion enough to find their points again.
 
         Args:
             poses: world_T_body of nodes; sightings from others do not count.
-            plane: the ground, if all points lie on it.
         """
         cameras = {number: pose @ self._B_T_C for number, pose in poses.items()}
         self._retire(cameras)
-        fewest = FEWEST_SIGHTINGS if plane is None else FEWEST_ON_PLANE
         free = {point: _within(track, cameras) for point, track in self._tracks.items() if point not in self._landmarks}
         # The youngest first: their points have wandered least.
-        points = sorted((point for point, track in free.items() if len(track) >= fewest), key=lambda p: len(free[p]))
+        points = sorted(
+            (point for point, track in free.items() if len(track) >= FEWEST_SIGHTINGS), key=lambda p: len(free[p])
+        )
         room = MOST_LANDMARKS - len(self._landmarks)
         if not points or room <= 0:
             return []
-        positions, good = self._positions(_Sightings.of(cameras, [free[point] for point in points]), plane)
-        sigmas_m = np.full(3, LANDMARK_SIGMA_M)
-        if plane is not None:
-            sigmas_m[2] = plane.sigma_m
+        positions, good = self._positions(_Sightings.of(cameras, [free[point] for point in points]))
         chosen = np.flatnonzero(good)[:room].tolist()
-        return [self._new(points[row], positions[row], sigmas_m, free[points[row]]) for row in chosen]
+        return [self._new(points[row], positions[row], free[points[row]]) for row in chosen]
 
     def parallax_rad(self, poses: Mapping[int, SE3], numbers: Sequence[int]) -> float:
         """Return the median parallax of points within some nodes; NaN if too few have been seen.
@@ -144,12 +136,9 @@ class LandmarkBook:
             spare = max(len(self._landmarks) - FEWEST_LEFT, 0)
             self.drop({self._landmarks[old[row]] for row in np.flatnonzero(moved)[:spare].tolist()})
 
-    def _positions(self, seen: "_Sightings", plane: Plane | None) -> tuple[Array, Mask]:
+    def _positions(self, seen: "_Sightings") -> tuple[Array, Mask]:
         rotations, places, tracks = seen.rotations, seen.places, seen.tracks
-        if plane is None:
-            points, good = triangulate(rotations, places, tracks)
-        else:
-            points, good = on_plane(rotations, places, tracks, plane.height_m)
+        points, good = triangulate(rotations, places, tracks)
         local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - places)
         ahead = (local[..., 2] > _MIN_DEPTH_M) | ~tracks.seen
         depth = np.where(ahead & tracks.seen, local[..., 2], np.inf)
@@ -157,11 +146,11 @@ class LandmarkBook:
         close = error.max(axis=1) < MAX_ERROR_SIGMAS * self._sigma
         return points, good & ahead.all(axis=1) & close & (seen.parallax_rad() >= MIN_PARALLAX_RAD)
 
-    def _new(self, point: int, position: Array, sigmas_m: Array, track: _Track) -> NewLandmark:
+    def _new(self, point: int, position: Array, track: _Track) -> NewLandmark:
         self._next += 1
         self._landmarks[point] = self._next
         sightings = tuple(Seen(number, self._next, np.array(seen)) for number, seen in track.items())
-        return NewLandmark(self._next, position, sigmas_m, sightings)
+        return NewLandmark(self._next, position, sightings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tracked corners, checked by E and H, in a smoother over the last seconds. Needs the extras vio and gtsam."""
 
-import math
 from typing import Final
 
 from viso.companion.klt.keyframes import Keyframe
-from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.estimator import FEWEST_LANDMARKS, Node, NodeFacts, SmootherEstimator
 from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
-from viso.companion.vio.config import AglSource, Scene
+from viso.companion.vio.config import AglSource
 from viso.companion.vio.types import VioState
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
@@ -58,35 +56,24 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
     def _add_node(self, estimator: SmootherEstimator, seen: Seen) -> NodeFacts:
         state, t_ns = estimator.state, seen.window.end_t_ns
         self._rests = self._takes_rest(state, t_ns - self._node_ns)
-        plane, height = self._plane(state, t_ns)
+        plane, height = self._ground_below(state, t_ns), self._height(state, t_ns)
         depth_m = self._ground.depth_guess_m(state)
         self._number, self._node_ns = self._number + 1, t_ns
         self._node = estimator.add_node(Node(self._number, t_ns, seen.sighting, self._rests, plane, height, depth_m))
-        if self._ground.is_rough or plane is not None:
-            self._ground.note_relief(estimator.relief_share())
-            self._front.planar = self.context.config.scene is Scene.PLANAR and not self._ground.is_rough
+        self._watch_ground(plane, estimator.relief_share)
         return self._node
 
-    def _plane(self, state: WindowFilter, t_ns: int) -> tuple[Plane | Below | None, tuple[float, float] | None]:
-        """Return what is known about the ground, and how high the body is above it with the sigma."""
+    def _height(self, state: WindowFilter, t_ns: int) -> tuple[float, float] | None:
+        """Return how high the body is above ground that is where the configuration says, with the sigma."""
         ground = self._ground
-        if ground.is_rough:
-            below = self.heights.take(t_ns, 0.0, state.v)
-            if below is None:
-                return None, None
-            ground.take_height(float(state.p[2]), below[0])
-            return Below(*below), None
-        plane = ground.plane(state.pose @ self._B_T_C)
-        height = None
-        if self.context.config.agl_source is not AglSource.NONE:
-            height = self.heights.take(t_ns, ground.z_m, state.v)
+        if ground.is_rough or self.context.config.agl_source is AglSource.NONE:
+            return None
+        height = self.heights.take(t_ns, ground.z_m, state.v)
         if height is None:
-            return plane, None
+            return None
         off = self.heights.off(state, height, ground.z_m)
         ground.note_relief(off)
-        if plane is not None:
-            height = height[0], math.hypot(height[1], plane.sigma_m)
-        return plane, height if off is None else None
+        return height if off is None else None
 
     def _outcome(
         self,

@@ -7,7 +7,7 @@ from typing import Final
 from viso.companion.klt.keyframes import Keyframe
 from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
-from viso.companion.msckf.multi_state import Below, Plane, TracksUsed
+from viso.companion.msckf.multi_state import TracksUsed
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource, Scene
@@ -83,24 +83,12 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         return seen.sighting.model is not None and seen.window.end_t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
 
     def _add_frame(self, estimator: WindowEstimator, seen: Seen) -> TracksUsed:
-        plane = self._plane(estimator.state, seen.window.end_t_ns)
+        plane = self._ground_below(estimator.state, seen.window.end_t_ns)
         keep = None if self._keyframe is None else self._keyframe.number
         depth_m = self._ground.depth_guess_m(estimator.state)
         used = estimator.add_frame(self._number, seen.sighting, plane, keep, depth_m)
         self._cloned_ns = seen.window.end_t_ns
-        if self._ground.is_rough or plane is not None:
-            self._ground.note_relief(estimator.relief_share())
-            self._front.planar = self.context.config.scene is Scene.PLANAR and not self._ground.is_rough
+        self._watch_ground(plane, estimator.relief_share)
         if used.used:
             self._used = used
         return used
-
-    def _plane(self, state: WindowFilter, t_ns: int) -> Plane | Below | None:
-        """Return what is known about the ground."""
-        if not self._ground.is_rough:
-            return self._ground.plane(state.pose @ self._B_T_C)
-        taken = self.heights.take(t_ns, 0.0, state.v)
-        if taken is None:
-            return None
-        self._ground.take_height(float(state.p[2]), taken[0])
-        return Below(*taken)

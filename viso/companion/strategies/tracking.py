@@ -4,6 +4,7 @@
 
 import abc
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Generic, Protocol, TypeVar
 
@@ -18,11 +19,12 @@ from viso.companion.msckf.aiding import stand_still
 from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.imu_period import ImuPeriod
+from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.stillness import SPAN_NS, Stillness
 from viso.companion.msckf.window_filter import POS, TOLD_SIGMAS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
 from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
-from viso.companion.vio.config import AglSource
+from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.se3 import SE3, Array
@@ -183,10 +185,29 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
             self._begin_at_rest()
         if self._estimator is None:
             return self._conclude(FrameFacts(sighting.inliers, sighting.coverage, 0.0, imu_fault=fault), None)
+        state = self._estimator.state
+        if self._ground.is_rough and math.sqrt(state.cov[5, 5]) > 0.5 * _UNKNOWN_HEIGHT_M:  # hills are not that high
+            self.heights.use(state, imu_window.end_t_ns, self._ground.z_m)
         seen = Seen(frame, imu_window, sighting, fault, begins)
         with self.stage("filter"):
             outcome = self._update(self._estimator, seen)
-        return self._answer(self._estimator.state, seen, outcome)
+        return self._answer(state, seen, outcome)
+
+    def _ground_below(self, state: WindowFilter, t_ns: int) -> Plane | Below | None:
+        """Return what is known about the ground."""
+        if not self._ground.is_rough:
+            return self._ground.plane(state.pose @ self._B_T_C)
+        taken = self.heights.take(t_ns, 0.0, state.v)
+        if taken is None:
+            return None
+        self._ground.take_height(state, *taken)
+        return Below(*taken)
+
+    def _watch_ground(self, plane: Plane | Below | None, relief_share: Callable[[], float | None]) -> None:
+        """Look at how much the points differ in height, if that matters."""
+        if self._ground.is_rough or plane is not None:
+            self._ground.note_relief(relief_share())
+            self._front.planar = self.context.config.scene is Scene.PLANAR and not self._ground.is_rough
 
     def _takes_rest(self, state: WindowFilter, span_ns: int) -> bool:
         """Take in that nothing has moved for a while, if that is so; say whether."""

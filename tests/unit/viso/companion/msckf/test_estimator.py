@@ -20,7 +20,7 @@ from tests.unit.viso.companion.msckf.point_world import (
 )
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.heights import Heights
-from viso.companion.msckf.multi_state import Plane
+from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, ImuWindow
@@ -252,14 +252,21 @@ def test_filter_is_healthy_after_fifteen_hundred_frames(relief_m: float, plane: 
     assert flight.position_error_m() < (2.0 if plane else 60.0)
 
 
-@pytest.mark.parametrize(("trajectory", "factor", "holds"), [(hover(), 1.0, True), (nadir_survey(), -1.0, False)])
+@pytest.mark.parametrize(
+    ("trajectory", "factor", "below", "holds"),
+    [
+        (hover(), 1.0, None, True),
+        (hover(), 1.0, Below(40.0, 0.4), True),
+        (nadir_survey(), -1.0, None, False),
+    ],
+)
 def test_points_are_held_where_the_body_hardly_moves_not_where_the_state_is_wrong(
-    trajectory: Trajectory, factor: float, holds: bool
+    trajectory: Trajectory, factor: float, below: Below | None, holds: bool
 ) -> None:
     world = PointWorld(trajectory=trajectory)
     pose, velocity_w = world.start()
     estimator = WindowEstimator(filter_at(pose, factor * velocity_w), B_T_C, SIGMA, CLONES, 3)
     for moment in world.moments(7):
         estimator.propagate(moment.window)
-        estimator.add_frame(moment.number, moment.sighting, None, None)
+        estimator.add_frame(moment.number, moment.sighting, below, None)
     assert bool(estimator.state.points) == holds

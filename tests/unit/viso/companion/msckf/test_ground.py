@@ -10,6 +10,7 @@ import pytest
 from tests.unit.viso.companion.msckf.point_world import filter_at
 from viso.companion.klt.outliers import Model, rotated
 from viso.companion.msckf.ground import Ground
+from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.se3 import SE3, so3_exp
@@ -22,44 +23,75 @@ def ground(origin_z_m: float = 0.0, **config: Any) -> Ground:
     return Ground(VioConfig(**(PLANAR | config)), origin_z_m)
 
 
+def flat(origin_z_m: float = 0.0, **config: Any) -> Ground:
+    """Return ground that has shown no relief for long."""
+    shown = ground(origin_z_m, **config)
+    for _ in range(20):
+        shown.note_relief(0.0)
+    return shown
+
+
+def at(height_m: float, sigma_m: float) -> WindowFilter:
+    state = filter_at(SE3(np.eye(3), np.array([0.0, 0.0, height_m])), np.zeros(3))
+    state.cov[5, 5] = sigma_m**2
+    return state
+
+
 def test_plane_is_where_the_configuration_says() -> None:
-    plane = ground(10.0, ground_z_m=3.0).plane(CAMERA)
+    plane = flat(10.0, ground_z_m=3.0).plane(CAMERA)
     assert plane is not None
     assert plane.height_m == ground(10.0, ground_z_m=3.0).z_m == -7.0
 
 
 def test_plane_is_rougher_from_a_greater_height() -> None:
-    known = ground()
-    known.note_relief(0.0)
-    plane = known.plane(CAMERA)
+    plane = flat().plane(CAMERA)
     assert plane is not None
-    assert plane.sigma_m == pytest.approx(0.4)
+    assert plane.sigma_m == pytest.approx(0.005 * 40.0, rel=1e-3)
 
 
-def test_plane_that_nothing_is_known_about_may_be_rough() -> None:
-    plane = ground().plane(CAMERA)
+def test_little_relief_counts_more_than_once_as_points_of_a_slope_err_together() -> None:
+    sloping = flat()
+    for _ in range(20):
+        sloping.note_relief(0.008)
+    plane = sloping.plane(CAMERA)
     assert plane is not None
-    # Half the height: on a slope a tenth of it is no independent error of each point, and there are dozens.
-    assert plane.sigma_m == pytest.approx(20.0)
+    assert plane.sigma_m > 3 * 0.008 * 40.0
 
 
-def test_relief_is_no_plane_until_it_is_smooth_for_a_while() -> None:
-    hills = ground()
+def test_ground_said_to_be_a_plane_has_to_show_it() -> None:
     seen = []
-    for share in (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0):
-        hills.note_relief(share)
-        seen.append(hills.plane(CAMERA) is not None)
-    assert seen[:2] == [True, False]
-    assert not seen[4]
+    said = ground()
+    for _ in range(5):
+        seen.append(said.plane(CAMERA) is not None)
+        said.note_relief(None)
+        said.note_relief(0.0)
+    assert not any(seen[:2])
     assert seen[-1]
 
 
-def test_ground_that_a_height_says_to_be_elsewhere_is_no_plane() -> None:
+def test_hills_that_begin_with_a_slope_are_never_a_plane() -> None:
     hills = ground()
-    hills.note_relief(0.0)
-    hills.take_height(40.0, 30.0)
-    assert hills.plane(CAMERA) is None
-    assert hills.is_rough
+    for share in (0.015, 0.008, 0.012, 0.006, 0.02, 0.01):
+        hills.note_relief(share)
+        assert hills.plane(CAMERA) is None
+
+
+def test_relief_is_no_plane_until_it_is_smooth_for_a_while() -> None:
+    hills = flat()
+    seen = []
+    for share in (0.01, 0.2, *[0.0] * 12):
+        hills.note_relief(share)
+        seen.append(hills.plane(CAMERA) is not None)
+    assert seen[:2] == [True, False]
+    assert not any(seen[2:7])
+    assert seen[-1]
+
+
+@pytest.mark.parametrize(("sigma_m", "is_elsewhere"), [(1.0, True), (10.0, False)])
+def test_ground_that_a_height_says_to_be_elsewhere_is_no_plane(sigma_m: float, is_elsewhere: bool) -> None:
+    hills = flat()
+    hills.take_height(at(40.0, sigma_m), 30.0, 0.4)
+    assert (hills.plane(CAMERA) is None) == hills.is_rough == is_elsewhere
 
 
 @pytest.mark.parametrize("config", [{"scene": "general"}, {"agl_source": "none"}, {"scene": "auto"}])
@@ -68,8 +100,8 @@ def test_there_is_no_plane_to_rely_on(config: dict[str, Any]) -> None:
 
 
 def test_camera_on_the_ground_sees_no_plane() -> None:
-    assert ground().plane(SE3(CAMERA.R, np.array([0.0, 0.0, 0.4]))) is None
-    assert ground().plane(SE3(CAMERA.R, np.array([0.0, 0.0, 0.6]))) is not None
+    assert flat().plane(SE3(CAMERA.R, np.array([0.0, 0.0, 0.4]))) is None
+    assert flat().plane(SE3(CAMERA.R, np.array([0.0, 0.0, 0.6]))) is not None
 
 
 def test_scene_that_looks_like_a_plane_for_long_is_one() -> None:

@@ -347,16 +347,21 @@ def test_height_above_ground_that_slopes_is_that_right_below() -> None:
 
 def test_relief_is_told_from_flat_ground() -> None:
     flat, hilly = (Window(relief_m=relief_m, errors=0.0) for relief_m in (0.0, 5.0))
-    shares = [relief_of(window.state.clones, B_T_C, window.tracks, SIGMA) for window in (flat, hilly)]
+    shares = [relief_of(window.state.clones, B_T_C, window.tracks) for window in (flat, hilly)]
     assert shares[0] is not None
     assert shares[1] is not None
     assert shares[0] < 0.01
     assert 0.05 < shares[1] < 0.15
 
 
-def test_wrong_relief_cannot_be_told_without_parallax() -> None:
-    window = Window(errors=0.0)
-    assert relief_of(window.state.clones, B_T_C, window.tracks, 1.0) is None
+def test_relief_cannot_be_told_by_sightings_that_disagree() -> None:
+    window = Window(errors=0.0, noise=50.0)
+    assert relief_of(window.state.clones, B_T_C, window.tracks) is None
+
+
+def test_sightings_that_agree_tell_little_relief() -> None:
+    window = Window(relief_m=0.8, errors=0.0, noise=0.1)
+    assert relief_of(window.state.clones, B_T_C, window.tracks) == pytest.approx(0.6 / 40, rel=0.3)
 
 
 def test_state_stays_where_the_passes_lead_to_different_places() -> None:

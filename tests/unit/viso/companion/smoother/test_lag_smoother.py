@@ -18,7 +18,6 @@ from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuBias
 
 COV = np.diag(np.repeat([0.01, 1e-3, 0.3, 0.1, 0.01], 3) ** 2)
-FAR_SIGMAS_M = np.full(3, 20.0)
 
 
 def motion_at(number: int) -> Motion:
@@ -65,7 +64,7 @@ def test_landmarks_correct_a_wrong_start() -> None:
     truth = motion_at(0)
     smoother = LagSmoother(B_T_C, 0, 0.0, Motion(truth.pose, truth.velocity_w + 0.2, ImuBias.zero()), COV)
     for landmark in range(30):
-        smoother.add_landmark(landmark, WALL[landmark] + 0.1, FAR_SIGMAS_M)
+        smoother.add_landmark(landmark, WALL[landmark] + 0.1)
     smoother.add_sightings([pixel(0, landmark) for landmark in range(30)], SIGMA)
     smoother.solve()
     for number in range(1, 6):

@@ -9,19 +9,15 @@ pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
 from tests.unit.viso.companion.smoother.scene import B_T_C, SIGMA, WALL, sight, sighting_of
-from viso.companion.klt.front_end import Sighting
-from viso.companion.msckf.multi_state import Plane
 from viso.companion.smoother.lag_smoother import Seen
 from viso.companion.smoother.landmarks import (
     FEWEST_LEFT,
-    FEWEST_ON_PLANE,
     FEWEST_SIGHTINGS,
     MOST_LANDMARKS,
     MOST_SIGHTINGS,
     LandmarkBook,
     NewLandmark,
 )
-from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.se3 import SE3, Array
 
 STEP_M = 0.3
@@ -49,7 +45,7 @@ class Walk:
             number = len(self.poses)
             self.poses[number] = pose_of(number, step_m)
             self.seen = self.book.note(number, sight(self.poses[number], number, self.points))
-            self.new = self.book.discover(self.poses, None)
+            self.new = self.book.discover(self.poses)
 
     def landmarks(self) -> set[int]:
         """Return what was told last."""
@@ -69,7 +65,6 @@ def test_point_seen_often_enough_is_one_with_all_its_sightings() -> None:
     for one in walk.new:
         assert [seen.number for seen in one.sightings] == list(range(FEWEST_SIGHTINGS))
         assert {seen.landmark for seen in one.sightings} == {one.landmark}
-        assert one.sigmas_m.tolist() == [20.0, 20.0, 20.0]
 
 
 def test_landmark_is_where_its_point_is() -> None:
@@ -98,7 +93,7 @@ def test_sightings_from_forgotten_nodes_do_not_count() -> None:
     walk.go(FEWEST_SIGHTINGS - 1)
     last = FEWEST_SIGHTINGS - 1
     walk.book.note(last, sight(pose_of(last), points=AHEAD))
-    assert walk.book.discover({1: pose_of(1), last: pose_of(last)}, None) == []
+    assert walk.book.discover({1: pose_of(1), last: pose_of(last)}) == []
 
 
 def test_point_that_does_not_fit_is_no_landmark() -> None:
@@ -108,7 +103,7 @@ def test_point_that_does_not_fit_is_no_landmark() -> None:
     walk.poses[last] = pose_of(last)
     there = sight(pose_of(last), points=AHEAD)
     walk.book.note(last, sighting_of(there.ids, there.normalised + np.array([0.0, 0.1])))
-    assert walk.book.discover(walk.poses, None) == []
+    assert walk.book.discover(walk.poses) == []
 
 
 def test_there_are_no_more_landmarks_than_allowed() -> None:
@@ -154,7 +149,7 @@ def test_no_landmark_is_given_up_when_the_body_has_stopped() -> None:
     for number in range(FEWEST_SIGHTINGS, 3 * MOST_SIGHTINGS):
         walk.poses[number] = here
         seen = walk.book.note(number, sight(here, number, AHEAD))
-        assert walk.book.discover(walk.poses, None) == []
+        assert walk.book.discover(walk.poses) == []
     assert len(seen) == len(AHEAD)
 
 
@@ -163,7 +158,7 @@ def test_no_landmark_is_given_up_when_other_nodes_are_forgotten() -> None:
     walk.go(MOST_SIGHTINGS - 1)
     last = MOST_SIGHTINGS - 1
     walk.book.note(last, sight(pose_of(last), points=AHEAD))
-    assert walk.book.discover({last: pose_of(last)}, None) == []
+    assert walk.book.discover({last: pose_of(last)}) == []
     assert walk.book.count == len(AHEAD)
 
 
@@ -183,21 +178,3 @@ def test_forgetting_forgets_all() -> None:
     assert walk.book.count == 0
     walk.go(FEWEST_SIGHTINGS - 1)
     assert walk.new == []
-
-
-def seen_from_above(pose: SE3, ground: Array, mounting: SE3) -> Sighting:
-    local = (pose @ mounting).inverse().map(ground)
-    return sighting_of(np.arange(len(ground)), local[:, :2] / local[:, 2:])
-
-
-def test_known_plane_gives_the_height_and_needs_fewer_sightings() -> None:
-    mounting = SE3(MOUNTINGS["nadir"], np.zeros(3))
-    ground = np.random.default_rng(2).uniform([-10, -10, 1.0], [15, 10, 1.0], (20, 3))
-    book, poses = LandmarkBook(mounting, SIGMA), dict[int, SE3]()
-    for number in range(FEWEST_ON_PLANE):
-        poses[number] = SE3(np.eye(3), np.array([2.0 * number, 0.0, 40.0]))
-        book.note(number, seen_from_above(poses[number], ground, mounting))
-        new = book.discover(poses, Plane(1.0, 0.4))
-    assert len(new) == len(ground)
-    assert np.allclose([one.position for one in new], ground, atol=1e-6)
-    assert new[0].sigmas_m.tolist() == [20.0, 20.0, 0.4]

@@ -33,7 +33,10 @@ def ground() -> GroundTexture:
 def fly(
     duration_s: float, *, config: dict[str, Any] | None = None, flight_class: Any = SyntheticFlight, **changed: Any
 ) -> Trial:
-    """Fly over the plane, with a range finder and, unless told otherwise, a small camera."""
+    """Fly over flat ground, with a range finder and, unless told otherwise, a small camera.
+
+    The smoother only works where the scene is not configured as a plane; the filter takes its place else.
+    """
     settings: dict[str, Any] = {
         "strategy": "fixed_lag",
         "scene": "planar",
@@ -135,7 +138,7 @@ def failing(times: range) -> Any:
 @pytest.mark.slow
 def test_unsolvable_frame_is_a_lost_one_and_the_next_a_keyframe(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LagSmoother, "solve", failing(range(8, 9)))
-    trial = fly(4.5)
+    trial = fly(4.5, config={"scene": "general"})
     before, lost, after = trial.frames[7:10]
     assert before.update.health.state is VioState.TRACKING
     assert (lost.update.health.reason, lost.update.health.consecutive_lost) == (NON_FINITE, 1)
@@ -148,7 +151,7 @@ def test_unsolvable_frame_is_a_lost_one_and_the_next_a_keyframe(monkeypatch: pyt
 @pytest.mark.slow
 def test_smoother_that_always_fails_leaves_inertial_data(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LagSmoother, "solve", failing(range(5, 10_000)))
-    trial = fly(3.0, config={"lost_frames_fatal": 4})
+    trial = fly(3.0, config={"scene": "general", "lost_frames_fatal": 4})
     assert states(trial)[-1] is VioState.LOST
     assert trial.frames[-1].update.output is None
 
