@@ -83,7 +83,7 @@ class WindowEstimator:
         used = TracksUsed()
         if chosen:
             tracks = padded(chosen, self._clone_of())
-            steps = self._inflation(), self._passes(), self._doubt()
+            steps = self._inflation(), self._passes(), velocity_doubt
             used = use_tracks(state, self._B_T_C, tracks, self._sigma, plane, *steps)
         if used.used:
             self._note_ratio(used.nis_per_dof)
@@ -130,10 +130,6 @@ class WindowEstimator:
     def _inflation(self) -> float:
         return max(1.0, self.innovation_ratio)
 
-    def _doubt(self) -> float:
-        speed_m_s = float(np.linalg.norm(self.state.v))
-        return min(1.0, sigma_of(self.state.cov[VEL, VEL]) / max(speed_m_s, 1e-3)) ** 2
-
     def _passes(self) -> int:
         return UNSURE_PASSES if sigma_of(self.state.cov[VEL, VEL]) > UNSURE_VELOCITY_M_S else 1
 
@@ -144,3 +140,9 @@ class WindowEstimator:
             oldest = next(clone.number for clone in self.state.clones if clone.number not in kept)
             self.state.drop(oldest)
             self._tracks.drop(oldest)
+
+
+def velocity_doubt(state: WindowFilter) -> float:
+    """Return the variance of the velocity as a share of its square, at most 1."""
+    speed_m_s = float(np.linalg.norm(state.v))
+    return min(1.0, sigma_of(state.cov[VEL, VEL]) / max(speed_m_s, 1e-3)) ** 2

@@ -9,7 +9,7 @@ at once, in arrays padded to the longest track: rows of padding are zero and say
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -139,7 +139,7 @@ def use_tracks(
     plane: Plane | Below | None,
     inflation: float,
     passes: int,
-    doubt: float = 0.0,
+    doubt: Callable[[WindowFilter], float] = lambda _: 0.0,
 ) -> TracksUsed:
     """Take tracks into a filter.
 
@@ -154,14 +154,14 @@ def use_tracks(
             was before: for one that is far off, as after a start, one pass would not do. Only the last one counts, as
             equations that were made in different places would together say more than any of them. If it has led
             elsewhere than the one before, they hold nowhere, and the state stays what it was.
-        doubt: variance of the velocity as a share of its square: by that share of their parallax the tracks may be off
-            what the equations, which are linear, say.
+        doubt: returns the variance of a filter's velocity as a share of its square: by that share of their parallax the
+            tracks may be off what the equations, which are linear, say. The least that a pass has left of it counts.
     """
     result = TracksUsed()
     before, moved = state.copy() if passes > 1 else state, np.zeros(len(state.cov))
-    step = moved
+    step, left = moved, 1.0
     for index in range(passes):
-        stack = _equations(state, B_T_C, tracks, sigma, plane)
+        stack, left = _equations(state, B_T_C, tracks, sigma, plane), min(left, doubt(state))
         if len(stack.dof) < _FEWEST_FOUND * len(tracks):
             break
         stack = dataclasses.replace(stack, residual=stack.residual + stack.jacobian @ moved[MOTION : state.clones_end])
@@ -174,7 +174,7 @@ def use_tracks(
         if index:
             state.go_back(before)
         nis = result.nis_per_dof if index else state.nis(jacobian, residual, math.sqrt(variance)) / len(residual)
-        bend = _BENT * doubt * float(np.median(good.parallax)) / sigma
+        bend = _BENT * left * float(np.median(good.parallax)) / sigma
         # All tracks bend alike, as it is one velocity that is wrong: many are no better than one.
         noise = max(variance, inflation) + len(good.dof) * bend * bend
         step, moved = -moved, state.update(jacobian, residual, math.sqrt(noise))

@@ -364,6 +364,18 @@ def test_sightings_that_agree_tell_little_relief() -> None:
     assert relief_of(window.state.clones, B_T_C, window.tracks) == pytest.approx(0.6 / 40, rel=0.3)
 
 
+def test_doubt_is_what_the_last_pass_has_left() -> None:
+    window, variances = Window(relief_m=5.0), list[float]()
+
+    def doubt(state: WindowFilter) -> float:
+        variances.append(float(state.cov.trace()))
+        return 0.0
+
+    use_tracks(window.state, B_T_C, window.tracks, SIGMA, None, 1.0, 3, doubt)
+    assert len(variances) == 3
+    assert max(variances[1:]) < variances[0]
+
+
 def test_state_stays_where_the_passes_lead_to_different_places() -> None:
     window = Window(relief_m=5.0, errors=30.0)
     window.state.cov *= 30.0**2

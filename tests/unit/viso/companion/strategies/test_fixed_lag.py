@@ -35,7 +35,7 @@ def fly(
 ) -> Trial:
     """Fly over flat ground, with a range finder and, unless told otherwise, a small camera.
 
-    The smoother only works where the scene is not configured as a plane; the filter takes its place else.
+    The smoother works only where the scene is not configured as a plane. Otherwise the filter takes its place.
     """
     settings: dict[str, Any] = {
         "strategy": "fixed_lag",
