@@ -133,7 +133,7 @@ def landmarks(
     until: Annotated[float | None, typer.Option(help="End after this many seconds.", metavar="S")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the last picture.", metavar="OUT.png"), Output.FILE] = None,
     frames: Annotated[
-        Path | None, typer.Option(help="Draw all, five a second, for a video.", metavar="DIR"), Output.PLACE
+        Path | None, typer.Option(help="Draw all, five per second, for a video.", metavar="DIR"), Output.PLACE
     ] = None,
     palette: Annotated[Palette, typer.Option(help="Colours of pictures; safe for all eyes.")] = Palette.SAFE,
     extent: Annotated[float, typer.Option(help="Of the world in pictures, from side to side, in m.")] = 20_000.0,

@@ -146,7 +146,7 @@ def line_sink(write: Callable[[str], None]) -> Sink:
 
 
 class Frames:
-    """Writes pictures for a video, at most five a second of the input's time.
+    """Writes pictures for a video, at most five per second of the input's time.
 
     Args:
         folder: made if it is not there.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Attitudes in double precision, one at a time and fast: 400 a second are needed, and more in virtual time.
+"""Attitudes in double precision, one at a time and fast: 400 per second are needed, and more in virtual time.
 
 A quaternion turns vectors from the body (FRD) to the earth (NED).
 """

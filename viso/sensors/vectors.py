@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vectors of three plain numbers: at 400 a second an array of numpy for each would cost too much."""
+"""Vectors of three plain numbers: at 400 per second an array of numpy for each would cost too much."""
 
 import math
 from typing import Final

@@ -25,7 +25,7 @@ from viso.web.rates import Rates
 from viso.web.runs import RUNS_KEPT, RunKey, Runs
 
 POINTS_KEPT: Final = 1200
-"""Of paths and of curves; two minutes of ten a second."""
+"""Of paths and of curves; two minutes of ten per second."""
 TEXTS_KEPT: Final = 200
 PRE_ARM: Final = ("PreArm: ", "Arm: ")
 FILTER: Final = "filter"

@@ -52,7 +52,7 @@ def count_text(findings: Sequence[Finding]) -> str:
 
 def summary_table(summary: Summary) -> Table:
     """Return what would become of the messages of external navigation."""
-    right = [Column(name, justify="right") for name in ("a second", *(outcome.value for outcome in _OUTCOMES))]
+    right = [Column(name, justify="right") for name in ("per second", *(outcome.value for outcome in _OUTCOMES))]
     table = Table("message", *right, title="What the autopilot would do")
     for name in sorted({name for name, _ in summary.outcomes}):
         counts = [str(summary.outcomes.get((name, outcome), 0)) for outcome in _OUTCOMES]

@@ -133,7 +133,7 @@ def _no_quality(evidence: Evidence) -> Iterator[Sighting]:
     "as zero; after 5 s the filter stops navigating, if nothing else gives it a velocity. It begins only while the "
     "last flow is younger than 200 ms.",
     _AIDING,
-    "Find out what stops the sensor or its link; send ten measurements a second at least.",
+    "Find out what stops the sensor or its link; send ten measurements per second at least.",
     witness=Witness.LOG,
 )
 def _gaps(evidence: Evidence) -> Iterator[Sighting]:
@@ -143,7 +143,7 @@ def _gaps(evidence: Evidence) -> Iterator[Sighting]:
         period_us = np.diff(flow.time_us)
         if np.median(period_us) > _SLOW_US and flow.has_all:
             rate = 1e6 / float(np.median(period_us))
-            yield seen(f"{rate:.1f} measurements a second", flow, np.ones(len(flow), np.bool_))
+            yield seen(f"{rate:.1f} measurements per second", flow, np.ones(len(flow), np.bool_))
             continue
         least_us = max(_UNHEALTHY_US, 3 * float(np.median(period_us)))
         gap = np.append(False, period_us > least_us) & is_in_flight(evidence, flow.time_us)

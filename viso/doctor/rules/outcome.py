@@ -260,7 +260,7 @@ def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
     "The filter would lose samples",
     "Of samples that come due in one step only the last is used, and a full buffer loses its oldest.",
     "EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
-    "Send evenly, not in bursts, and less than 50 a second.",
+    "Send evenly, not in bursts, and less than 50 per second.",
     witness=Witness.MODEL,
 )
 def _lost(evidence: Evidence) -> Iterator[Sighting]:

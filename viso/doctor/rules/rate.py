@@ -52,7 +52,7 @@ def _is_slow(evidence: Evidence) -> bool:
 @error(
     "XN4-01",
     "Too few messages",
-    "The sensor is healthy for 300 ms after a message; at less than 4 a second it is unhealthy every time one is a "
+    "The sensor is healthy for 300 ms after a message; at less than 4 per second it is unhealthy every time one is a "
     "little late, arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
     _HEALTH,
     "Send 10 to 40 messages per second.",
@@ -137,7 +137,7 @@ def _median_interval_us(track: Track) -> float:
 @note(
     "XN4-02",
     "More messages than the filter takes",
-    "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 a second is the most.",
+    "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 per second is the most.",
     _INGEST,
     "Send 30 to 50 messages per second; more only fills the link.",
 )
@@ -158,7 +158,7 @@ def _too_fast(evidence: Evidence) -> Iterator[Sighting]:
     "Samples come in pairs",
     "Samples less than 20 ms after the one before, by their corrected times, are dropped, whichever is better.",
     _INGEST,
-    "Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 a second.",
+    "Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 per second.",
 )
 def _refused(evidence: Evidence) -> Iterator[Sighting]:
     fast = any(0 < _median_interval_us(track) < _GATE_US - 500 for track in evidence.tracks)

@@ -60,7 +60,7 @@ def further(*values: object) -> object:
         further(f"kind: quality, {FLOW}", "XNF-03", "error", "quality is 0 in 512 of 512", "texture"),
         (f"kind: fail, {FLOW}, start_s: 12, end_s: 14", "XNF-04", "warning", "gap of 2.0 s from 41.960 s on", "link"),
         further(f"kind: fail, {FLOW}, start_s: 12, end_s: 18", "XNF-04", "error", "gap of 6.0 s", "link"),
-        further(f"kind: rate, {FLOW}, rate_hz: 4", "XNF-04", "error", "4.2 measurements a second", "ten"),
+        further(f"kind: rate, {FLOW}, rate_hz: 4", "XNF-04", "error", "4.2 measurements per second", "ten"),
         (f"kind: scale, {FLOW}, factor: 1.7", "XNF-05", "error", "about x is 1.70 times", "FLOW_FXSCALER -411"),
         further(f"kind: scale, {FLOW}, factor: 1.3", "XNF-05", "warning", "about y 1.30", "FLOW_FYSCALER -228"),
         further(f"kind: scale, {FLOW}, factor: 8", "XNF-05", "error", "about x is 8.0", "no scaler goes so far"),

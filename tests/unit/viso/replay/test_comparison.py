@@ -41,7 +41,7 @@ NOTHING = ReplayOutcome({}, (), {}, {}, ())
 
 
 def stream(*qualities: int, start_us: int = 3_000_000) -> Stream:
-    """Return a stream of poses with these qualities, 30 a second."""
+    """Return a stream of poses with these qualities, 30 per second."""
     times_us = range(start_us, start_us + PERIOD_US * len(qualities), PERIOD_US)
     camera = Codec(1, 197)
     messages = (

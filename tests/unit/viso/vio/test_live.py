@@ -155,7 +155,7 @@ def test_recording_becomes_odometry_at_its_rate(monkeypatch: pytest.MonkeyPatch,
     rig.live.run(never)
     sent = rig.odometry()
     assert rig.log.frames[-1].state is not VioState.INIT
-    assert 20 <= len(sent) <= 34  # from about 0.6 s on, 20 a second
+    assert 20 <= len(sent) <= 34  # from about 0.6 s on, 20 per second
     assert all(later[0] - earlier[0] < 0.07 for earlier, later in itertools.pairwise(sent))
     assert max(abs(message.x) + abs(message.y) + abs(message.z) for _, message in sent) < 0.02
     assert {message.quality > 0 for _, message in sent} == {True}
@@ -294,7 +294,7 @@ def test_recording_that_breaks_raises(monkeypatch: pytest.MonkeyPatch, film: Rec
         rig.live.run(never)
 
 
-# A camera, for which the video stands in: it gives a picture whenever it is asked, about 20 a second here
+# A camera, for which the video stands in: it gives a picture whenever it is asked, about 20 per second here
 
 
 def at_rest(now_ns: int) -> RAW_IMU:

@@ -129,7 +129,7 @@ def test_odometry_begins_with_the_second_frame_and_its_latency() -> None:
     lonely = Lonely().run(900)
     assert [update.health.state for update in lonely.updates] == [VioState.INIT, VioState.INIT, VioState.TRACKING]
     kinds = Counter(type(message).__name__ for message in lonely.sent)
-    assert kinds["ODOMETRY"] == 5  # from 0.7 s on, 20 a second
+    assert kinds["ODOMETRY"] == 5  # from 0.7 s on, 20 per second
 
 
 @pytest.mark.slow
