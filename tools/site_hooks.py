@@ -3,7 +3,7 @@
 """What the site has besides docs/, links as they have to be there, and our docstrings; mkdocs calls all of this.
 
 Pages link as a reader of the repository needs it. The site has the pages of docs/ and three of the root, all in one
-folder. A link to anything else of the repository becomes its text.
+folder. A link to anything else of the repository becomes its text and the path.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         path = posixpath.normpath(posixpath.join(folder, target))
         page_or_file = path.removeprefix("docs/")
         is_elsewhere = files.get_file_from_path(page_or_file) is None and (ROOT / path).exists()
-        return text if is_elsewhere else f"[{text}]({page_or_file}{anchor})"
+        named = text if path in text else f"{text} (`{path}`)"
+        return named if is_elsewhere else f"[{text}]({page_or_file}{anchor})"
 
     return _PICTURE.sub(r"![\3](\2#only-light)![\3](\1#only-dark)", _LINK.sub(linked, markdown))
 
