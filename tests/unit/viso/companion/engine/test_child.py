@@ -60,10 +60,16 @@ def shared_memory() -> list[str]:
     return sorted(name for name in os.listdir("/dev/shm") if not name.startswith("sem.mp-"))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forgotten_elsewhere() -> None:
+    """Close what tests of other modules have forgotten, and then let only what is new be collected."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
     """Yield a rig, and see that nothing is left in the end."""
-    gc.collect()  # of what other tests have forgotten
     before, memory = descriptors(), shared_memory()
     rig = Rig(tmp_path)
     yield rig
