@@ -33,7 +33,7 @@ NOT_HERE = {
 }
 # What ends with exit code 1, as its page says, and why.
 ENDS_WITH_1 = {
-    r"doctor (mystream\.tlog|.*/t265\.jsonl\.gz)": "an error is found",
+    r"doctor (mystream\.(tlog|jsonl)|.*/t265\.jsonl\.gz)": "an error is found",
 }
 # What runs until Ctrl-C, and what it says once others may begin.
 UNTIL_CTRL_C = {
