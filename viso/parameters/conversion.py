@@ -27,8 +27,8 @@ def same_value(value: float) -> float:
     return value
 
 
-def metres_of_centimetres(value: float) -> float:
-    """Return the value in metres, of one in centimetres."""
+def hundredth(value: float) -> float:
+    """Return a hundredth of the value: metres of centimetres, degrees of centidegrees."""
     return 0.01 * value
 
 

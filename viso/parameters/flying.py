@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from ap_core.param_info import ParamInfo, ParamType
-from viso.parameters.conversion import Rename, Renames, metres_of_centimetres
+from viso.parameters.conversion import Rename, Renames, hundredth
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 
 AFTER_INS: Final = "INS"
@@ -106,7 +106,7 @@ def _parameters(early: Iterable[_Row], late: Iterable[_Row]) -> FlyingParameters
 
 
 def _renames(rows: Iterable[_Row]) -> Renames:
-    return {row.name: Rename(row.later, metres_of_centimetres) for row in rows}
+    return {row.name: Rename(row.later, hundredth) for row in rows}
 
 
 REFERENCE: Final = _parameters((*_FIRST_MOVED, *_THEN_MOVED), ())

@@ -14,7 +14,7 @@ import numpy as np
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 from viso.parameters import copter, flying, sensors
-from viso.parameters.conversion import Rename, Renames, metres_of_centimetres, skip_instead_of_check
+from viso.parameters.conversion import Rename, Renames, hundredth, skip_instead_of_check
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.parameters.flying import FlyingParameters
@@ -202,7 +202,7 @@ _FLIGHTS: Final = (
 def _renamed_ranges() -> Iterator[tuple[str, Rename]]:
     for number in range(1, sensors.RANGE_FINDERS + 1):
         for name in ("MIN", "MAX"):
-            yield f"RNGFND{number}_{name}_CM", Rename(f"RNGFND{number}_{name}", metres_of_centimetres)
+            yield f"RNGFND{number}_{name}_CM", Rename(f"RNGFND{number}_{name}", hundredth)
 
 
 def _renamed_streams() -> Iterator[tuple[str, Rename]]:
