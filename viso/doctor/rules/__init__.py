@@ -49,7 +49,7 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType(
         "XN6": "Resets and quality",
         "XN7": "Parameters",
         "XN8": "Alignment",
-        "XN9": "What the filter makes of it, the model's and the vehicle's own",
+        "XN9": "The filter: the model's, and the vehicle's own",
         "XNF": "Optical flow",
         "XNR": "Range finders",
     }

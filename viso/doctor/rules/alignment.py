@@ -29,10 +29,11 @@ _NEVER_US: Final = 1 << 62
 
 @note(
     "XN8-01",
-    "The camera's frame is turned to north",
-    "Once the AHRS has settled, types 2 and 3 turn the camera's frame so that its yaw agrees, and say so.",
+    "The camera's frame is rotated to north",
+    "Once the AHRS has settled, types 2 and 3 rotate the camera's frame so that its yaw agrees, and report it in a "
+    "text.",
     _ALIGN,
-    "Nothing, if the shift is what you expect: by how much the camera's frame is turned.",
+    "Nothing, if the shift is the angle that you expect between the camera's frame and north.",
 )
 def _shifted(evidence: Evidence) -> Iterator[Sighting]:
     for time_us, _, text in evidence.texts:
@@ -82,11 +83,11 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
 
 @error(
     "XN8-04",
-    "The stream's frame is turned",
-    "Type 1 aligns nothing: with yaw from a compass positions and velocities point another way than the vehicle "
-    "does, and so do those of a GPS with yaw from the stream: it circles instead of holding its place.",
+    "The stream's frame is rotated",
+    "Type 1 aligns nothing. With yaw from a compass, the stream's positions and velocities point another way than the "
+    "vehicle; with yaw from the stream, those of a GPS do. The vehicle circles instead of holding its position.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
-    "Turn the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
+    "Rotate the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
     witness=Witness.LOG,
 )
 def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
@@ -128,8 +129,8 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
 @error(
     "XN8-05",
     "Roll and pitch differ from the vehicle's",
-    "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but "
-    "the velocity of ODOMETRY is turned by a wrong attitude.",
+    "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but the "
+    "velocity of ODOMETRY is rotated by a wrong attitude.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
     "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the camera's.",
     witness=Witness.LOG,

@@ -38,8 +38,8 @@ def _is_ros(compared: Comparison) -> bool:
 @error(
     "XN2-02",
     "Attitude in ROS axes",
-    "Attitude is taken as that of a body FRD in a world whose z is down; with ROS axes (FLU in ENU) pitch and yaw "
-    "are the other way round.",
+    "The autopilot expects the attitude of an FRD body in a world with z down. With ROS axes (FLU in ENU), pitch and "
+    "yaw turn the wrong way.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
     "MAVROS does it for you.",
@@ -57,9 +57,9 @@ def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN2-06",
     "Attitude of the camera, not of the vehicle",
-    "Type 1 takes the attitude for the vehicle's; types 2 and 3 turn it by VISO_ORIENT.",
+    "Type 1 uses the attitude as the vehicle's; types 2 and 3 rotate it by VISO_ORIENT.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
-    "Set VISO_ORIENT, or turn the attitude in the sender.",
+    "Set VISO_ORIENT, or rotate the attitude in the sender.",
     witness=Witness.LOG,
 )
 def _mounting(evidence: Evidence) -> Iterator[Sighting]:
@@ -92,9 +92,9 @@ def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
 @error(
     "XN2-07",
     "The stream's world is not z down",
-    "Attitudes and positions are taken for such of a world with z down.",
+    "The autopilot expects attitudes and positions in a world with z down.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-    "Turn positions and attitude into a world with x forward or north, y right or east, z down.",
+    "Convert positions and attitude to a world with x forward or north, y right or east, z down.",
     witness=Witness.LOG,
 )
 def _world_up(evidence: Evidence) -> Iterator[Sighting]:
@@ -113,7 +113,7 @@ def _world_up(evidence: Evidence) -> Iterator[Sighting]:
     "Height upside down",
     "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
-    "Send -z, and with it the other axes and the attitude of a world with z down.",
+    "Send -z, and also convert the other axes and the attitude to a world with z down.",
     witness=Witness.LOG,
 )
 def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
@@ -135,10 +135,10 @@ def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN2-09",
     "Positions in other axes than the vehicle's path",
-    "Positions are taken as north, east, down, or as turned to that by the yaw of the attitude. With others the "
-    "vehicle flies the wrong way to correct itself.",
+    "The autopilot uses positions as north, east, down, or rotates them to that by the yaw of the attitude. With other "
+    "axes the vehicle flies the wrong way to correct itself.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-    "Change the axes of positions, and those of velocities with them, to the world of the attitude with z down.",
+    "Convert positions and velocities to the world of the attitude, with z down.",
     witness=Witness.LOG,
 )
 def _path_axes(evidence: Evidence) -> Iterator[Sighting]:
@@ -157,8 +157,8 @@ def _path_axes(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN2-10",
     "Quaternion in another order",
-    "q is w, x, y, z. Read so, a level vehicle whose numbers are x, y, z, w is tilted by as much as it is turned, "
-    "and the velocity of ODOMETRY is turned by that.",
+    "The order of q is w, x, y, z. If the numbers are x, y, z, w, a level vehicle seems tilted by as much as its yaw, "
+    "and the velocity of ODOMETRY is rotated by that.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Put w first: ROS, TUM's files, Eigen's coeffs() and scipy have it last.",
 )
@@ -188,7 +188,7 @@ def _misordered(evidence: Evidence) -> Iterator[Sighting]:
     "descent, and climbs on to correct it.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
     "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them. If "
-    "the vehicle really went below where it began, nothing.",
+    "the vehicle really flew below its start, do nothing.",
 )
 def _sinks(evidence: Evidence) -> Iterator[Sighting]:
     """Find what begins at rest, goes down and never up, where nothing else tells the vehicle's height or attitude."""

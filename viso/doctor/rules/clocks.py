@@ -30,10 +30,10 @@ _UNITS: Final = (
 @error(
     "XN3-01",
     "Stamps do not advance",
-    "The corrector ties the stamp to the time of arrival and lets it lag by 500 ms at most: after half a second "
+    "The corrector compares stamps with times of arrival, and allows a lag of at most 500 ms. After half a second "
     "every sample counts as 500 ms old.",
     CORRECTION,
-    "Put the time of the measurement in us into usec or time_usec, of a clock that runs steadily; its epoch does "
+    "Put the time of the measurement, in us, into usec or time_usec. Use a clock that runs steadily; its epoch does "
     "not matter.",
 )
 def _constant(evidence: Evidence) -> Iterator[Sighting]:
@@ -55,10 +55,10 @@ def _constant(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN3-02",
     "Stamps are not in microseconds",
-    "Only differences of stamps count, and they are taken for us: stamps that advance too slowly end up 500 ms "
-    "old, stamps that advance too fast lose all meaning and count as the time of arrival.",
+    "Only differences of stamps count, and they are read as us. With stamps that advance too slowly, samples count as "
+    "500 ms old. With stamps that advance too fast, each sample counts as measured on arrival.",
     CORRECTION,
-    "The field is in us.",
+    "Send the stamp in us.",
 )
 def _wrong_unit(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.tracks:
@@ -96,8 +96,8 @@ def _wrong_unit_of_file(track: Track, advance_us: int, factor: float) -> Sightin
 @warning(
     "XN3-03",
     "Stamps step back",
-    "Samples behind the step count as older than they are, by the step but 500 ms at most, until a window of 100 "
-    "samples has passed that lies wholly behind it.",
+    "Samples after the step count as older than they are, by the step but at most 500 ms. This ends with the first "
+    "window of 100 samples that lies wholly after the step.",
     CORRECTION,
     "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
 )
@@ -118,8 +118,8 @@ def _steps_back(evidence: Evidence) -> Iterator[Sighting]:
 
 @note(
     "XN3-04",
-    "Stamps leap ahead",
-    "The corrector follows at once: the first message behind the leap counts as just measured, and all later ones "
+    "Stamps jump ahead",
+    "The corrector follows at once: the first message after the jump counts as just measured, and all later ones "
     "relative to it.",
     CORRECTION,
     "Stamp with a monotonic clock, not with one that NTP or GPS sets.",
@@ -133,7 +133,7 @@ def _steps_forward(evidence: Evidence) -> Iterator[Sighting]:
         if len(ahead):
             by = float((least[:-1] - lag[1:])[ahead].max())
             first = at(track.arrival_us[ahead[0] + 1])
-            yield of_some(f"{track.sender}: stamps leap ahead by {by:.0f} ms at {first}", track, ahead + 1)
+            yield of_some(f"{track.sender}: stamps jump ahead by {by:.0f} ms at {first}", track, ahead + 1)
 
 
 @warning(
@@ -142,7 +142,8 @@ def _steps_forward(evidence: Evidence) -> Iterator[Sighting]:
     "A fast clock is followed at once, a slow one only every 100 samples; until then samples count as older than "
     "they are.",
     CORRECTION,
-    "A quartz is good to 0.01 %: look how the stamps are made, for instance from a frame count and a nominal rate.",
+    "A quartz clock is accurate to 0.01 %. Check how the stamps are made: perhaps from a frame count and a nominal "
+    "rate.",
     needs=frozenset({Aspect.ARRIVAL}),
 )
 def _drift(evidence: Evidence) -> Iterator[Sighting]:
@@ -178,12 +179,12 @@ def _two_clocks(evidence: Evidence) -> Iterator[Sighting]:
 
 @error(
     "XN3-12",
-    "The sender's clock runs otherwise than the autopilot's",
+    "The sender's clock runs at another rate than the autopilot's",
     "Only differences of stamps count. A fast clock is followed at once: each sample counts as just measured, whatever "
-    "its stamp. A slow one makes samples older and older, by up to 500 ms, until 100 have come, and then again.",
+    "its stamp. With a slow clock samples count as older and older, by up to 500 ms. This starts again after each 100 "
+    "samples.",
     CORRECTION,
-    "Stamp with a clock that runs as the autopilot's does, in us, and is never set: a monotonic one, read when the "
-    "measurement is made.",
+    "Stamp in us, with a monotonic clock that is read when the measurement is made.",
     needs=frozenset({Aspect.ARRIVAL}),
 )
 def _other_rate(evidence: Evidence) -> Iterator[Sighting]:

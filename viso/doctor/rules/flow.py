@@ -67,8 +67,8 @@ def _asking(evidence: Evidence) -> list[int]:
     "The filter waits for flow, and does not start to navigate by it; with FLOW_TYPE 0 arming is refused, EK3 sources "
     "require OpticalFlow.",
     _AIDING,
-    "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and EK3_FLOW_USE 1, reboot, and look "
-    "why it says nothing; or set EK3_SRCn_VELXY to what there is.",
+    "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and EK3_FLOW_USE 1, reboot, and find "
+    "out why it sends nothing; or set EK3_SRCn_VELXY to a sensor that the vehicle has.",
     witness=Witness.LOG,
 )
 def _not_there(evidence: Evidence) -> Iterator[Sighting]:
@@ -89,9 +89,9 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
 
 @warning(
     "XNF-02",
-    "Optical flow that nobody takes",
-    "OPTICAL_FLOW reaches a driver with FLOW_TYPE 5 alone; the filter then fuses it with a source that asks for it, or "
-    "takes it for the height of the ground with EK3_FLOW_USE 2.",
+    "Optical flow that nothing uses",
+    "OPTICAL_FLOW reaches a driver only with FLOW_TYPE 5. The filter then fuses it if a source asks for it, or uses it "
+    "for the height of the ground with EK3_FLOW_USE 2.",
     "AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
     "Set FLOW_TYPE 5 for flow over MAVLink and reboot, and EK3_SRCn_VELXY 5 to navigate by it.",
     witness=Witness.LOG,
@@ -191,7 +191,7 @@ def _scaler(evidence: Evidence, fit: FlowFit) -> str:
 @error(
     "XNF-05",
     "Optical flow of another scale",
-    "The filter takes flow for rad/s; velocities by it are wrong by the same factor, and what turning leaves in the "
+    "The filter reads flow as rad/s. Velocities from it are wrong by the same factor, and what rotation leaves in the "
     "flow looks like motion.",
     _FUSE,
     "Set FLOW_FXSCALER and FLOW_FYSCALER, in thousandths.",
@@ -216,10 +216,10 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XNF-06",
     "Axes of the flow sensor mixed up",
-    "The flow is turned by FLOW_ORIENT_YAW, and nothing mirrors it: with wrong axes the vehicle's own turning is taken "
-    "for motion, and it runs away.",
+    "The flow is rotated by FLOW_ORIENT_YAW, and nothing mirrors it. With wrong axes the vehicle's own rotation counts "
+    "as motion, and it runs away.",
     "AP_OpticalFlow_Backend.cpp, OpticalFlow_backend::_applyYaw",
-    "Set FLOW_ORIENT_YAW to how the sensor is mounted; what is mirrored must be put right where it is sent.",
+    "Set FLOW_ORIENT_YAW to how the sensor is mounted; correct mirrored axes in the sender.",
     witness=Witness.LOG,
 )
 def _axes(evidence: Evidence) -> Iterator[Sighting]:
@@ -243,8 +243,8 @@ def _axes(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XNF-07",
     "EK3_FLOW_DELAY does not fit",
-    "The filter takes flow to be of EK3_FLOW_DELAY and 50 ms before it came, for an average over 100 ms. What is later "
-    "is held against the motion of another moment: turning looks like velocity.",
+    "The filter dates flow EK3_FLOW_DELAY and 50 ms before its arrival, as an average over 100 ms. Later flow is "
+    "compared with the motion of another moment: rotation looks like velocity.",
     _WRITE,
     "Set EK3_FLOW_DELAY, at most 127 ms, and reboot.",
     witness=Witness.LOG,
@@ -270,8 +270,8 @@ def _delay(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XNF-08",
     "The flow sensor's own gyro disagrees",
-    "The filter takes the sensor's body rates off its flow, and learns their bias against its own gyro: rates in other "
-    "axes leave the turning in the flow.",
+    "The filter subtracts the sensor's body rates from its flow, and learns their bias against its own gyro. Rates in "
+    "other axes leave the rotation in the flow.",
     _WRITE,
     "Look at how the sensor is mounted, and at the driver's axes.",
     witness=Witness.LOG,
@@ -301,8 +301,8 @@ def _gyro(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XNF-09",
     "FLOW_TYPE 5 multiplies flow by its period",
-    "Of OPTICAL_FLOW it reads flow_x and flow_y alone, whole numbers, and multiplies their mean by the time since the "
-    "last flow: it takes rad/s divided by the period, and neither tenths of a pixel nor flow_rate_x.",
+    "It reads only flow_x and flow_y of OPTICAL_FLOW, which are integers, and multiplies their mean by the time since "
+    "the last flow. So it expects rad/s divided by the period, not tenths of a pixel, and does not use flow_rate_x.",
     _MAV_DRIVER,
     "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s. Send them often and "
     "evenly: a step of one is as many rad/s as the period has seconds.",
@@ -327,8 +327,8 @@ def _period(evidence: Evidence) -> Iterator[Sighting]:
 
 @warning(
     "XNF-10",
-    "Flow faster than the filter takes",
-    "Flow of 4.2 rad/s and more is dropped, and what is above EK3_MAX_FLOW is not fused; Copter's controllers keep the "
+    "Flow faster than the filter accepts",
+    "Flow of 4.2 rad/s and more is dropped, and flow above EK3_MAX_FLOW is not fused. Copter's controllers keep the "
     "speed below that for the height that they know.",
     _FUSE,
     "Fly slower or higher, or set EK3_MAX_FLOW to what the sensor can.",
@@ -348,7 +348,7 @@ def _fast(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XNF-11",
     "Flow stands still while the vehicle moves",
-    "A driver that repeats itself is believed: the filter fuses what it says as a velocity.",
+    "Nothing detects repeated values: the filter fuses them as a velocity.",
     _FUSE,
     "Restart the sensor, and look at its program and link.",
     witness=Witness.LOG,
@@ -376,7 +376,7 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
     "XNF-12",
     "Flow without a distance to the ground",
     "Flow is an angle: velocity is flow times height above the ground. Without a good range the filter does not know "
-    "where the ground is; by flow alone it then tells no horizontal position, and arming for a mode that needs one is "
+    "where the ground is; with flow alone it then has no horizontal position, and arming for a mode that needs one is "
     "refused.",
     _TERRAIN,
     "Fit a range finder that looks down (RNGFND1_TYPE, RNGFND1_ORIENT 25), whose minimum is below its height on the "
@@ -427,7 +427,7 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
 @note(
     "XNF-14",
     "Flow that cannot be judged",
-    "What is not found here is not thereby fine.",
+    "No finding here does not mean that the sensor is good.",
     _FUSE,
     "Record a flight, or turn the vehicle by hand about roll and pitch over textured ground, with ATTITUDE or IMU "
     "records in the recording; bit 11 of LOG_BITMASK logs flow, bit 4 ranges.",

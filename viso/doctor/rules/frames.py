@@ -77,9 +77,9 @@ def _name(frame: int) -> str:
 
 @error(
     "XN2-01",
-    "ODOMETRY in frames that are not taken",
-    "Only frame_id 20 (LOCAL_FRD) with child_frame_id 12 (BODY_FRD) is taken. Anything else is dropped: no log, no "
-    "sign of life, no text.",
+    "ODOMETRY in frames that the autopilot drops",
+    "Only frame_id 20 (LOCAL_FRD) with child_frame_id 12 (BODY_FRD) is accepted. Any other is dropped: it is not "
+    "logged, does not count for health, and no text reports it.",
     ODOMETRY_FRAMES.rule.source,
     "Set frame_id 20 and child_frame_id 12, with data to match.",
     needs=frozenset({Aspect.LINK}),
@@ -194,8 +194,8 @@ def _mixed_as(code: str, evidence: Evidence) -> Iterator[Sighting]:
 _velocity_frame = error(
     "XN2-03",
     "Velocity in the wrong frame",
-    "The velocity of ODOMETRY is in the body frame and is turned by q; that of VISION_SPEED_ESTIMATE is in the "
-    "frame of the positions and is taken as it is.",
+    "The velocity of ODOMETRY is in the body frame, and the autopilot rotates it by q. That of VISION_SPEED_ESTIMATE "
+    "is in the frame of the positions, and is used unchanged.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_vision_speed_estimate",
     "Send the velocity in the frame that the message asks for.",
 )(partial(_mixed_as, "XN2-03"))
@@ -204,7 +204,7 @@ _velocity_frame = error(
 _velocity_axes = error(
     "XN2-04",
     "Axes of path and velocities mixed up",
-    "Both are taken as x forward or north, y right or east, z down. The filter gets two measurements that "
+    "The autopilot expects x forward or north, y right or east, z down in both. The filter gets two measurements that "
     "contradict each other.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Apply the same change of axes to positions, velocities and attitude.",
@@ -213,10 +213,10 @@ _velocity_axes = error(
 
 _velocity_heading = warning(
     "XN2-05",
-    "Attitude turned against the path",
-    "The attitude's yaw turns the velocity of ODOMETRY, and is the vehicle's heading with EK3_SRC1_YAW 6: flown "
-    "paths bend, and at more than some 30 degrees the vehicle circles.",
+    "Attitude rotated against the path",
+    "The yaw of the attitude rotates the velocity of ODOMETRY. With EK3_SRC1_YAW 6 it is the vehicle's heading. Flown "
+    "paths bend; beyond about 30 degrees the vehicle circles.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-    "Attitude and position must be of one frame: look for a yaw that is set or aligned for one of them only, or "
-    "for a camera that points another way than the attitude says.",
+    "Use one frame for attitude and position. Look for a yaw that is set or aligned in only one of them, or for a "
+    "camera that does not point where the attitude says.",
 )(partial(_mixed_as, "XN2-05"))

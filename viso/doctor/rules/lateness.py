@@ -29,9 +29,9 @@ _BURST_SIZE: Final = 3
 
 @warning(
     "XN3-10",
-    "Messages come later than they did",
-    "What was in time for the corrector's window of 100 samples now counts as older, by as much as the step, for "
-    "up to 200 samples; then the new lag is taken for none.",
+    "Messages come later than before",
+    "What was in time for the corrector's window of 100 samples now counts as older, by as much as the step, for up to "
+    "200 samples; then the new lag counts as none.",
     CORRECTION,
     "Stamp with a monotonic clock; look for a queue that fills up between camera and autopilot.",
     needs=frozenset({Aspect.ARRIVAL}),
@@ -71,11 +71,11 @@ def _horizon_ms(evidence: Evidence) -> float:
 @warning(
     "XN3-06",
     "Messages come late",
-    "The filter keeps little more than its horizon of inertial data: a sample from before that is not dropped but "
-    "counts as just that old, and pulls the estimate back in time.",
+    "The filter keeps inertial data for little more than its horizon. An older sample is not dropped: it counts as "
+    "just as old as these data, and pulls the estimate back in time.",
     "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
-    "Send each message as soon as it is made, from a thread of its own; raise the baud rate. If all are late by "
-    "the same time, raise VISO_DELAY_MS, which lengthens the horizon at the next boot.",
+    "Send each message as soon as it is made, from its own thread; raise the baud rate. If all are late by the same "
+    "time, raise VISO_DELAY_MS, which lengthens the horizon at the next boot.",
     needs=frozenset({Aspect.ARRIVAL}),
 )
 def _late(evidence: Evidence) -> Iterator[Sighting]:
@@ -96,10 +96,10 @@ def _late(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN3-07",
     "Messages come more than half a second late",
-    "The corrector lets a sample lag by 500 ms at most: these count as younger than they are, and shift the time "
-    "of the next ones.",
+    "The corrector allows a lag of at most 500 ms. These samples count as younger than they are, and shift the time of "
+    "the next ones.",
     CORRECTION,
-    "Drop measurements that have waited too long; do not send what has piled up.",
+    "Drop measurements that have waited too long; do not send a backlog.",
     needs=frozenset({Aspect.ARRIVAL}),
 )
 def _beyond_limit(evidence: Evidence) -> Iterator[Sighting]:
@@ -113,8 +113,8 @@ def _beyond_limit(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN3-08",
     "Messages come in bursts",
-    "Each keeps the time of its stamp, but of those that come due in one step of the filter only the last is used, "
-    "and its buffer holds some five.",
+    "Each sample keeps the time of its stamp. Of those that fall due in one step of the filter only the last is used, "
+    "and the buffer holds about five.",
     "EKF_Buffer.cpp, ekf_ring_buffer::recall",
     "Flush the port after each message; look for buffering in a bridge, a USB adapter or a Wi-Fi link.",
     needs=frozenset({Aspect.ARRIVAL}),
@@ -142,7 +142,7 @@ def _bursts(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN3-11",
     "VISO_DELAY_MS does not fit",
-    "The filter takes samples for younger or older than they are: in motion it pulls the estimate back or ahead.",
+    "The filter treats samples as younger or older than they are. In motion that pulls the estimate back or ahead.",
     "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
     "Set VISO_DELAY_MS to the measured delay.",
     needs=frozenset({Aspect.ARRIVAL}),

@@ -68,10 +68,11 @@ def _takes(evidence: Evidence, *names: str) -> Severity | None:
     "XN8-10",
     "The yaw does not follow the vehicle's",
     "With EK3_SRC1_YAW 6 it is the heading, or is rejected by EK3_YAW_I_GATE until the filter resets to it; else "
-    "positions and velocities of a frame that turns are taken for such of one that does not.",
+    "positions and velocities of a frame that turns are used as if it were fixed.",
     _YAW,
     "Look for a source that loses its heading: too few features, a gyro with a bias, an attitude taken from another "
-    "frame than the positions. Until it is cured take the heading from a compass (EK3_SRC1_YAW 1) and no positions.",
+    "frame than the positions. Until that is mended, take the heading from a compass (EK3_SRC1_YAW 1), and use no "
+    "positions.",
     witness=Witness.LOG,
 )
 def _yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
@@ -118,10 +119,10 @@ def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) 
 @error(
     "XN8-11",
     "Positions do not move with the vehicle",
-    "They are fused for as long as they pass EK3_POS_I_GATE, and the estimate goes where they go; when they do not "
-    "pass, position times out after 7 s, and the filter resets to them.",
+    "They are fused while they pass EK3_POS_I_GATE, and the estimate follows them. When they do not pass, position "
+    "times out after 7 s, and the filter resets to them.",
     _FUSE,
-    "Do not fly by this source: look whether it tracks at all, and whether what is sent is its newest estimate.",
+    "Do not fly with this source. Check that it tracks at all, and that the sender sends its newest estimate.",
     witness=Witness.LOG,
 )
 def _unrelated(evidence: Evidence) -> Iterator[Sighting]:
@@ -139,7 +140,8 @@ def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
 @error(
     "XN8-12",
     "Positions move while the vehicle stands",
-    "The estimate follows as far as the gate lets it; a vehicle that holds its place flies after it.",
+    "The estimate follows them as far as the gate allows, and a vehicle that holds its position flies after the "
+    "estimate.",
     _FUSE,
     "Look for a source that has lost its track and goes on by inertial data alone, or sees something else move.",
     witness=Witness.LOG,
@@ -240,8 +242,8 @@ def _length(way: Way, inside: Ints) -> float:
 @error(
     "XN8-14",
     "Velocities do not fit the vehicle's",
-    "They are fused for as long as they pass EK3_VEL_I_GATE, and pull the estimate along; rejected ones do not time "
-    "out while positions pass.",
+    "They are fused while they pass EK3_VEL_I_GATE, and pull the estimate along; rejected ones do not time out while "
+    "positions pass.",
     _FUSE,
     "Set EK3_SRC1_VELXY and VELZ to 0 until the source's velocity is right: look at its frame, its unit and its time.",
     witness=Witness.LOG,

@@ -36,9 +36,9 @@ _BRAKES_AT_MOST: Final = 20.0  # m/s^2
 @error(
     "XN5-01",
     "NaN in the position",
-    "The EKF ignores the whole sample, its yaw included; health and the log count it all the same.",
+    "The EKF ignores the whole sample, its yaw included; health and the log still count it.",
     _INGEST,
-    "Do not send poses that are not known; or send ODOMETRY with quality -1 and the last good pose.",
+    "Do not send unknown poses; or send ODOMETRY with quality -1 and the last good pose.",
 )
 def _nan_position(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
@@ -48,7 +48,7 @@ def _nan_position(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-02",
     "NaN in the attitude",
-    "The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, for it is turned by q.",
+    "The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, because q rotates it.",
     _INGEST,
     "Send the attitude that belongs to the position.",
 )
@@ -72,9 +72,9 @@ def _nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-04",
     "Infinite numbers",
-    "Nothing at the EKF's door tests for infinity; what a filter makes of it cannot be foretold.",
+    "The EKF does not check for infinity. The effect on the filter is not predictable.",
     _INGEST,
-    "Do not send what was divided by zero.",
+    "Look for a division by zero in the sender.",
 )
 def _infinite(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
@@ -89,8 +89,8 @@ def _infinite(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-05",
     "Quaternion not of length one",
-    "It is not normalised: angles come out wrong, and the velocity of an ODOMETRY changes in size and direction. "
-    "With all zeros the velocity is not turned at all.",
+    "The autopilot does not normalise it: angles are wrong, and the velocity of an ODOMETRY changes in size and "
+    "direction. With all zeros the velocity is not rotated at all.",
     "AP_Math/quaternion.cpp, Quaternion::operator*",
     "Normalise q; its order is w, x, y, z, while ROS has x, y, z, w.",
 )
@@ -107,7 +107,7 @@ def _norm(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-06",
     "Angles look like degrees",
-    "Roll, pitch and yaw are taken for rad: the attitude is meaningless.",
+    "Roll, pitch and yaw are read as rad: the attitude is meaningless.",
     _DECODE,
     "Convert to rad.",
 )
@@ -144,9 +144,9 @@ def _is_given(evidence: Evidence, poses: Poses) -> Bools:
 @note(
     "XN5-08",
     "No covariance",
-    "Without one the errors count as 0 and are raised to the floors, always.",
+    "Without a covariance the errors count as 0, and are always raised to the floors.",
     _CLAMP,
-    "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for.",
+    "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to the accuracy of the source.",
 )
 def _no_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:
@@ -159,10 +159,10 @@ def _no_covariance(evidence: Evidence) -> Iterator[Sighting]:
 @note(
     "XN5-09",
     "Noise floors hide the covariance",
-    "Of the variances the firmware makes one error, and raises it to the floor. Up to October 2025 it takes the "
-    "cube root of the sum of their squares, which is not a standard deviation and smaller for small errors.",
+    "The firmware makes one error of the variances, and raises it to the floor. Up to October 2025 the error is the "
+    "cube root of the sum of their squares. That is no standard deviation, and is smaller for small errors.",
     _CLAMP,
-    "If the source's figures are to count, lower the floor; mind the cube root.",
+    "To use the source's figures, lower the floor, and mind the cube root.",
     needs=frozenset({Aspect.COVARIANCE}),
 )
 def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
@@ -189,8 +189,8 @@ def _hidden_by_floor(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-10",
     "NaN inside the covariance",
-    "Only a first element of NaN means that there is none. Elsewhere it makes an error of half the limit (50.1 m, "
-    "0.85 rad) and the internal error 0x400: arming is refused until reboot.",
+    "Only NaN in the first element means that there is no covariance. Elsewhere NaN makes an error of half the limit "
+    "(50.1 m, 0.85 rad) and the internal error 0x400: arming is refused until reboot.",
     "AP_Math.cpp, constrain_value_line",
     "Set the first element to NaN, or all to 0.",
     needs=frozenset({Aspect.COVARIANCE}),
@@ -207,9 +207,9 @@ def _nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN5-11",
     "Covariance so large that samples hardly count",
-    "Errors are limited to 100 m and 1.5 rad, and weigh next to nothing from 10 m on.",
+    "Errors are limited to 100 m and 1.5 rad. From 10 m on, a sample has nearly no weight.",
     _CLAMP,
-    "Look whether variances are in m^2 and rad^2.",
+    "Check that variances are in m^2 and rad^2.",
     needs=frozenset({Aspect.COVARIANCE}),
 )
 def _huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
@@ -230,7 +230,7 @@ def _huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN5-13",
     "Pose freezes in motion",
-    "The samples are taken as they are: the filter is told that the vehicle has stopped.",
+    "The samples are used unchanged: for the filter the vehicle has stopped.",
     _INGEST,
     "Do not repeat the last pose when tracking is lost: send quality -1, or nothing.",
 )

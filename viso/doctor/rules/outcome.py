@@ -174,7 +174,7 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenM
 @warning(
     "XN9-04",
     "The filter would reject samples",
-    "A sample further off than its gate allows is not used; 7 s of that without velocities, and position is reset.",
+    "A sample beyond its gate is not used. After 7 s of that without velocities, position is reset.",
     _FUSE,
     "See the findings about jumps, frames, scale and time; gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and "
     "YAW_I_GATE.",
@@ -258,7 +258,7 @@ def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
 @note(
     "XN9-05",
     "The filter would lose samples",
-    "Of samples that come due in one step only the last is used, and a full buffer loses its oldest.",
+    "Of samples that fall due in one step only the last is used, and a full buffer loses its oldest.",
     "EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
     "Send evenly, not in bursts, and less than 50 per second.",
     witness=Witness.MODEL,

@@ -35,7 +35,7 @@ _WHOLE_LIST: Final = 300
 @error(
     "XN7-01",
     "Visual odometry is off",
-    "With VISO_TYPE 0 every message is dropped, without a word.",
+    "With VISO_TYPE 0 every message is dropped without a text.",
     DISABLED.rule.source,
     "Set VISO_TYPE to 1 (MAVLink), 2 (T265) or 3 (VOXL), and reboot.",
     witness=Witness.LOG,
@@ -77,11 +77,11 @@ def _deltas(evidence: Evidence) -> bool:
 @error(
     "XN7-03",
     "A source without a message that feeds it",
-    "Without poses for EK3_SRC1_POSXY the filter does not start to aid by position; all else that never comes it goes "
-    "without.",
+    "Without poses for EK3_SRC1_POSXY the filter does not start aiding by position. It works without the other "
+    "sources.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::readyToUseExtNav",
-    "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the "
-    "source to what there is.",
+    "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the source to "
+    "a sensor that the vehicle has.",
     witness=Witness.LOG,
 )
 def _unfed(evidence: Evidence) -> Iterator[Sighting]:
@@ -151,7 +151,7 @@ def _not_active(evidence: Evidence) -> Iterator[Sighting]:
 @note(
     "XN7-06",
     "Velocities are not used",
-    "They are stored and never fused; that they exist still lengthens the time until a height is given up.",
+    "They are stored and never fused. They still lengthen the time until the filter gives up a height.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
     "Set EK3_SRC1_VELXY and VELZ to 6 if the velocities are good.",
     witness=Witness.LOG,
@@ -232,7 +232,7 @@ def _no_position(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN7-11",
     "Height from a stream without height",
-    "z is taken for the height, whatever flies.",
+    "z is used as the height in any case.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
     "Set EK3_SRC1_POSZ to 1 (barometer), and EK3_SRC1_VELZ to 0.",
     witness=Witness.LOG,
@@ -275,7 +275,7 @@ def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN7-13",
     "A parameter needs a reboot",
-    "It was read at boot: until the next one the old value acts, or part of it.",
+    "The autopilot read it at boot. Until the next boot the old value acts, wholly or in part.",
     "AP_VisualOdom.cpp, AP_VisualOdom::init; AP_NavEKF3_core.cpp, NavEKF3_core::setup_core",
     "Reboot the autopilot.",
     witness=Witness.LOG,
@@ -295,9 +295,9 @@ def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
 @note(
     "XN7-14",
     "VISO_ORIENT without effect",
-    "Type 1 passes poses on as they are; the orientation turns attitudes of types 2 and 3, and deltas.",
+    "Type 1 passes poses on unchanged; the orientation rotates attitudes of types 2 and 3, and deltas.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
-    "Turn the data in the sender, or use VISO_TYPE 2 or 3.",
+    "Rotate the data in the sender, or use VISO_TYPE 2 or 3.",
     witness=Witness.LOG,
 )
 def _no_effect(evidence: Evidence) -> Iterator[Sighting]:
@@ -308,7 +308,7 @@ def _no_effect(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN7-15",
     "A value that makes no sense",
-    "Ranges are for ground stations; the firmware takes what it is given.",
+    "Ranges are for ground stations; the firmware accepts any value.",
     "AP_VisualOdom.cpp, AP_VisualOdom::var_info",
     "Set it within its range.",
     witness=Witness.LOG,
@@ -337,7 +337,7 @@ def _out_of_range(evidence: Evidence) -> Iterator[Sighting]:
 def _assumed(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.assumed:
         values = ", ".join(f"{one.name} {one.value:g} ({one.why})" for one in evidence.assumed)
-        yield Sighting(f"nobody told these, so they were taken to be: {values}")
+        yield Sighting(f"these were not given, so defaults were assumed: {values}")
 
 
 @note(
@@ -345,7 +345,7 @@ def _assumed(evidence: Evidence) -> Iterator[Sighting]:
     "External navigation is not set up",
     "With VISO_TYPE 0 every message is dropped, and without a source that is 6 the filter uses none.",
     DISABLED.rule.source,
-    "Nothing, if none is wanted. Else set VISO_TYPE 1 and the EK3_SRC1_ parameters to 6 as far as the camera goes, "
+    "Nothing, if none is wanted. Else set VISO_TYPE 1 and the EK3_SRC1_ parameters to 6 for what the camera measures, "
     "reboot, and send ODOMETRY.",
     witness=Witness.LOG,
 )

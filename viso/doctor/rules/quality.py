@@ -24,7 +24,7 @@ def _odometry(evidence: Evidence) -> list[tuple[SeenMessage, int]]:
 @warning(
     "XN6-06",
     "Quality outside its range",
-    "The field is a signed byte: what is above 127 arrives as a negative number, and is below every VISO_QUAL_MIN.",
+    "The field is a signed byte: a value above 127 arrives as a negative number, below every VISO_QUAL_MIN.",
     _GATE,
     "Send -1 for failed, 0 for unknown, else 1 to 100.",
     needs=frozenset({Aspect.QUALITY}),
@@ -59,9 +59,10 @@ def _gate_against_none(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN6-08",
     "Samples withheld for their quality",
-    "Samples below VISO_QUAL_MIN do not reach the filter; they count for health all the same.",
+    "Samples below VISO_QUAL_MIN do not reach the filter; they still count for health.",
     _GATE,
-    "Improve the light and texture that the camera sees; or lower VISO_QUAL_MIN if the source's figures mean less.",
+    "Improve the light and texture that the camera sees; or lower VISO_QUAL_MIN if the source's figures are lower by "
+    "nature.",
     needs=frozenset({Aspect.QUALITY}),
 )
 def _gate_closed(evidence: Evidence) -> Iterator[Sighting]:
@@ -95,8 +96,8 @@ def _failed(evidence: Evidence) -> Iterator[Sighting]:
 
 @note(
     "XN6-10",
-    "Quality is never told",
-    "0 passes a VISO_QUAL_MIN of 0; the gate can do nothing with it.",
+    "Quality is never sent",
+    "0 passes a VISO_QUAL_MIN of 0; the gate has no effect.",
     _GATE,
     "Fill in quality, 1 to 100, and -1 while tracking is lost; MAVROS leaves it at 0.",
     needs=frozenset({Aspect.QUALITY}),

@@ -70,8 +70,8 @@ def _down(evidence: Evidence) -> Iterator[RangeSeries]:
 @error(
     "XNR-01",
     "A source asks for ranges that are not there",
-    "Without a fresh range the filter takes its height from the barometer, and says nothing; with no range finder set "
-    "up arming is refused, EK3 sources require RangeFinder.",
+    "Without a fresh range the filter takes its height from the barometer, without a text; with no range finder set up "
+    "arming is refused, EK3 sources require RangeFinder.",
     _HEIGHT,
     "Set RNGFND1_TYPE to the sensor that there is (10 for DISTANCE_SENSOR over MAVLink) and RNGFND1_ORIENT 25, and "
     "reboot; or set EK3_SRCn_POSZ to 1 (barometer).",
@@ -90,7 +90,7 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
 
 @warning(
     "XNR-02",
-    "Ranges that nobody takes",
+    "Ranges that nothing uses",
     "DISTANCE_SENSOR reaches a range finder with RNGFNDn_TYPE 10 whose RNGFNDn_ORIENT is the message's orientation.",
     "AP_RangeFinder_MAVLink.cpp, AP_RangeFinder_MAVLink::handle_msg",
     "Set RNGFND1_TYPE 10 and RNGFND1_ORIENT 25, reboot, and send orientation 25 (down).",
@@ -112,7 +112,7 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XNR-03",
     "The range finder does not look down",
-    "The filter takes ranges of orientation 25 (down) alone, of the first two range finders.",
+    "The filter uses only ranges of orientation 25 (down), of the first two range finders.",
     _READ,
     "Set RNGFNDn_ORIENT to 25, and send DISTANCE_SENSOR with orientation 25, if the sensor looks down.",
     witness=Witness.LOG,
@@ -140,8 +140,8 @@ def _statuses(one: RangeSeries, mask: Bools) -> str:
 @error(
     "XNR-04",
     "No good range at all",
-    "The filter takes good ranges only: between RNGFNDn_MIN and RNGFNDn_MAX, and not older than half a second. A "
-    "sensor whose minimum is above its height on the ground tells nothing before take-off.",
+    "The filter uses only good ranges: between RNGFNDn_MIN and RNGFNDn_MAX, and not older than half a second. A sensor "
+    "whose minimum is above its height on the ground gives no range before take-off.",
     _STATUS,
     "Set RNGFNDn_MIN below the sensor's height on the ground and RNGFNDn_MAX above the height flown, as far as it can "
     "measure; look at its wires and its scale (RNGFNDn_SCALING, DISTANCE_SENSOR in cm).",
@@ -209,9 +209,9 @@ def _missing(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XNR-06",
     "The range stands still while the vehicle climbs",
-    "A range that repeats itself is believed: height, or the scale of flow, is then that of another moment.",
+    "Nothing detects repeated ranges: height, or the scale of flow, is then that of another moment.",
     _READ,
-    "Restart the sensor, and look at its program and link; a sensor beneath which something hangs measures that.",
+    "Restart the sensor, and look at its program and link; a sensor measures whatever hangs beneath it.",
     witness=Witness.LOG,
 )
 def _stuck(evidence: Evidence) -> Iterator[Sighting]:
@@ -263,7 +263,7 @@ def _outliers(evidence: Evidence) -> Iterator[Sighting]:
     "Ranges of another scale than the height",
     "Height by the range finder, and velocity by flow, are wrong by the same factor.",
     _HEIGHT,
-    "Set RNGFNDn_SCALING, or send DISTANCE_SENSOR in cm; ground that is no plane looks alike.",
+    "Set RNGFNDn_SCALING, or send DISTANCE_SENSOR in cm; uneven ground looks the same.",
     witness=Witness.LOG,
 )
 def _scale(evidence: Evidence) -> Iterator[Sighting]:
@@ -296,8 +296,8 @@ def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> t
 @warning(
     "XNR-10",
     "Ranges come late",
-    "The filter takes a range to be of 25 ms before it came: one that is later tells the height of another moment "
-    "while the vehicle climbs or sinks.",
+    "The filter dates a range 25 ms before its arrival. A later one gives the height of another moment while the "
+    "vehicle climbs or sinks.",
     _READ,
     "Send each range at once; look for a filter in the sensor, or a slow link.",
     witness=Witness.LOG,
@@ -319,7 +319,7 @@ def _late(evidence: Evidence) -> Iterator[Sighting]:
 @note(
     "XNR-09",
     "Ranges that cannot be judged",
-    "What is not found here is not thereby fine.",
+    "No finding here does not mean that the sensor is good.",
     _READ,
     "Record a climb of 2 m over even ground, with the vehicle's height in the recording; bit 4 of LOG_BITMASK logs "
     "ranges.",

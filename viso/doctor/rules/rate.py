@@ -52,8 +52,8 @@ def _is_slow(evidence: Evidence) -> bool:
 @error(
     "XN4-01",
     "Too few messages",
-    "The sensor is healthy for 300 ms after a message; at less than 4 per second it is unhealthy every time one is a "
-    "little late, arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
+    "The sensor is healthy for 300 ms after a message; at less than 4 per second, each message that is a little late "
+    "makes it unhealthy. Arming fails with VisOdom: not healthy, and the filter has little to correct itself with.",
     _HEALTH,
     "Send 10 to 40 messages per second.",
 )
@@ -83,7 +83,7 @@ def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[S
 @warning(
     "XN4-03",
     "Gaps of more than 300 ms",
-    "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS goes out, and arming fails.",
+    "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS is cleared, and arming fails.",
     _HEALTH,
     "Look what stops the sender: a slow frame, a full link, a garbage collector. Keep sending, with quality -1, "
     "while tracking is lost.",
@@ -112,7 +112,7 @@ def _long_gaps(evidence: Evidence) -> Iterator[Sighting]:
     "After 7 s without a position the filter gives up position (the vehicle's failsafe acts), after 15 s without "
     "anything it stops aiding.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
-    "Find out what ended the stream. The sender must come back by itself.",
+    "Find out what ended the stream. The sender must recover without help.",
 )
 def _lost_position(evidence: Evidence) -> Iterator[Sighting]:
     yield from _gaps_between(evidence, _POSITION_LOST_US, 1 << 62)
@@ -136,7 +136,7 @@ def _median_interval_us(track: Track) -> float:
 
 @note(
     "XN4-02",
-    "More messages than the filter takes",
+    "More messages than the filter uses",
     "Samples less than 20 ms after the one before, by their corrected times, are dropped: 50 per second is the most.",
     _INGEST,
     "Send 30 to 50 messages per second; more only fills the link.",
@@ -174,7 +174,7 @@ def _refused(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN4-07",
     "Two messages carry the same measurement",
-    "Both are taken for samples of one sensor; of each pair that is less than 20 ms apart the second is dropped.",
+    "Both count as samples of one sensor. Of two that are less than 20 ms apart, the second is dropped.",
     _INGEST,
     "Send either ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE.",
 )

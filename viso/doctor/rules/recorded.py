@@ -99,11 +99,11 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
 @error(
     "XN9-10",
     "The autopilot's own filter rejected external navigation",
-    "A measurement whose test ratio is above 1 is not fused: while that lasts the filter flies on what is left, its "
-    "inertial sensors in the end, and above FS_EKF_THRESH the EKF check acts.",
+    "A measurement whose test ratio is above 1 is not fused: while that lasts the filter uses what is left, in the end "
+    "only its inertial sensors, and above FS_EKF_THRESH the EKF check acts.",
     _FUSE,
-    "Believe this before any model: the stream contradicts what the vehicle felt. See the findings about frames, axes, "
-    "yaw, scale, delay and jumps.",
+    "Trust this more than any model: the stream contradicts the vehicle's other sensors. See the findings about "
+    "frames, axes, yaw, scale, delay and jumps.",
     witness=Witness.LOG,
 )
 def _rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
@@ -130,8 +130,8 @@ def _rejected_others(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN9-12",
     "The autopilot calls its vision sensor unhealthy",
-    "With VISO_TYPE set the sensor is present and enabled; without a message for 300 ms that gets as far as the driver "
-    "it is unhealthy, and arming is refused: VisOdom: not healthy.",
+    "With VISO_TYPE set the sensor is present and enabled; if no message reaches the driver for 300 ms it is "
+    "unhealthy, and arming is refused: VisOdom: not healthy.",
     "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy; GCS_Common.cpp, GCS::update_sensor_status_flags",
     "Look for messages that the autopilot drops (frames, ids, link, rate) or that are never sent.",
     witness=Witness.LOG,
@@ -174,7 +174,7 @@ def _unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     "XN9-13",
     "The autopilot's EKF check acted",
     "After a second with two test ratios above FS_EKF_THRESH, or without a position, it says EKF variance; in flight "
-    "FS_EKF_ACTION follows, landing unless told otherwise.",
+    "FS_EKF_ACTION follows, by default a landing.",
     _CHECK,
     "See what the filter rejected or lost just before.",
     witness=Witness.LOG,
@@ -234,8 +234,8 @@ def _cores(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN9-15",
     "The autopilot's own filter never navigated by external navigation",
-    "With EK3_SRC1_POSXY 6 the filter waits for poses, and holds its place in constant position mode until then: no "
-    "position, no modes that need one.",
+    "With EK3_SRC1_POSXY 6 the filter waits for poses, and stays in constant position mode until then: no position, no "
+    "modes that need one.",
     _CONTROL,
     "Look first whether messages reach the driver (VISP in the log, SYS_STATUS), then for a yaw source.",
     witness=Witness.LOG,
@@ -267,8 +267,8 @@ def _said(stops: list[int]) -> str:
 @error(
     "XN9-16",
     "The autopilot's own filter lost external navigation",
-    "Without a position that passes for 7 s, or any for long enough, the filter times out: it resets to what it gets, "
-    "or stops aiding and holds a place that it no longer knows.",
+    "If no position passes for 7 s, or none comes for long enough, the filter times out. It resets to the positions "
+    "that it gets, or stops aiding and holds a position that it no longer knows.",
     _CONTROL,
     "See the findings about gaps, rejected samples and sources.",
     witness=Witness.LOG,
@@ -307,8 +307,8 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
 
 @note(
     "XN9-17",
-    "What the filter said was not recorded",
-    "What is missing proves nothing: the filter may have rejected everything.",
+    "The filter's own reports were not recorded",
+    "Missing records prove nothing: the filter may have rejected everything.",
     "AP_NavEKF3_Logging.cpp, NavEKF3::Log_Write; GCS_Common.cpp, GCS_MAVLINK::send_ekf_status_report",
     "Record it: XKF records come with bit 0 or 1 of LOG_BITMASK, EKF_STATUS_REPORT with the stream EXTRA3.",
     witness=Witness.LOG,

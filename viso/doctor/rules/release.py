@@ -70,7 +70,7 @@ def _told(errors: Errors) -> str:
     "Up to October 2025 an error is the cube root of the sum of squared variances, since February 2026 the root "
     "of their sum. The filter weighs samples by it.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
-    "Tell --firmware which release flies, and tune variances on that; replay --versus shows both.",
+    "Name the release that flies with --firmware, and tune variances for it; replay --versus shows both.",
     needs=_NEEDS,
 )
 def _depends(evidence: Evidence) -> Iterator[Sighting]:
@@ -106,7 +106,7 @@ def _is_close(a: float, b: float) -> bool:
     "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; since February 2026 its covariance "
     "is read.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
-    "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to what the source is good for, or send ODOMETRY.",
+    "Set VISO_POS_M_NSE and VISO_YAW_M_NSE to the accuracy of the source, or send ODOMETRY.",
     needs=_NEEDS,
 )
 def _mocap_ignored(evidence: Evidence) -> Iterator[Sighting]:
@@ -124,8 +124,8 @@ def _mocap_ignored(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-33",
     "Variances whose sum is negative",
-    "This release takes the root of the sum: no number, of which it makes half the limit (50.1 m, 0.85 rad) and "
-    "the internal error 0x400: arming is refused until reboot.",
+    "This release takes the root of the sum, which is NaN. It turns NaN into half the limit (50.1 m, 0.85 rad) and the "
+    "internal error 0x400: arming is refused until reboot.",
     "AP_Math.cpp, constrain_value_line",
     "Variances are never negative: send them squared, or a first element of NaN.",
     needs=_NEEDS,

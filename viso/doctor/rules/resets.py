@@ -153,10 +153,10 @@ def jumps_in(evidence: Evidence) -> int:
 @warning(
     "XN6-01",
     "Position jumps without a reset",
-    "The samples are rejected by the gate for 7 s, then the filter resets to them; with velocities that pass it "
-    "never does, and horizontal position counts as lost after 10 s.",
+    "The gate rejects the samples for 7 s, then the filter resets to them. While velocities pass it never resets, and "
+    "horizontal position counts as lost after 10 s.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
-    "Count up reset_counter whenever the map was re-localised or tracking restarted; filter single outliers.",
+    "Increment reset_counter when the map is re-localised or tracking restarts; filter single outliers.",
 )
 def _jump_without_counter(evidence: Evidence) -> Iterator[Sighting]:
     for poses, resets in _tracks(evidence):
@@ -170,8 +170,8 @@ def _jump_without_counter(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN6-02",
     "Yaw jumps without a reset",
-    "With EK3_SRC1_YAW 6 a yaw beyond the gate is rejected in flight for ever, there is no recovery; and a reset "
-    "counter would not help, for it never resets yaw.",
+    "With EK3_SRC1_YAW 6 a yaw beyond the gate is rejected for the rest of the flight. A reset counter would not help: "
+    "it never resets yaw.",
     "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw",
     "Keep the yaw of the frame over a re-localisation, and shift the position alone.",
 )
@@ -186,11 +186,11 @@ def _turn_without_counter(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN6-12",
     "Reset counter and jump do not come together",
-    "Type 3 maps the message with the new counter to where the camera was: if the jump comes a message later, the "
-    "whole of it stays. Type 1 resets the filter to a sample from before the jump, and rejects what follows.",
+    "Type 3 maps the message with the new counter to where the camera was: if the jump comes one message later, all of "
+    "it remains. Type 1 resets the filter to a sample from before the jump, and rejects what follows.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::handle_voxl_camera_reset_jump",
-    "Change reset_counter with the first message behind the jump: look for a counter that is not read together "
-    "with the pose.",
+    "Change reset_counter with the first message after the jump. Look for a counter that is not read together with the "
+    "pose.",
     needs=frozenset({Aspect.RESETS}),
 )
 def _counter_shifted(evidence: Evidence) -> Iterator[Sighting]:
@@ -207,7 +207,7 @@ def _counter_shifted(evidence: Evidence) -> Iterator[Sighting]:
     "Type 1 resets the filter to the sample, which is harmless; type 2 ignores the camera for more than a "
     "second, type 3 aligns it again.",
     _CONSUME,
-    "Change reset_counter with the first message behind a jump, and only then.",
+    "Change reset_counter with the first message after a jump, and only then.",
     needs=frozenset({Aspect.RESETS}),
 )
 def _counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
@@ -230,10 +230,10 @@ def _counter_flaps(poses: Poses) -> bool:
 @error(
     "XN6-04",
     "Reset counter changes all the time",
-    "Type 1 resets the filter with every change, type 2 ignores everything, for it waits for a second without a "
+    "Type 1 resets the filter with every change, type 2 ignores everything, because it waits for a second without a "
     "change, and type 3 aligns again with every change.",
     _CONSUME,
-    "reset_counter is not a counter of messages; and messages without one count as 0, so do not mix them with others.",
+    "Do not count messages in reset_counter. Do not mix messages with and without one: without one it counts as 0.",
     needs=frozenset({Aspect.RESETS}),
 )
 def _counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
@@ -250,10 +250,10 @@ def _counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN6-05",
     "First reset counter is not 0",
-    "The autopilot starts from 0 and takes the first message for a reset: type 2 ignores the first second, type "
-    "3 says VisOdom: reset and maps the first position to 0.",
+    "The autopilot starts from 0 and treats the first message as a reset: type 2 ignores the first second, type 3 says "
+    "VisOdom: reset and maps the first position to 0.",
     _RESET,
-    "Start at 0, or bear with it: it happens once.",
+    "Start at 0, or accept it: it happens once.",
     needs=frozenset({Aspect.RESETS}),
 )
 def _first_counter(evidence: Evidence) -> Iterator[Sighting]:
@@ -268,7 +268,7 @@ def _first_counter(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN6-11",
     "Two poses that contradict each other",
-    "Both are taken for one camera's: the filter is pulled back and forth, and rejects one or both.",
+    "Both count as one camera's: the filter is pulled back and forth, and rejects one or both.",
     "AP_VisualOdom.cpp, AP_VisualOdom::handle_pose_estimate",
     "Send one of them.",
 )

@@ -42,7 +42,7 @@ def _scaled_fit(motion: Motion) -> Agreement | None:
 @error(
     "XN5-07",
     "Positions are not in metres",
-    "They are taken for metres: the filter rejects them, or flies off with them.",
+    "They are read as metres: the filter rejects them, or the vehicle flies away with them.",
     _DECODE,
     "Send metres; motion capture systems often give millimetres.",
 )
@@ -99,8 +99,7 @@ def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN5-18",
     "Positions of another scale than the vehicle's path",
-    "Positions are multiplied by VISO_SCALE and taken for metres: what is left over stretches or shrinks every way "
-    "that the vehicle flies.",
+    "Positions are multiplied by VISO_SCALE and read as metres. A wrong scale stretches or shrinks every flown path.",
     _SCALED,
     "Set VISO_SCALE, or correct the scale at the source.",
     witness=Witness.LOG,
@@ -128,7 +127,7 @@ def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-14",
     "Velocity always zero",
-    "With EK3_SRC1_VELXY 6 the filter is told that the vehicle stands still, against its own positions.",
+    "With EK3_SRC1_VELXY 6 the velocities tell the filter that the vehicle stands still, while its positions move.",
     _FUSE,
     "Fill in the velocity, or set EK3_SRC1_VELXY and VELZ to 0.",
 )
@@ -143,7 +142,7 @@ def _no_speed(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN5-15",
     "Velocity spikes",
-    "One sample after the other is tested against a gate of EK3_VEL_I_GATE; what passes is fused at full weight.",
+    "Each sample is tested against the gate EK3_VEL_I_GATE. One that passes is fused at full weight.",
     _FUSE,
     "Filter velocities at the source, or derive them from the filter there instead of from differences.",
 )
@@ -209,11 +208,11 @@ def _drifts(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN5-19",
     "Positions are too far from the origin",
-    "Positions are binary32 from the message to the filter's door: the further from the origin, the coarser. What "
-    "moves within a step stands still, and then jumps by one.",
+    "Positions are binary32 until they reach the filter: their steps grow with the distance from the origin. A motion "
+    "smaller than a step does not show, and then appears as a jump.",
     _DECODE,
-    "Take the first position off all of them at the source, in double precision: UTM and other coordinates of the "
-    "earth count millions of metres. viso play --from-zero does so.",
+    "Subtract the first position from all of them at the source, in double precision. UTM and other coordinates of the "
+    "earth are millions of metres. viso play --from-zero does so.",
 )
 def _far_off(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.poses:

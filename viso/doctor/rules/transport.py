@@ -43,8 +43,8 @@ _LOST_FIELDS: Final = {
     "No external navigation in the stream",
     "Nothing reaches AP_VisualOdom; with VISO_TYPE set the vehicle refuses to arm: VisOdom: not healthy.",
     "AP_VisualOdom.cpp, AP_VisualOdom::pre_arm_check",
-    "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; look whether the recording was made on "
-    "the link that the companion uses.",
+    "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; check that the recording was made on the "
+    "link that the companion uses.",
 )
 def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
     sent = any(one.units is not None for one in evidence.ground.flows) or any(
@@ -64,7 +64,7 @@ def _no_vision(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN1-02",
     "MAVLink 1 loses fields",
-    "Extension fields do not exist in MAVLink 1 and read 0: errors fall to the noise floors, resets go unseen.",
+    "MAVLink 1 has no extension fields. They read 0: errors fall to the noise floors, and resets are not seen.",
     "mavlink_helpers.h, mavlink_frame_char_buffer; GCS_Common.cpp, "
     "GCS_MAVLINK::handle_common_vision_position_estimate_data",
     "Send MAVLink 2: pymavlink with MAVLINK20=1 in the environment, MAVROS with fcu_protocol v2.0.",
@@ -102,7 +102,7 @@ def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
 @warning(
     "XN1-03",
     "Messages were lost",
-    "Lost messages are not asked for again. More than 300 ms without one, and the sensor counts as unhealthy.",
+    "Nothing requests lost messages again. After 300 ms without a message the sensor is unhealthy.",
     "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy",
     "Raise the baud rate or lower the message rate, use flow control, and look for buffers that overflow.",
     needs=frozenset({Aspect.LINK}),
@@ -127,7 +127,7 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN1-04",
     "Frames were damaged",
-    "A frame whose checksum does not match is dropped without a word; so is one of a dialect that is not known.",
+    "The autopilot drops a frame with a wrong checksum, or of an unknown dialect, without a text.",
     "mavlink_helpers.h, mavlink_frame_char_buffer",
     "Check baud rate, cable and ground.",
     needs=frozenset({Aspect.LINK}),
@@ -155,10 +155,10 @@ def _damaged(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN1-05",
     "Several senders on one link",
-    "A link has one time corrector for all senders, and the backend takes samples of all of them as one camera's: "
-    "stamps, reset counters and positions are mixed.",
+    "A link has one time corrector for all senders, and the backend treats all samples as one camera's. It mixes "
+    "stamps, reset counters and positions.",
     "GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
-    "Let one program send external navigation; end the others, or give each a link and use only one of them.",
+    "Let one program send external navigation, and stop the others; or give each its own link and use only one.",
     needs=frozenset({Aspect.LINK}),
 )
 def _many_senders(evidence: Evidence) -> Iterator[Sighting]:
@@ -174,7 +174,7 @@ def _many_senders(evidence: Evidence) -> Iterator[Sighting]:
 @error(
     "XN1-06",
     "Sent with the autopilot's own ids",
-    "Frames with the autopilot's own system and component id are dropped before anything looks at them.",
+    "Frames with the autopilot's own system and component id are dropped before any handler sees them.",
     _ROUTING,
     "Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY).",
     needs=frozenset({Aspect.LINK}),
@@ -190,9 +190,9 @@ def _own_ids(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN1-07",
     "Addressed to another system",
-    "A message for another system is forwarded at most, and has no effect.",
+    "The autopilot may forward a message for another system. It does not use it.",
     _ROUTING,
-    "Address the autopilot: its system id is MAV_SYSID, its component 1; or 0 for everyone.",
+    "Address the autopilot: its system id is MAV_SYSID, its component 1. 0 is everyone.",
     needs=frozenset({Aspect.LINK}),
 )
 def _wrong_target(evidence: Evidence) -> Iterator[Sighting]:
@@ -227,7 +227,7 @@ def _only_gcs(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN1-09",
     "Messages came twice",
-    "The EKF drops the second for its time (20 ms rule); health and the log count it.",
+    "The EKF drops the second one (20 ms rule); health and the log count it.",
     "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
     "Look for two routes from sender to autopilot, such as two endpoints of mavlink-router.",
     needs=frozenset({Aspect.LINK}),
@@ -247,8 +247,8 @@ def _repeated(evidence: Evidence) -> Iterator[Sighting]:
 @warning(
     "XN1-10",
     "Messages came out of order",
-    "Nothing sorts them: a sample older than the last one passes the 20 ms rule, for its age is an unsigned "
-    "difference, and is fused behind the newer one.",
+    "The autopilot does not sort samples. One older than the last passes the 20 ms rule, because its age is an "
+    "unsigned difference, and is fused after the newer one.",
     "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
     "Send over a serial port or TCP, or over one network path only.",
     needs=frozenset({Aspect.LINK}),

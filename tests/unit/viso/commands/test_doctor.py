@@ -76,7 +76,7 @@ def test_release_that_is_flown_has_names_and_texts_of_its_own(viso: Viso) -> Non
 def test_error_is_told_with_its_fix_and_fails(viso: Viso) -> None:
     outcome = viso("doctor", written("LOCAL_NED and BODY_NED"), "--baud", "0")
     assert outcome.code == 1
-    assert outcome.out.startswith("error XN2-01  ODOMETRY in frames that are not taken\n")
+    assert outcome.out.startswith("error XN2-01  ODOMETRY in frames that the autopilot drops\n")
     assert "\n    fix: Data can stay as they are: set frame_id 20 and child_frame_id 12." in outcome.out
 
 

@@ -53,7 +53,7 @@ def error(evidence: str, why: str) -> Told:
 
 _OF_TEXT: Mapping[str, Told] = {
     "XN5-08": note("have a covariance that is ignored", "TUM's format has none, so ATT_POS_MOCAP carries zeros"),
-    "XN7-16": note("nobody told these", "a trajectory holds no parameters"),
+    "XN7-16": note("these were not given", "a trajectory holds no parameters"),
     "XN9-01": note("by absolute aiding from 7.055 s on", "positions come from the first message on"),
 }
 
@@ -106,7 +106,7 @@ RECORDINGS = (
             "XN3-05": warning("0.68 % too slow", "stamps of simulated time, which ran slower than the computer's"),
             "XN4-04": warning("the longest of 2157 ms", "the bag holds nothing of these two seconds"),
             "XN5-08": note("zeros or NaN", "the robot's odometry fills its covariance with zeros"),
-            "XN7-16": note("nobody told these", "a bag holds no parameters"),
+            "XN7-16": note("these were not given", "a bag holds no parameters"),
             "XN9-01": note("by absolute aiding", "poses and velocities agree"),
         },
         "/odom",

@@ -307,7 +307,7 @@ def test_velocities_that_never_come_do_not_contradict_that_it_navigates(aids: bo
     assert ("XN9-01" in found) == aids
     assert found["XN7-03"].severity is Severity.WARNING
     assert found["XN7-03"].evidence.endswith("carries no velocities: it navigates by poses alone") == aids
-    assert "does not start to aid by position" in found["XN7-03"].firmware
+    assert "does not start aiding by position" in found["XN7-03"].firmware
 
 
 def test_source_of_another_set_is_told() -> None:
