@@ -304,7 +304,7 @@ class Wanderer:
 @pytest.mark.slow
 def test_covariance_is_one_throughout_many_steps() -> None:
     wanderer = Wanderer(seed=1)
-    wanderer.run(250_000 // Wanderer.PHASE, check_each=Wanderer.PHASE)
+    wanderer.run(100_000 // Wanderer.PHASE, check_each=Wanderer.PHASE)
     assert wanderer.fused > 25_000
 
 
