@@ -34,7 +34,7 @@ class Param:
 
 
 class ParamOutcome(Enum):
-    """What became of a PARAM_SET."""
+    """Outcome of a PARAM_SET."""
 
     SET = "set"
     UNKNOWN = "unknown parameter"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of a message, and the firmware rule that decided it.
+"""Outcome of a message, and the firmware rule that decided it.
 
 The firmware says nothing about most of these outcomes; here each has a rule with a code, a sentence and the place
 in the firmware where it is decided.
@@ -11,7 +11,7 @@ from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """What became of a message.
+    """Outcome of a message.
 
     ACCEPTED: its data was handed to the estimator. IGNORED: it was handled (logged, counted for health) but its data
     was withheld. DROPPED: it had no effect on external navigation at all. HANDLED: it carries no external

@@ -57,7 +57,7 @@ class AvailableMode:
 
 
 class OriginResult(Enum):
-    """What became of a request to set the EKF origin."""
+    """Outcome of a request to set the EKF origin."""
 
     SET = "set"
     INVALID = "invalid"

@@ -43,7 +43,7 @@ def parsed_yaml(text: str) -> Any:
         def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
             if self.check_event(yaml.AliasEvent):
                 mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]  # the stubs lack its type
-                raise yaml.composer.ComposerError(problem="aliases are not taken", problem_mark=mark)
+                raise yaml.composer.ComposerError(problem="aliases are not supported", problem_mark=mark)
             return super().compose_node(parent, index)
 
     try:

@@ -22,7 +22,7 @@ SIGNATURE_OLD: Final = dropped(
     "signature_old", "a new sender's timestamp is more than a minute behind the link's", _CHECK
 )
 SIGNATURE_STREAMS: Final = dropped("signature_streams", "16 other senders have signed frames already", _CHECK)
-SETUP_WHILE_ARMED: Final = dropped("signing_armed", "a signing key is not taken while armed", _SETUP)
+SETUP_WHILE_ARMED: Final = dropped("signing_armed", "a signing key is not accepted while armed", _SETUP)
 KEY_NOT_SAVED: Final = dropped("signing_not_saved", "the signing key could not be stored", _SETUP)
 
 _BY_REFUSAL: Final[Mapping[str, Verdict]] = {

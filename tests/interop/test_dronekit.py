@@ -17,7 +17,7 @@ Flight = tuple[dict[str, Any], dict[str, dict[str, int]]]
 
 @pytest.fixture(scope="module")
 def flight(clients: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    """Yield what the script met, and what became of each message."""
+    """Yield what the script met, and the outcome of each message."""
     with autopilot(tmp_path_factory.mktemp("dronekit"), "--param=VISO_TYPE=1") as vehicle:
         program = str(CLIENTS / "dronekit_session.py")
         met = session([str(clients / "bin" / "python"), program, f"tcp:127.0.0.1:{vehicle.ports[0]}"])

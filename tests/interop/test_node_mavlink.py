@@ -18,7 +18,7 @@ pytestmark = pytest.mark.interop
 
 @dataclass(frozen=True)
 class Exchange:
-    """What node decoded and sent, what became of each message, and the samples in the log."""
+    """What node decoded and sent, the outcome of each message, and the samples in the log."""
 
     met: dict[str, Any]
     verdicts: dict[str, dict[str, int]]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A closed loop in figures: how good both ends were, in which states, and what became of the messages."""
+"""A closed loop in figures: how good both ends were, in which states, and the outcome of the messages."""
 
 import math
 from collections import Counter

@@ -142,7 +142,7 @@ def replay(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the counts as JSON.")] = False,
 ) -> None:
-    """Feed a recorded stream to the autopilot at its arrival times, and tell what became of each message.
+    """Feed a recorded stream to the autopilot at its arrival times, and tell the outcome of each message.
 
     Without --ahrs, --imu and --ekf the vehicle stands still, level, with the given heading. A line of --records holds
     arrival_us, type, out (the VISO, VISP and VISV records, floats as hex bits) and verdict.
@@ -151,7 +151,7 @@ def replay(
     the command line tells are assumed so that the stream can be used, and that is told; so is why nothing was fused.
     It is told what the filter, a model of
     EKF3, makes of each sample, how far off samples are, and when it navigates. A line of --records then has filter as
-    well: what became of the message's samples.
+    well: the outcome of the message's samples.
 
     With --imu log the vehicle does what the vehicle of a DataFlash log did, and the filter is watched as with --ekf: by
     replay records, else by IMU records, else by what the filter believed then; log:FILE takes another log than STREAM.

@@ -159,7 +159,7 @@ def serve(
     verdicts: Annotated[
         VerdictFormat | None,
         typer.Option(
-            help="Print a line a message, and a line a sample in the filter: what became of it and why; all else goes "
+            help="Print a line a message, and a line a sample in the filter: its outcome and why; all else goes "
             "to standard error."
         ),
     ] = None,
@@ -186,7 +186,7 @@ def serve(
     """Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter does.
 
     It stands still unless --imu tells otherwise; with --imu fly it obeys a companion in GUIDED, and a pilot's sticks.
-    External navigation is off until VISO_TYPE is set. Ctrl-C closes the log and ends with tables of what became of
+    External navigation is off until VISO_TYPE is set. Ctrl-C closes the log and ends with tables of the outcome of
     each message, and of each sample in the filter; the filter is a model of EKF3, and what it decides is marked as a
     model's. The exit code is 1 if anything that was to be kept is lost.
 

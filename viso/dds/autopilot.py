@@ -43,7 +43,7 @@ class DdsAutopilot:
 
     Attributes:
         name: what it is called among the links.
-        listeners: told, with that name, of each transform and each request, and what became of it.
+        listeners: told, with that name, of each transform and each request, and its outcome.
         counts: how often each kind met each verdict.
     """
 

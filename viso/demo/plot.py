@@ -49,7 +49,7 @@ def _shade(axes: Any) -> None:
 
 
 def _poses(result: DemoResult) -> Iterator[tuple[str, str, Any, Any]]:
-    """Yield label, colour, times and positions of the poses by what became of them."""
+    """Yield label, colour, times and positions of the poses by their outcomes."""
     rejected_ms = {
         test.outcome.time_ms
         for test in result.fates

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of samples in the filter: the words for it, for people and for machines.
+"""Outcome of samples in the filter: the words for it, for people and for machines.
 
 A message that is accepted hands samples to the filter: a pose, a yaw, a velocity or an odometry. Refusal at its door is
 exact; what happens behind it is a model's opinion, and is marked so everywhere.
@@ -82,7 +82,7 @@ def what_became(rule: Rule) -> str:
 
 
 def sentence(outcome: FilterOutcome) -> str:
-    """Return what became of a sample in words, with its ratio where it was tested and did not pass."""
+    """Return the outcome of a sample in words, with its ratio where it was tested and did not pass."""
     tested = "" if outcome.ratio is None or outcome.ratio < 1 else f", ratio {outcome.ratio:.1f}"
     return what_became(outcome.rule) + tested
 

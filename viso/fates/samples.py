@@ -16,7 +16,7 @@ FATE_WAIT_US: Final = 500_000
 
 @dataclass(eq=False, slots=True)
 class HandedSample:
-    """A sample that a message handed to the filter, and what became of it so far.
+    """A sample that a message handed to the filter, and its outcome so far.
 
     A pose has two fates where height comes from it as well: ``pose``, of its north and east, and ``height``.
     """

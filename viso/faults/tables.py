@@ -32,7 +32,7 @@ def entry_table(tally: Tally) -> Table:
 
 
 def summary_line(tally: Tally) -> str:
-    """Return what became of all frames, in a line."""
+    """Return the outcome of all frames, in a line."""
     received = sum(tally.received.values())
     waiting = f", {tally.waiting} were still held back at the end" if tally.waiting else ""
     return (

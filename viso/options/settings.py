@@ -170,4 +170,4 @@ def _no_such_choices(values: Mapping[str, float], table: ParamTable) -> Iterator
         value, choices = values.get(slot.name), slot.row.values
         if value is not None and choices and value not in choices:
             known = ", ".join(f"{number} {meaning}" for number, meaning in choices.items())
-            yield f"{slot.name} is {value:g}, which stands for nothing; there are {known}"
+            yield f"{slot.name} is {value:g}, which is not one of its values: {known}"

@@ -129,7 +129,7 @@ class Replay:
             self._tell_event(event)
 
     def run(self, on_progress: Callable[[int], None] = lambda _count: None) -> Iterator[ReplayedMessage]:
-        """Feed the stream and yield what became of each message, in order; the vehicle's log is then complete.
+        """Feed the stream and yield the outcome of each message, in order; the vehicle's log is then complete.
 
         Args:
             on_progress: told the number of messages fed so far.

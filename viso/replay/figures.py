@@ -187,7 +187,7 @@ class Judge:
         self._by_time.add(kind, time_us, (sigmas**2, innovation**2))
 
     def take_message(self, message: ReplayedMessage) -> None:
-        """Take what became of a message."""
+        """Take the outcome of a message."""
         for name, values in message.records:
             if name in _STAMPED:
                 time_us, corrected_ms = values[_TIME], values[_CORRECTED]

@@ -58,7 +58,7 @@ class ReplayOutcome:
         unknown_params: those of the settings that it does not have.
         innovations: of samples that the filter tested; None where it was not watched.
         aiding: by what it navigated; None where it was not watched.
-        messages: what became of each, if they were to be kept.
+        messages: the outcome of each, if they were to be kept.
         notes: what of the stream was not run, a line each.
     """
 
@@ -74,7 +74,7 @@ class ReplayOutcome:
 
 
 def why_nothing_fused(outcome: ReplayOutcome) -> str:
-    """Return what became of most samples, or of most messages if none had a sample; empty if one was fused."""
+    """Return the outcome of most samples, or of most messages if none had a sample; empty if one was fused."""
     fates = final_counts(outcome.filter_counts)
     if any(fate_of(rule) is Fate.FUSED for _, rule, _ in fates):
         return ""

@@ -46,7 +46,7 @@ _KINDS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class KindFacts:
-    """What became of one kind of measurement, as far as the log can tell.
+    """Outcome of one kind of measurement, as far as the log can tell.
 
     Attributes:
         record: its record.
@@ -95,7 +95,7 @@ class Facts:
 
     Attributes:
         start_s, end_s: from when to when the log tells of vision, of the EKF or in words.
-        kinds: what became of each kind of measurement.
+        kinds: the outcome of each kind of measurement.
         arrivals_s: the times at which measurements of any kind were logged, each once.
         gaps: from when to when nothing came for longer than UNHEALTHY_S.
         lag_ms: the lags behind CTimeMS, of poses, or of velocities without any.

@@ -19,7 +19,7 @@ from viso.report.parameters import ChangedParameter
 from viso.report.summary import Level, Summary
 
 _CLASSES: Final = {Level.GOOD: "good", Level.UNJUDGED: "unjudged", Level.WARNING: "warning", Level.BAD: "bad"}
-_CHAPTERS: Final = (("verdicts", "What became of it"), ("texts", "Texts and events"), ("parameters", "Parameters"))
+_CHAPTERS: Final = (("verdicts", "Outcomes"), ("texts", "Texts and events"), ("parameters", "Parameters"))
 
 
 def make_page(
@@ -120,7 +120,7 @@ def _verdicts(facts: Facts) -> str:
     ]
     resets = table(("time, s", "by", "what"), [(f"{one.time_s:.3f}", one.by, one.what) for one in facts.resets], (0,))
     return (
-        '<h2 id="verdicts">What became of it</h2>\n'
+        '<h2 id="verdicts">Outcomes</h2>\n'
         + table(head, rows, (2, 3, 4, 5, 6, 7))
         + '\n<p class="soft">A record is a message that the driver took. Messages that were dropped before, for their '
         "frames or their checksum, are in no log. Given is what went to the EKF, which may pass it over when it comes "

@@ -147,7 +147,7 @@ class Bridge:
         return {name: count for name, count in dict(self._sender.counters).items() if not name.startswith("received")}
 
     def summary(self) -> Mapping[str, Any]:
-        """Return what became of the poses; latencies in ms, of the last 10 000 poses."""
+        """Return the outcome of the poses; latencies in ms, of the last 10 000 poses."""
         return {
             "topic": self._topic.name,
             "type": self._topic.kind,

@@ -22,7 +22,7 @@ _LEAST_WAITING: Final = 16
 
 
 def run_on_cluster(plan: SweepPlan, points: Iterable[Point], address: str) -> Generator[Result]:
-    """Yield what became of each point, as soon as it is done.
+    """Yield the outcome of each point, as soon as it is done.
 
     The scheduler gives the points of a worker that is lost to others. A result that was lost with its worker is worked
     out again, and comes to the same figures.

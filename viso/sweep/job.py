@@ -35,7 +35,7 @@ _KEPT: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What became of a point: its figures, or why there are none."""
+    """Outcome of a point: its figures, or why there are none."""
 
     number: int
     row: Row | None

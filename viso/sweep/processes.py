@@ -30,7 +30,7 @@ def default_jobs() -> int:
 
 
 def run_in_processes(plan: SweepPlan, points: Iterable[Point], jobs: int) -> Generator[Result]:
-    """Yield what became of each point, as soon as it is done.
+    """Yield the outcome of each point, as soon as it is done.
 
     When a process dies, the points that it may have been at work on are tried once more, each in a process of its own.
     Closing the iterator ends what is at work.

@@ -115,7 +115,7 @@ class SweepFolder:
         os.lseek(self._journal, whole, os.SEEK_SET)
 
     def add(self, result: Result) -> None:
-        """Keep what became of a point; one without figures is not done, and one that is done stays as it was.
+        """Keep the outcome of a point; one without figures is not done, and one that is done stays as it was.
 
         Raises InputError if it cannot be written.
         """

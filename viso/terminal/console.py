@@ -65,7 +65,7 @@ def reason_of(code: str) -> str:
 
 def verdict_table(counts: VerdictCounts) -> Table:
     """Return a table of how often each message type met each verdict; bad bytes are counted as bytes."""
-    table = Table("message", Column("count", justify="right"), "verdict", "why", title="What became of each message")
+    table = Table("message", Column("count", justify="right"), "verdict", "why", title="Outcome of each message")
     for (name, outcome, code), count in sorted(counts.items()):
         unit = f"{count} bytes" if name == "BAD_DATA" else str(count)
         table.add_row(name, unit, Text(outcome.value, style=_STYLES[outcome]), reason_of(code))

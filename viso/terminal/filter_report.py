@@ -30,7 +30,7 @@ _MODES: Final = {
 
 def filter_table(counts: FilterCounts) -> Table:
     """Return a table of what the filter did with how many samples, and whose opinion that is."""
-    title = "What became of each sample in the filter"
+    title = "Outcome of each sample in the filter"
     table = Table("sample", Column("count", justify="right"), "fate", "why", "basis", title=title)
     for kind, rule, count in final_counts(counts):
         fate = fate_of(rule)

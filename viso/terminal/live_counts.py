@@ -16,7 +16,7 @@ REFRESH_US: Final = 250_000
 
 
 class LiveCounts:
-    """Shows what became of messages and samples, updated now and then; nothing where there is no terminal.
+    """Shows the outcome of messages and samples, updated now and then; nothing where there is no terminal.
 
     It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
 

@@ -78,7 +78,7 @@ class LiveReport:
         self._console.print(f"{time_s:9.3f} s  {line}")
 
     def take(self, link: str, event: MessageEvent) -> None:
-        """Report what became of a message that came over a link."""
+        """Report the outcome of a message that came over a link."""
         for listener in self._listeners:
             listener(link, event)
         verdict = event.verdict

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line for each message that reaches the autopilot: what became of it, and why; and of its samples in the filter.
+"""A line for each message that reaches the autopilot: its outcome, and why; and of its samples in the filter.
 
 Lines for people leave out what goes on as before: a sample that is used, whose source is not in use, or that is not let
 in is told only if something else became of the one of its kind before it.
@@ -54,14 +54,14 @@ def json_line(link: str, event: MessageEvent) -> str:
 
 
 def filter_text_line(now_us: int, outcome: FilterOutcome) -> str:
-    """Return what became of a sample in the filter, for people."""
+    """Return the outcome of a sample in the filter, for people."""
     code = outcome.rule.code + ("; a model's" if is_model(outcome.rule) else "")
     observed_s = outcome.time_ms / 1e3
     return f"{now_us / 1e6:9.3f} s  filter  {outcome.kind} at {observed_s:.3f} s  {sentence(outcome)} ({code})"
 
 
 def filter_json_line(now_us: int, outcome: FilterOutcome) -> str:
-    """Return what became of a sample in the filter, for machines; it belongs to no link."""
+    """Return the outcome of a sample in the filter, for machines; it belongs to no link."""
     return json.dumps({"time_us": now_us, "link": None, "type": "FILTER", **as_dict(outcome)})
 
 
@@ -107,7 +107,7 @@ class VerdictStream:
         self._writer.put(self._lines.of_message(link, event))
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
-        """Write what became of a sample in the filter, once that is settled; ``now_us`` is since boot."""
+        """Write the outcome of a sample in the filter, once that is settled; ``now_us`` is since boot."""
         rule = outcome.rule
         if not is_final(rule):
             return

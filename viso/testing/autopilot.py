@@ -120,7 +120,7 @@ class Autopilot:
     # The link
 
     def send(self, message: object, *, system_id: int = 1, component_id: int = 197) -> tuple[MessageVerdict, ...]:
-        """Hand a message to the autopilot now, and return what became of it.
+        """Hand a message to the autopilot now, and return its outcome.
 
         A message gives one verdict. Bytes give any number: none while a frame is not whole.
 
@@ -229,7 +229,7 @@ class Autopilot:
 
     @property
     def verdicts(self) -> list[MessageVerdict]:
-        """What became of each message, in order."""
+        """Outcome of each message, in order."""
         self._sync()
         return list(self._observer.verdicts)
 
@@ -358,7 +358,7 @@ class Autopilot:
     def assert_healthy(self) -> None:
         """Claim that now neither the camera nor the estimator would keep the vehicle from arming.
 
-        Raises AssertionError: the text has the words of the pre-arm checks, and what became of messages.
+        Raises AssertionError: the text has the words of the pre-arm checks, and the outcome of messages.
         """
         verdicts = self.verdicts
         failures = self._pre_arm_failures()

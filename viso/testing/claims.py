@@ -123,7 +123,7 @@ def check_nothing_lost(verdicts: Sequence[MessageVerdict], message: str | None) 
 
 
 def what_became(verdicts: Sequence[MessageVerdict]) -> str:
-    """Return what became of messages, a line for each kind and rule, with the time of the first in s since boot."""
+    """Return the outcome of messages, a line for each kind and rule, with the time of the first in s since boot."""
     if not verdicts:
         return "; nothing has come"
     first: dict[tuple[str, ...], int] = {}
@@ -144,7 +144,7 @@ def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None
 
     Raises:
         ValueError: there is no such kind, or the count is negative.
-        AssertionError: too few or too many; the text tells what became of samples.
+        AssertionError: too few or too many; the text tells the outcome of samples.
     """
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: no such kind of sample; there are {', '.join(KINDS)}")
@@ -159,7 +159,7 @@ def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None
     waiting = sum(not verdict.is_settled for verdict in verdicts)
     if waiting:
         lines.append(f"{waiting:5d} waiting for the filter's decision, which takes some 250 ms: advance the time")
-    told = f"; what became of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
+    told = f"; the outcome of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
     raise AssertionError(f"expected {expected} {kind} fused, found {found}{told}")
 
 

@@ -42,7 +42,7 @@ class SampleFate(NamedTuple):
 
     Attributes:
         kind: pose, height, yaw, velocity or odometry.
-        fate: what became of it; fused and reset are the ones that one wants.
+        fate: its outcome; fused and reset are the ones that one wants.
         rule: code of the rule that decided.
         reason: that rule in words.
     """
@@ -55,7 +55,7 @@ class SampleFate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MessageVerdict:
-    """What became of a message, or of bytes that are none.
+    """Outcome of a message, or of bytes that are none.
 
     Attributes:
         time_us: when it was handled, us since boot.

@@ -27,7 +27,7 @@ class Observer:
     """Listens to a vehicle and its filter from now on.
 
     Attributes:
-        verdicts: what became of each message.
+        verdicts: the outcome of each message.
         status_texts: what was said.
         records: those of the log, whether it is open or not.
         received: the messages that the vehicle has sent.

@@ -38,7 +38,7 @@ class VehicleState:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of something that a page asked for.
+    """Outcome of something that a page asked for.
 
     Attributes:
         client: number of the page.

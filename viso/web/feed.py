@@ -71,7 +71,7 @@ class Feed:
         vehicle.logger.on_write = self._take_record
 
     def take(self, link: str, event: MessageEvent) -> None:
-        """Note what became of a message that came over a link."""
+        """Note the outcome of a message that came over a link."""
         self.seen.put(lambda state: state.take_message(link, event))
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:

@@ -237,7 +237,7 @@ class _Counted:
 
 
 def _runs(material: Material) -> list[dict[str, Any]]:
-    """Return what became of measurements, as far as Ign tells."""
+    """Return the outcome of measurements, as far as Ign tells."""
     told: list[tuple[float, str, str]] = []
     for name, series in zip(_RECORDS, material.vision, strict=True):
         why = np.full(len(series), "", dtype=object)

@@ -211,11 +211,11 @@ class LiveState:
         }
 
     def take_answer(self, answer: Answer) -> None:
-        """Take what became of something that a page asked for."""
+        """Take the outcome of something that a page asked for."""
         self._answers.append(answer)
 
     def take_answers(self) -> list[Answer]:
-        """Return, once, what became of requests."""
+        """Return, once, the outcome of requests."""
         answers, self._answers = self._answers, []
         return answers
 

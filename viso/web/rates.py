@@ -37,7 +37,7 @@ class Rates:
         self._fates.take(test)
 
     def take_message(self, event: MessageEvent) -> None:
-        """Take a message, after what became of its samples at the filter's door."""
+        """Take a message, after the outcome of its samples at the filter's door."""
         handed = self._fates.take_handed()
         if event.name == BAD_DATA_NAME:
             return

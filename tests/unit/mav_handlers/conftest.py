@@ -86,7 +86,7 @@ class Client:
         self._decoder = Codec(255, 190)
 
     def send_bytes(self, data: bytes, *, read_us: int | None = None) -> list[MessageEvent]:
-        """Hand bytes to the vehicle now and return what became of them."""
+        """Hand bytes to the vehicle now and return their outcomes."""
         self._bench.drop_events()
         self._bench.scheduler.deliver(self.channel, data, read_us=read_us)
         return self._bench.drop_events()

@@ -430,7 +430,7 @@ def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: 
     banner = f"ArduCopter V4.7.0-dev (2b361bde) on udpin:127.0.0.1:{free_port}; "
     profile = "firmware 4.7-dev, --firmware 4.6, 2026-02 or 2026-04 for another; "
     assert outcome.out.splitlines()[0] == f"{banner}{profile}logs in logs; Ctrl-C ends"
-    assert "What became of each message" in outcome.out
+    assert "Outcome of each message" in outcome.out
     assert Path("logs/00000001.BIN").stat().st_size > 0
 
 
@@ -498,7 +498,7 @@ def test_log_that_cannot_be_written_is_told_at_the_end(
     assert re.search(
         r"^log: \d{2,} records lost: logs/00000001.BIN: No space left on device$", outcome.err, re.MULTILINE
     )
-    assert "What became of each message" in outcome.out
+    assert "Outcome of each message" in outcome.out
 
 
 # Standard output

@@ -45,7 +45,7 @@ def test_holds_what_is_written(read: Callable[[str], Any], text: str, holds: Any
     (parsed_yaml, "a: 2020-13-77", "not YAML: "),
     (parsed_yaml, "a: [\n", "not YAML: line 2: "),
     (parsed_yaml, "a: \x00", "not YAML: unacceptable character #x0000: special characters are not allowed"),
-    (parsed_yaml, BOMB, "not YAML: line 2: aliases are not taken"),
+    (parsed_yaml, BOMB, "not YAML: line 2: aliases are not supported"),
     (parsed_yaml, "a: !!python/name:os.system", "not YAML: line 1: could not determine a constructor"),
     (parsed_json, "[" * 5000 + "]" * 5000, "nested too deeply"),
     (parsed_json, "[" * 99 + "]" * 99, "nested too deeply"),

@@ -21,7 +21,7 @@ _FLOATS: Final = frozenset(
 
 @dataclass(slots=True)
 class FrameIds(ContentFault):
-    """ODOMETRY names other frames than LOCAL_FRD (20) and BODY_FRD (12), the one pair that the firmware takes.
+    """ODOMETRY names other frames than LOCAL_FRD (20) and BODY_FRD (12), the only pair that the firmware accepts.
 
     Attributes:
         frame_id: of the pose (MAV_FRAME); 1 is LOCAL_NED.
@@ -70,10 +70,10 @@ class Quality(ContentFault):
 
 @dataclass(slots=True)
 class Distance(ContentFault):
-    """DISTANCE_SENSOR tells another distance: with a probability an outlier, without one a range that is stuck.
+    """DISTANCE_SENSOR reports a wrong distance: an outlier if it has a probability, else a stuck range.
 
     Attributes:
-        distance_m: that it tells, whatever its limits are.
+        distance_m: the distance that it reports, also outside its limits.
     """
 
     for_messages: ClassVar[tuple[str, ...]] = (DISTANCE_SENSOR.__name__,)
@@ -88,7 +88,7 @@ class Distance(ContentFault):
 
 @dataclass(slots=True)
 class Looks(ContentFault):
-    """DISTANCE_SENSOR looks elsewhere.
+    """DISTANCE_SENSOR points in another direction.
 
     Attributes:
         orientation: where (MAV_SENSOR_ORIENTATION); 0 forward, 24 up, 25 down.

@@ -42,7 +42,7 @@ class EntryTally:
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """What became of all frames; received + added = passed on + lost + waiting.
+    """Outcome of all frames; received + added = passed on + lost + waiting.
 
     Attributes:
         received: frames that came in, by the name of the message.

@@ -53,7 +53,7 @@ def _gauss(moment: Moment, sd: float) -> Vector:
 
 @dataclass(slots=True)
 class PositionGlitch(ContentFault):
-    """The position is off.
+    """The position has an offset.
 
     Attributes:
         x_m, y_m, z_m: by how much.
@@ -71,7 +71,7 @@ class PositionGlitch(ContentFault):
 
 @dataclass(slots=True)
 class VelocityGlitch(ContentFault):
-    """The velocity is off; that of ODOMETRY, in the body frame, by as much in the local frame.
+    """The velocity has an offset in the local frame, also that of ODOMETRY, which is in the body frame.
 
     Attributes:
         x_m_s, y_m_s, z_m_s: by how much.
@@ -123,7 +123,7 @@ class VelocityNoise(ContentFault):
 
 @dataclass(slots=True)
 class SensorPlace(ContentFault):
-    """The camera is not where the autopilot takes it to be: position, and velocity of ODOMETRY, are of another point.
+    """The camera is not where the autopilot expects it: position, and velocity of ODOMETRY, are those of another point.
 
     Attributes:
         x_m, y_m, z_m: of the camera on the vehicle: forward, right, down.
@@ -149,7 +149,7 @@ class SensorPlace(ContentFault):
 
 @dataclass(slots=True)
 class FrameYaw(ContentFault):
-    """The local frame is turned about its origin: what lies north is reported as if north were elsewhere.
+    """The local frame is rotated about its origin, as if north were elsewhere.
 
     Attributes:
         yaw_deg: of the local frame, clockwise; yaw is less by as much.
@@ -166,7 +166,7 @@ class FrameYaw(ContentFault):
 
 @dataclass(slots=True)
 class YawError(ContentFault):
-    """The yaw is off, the position is not.
+    """The yaw has an offset, the position has none.
 
     Attributes:
         yaw_deg: by how much, clockwise.
@@ -182,7 +182,7 @@ class YawError(ContentFault):
 
 @dataclass(slots=True)
 class Drift(ContentFault):
-    """Position and yaw drift away; the velocity says nothing of it.
+    """Position and yaw drift away; the velocity does not show it.
 
     Attributes:
         x_m_s, y_m_s, z_m_s: how fast the position drifts.
@@ -205,7 +205,7 @@ class Drift(ContentFault):
 
 @dataclass(slots=True)
 class Scale(ContentFault):
-    """Positions, velocities, changes of position, flow or distances are too large or too small.
+    """Positions, velocities, changes of position, flow or distances have a wrong scale.
 
     Attributes:
         factor: 1000 for millimetres, 10 for distances in mm in place of cm.
@@ -238,7 +238,7 @@ def _sensor_of(message: Any) -> tuple[int, ...]:
 
 @dataclass(slots=True)
 class Frozen(ContentFault):
-    """What the first message said, of each sensor, is said again and again, with stamps that go on."""
+    """Each sensor repeats the data of its first message, with stamps that advance."""
 
     lasts: ClassVar[bool] = True
     _first: dict[tuple[object, ...], Any] = field(default_factory=dict, init=False, repr=False)
@@ -254,12 +254,12 @@ class Frozen(ContentFault):
 
 @dataclass(slots=True)
 class Reset(ContentFault):
-    """The odometry restarts: the local frame is turned about its origin and shifted, and the reset counter says so.
+    """The odometry restarts: the local frame is rotated about its origin and shifted, and the reset counter changes.
 
     Attributes:
         x_m, y_m, z_m: how far positions jump.
         yaw_deg: how far everything turns, clockwise.
-        count: what is added to the reset counter; 0 for a reset that is kept secret.
+        count: added to the reset counter; 0 for a reset that is not announced.
     """
 
     lasts: ClassVar[bool] = True
@@ -313,7 +313,7 @@ class QuatXyzw(ContentFault):
 
 @dataclass(slots=True)
 class QuatNorm(ContentFault):
-    """The quaternion has another length than 1.
+    """The length of the quaternion is not 1.
 
     Attributes:
         norm: its length.

@@ -41,7 +41,7 @@ class Blackout(Fail):
 
 @dataclass(slots=True)
 class Loss(Fault):
-    """A message gets lost, alone or in a row with those behind it.
+    """A message is lost, alone or with those that follow.
 
     Attributes:
         burst_messages: how many are lost in a row.
@@ -63,7 +63,7 @@ class Loss(Fault):
 
 @dataclass(slots=True)
 class Rate(Fault):
-    """No more than so many messages per second arrive of each kind from each sender; those between are lost.
+    """The rate of each kind of message from each sender is limited; messages above it are lost.
 
     Attributes:
         rate_hz: largest rate.
@@ -87,7 +87,7 @@ class Rate(Fault):
 
 @dataclass(slots=True)
 class Delay(Fault):
-    """A message comes late; those of its kind behind it wait for it.
+    """A message comes late; later ones of its kind wait for it.
 
     Attributes:
         delay_ms: how late.
@@ -102,7 +102,7 @@ class Delay(Fault):
 
 @dataclass(slots=True)
 class Jitter(Fault):
-    """Each message comes late by another time, evenly spread; those of its kind behind it wait for it.
+    """Each message comes late by a random time (uniform); later ones of its kind wait for it.
 
     Attributes:
         jitter_ms: the longest time.
@@ -134,7 +134,7 @@ class Bunch(Fault):
 
 @dataclass(slots=True)
 class Reorder(Fault):
-    """A message comes late, and those behind it overtake it.
+    """A message comes late, and later ones overtake it.
 
     Attributes:
         delay_ms: how late.
@@ -149,7 +149,7 @@ class Reorder(Fault):
 
 @dataclass(slots=True)
 class Duplicate(Fault):
-    """A message arrives again, the same to the last byte.
+    """A message arrives again, with the same bytes.
 
     Attributes:
         copies: how often again.
@@ -215,7 +215,7 @@ class SenderId(Fault):
 
 @dataclass(slots=True)
 class SecondSender(Fault):
-    """A second sender says the same as well, with sequence numbers and a clock of its own.
+    """A second sender sends the same data, with sequence numbers and a clock of its own.
 
     Attributes:
         system_id: of that sender.

@@ -90,7 +90,7 @@ def _slope(points: Array, chosen: Mask) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class TracksUsed:
-    """What became of tracks; without any that was used, only the first number says something.
+    """Outcome of tracks; without any that was used, only the first number says something.
 
     Attributes:
         offered: tracks whose points could be found.

@@ -65,7 +65,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class NodeFacts:
-    """What became of a node.
+    """Outcome of a node.
 
     Attributes:
         begins: whether the smoother restarted with it: it has to be a keyframe, as no node before is known any more.

@@ -26,7 +26,7 @@ export function connectControls(how, themed) {
   applyTheme();
 }
 
-/** Tell what became of something that was asked for. */
+/** Tell the outcome of something that was asked for. */
 export function tell(answer) {
   const line = byId("answer");
   line.dataset.tone = answer.ok ? "good" : "bad";

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The viso authors
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The table of messages per second: offered, and what became of them.
+// The table of messages per second: offered, and their outcomes.
 
 import { byId, element, grouped, isRecording, setText } from "./format.js";
 

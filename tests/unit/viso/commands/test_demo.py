@@ -75,7 +75,7 @@ def test_simulated_camera_leaves_log_and_plot(viso: Viso) -> None:
     outcome = viso("demo", *SIMULATED, "--log-dir", "here")
     assert outcome.code == 0
     assert "PreArm: VisOdom: not healthy" in outcome.out
-    assert "What became of each sample in the filter" in outcome.out
+    assert "Outcome of each sample in the filter" in outcome.out
     assert outcome.out.splitlines()[-2:] == ["log:  here/00000001.BIN", "plot: here/00000001.png"]
     assert {path.name for path in Path("here").iterdir()} == {"00000001.BIN", "00000001.png", "LASTLOG.TXT"}
 
@@ -107,7 +107,7 @@ def test_without_opencv_the_camera_is_simulated(viso: Viso, monkeypatch: pytest.
     assert (
         outcome.err == "the camera is simulated: OpenCV is missing; for a real one: pip install 'ardupilot-viso[vio]'\n"
     )
-    assert "What became of each message" in outcome.out
+    assert "Outcome of each message" in outcome.out
 
 
 def test_vio_camera_without_opencv_says_what_to_install(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The filter on the command line: its sensors, what became of samples in it, and when it navigated."""
+"""The filter on the command line: its sensors, the outcome of samples in it, and when it navigated."""
 
 import gzip
 import json
@@ -128,8 +128,8 @@ def test_replay_tells_what_the_filter_makes_of_a_stream(viso: Viso, leaping: Pat
     outcome = viso("replay", leaping, "--ekf")
     assert outcome.code == 0
     titles = (
-        "What became of each message",
-        "What became of each sample in the filter",
+        "Outcome of each message",
+        "Outcome of each sample in the filter",
         "Innovations of the samples that were tested (a model's)",
         "By what the filter navigated (a model's)",
     )
@@ -286,13 +286,13 @@ def test_closing_counts_tell_machines_of_samples(serve: Viso) -> None:
 def test_closing_tables_tell_of_samples(serve: Viso) -> None:
     outcome = serve(*BY_EXT_NAV)
     assert "filter: starting; until it is aligned, some 6 s after boot, it uses no sample" in outcome.out
-    assert outcome.out.index("What became of each message") < outcome.out.index("What became of each sample")
+    assert outcome.out.index("Outcome of each message") < outcome.out.index("Outcome of each sample")
 
 
 def test_vehicle_that_follows_a_log_has_no_table_of_samples(serve: Viso) -> None:
     outcome = serve("--ahrs", LOG, "--param", "VISO_TYPE=1")
-    assert "What became of each message" in outcome.out
-    assert "What became of each sample" not in outcome.out
+    assert "Outcome of each message" in outcome.out
+    assert "Outcome of each sample" not in outcome.out
 
 
 def test_lines_of_samples_are_among_those_of_messages(serve: Viso) -> None:

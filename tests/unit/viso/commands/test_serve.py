@@ -83,8 +83,8 @@ def test_lines_for_machines_are_all_that_standard_output_holds(serve: Viso) -> N
         (None, "FILTER", "not_started"),
         ("pair", "ODOMETRY", "consumed"),
     ]
-    assert "What became of each message" in outcome.err
-    assert "What became of each sample in the filter" in outcome.err
+    assert "Outcome of each message" in outcome.err
+    assert "Outcome of each sample in the filter" in outcome.err
 
 
 def test_lines_for_people(serve: Viso) -> None:

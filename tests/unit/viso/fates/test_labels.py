@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The words for what became of samples in the filter."""
+"""The words for the outcome of samples in the filter."""
 
 import json
 

@@ -96,7 +96,7 @@ def test_several_assignments_in_one_are_refused(text: str) -> None:
 def test_choice_that_there_is_not_is_told(caplog: pytest.LogCaptureFixture) -> None:
     load_settings([], ["VISO_TYPE=9", "EK3_SRC1_YAW=6", "VISO_SCALE=9"], links=1)
     assert caplog.messages == [
-        "VISO_TYPE is 9, which stands for nothing; there are 0 None, 1 MAVLink, 2 IntelT265, 3 VOXL(ModalAI)"
+        "VISO_TYPE is 9, which is not one of its values: 0 None, 1 MAVLink, 2 IntelT265, 3 VOXL(ModalAI)"
     ]
 
 

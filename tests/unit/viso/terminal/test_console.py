@@ -56,7 +56,7 @@ def test_table_gives_the_reason() -> None:
 
 
 def test_empty_table_is_a_table() -> None:
-    assert "What became of each message" in rendered({})
+    assert "Outcome of each message" in rendered({})
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])

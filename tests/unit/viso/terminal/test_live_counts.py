@@ -55,7 +55,7 @@ def test_samples_in_the_filter_are_shown_below() -> None:
         screen.count(7)
         live.update(0)
         text = screen.shown()
-    assert text.index("PING") < text.index("What became of each sample") < text.index("horizontal position gate")
+    assert text.index("PING") < text.index("Outcome of each sample") < text.index("horizontal position gate")
     assert " 31 " in text
 
 

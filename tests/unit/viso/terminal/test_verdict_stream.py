@@ -29,7 +29,7 @@ LINK = "udpin:0.0.0.0:14550"
 
 @pytest.fixture
 def events(make_bench: Callable[..., Bench]) -> list[MessageEvent]:
-    """Return what became of a pose of low quality, and of bytes that are none."""
+    """Return the outcome of a pose of low quality, and of bytes that are none."""
     bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
     taken: list[MessageEvent] = []
     bench.vehicle.endpoint.on_event = taken.append

@@ -52,7 +52,7 @@ def test_what_is_no_duration_is_refused(autopilot: Autopilot, durations: dict[st
         autopilot.advance(**durations)
 
 
-# Messages and what became of them
+# Messages and their outcomes
 
 
 def test_verdict_tells_all_about_a_message(autopilot: Autopilot) -> None:
@@ -222,7 +222,7 @@ def test_number_of_fused_samples_is_exact(autopilot: Autopilot) -> None:
     fused = sum(fate[:2] == ("velocity", Fate.FUSED) for verdict in autopilot.verdicts for fate in verdict.fates)
     assert fused > 15
     autopilot.assert_fused("velocity", count=fused)
-    with pytest.raises(AssertionError, match=rf"^expected {fused + 1} velocity fused, found {fused}; what became of"):
+    with pytest.raises(AssertionError, match=rf"^expected {fused + 1} velocity fused, found {fused}; the outcome of"):
         autopilot.assert_fused("velocity", count=fused + 1)
 
 

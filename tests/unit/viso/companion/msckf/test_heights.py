@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Heights: which one a frame gets, what is refused, and what became of each."""
+"""Heights: which one a frame gets, what is refused, and the outcome of each."""
 
 import math
 import threading

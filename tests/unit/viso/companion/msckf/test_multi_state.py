@@ -109,7 +109,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Updated:
-    """What became of windows that took in their tracks, one number each.
+    """Outcome of windows that took in their tracks, one number each.
 
     Attributes:
         nis_per_dof: of the innovation.
