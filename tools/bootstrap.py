@@ -171,7 +171,8 @@ def _install(root: Path, venv: Path, profile: str) -> None:
     pip = [str(venv / "bin" / "python"), "-I", "-m", "pip", "--quiet", "--no-input", "--disable-pip-version-check"]
     install = [*pip, "install"]
     lock = LOCKS[profile]
-    locked = ["--require-hashes", "--only-binary", ":all:", "-r", str(root / lock)]
+    # The lock is complete. Left to resolve, pip 23 takes the newest wheel of an extra that the lock pins without it.
+    locked = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(root / lock)]
     run(install + locked, f"installing {lock}")
     if _has_former_name(venv):
         run([*pip, "uninstall", "--yes", FORMER_NAME], "removing the project under its former name")

@@ -27,7 +27,17 @@ def environment() -> Path:
     if not done.exists():
         subprocess.run([sys.executable, "-m", "venv", "--clear", str(WORK / "venv")], check=True)
         locks = [option for name in ("run.lock", "fuzz.txt") for option in ("-r", str(ROOT / "requirements" / name))]
-        pip = [str(python), "-m", "pip", "install", "--quiet", "--require-hashes", "--only-binary", ":all:"]
+        pip = [
+            str(python),
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--no-deps",
+            "--require-hashes",
+            "--only-binary",
+            ":all:",
+        ]
         subprocess.run([*pip, *locks], check=True)
         done.touch()
     return python
