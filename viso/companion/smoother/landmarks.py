@@ -15,7 +15,7 @@ from viso.companion.msckf.triangulation import Mask, triangulate
 from viso.companion.smoother.lag_smoother import Seen
 from viso.companion.vio.se3 import SE3, Array
 
-MOST_LANDMARKS: Final = 30  # at a time; more take longer and hardly help
+MOST_LANDMARKS: Final = 50  # at a time; more take longer and hardly help
 FEWEST_SIGHTINGS: Final = 3
 MOST_SIGHTINGS: Final = 4  # of a landmark, in motion: tracked points wander
 FEWEST_LEFT: Final = MOST_LANDMARKS // 2  # when old ones are given up: the body may stop and show no more

@@ -21,7 +21,7 @@ from viso.companion.smoother.landmarks import (
 from viso.companion.vio.se3 import SE3, Array
 
 STEP_M = 0.3
-AHEAD = WALL[(np.abs(WALL[:, 1:]) < 2).all(axis=1)][:20]  # seen all the way
+AHEAD = WALL[(np.abs(WALL[:, 1:]) < 2).all(axis=1)][:40]  # seen all the way
 
 
 def pose_of(number: int, step_m: float = STEP_M) -> SE3:
