@@ -76,12 +76,7 @@ class AxisMap:
         return "".join(word[0].upper() for word in self.directions(words))
 
     def describe(self, subject: str, words: Sequence[str]) -> str:
-        """Return the whole in words: ``camera x is vehicle -y (left), ...`` with the subject ``camera {} is vehicle``.
-
-        Args:
-            subject: text with a place for the name of the stream's axis.
-            words: six words as in ``BODY_WORDS``.
-        """
+        """Return all in words: ``camera x is vehicle -y (left), ...`` with the subject ``camera {} is vehicle``."""
         parts = zip("xyz", self.signed_axes, self.directions(words), strict=True)
         return ", ".join(
             f"{subject.format(name)} {'-' if axis < 0 else ''}{'xyz'[abs(axis) - 1]} ({word})"

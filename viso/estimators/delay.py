@@ -60,7 +60,7 @@ def estimate_delay(
     stream_time_us: npt.ArrayLike,
     stream_quat_wxyz: npt.ArrayLike,
     vehicle_time_us: npt.ArrayLike,
-    vehicle_motion: npt.ArrayLike,
+    vehicle_quat_wxyz: npt.ArrayLike,
 ) -> Delay:
     """Find the delay at which the stream turns as the vehicle does.
 
@@ -72,14 +72,12 @@ def estimate_delay(
         stream_time_us: [N], on the vehicle's clock.
         stream_quat_wxyz: [N, 4] from the stream's body to its world.
         vehicle_time_us: [M], of the same clock.
-        vehicle_motion: the vehicle's body rates in rad/s [M, 3], or its attitudes as quaternions w, x, y, z [M, 4].
-            Rates that passed INS_GYRO_FILTER (GyrX of IMU, rollspeed of ATTITUDE) lag themselves, about 11 ms at 20 Hz,
-            and the result is too small by that; raw rates, replay records (RISI) and attitudes do not.
+        vehicle_quat_wxyz: the vehicle's attitudes, from body (FRD) to earth (NED), [M, 4].
 
     Raises:
         ValueError: if shapes do not fit.
     """
-    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_motion)
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz)
     grid_ms = np.arange(SEARCH_MS[0], SEARCH_MS[1] + _GRID_MS / 2, _GRID_MS)
     for delay_ms in (grid_ms[0], grid_ms[-1]):
         pair = pair.chosen(pair.vehicle_rad(delay_ms * 1e-3)[1])

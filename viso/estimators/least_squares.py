@@ -16,12 +16,7 @@ _SIGMA_OF_MEDIAN: Final = 1.4826  # of a normal distribution
 
 
 def blocks_of(time_s: Array, shortest_s: float) -> npt.NDArray[np.intp]:
-    """Return the number of the block that each sample belongs to.
-
-    Args:
-        time_s: [N], growing.
-        shortest_s: a block is not to be shorter, as far as there is a choice.
-    """
+    """Return the number of the block that each sample belongs to, by its time, which grows; none is too short."""
     if not len(time_s):
         return np.zeros(0, np.intp)
     span_s = float(time_s[-1] - time_s[0])

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators.pairs import correlation_of
-from viso.estimators.positions import WINDOW_S, Moves, clean, interpolated, moves_of
+from viso.estimators.positions import WINDOW_S, Moves, best_turn, clean, interpolated, moves_of
 from viso.estimators.turning import Array
 
 LEAST_FLOWN_M: Final = 2.0
@@ -166,7 +166,7 @@ def _as_it_fits(stream_s: Array, stream_m: Array, reference_s: Array, reference_
     if best is None:
         return NOTHING
     kept = _without_jumps(best)
-    turn = _best_turn(kept.stream_m, kept.reference_m)
+    turn = best_turn(kept.stream_m, kept.reference_m)
     turned = best.stream_m @ turn.T
     scale = _scale(kept.stream_m @ turn.T, kept.reference_m) if correlation >= _FITTING else 1.0
     flown_m = np.linalg.norm(best.reference_m, axis=1)
@@ -213,15 +213,8 @@ def _are_enough(moves: Moves, noise_m: float) -> bool:
     return flown_m >= max(LEAST_FLOWN_M, _OVER_MOVES * noise_m)
 
 
-def _best_turn(source: Array, target: Array) -> Array:
-    """Return what turns or mirrors vectors [N, 3] so that they are nearest to others [N, 2 or 3]."""
-    left, _, right = np.linalg.svd(target.T @ source, full_matrices=False)
-    turn: Array = left @ right
-    return turn
-
-
 def _correlation(moves: Moves) -> float:
-    turn = _best_turn(moves.stream_m, moves.reference_m)
+    turn = best_turn(moves.stream_m, moves.reference_m)
     return correlation_of(moves.stream_m @ turn.T, moves.reference_m)
 
 
@@ -283,10 +276,7 @@ def _extent(positions_m: Array, outermost: float = 0.0) -> float:
 def departure(stream_m: Array, reference_m: Array, *, least_m: float) -> Array:
     """Return by how much heights [N] leave those of a reference, wherever both count from, in any direction and scale.
 
-    Args:
-        stream_m: heights.
-        reference_m: the reference's at the same times.
-        least_m: what the reference has to change by for a scale to be told; else the stream's is taken to be right.
+    If the reference changes by no more than ``least_m``, the stream's scale is taken to be right.
     """
     factor = 1.0
     if np.ptp(reference_m) > least_m:

@@ -127,13 +127,9 @@ class WorldAxes:
 
 
 def choose_axes(source: Array, target: Array, candidates: Sequence[Array], blocks: npt.NDArray[np.intp]) -> Choice:
-    """Return the axis map that brings vectors [N, 3] nearest to others.
+    """Return which of at least two matrices [3, 3] brings vectors [N, 3] nearest to others.
 
-    Args:
-        source: what to turn.
-        target: what it is to agree with.
-        candidates: matrices [3, 3], at least two.
-        blocks: number of the block of each vector, for the margin's standard deviation.
+    Blocks, a number for each vector, are for the margin's standard deviation.
     """
     correlations = np.array([correlation_of(source @ matrix.T, target) for matrix in candidates])
     second, best = np.argsort(correlations)[-2:]
@@ -166,23 +162,12 @@ def estimate_orientation(
     stream_time_us: npt.ArrayLike,
     stream_quat_wxyz: npt.ArrayLike,
     vehicle_time_us: npt.ArrayLike,
-    vehicle_motion: npt.ArrayLike,
+    vehicle_quat_wxyz: npt.ArrayLike,
     *,
     delay_ms: float = 0.0,
 ) -> ChosenAxes:
-    """Find the body axes of a stream by how it turns.
-
-    Args:
-        stream_time_us: [N], on the vehicle's clock.
-        stream_quat_wxyz: [N, 4] from the stream's body to its world.
-        vehicle_time_us: [M], of the same clock.
-        vehicle_motion: the vehicle's body rates in rad/s [M, 3], or its attitudes as quaternions w, x, y, z [M, 4].
-        delay_ms: how old the stream is by its stamps; that of ``estimate_delay``.
-
-    Raises:
-        ValueError: if shapes do not fit.
-    """
-    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_motion)
+    """Find the body axes of a stream by how it turns; arguments as of ``estimate_delay``, which finds the delay."""
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz)
     delay_s = delay_ms * 1e-3
     pair = pair.chosen(pair.vehicle_rad(delay_s)[1])
     if len(pair) < _FEWEST_SAMPLES:
@@ -207,16 +192,7 @@ def estimate_world_axes(
 ) -> WorldAxes:
     """Find the axes of the stream's world on the earth, once those of its body are known.
 
-    Args:
-        stream_time_us: [N], on the vehicle's clock.
-        stream_quat_wxyz: [N, 4] from the stream's body to its world.
-        vehicle_time_us: [M], of the same clock.
-        vehicle_quat_wxyz: the vehicle's attitudes, from body (FRD) to earth (NED), [M, 4].
-        body_axes: where the stream's body axes point in the vehicle, as ``estimate_orientation`` finds.
-        delay_ms: how old the stream is by its stamps.
-
-    Raises:
-        ValueError: if shapes do not fit.
+    Arguments are as of ``estimate_orientation``, which finds the axes of the body.
     """
     stream, vehicle = attitudes_of(stream_time_us, stream_quat_wxyz), attitudes_of(vehicle_time_us, vehicle_quat_wxyz)
     attitudes, known = vehicle.at(stream.time_s - delay_ms * 1e-3)

@@ -68,10 +68,10 @@ def turn_pair(
     stream_time_us: npt.ArrayLike,
     stream_quat_wxyz: npt.ArrayLike,
     vehicle_time_us: npt.ArrayLike,
-    vehicle_motion: npt.ArrayLike,
+    vehicle_quat_wxyz: npt.ArrayLike,
 ) -> TurnPair:
     """Return a stream's rotations beside the vehicle; arguments as of ``estimate_delay``."""
-    stream, vehicle = attitudes_of(stream_time_us, stream_quat_wxyz), attitudes_of(vehicle_time_us, vehicle_motion)
+    stream, vehicle = attitudes_of(stream_time_us, stream_quat_wxyz), attitudes_of(vehicle_time_us, vehicle_quat_wxyz)
     start, end = windows(stream.time_s, window_of(stream))
     start_s, end_s = stream.time_s[start], stream.time_s[end]
     return TurnPair(vehicle, start_s, end_s, turns(stream, start_s, end_s)[0])

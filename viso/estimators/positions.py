@@ -16,7 +16,7 @@ from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER
 from viso.estimators.least_squares import blocks_of, fit, inliers
 from viso.estimators.orientation import UNDECIDED, ChosenAxes, choose_axes
 from viso.estimators.pairs import centred, correlation_of
-from viso.estimators.turning import Array, windows
+from viso.estimators.turning import Array, newest, windows
 
 WINDOW_S: Final = 2.0
 LEAST_CORRELATION: Final = 0.8
@@ -87,7 +87,7 @@ def estimate_scale(
     kept = moves
     for _ in range(_PASSES):
         stream, reference = centred(kept.stream_m), centred(kept.reference_m)
-        axes = _best_axes(stream, reference)
+        axes = best_turn(stream, reference)
         scale = _total_scale(stream @ axes.T, reference)
         off = centred(moves.stream_m) @ axes.T * scale - centred(moves.reference_m)
         used, kept = kept, moves.chosen(inliers(np.linalg.norm(off, axis=1)))
@@ -115,16 +115,8 @@ def estimate_position_axes(
 ) -> ChosenAxes:
     """Find which way the axes of a stream's positions point, mirrored ones among them.
 
-    Args:
-        stream_time_us: [N], on the reference's clock.
-        stream_pos_m: [N, 3].
-        reference_time_us: [M].
-        reference_pos_ned_m: [M, 3], north, east, down.
-        heading_deg: compass direction that counts as north; where the stream's heading is arbitrary, that of its x.
-        delay_ms: how old the stream is by its stamps.
-
-    Raises:
-        ValueError: if shapes do not fit.
+    ``heading_deg`` is the compass direction that counts as north: that of the stream's x, where its heading is
+    arbitrary. Other arguments are as of ``estimate_scale``.
     """
     moves = moves_of(stream_time_us, stream_pos_m, reference_time_us, reference_pos_ned_m, delay_ms)
     if len(moves.start_s) < _FEWEST_SAMPLES:
@@ -146,11 +138,8 @@ def clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:
     if times.ndim != 1 or positions.ndim != 2 or positions.shape[1] not in (2, 3) or len(positions) != len(times):
         raise ValueError(f"times of shape {times.shape} and positions of shape {positions.shape}: not [N] and [N, 3]")
     usable = np.isfinite(times) & np.isfinite(positions).all(axis=1)
-    times, positions = times[usable], positions[usable]
-    if not len(times):
-        return times, positions
-    newer = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
-    return times[newer] * 1e-6, positions[newer]
+    newer = newest(times[usable])
+    return times[usable][newer] * 1e-6, positions[usable][newer]
 
 
 def moves_of(
@@ -181,11 +170,11 @@ def interpolated(
     return np.column_stack([np.interp(at_s, time_s, column) for column in values.T]), known
 
 
-def _best_axes(source: Array, target: Array) -> Array:
-    """Return the rotation or mirroring [3, 3] that turns vectors [N, 3] into others best."""
-    left, _, right = np.linalg.svd(target.T @ source)
-    axes: Array = left @ right
-    return axes
+def best_turn(source: Array, target: Array) -> Array:
+    """Return what turns or mirrors vectors [N, 3] so that they are nearest to others [N, 2 or 3]."""
+    left, _, right = np.linalg.svd(target.T @ source, full_matrices=False)
+    turn: Array = left @ right
+    return turn
 
 
 def _total_scale(source: Array, target: Array) -> float:

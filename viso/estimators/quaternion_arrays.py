@@ -10,7 +10,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ekf_stub.filter.quaternions import IS_PLAIN, one, quaternion
+from ekf_stub.filter.quaternions import IS_PLAIN
+from ekf_stub.filter.quaternions import quaternion as quaternion
 
 Array = npt.NDArray[np.float64]
 
@@ -59,14 +60,3 @@ def matrices_of(wxyz: Array) -> Array:
         (2 * (x * z - y * w) / square, 2 * (y * z + x * w) / square, 1.0 - 2 * (x**2 + y**2) / square),
     )
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-__all__ = [
-    "as_float_array",
-    "as_quat_array",
-    "as_rotation_matrix",
-    "from_rotation_vector",
-    "matrices_of",
-    "one",
-    "quaternion",
-]

@@ -1,19 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a body turns, from attitudes or from body rates: the rotation between any two times.
+"""How a body turns, from its attitudes: the rotation between any two times.
 
 Rotations over a window stand for rates: both sides of a comparison are smoothed alike, a drifting or arbitrary heading
 cancels out, and the noise of single attitudes is not divided by a short time.
 """
 
 from dataclasses import dataclass
-from itertools import accumulate
-from operator import mul
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from ekf_stub.filter.quaternions import one
 from viso.estimators import quaternion_arrays as quaternion
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +42,7 @@ class Attitudes:
     def at(self, time_s: Array) -> tuple[Any, npt.NDArray[np.bool_]]:
         """Return the attitudes at times [K], and which are known: those of no gap, before the end, after the start."""
         if len(self) < 2:
-            return np.full(len(time_s), quaternion.one), np.zeros(len(time_s), bool)
+            return np.full(len(time_s), one), np.zeros(len(time_s), bool)
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self) - 1)
         step_s = self.time_s[after] - self.time_s[after - 1]
         share = (time_s - self.time_s[after - 1]) / step_s
@@ -66,30 +65,24 @@ def quats_of_euler(roll_pitch_yaw_rad: npt.ArrayLike) -> Array:
     return quats
 
 
-def attitudes_of(time_us: npt.ArrayLike, motion: npt.ArrayLike) -> Attitudes:
-    """Return the attitudes that a list of them, or of body rates, amounts to.
+def attitudes_of(time_us: npt.ArrayLike, quat_wxyz: npt.ArrayLike) -> Attitudes:
+    """Return the attitudes of times [N] and of quaternions w, x, y, z from body to world [N, 4].
 
     What is not finite, has no direction, or does not come after all before it is left out.
-
-    Args:
-        time_us: [N].
-        motion: quaternions w, x, y, z from body to world [N, 4], or body rates in rad/s [N, 3].
 
     Raises:
         ValueError: if the shapes are others.
     """
     times = np.asarray(time_us, np.float64)
-    values = np.asarray(motion, np.float64)
-    if values.ndim != 2 or values.shape[1] not in (3, 4) or times.shape != values.shape[:1]:
-        raise ValueError(f"times of shape {times.shape} and a motion of shape {values.shape}: not [N] and [N, 3 or 4]")
-    usable = np.isfinite(times) & np.isfinite(values).all(axis=1)
-    if values.shape[1] == 4:
-        usable &= np.abs(values).max(axis=1, initial=0) > 1e-6
+    values = np.asarray(quat_wxyz, np.float64)
+    if values.ndim != 2 or values.shape[1] != 4 or times.shape != values.shape[:1]:
+        raise ValueError(f"times of shape {times.shape}, quaternions of shape {values.shape}: not [N] and [N, 4]")
+    usable = np.isfinite(times) & np.isfinite(values).all(axis=1) & (np.abs(values).max(axis=1, initial=0) > 1e-6)
     times, values = times[usable], values[usable]
-    newer = _is_newest(times)
-    time_s, values = times[newer] * _US, values[newer]
-    quats = _unit(values) if values.shape[1] == 4 else _integrated(time_s, values)
-    return Attitudes(time_s, quats, rotation_vectors(quats[:-1].conj() * quats[1:]))
+    newer = newest(times)
+    values = values[newer]
+    quats = quaternion.as_quat_array(values / np.linalg.norm(values, axis=1, keepdims=True))
+    return Attitudes(times[newer] * _US, quats, rotation_vectors(quats[:-1].conj() * quats[1:]))
 
 
 def window_of(track: Attitudes) -> float:
@@ -125,17 +118,6 @@ def turns(track: Attitudes, start_s: Array, end_s: Array) -> tuple[Array, npt.ND
     return rotation_vectors(first.conj() * second), first_known & second_known
 
 
-def _is_newest(times: Array) -> npt.NDArray[np.bool_]:
-    newest = np.maximum.accumulate(times) if len(times) else times
-    return np.concatenate([np.ones(min(len(times), 1), bool), times[1:] > newest[:-1]])
-
-
-def _unit(quats_wxyz: Array) -> Any:
-    return quaternion.as_quat_array(quats_wxyz / np.linalg.norm(quats_wxyz, axis=1, keepdims=True))
-
-
-def _integrated(time_s: Array, rates_rad: Array) -> Any:
-    if not len(time_s):
-        return quaternion.as_quat_array(np.zeros((0, 4)))
-    steps = 0.5 * (rates_rad[1:] + rates_rad[:-1]) * np.diff(time_s)[:, None]
-    return np.array(list(accumulate(quaternion.from_rotation_vector(steps), mul, initial=quaternion.one)))
+def newest(times: Array) -> npt.NDArray[np.bool_]:
+    """Return which times [N] are later than all before them."""
+    return np.diff(np.maximum.accumulate(times), prepend=-np.inf) > 0

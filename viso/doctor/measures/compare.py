@@ -48,7 +48,7 @@ def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
     if orient == 0 or viso_type not in ALIGNING_TYPES:
         return quat_wxyz
     back = quaternion_from_rotation(orient, InternalErrors()).inverse()
-    turn = quaternion.quaternion(*map(float, back.to_wxyz()))
+    turn = quaternion.as_quat_array(back.to_wxyz())
     turned: Floats = quaternion.as_float_array(quaternion.as_quat_array(quat_wxyz) * turn)
     return turned
 

@@ -9,6 +9,7 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from tests.places import DATA
+from tests.unit.viso.estimators.motions import integrated
 from viso.estimators.turning import Array, quats_of_euler
 from viso.logs.recorded import read_log
 from viso.sensors.flown.source import read_flight
@@ -66,6 +67,7 @@ def flight() -> Flight:
 
 
 def read_gyro() -> tuple[Array, Array]:
-    """Return the times in us and body rates in rad/s of the passes of the flight's main loop."""
+    """Return the times in us of the passes of the flight's main loop, and attitudes made of their body rates."""
     passes = read_flight(LOG)
-    return passes.time_us.astype(np.float64) - HALF_A_STEP_US, passes.deltas[:, 3:6] / passes.deltas[:, 7:]
+    time_us = passes.time_us.astype(np.float64) - HALF_A_STEP_US
+    return time_us, integrated(time_us, passes.deltas[:, 3:6] / passes.deltas[:, 7:])

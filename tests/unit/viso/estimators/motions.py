@@ -3,6 +3,8 @@
 """Motions with known answers, seeded."""
 
 from dataclasses import dataclass
+from itertools import accumulate
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -52,6 +54,14 @@ class Motion:
         return stamps_s * 1e6, quaternion.as_float_array(world * quats * noise * body)
 
 
+def integrated(time_us: Array, rates_rad: Array) -> Array:
+    """Return the attitudes [M, 4] of a body that starts level and turns at such rates [M, 3]."""
+    steps = 0.5 * (rates_rad[1:] + rates_rad[:-1]) * np.diff(time_us * 1e-6)[:, None]
+    turns = quaternion.from_rotation_vector(steps)
+    quats: Array = quaternion.as_float_array(list(accumulate(turns, mul, initial=quaternion.one)))
+    return quats
+
+
 def motion(
     rng: np.random.Generator,
     *,
@@ -65,4 +75,4 @@ def motion(
     rates = smooth(rng, count, 1 / VEHICLE_HZ, highest_hz)
     rates *= rate_rad / rates.std() * np.array(axes)
     time_us = np.arange(count) * 1e6 / VEHICLE_HZ
-    return Motion(time_us, rates, attitudes_of(time_us, rates))
+    return Motion(time_us, rates, attitudes_of(time_us, integrated(time_us, rates)))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.unit.viso.estimators.conftest import Flight, read_gyro
-from tests.unit.viso.estimators.motions import motion
+from tests.unit.viso.estimators.motions import integrated, motion
 from viso.estimators.delay import estimate_delay
 from viso.estimators.turning import quats_of_euler
 
@@ -57,7 +57,7 @@ def test_fast_gyro_of_the_recorded_flight_says_what_slow_attitudes_say(flight: F
 def test_any_delay_is_found_within_its_uncertainty(delay_ms: float, seed: int, hz: int) -> None:
     rng = np.random.default_rng(seed)
     vehicle = motion(rng)
-    found = estimate_delay(*vehicle.seen(rng, delay_ms=delay_ms, hz=hz), vehicle.time_us, vehicle.rates_rad)
+    found = estimate_delay(*vehicle.seen(rng, delay_ms=delay_ms, hz=hz), vehicle.time_us, vehicle.quat_wxyz)
     assert found.enough_motion
     assert abs(found.delay_ms - delay_ms) < 5 * found.sigma_ms + 0.2
     assert found.sigma_ms < 3.0
@@ -68,7 +68,7 @@ def test_uncertainty_is_that_of_repeated_trials() -> None:
     rng = np.random.default_rng(7)
     vehicle = motion(rng)
     trials = [
-        estimate_delay(*vehicle.seen(rng, delay_ms=40, noise_rad=0.01), vehicle.time_us, vehicle.rates_rad)
+        estimate_delay(*vehicle.seen(rng, delay_ms=40, noise_rad=0.01), vehicle.time_us, vehicle.quat_wxyz)
         for _ in range(20)
     ]
     spread_ms = float(np.std([trial.delay_ms for trial in trials]))
@@ -80,7 +80,8 @@ def test_mounting_heading_and_gyro_bias_do_not_matter() -> None:
     vehicle = motion(rng)
     body, world = quaternion.from_rotation_vector([[1.0, -2.0, 0.5], [0.0, 0.0, 2.0]])
     seen = vehicle.seen(rng, delay_ms=70, body=body, world=world)
-    found = estimate_delay(*seen, vehicle.time_us, vehicle.rates_rad + np.array([0.5, -0.5, 0.5]))
+    biased = integrated(vehicle.time_us, vehicle.rates_rad + np.array([0.5, -0.5, 0.5]))
+    found = estimate_delay(*seen, vehicle.time_us, biased)
     assert found.delay_ms == pytest.approx(70, abs=4 * found.sigma_ms)
     assert found.correlation > 0.95
 
@@ -88,7 +89,7 @@ def test_mounting_heading_and_gyro_bias_do_not_matter() -> None:
 def test_turning_about_one_axis_is_enough() -> None:
     rng = np.random.default_rng(9)
     vehicle = motion(rng, axes=(0, 0, 1))
-    found = estimate_delay(*vehicle.seen(rng, delay_ms=70), vehicle.time_us, vehicle.rates_rad)
+    found = estimate_delay(*vehicle.seen(rng, delay_ms=70), vehicle.time_us, vehicle.quat_wxyz)
     assert found.enough_motion
     assert found.delay_ms == pytest.approx(70, abs=4 * found.sigma_ms)
 
@@ -101,7 +102,7 @@ def test_jumps_of_the_heading_and_gaps_do_little() -> None:
     turned = quaternion.as_float_array(jump * quaternion.as_quat_array(quats[300:]))
     kept = np.r_[0:100, 150:400, 420 : len(stamps)]
     quats = np.vstack([quats[:300], turned])
-    found = estimate_delay(stamps[kept], quats[kept], vehicle.time_us, vehicle.rates_rad)
+    found = estimate_delay(stamps[kept], quats[kept], vehicle.time_us, vehicle.quat_wxyz)
     assert found.delay_ms == pytest.approx(70, abs=4 * found.sigma_ms)
     assert found.sigma_ms < 2.0
 
@@ -111,7 +112,7 @@ def test_vehicle_at_rest_is_no_motion(rate_rad: float) -> None:
     rng = np.random.default_rng(11)
     vehicle = motion(rng, rate_rad=rate_rad)
     noisy = vehicle.rates_rad + rng.normal(0, 0.002, vehicle.rates_rad.shape)
-    found = estimate_delay(*vehicle.seen(rng), vehicle.time_us, noisy)
+    found = estimate_delay(*vehicle.seen(rng), vehicle.time_us, integrated(vehicle.time_us, noisy))
     assert not found.enough_motion
     assert math.isnan(found.delay_ms)
     assert found.sigma_ms == math.inf
@@ -129,7 +130,7 @@ def test_estimate_at_rest_that_follows_the_camera_is_no_motion() -> None:
 def test_stream_that_is_mostly_noise_is_not_enough() -> None:
     rng = np.random.default_rng(17)
     vehicle = motion(rng, span_s=120.0)
-    found = estimate_delay(*vehicle.seen(rng, noise_rad=0.07), vehicle.time_us, vehicle.rates_rad)
+    found = estimate_delay(*vehicle.seen(rng, noise_rad=0.07), vehicle.time_us, vehicle.quat_wxyz)
     assert not found.enough_motion
     assert 0.3 < found.correlation < 0.6
 
@@ -141,7 +142,8 @@ def test_steady_turning_is_no_motion() -> None:
     stamps = vehicle.time_us[::3]
     yaw = stamps * 0.5e-6 + rng.normal(0, 0.003, len(stamps))
     quats = quats_of_euler(np.column_stack([0 * yaw, 0 * yaw, yaw]))
-    assert not estimate_delay(stamps, quats, vehicle.time_us, spinning).enough_motion
+    attitudes = integrated(vehicle.time_us, spinning)
+    assert not estimate_delay(stamps, quats, vehicle.time_us, attitudes).enough_motion
 
 
 def test_motion_that_repeats_itself_within_the_search_is_not_enough() -> None:
@@ -150,27 +152,27 @@ def test_motion_that_repeats_itself_within_the_search_is_not_enough() -> None:
     quats = quaternion.as_float_array(quaternion.from_rotation_vector(np.cumsum(rates * 0.01, axis=0)))
     stamps, quats = time_us[100:-100:3], quats[100:-100:3]
     noise = np.random.default_rng(13).normal(0, 1e-3, quats.shape)
-    assert not estimate_delay(stamps + 50e3, quats + noise, time_us, rates).enough_motion
+    assert not estimate_delay(stamps + 50e3, quats + noise, time_us, integrated(time_us, rates)).enough_motion
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_stream_of_another_vehicle_is_not_taken(seed: int) -> None:
     rng = np.random.default_rng(seed)
     vehicle, other = motion(rng), motion(rng)
-    assert not estimate_delay(*other.seen(rng), vehicle.time_us, vehicle.rates_rad).enough_motion
+    assert not estimate_delay(*other.seen(rng), vehicle.time_us, vehicle.quat_wxyz).enough_motion
 
 
 def test_delay_beyond_the_search_is_not_taken() -> None:
     rng = np.random.default_rng(14)
     vehicle = motion(rng)
     seen = vehicle.seen(rng, delay_ms=420)
-    assert not estimate_delay(*seen, vehicle.time_us, vehicle.rates_rad).enough_motion
+    assert not estimate_delay(*seen, vehicle.time_us, vehicle.quat_wxyz).enough_motion
 
 
 def test_value_for_the_parameter_stays_within_its_range() -> None:
     rng = np.random.default_rng(15)
     vehicle = motion(rng)
-    found = estimate_delay(*vehicle.seen(rng, delay_ms=-50), vehicle.time_us, vehicle.rates_rad)
+    found = estimate_delay(*vehicle.seen(rng, delay_ms=-50), vehicle.time_us, vehicle.quat_wxyz)
     assert found.delay_ms == pytest.approx(-50, abs=4)
     assert found.viso_delay_ms == 0
 
@@ -178,5 +180,5 @@ def test_value_for_the_parameter_stays_within_its_range() -> None:
 @pytest.mark.parametrize("count", [0, 1, 20])
 def test_too_few_samples_are_not_enough(count: int) -> None:
     times = np.arange(count) * 3e4
-    found = estimate_delay(times, np.tile([1.0, 0, 0, 0], (count, 1)), times, np.ones((count, 3)))
+    found = estimate_delay(times, np.tile([1.0, 0, 0, 0], (count, 1)), times, np.ones((count, 4)))
     assert (found.enough_motion, found.sigma_ms) == (False, math.inf)

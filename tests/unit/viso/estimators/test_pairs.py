@@ -38,7 +38,7 @@ def test_cross_matrices_multiply_as_the_cross_product_does() -> None:
 def test_rotations_of_the_vehicle_are_those_of_the_delayed_stream() -> None:
     rng = np.random.default_rng(51)
     vehicle = motion(rng)
-    pair = turn_pair(*vehicle.seen(rng, delay_ms=80, noise_rad=0.0), vehicle.time_us, vehicle.rates_rad)
+    pair = turn_pair(*vehicle.seen(rng, delay_ms=80, noise_rad=0.0), vehicle.time_us, vehicle.quat_wxyz)
     turned, known = pair.vehicle_rad(0.08)
     assert known.all()
     np.testing.assert_allclose(pair.stream_rad, turned, atol=1e-12)
@@ -47,6 +47,6 @@ def test_rotations_of_the_vehicle_are_those_of_the_delayed_stream() -> None:
 def test_thinned_rotations_overlap_by_half() -> None:
     rng = np.random.default_rng(52)
     vehicle = motion(rng)
-    pair = turn_pair(*vehicle.seen(rng, hz=90), vehicle.time_us, vehicle.rates_rad)
+    pair = turn_pair(*vehicle.seen(rng, hz=90), vehicle.time_us, vehicle.quat_wxyz)
     sparse = pair.thinned()
     assert 0.4 < np.median(np.diff(sparse.start_s)) / pair.window_s <= 0.55
