@@ -63,11 +63,11 @@ def rows(logs: Sequence[Path]) -> Iterator[tuple[str, ...]]:
     Raises:
         InputError: a log cannot be used.
     """
-    with progress("filtering", len(logs)) as bar:
-        for log in logs:
+    with progress("filtering", len(logs)) as show:
+        for number, log in enumerate(logs, 1):
             replay = replay_ekf(log, until_s=ekf_targets.end_s(log))
             yield row(ekf_targets.log_name(log), compare(replay, bench=ekf_targets.is_bench(log)))
-            bar.advance(bar.task_ids[0])
+            show(number)
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -151,10 +151,10 @@ MEASURES: Final[Sequence[Measure]] = (
 
 def rows() -> Iterator[Row]:
     """Measure, a row each."""
-    with progress("measuring", len(MEASURES)) as bar:
-        for measure in MEASURES:
+    with progress("measuring", len(MEASURES)) as show:
+        for number, measure in enumerate(MEASURES, 1):
             yield measure()
-            bar.advance(bar.task_ids[0])
+            show(number)
 
 
 def strategies(commands: Mapping[str, str]) -> list[str]:
@@ -203,13 +203,13 @@ def _error_m(trial: Trial) -> float:
 def scene_rows(names: Sequence[str], commands: Mapping[str, str], plot: Path | None) -> Iterator[Row]:
     """Measure, a row for each scene; draw them at the end."""
     all_scores: dict[str, list[Scored]] = {}
-    with progress("measuring", len(SCENES)) as bar:
-        for scene in SCENES:
+    with progress("measuring", len(SCENES)) as show:
+        for number, scene in enumerate(SCENES, 1):
             results = [scored(scene, name, commands.get(name, "")) for name in names]
             all_scores[scene.name] = [score for score, _ in results]
             path_m = results[0][1]
             yield (scene.name, scene.what, f"{path_m:.0f} m", *(score.cell() for score, _ in results))
-            bar.advance(bar.task_ids[0])
+            show(number)
     if plot is not None:
         draw(names, all_scores, plot)
 

@@ -3,7 +3,7 @@
 """``viso compare``: recordings of an autopilot held against viso."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -95,7 +95,8 @@ def compare(
             recordings, whole = [place for place, _ in taken], all(is_whole for _, is_whole in taken)
         found = _compare_all(recordings, chosen, which=which)
     nearest = sorted(most_like(found), key=lambda name: name not in _named(found)) if which else []
-    told = [one for comparisons in found for one in _of_interest(comparisons, nearest)]
+    # That under the profile which is nearest to all recordings, or the only one.
+    told = [one[nearest[0]] if nearest else next(iter(one.values())) for one in found]
     if as_json:
         rows = [one.as_dict() for comparisons in found for one in comparisons.values()]
         like = {"most_like": nearest} if which else {}
@@ -141,20 +142,11 @@ def _compare_all(recordings: list[Path], chosen: Firmware | None, *, which: bool
 
 
 def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -> Found:
-    with progress(title, None) as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.update(bar.task_ids[0], completed=done, total=total)
-
+    with progress(title, None) as show:
         if which:
             return compare_with_all(path, show)
         comparison = compare_recording(path, chosen, show)
         return {comparison.firmware: comparison}
-
-
-def _of_interest(comparisons: Found, nearest: list[str]) -> Iterator[Comparison]:
-    """Yield the only comparison of a recording, or that under the profile which is nearest to all recordings."""
-    yield comparisons[nearest[0]] if nearest else next(iter(comparisons.values()))
 
 
 def _short_names(paths: list[Path]) -> dict[Path, str]:

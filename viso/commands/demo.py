@@ -25,12 +25,11 @@ from viso.logs.files import LogFile, LogStore
 from viso.options.engine import EngineOption, with_engine
 from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.outputs import Output
-from viso.terminal.console import err, out, progress, verdict_rows
+from viso.terminal.console import drawing, err, out, progress, verdict_rows
 from viso.terminal.filter_report import aiding_rows, filter_rows, tables_of
 from viso.terminal.signals import stop_on_signal
 from viso.vehicle.vehicle import Vehicle
 
-_PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 _SIMULATED_INSTEAD: Final = f"the camera is simulated: OpenCV is missing; for a real one: {pip_install('vio')}"
 _NO_VIO: Final = f"--camera vio: OpenCV is missing; install it with: {pip_install('vio')}; --camera simulated works"
 
@@ -69,11 +68,11 @@ class _Flown:
 @contextmanager
 def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[], bool]]]:
     """Yield what shows the progress of a flight, and what says whether the user wants it to end."""
-    with progress("flying", int(end_s)) as bar, stop_on_signal() as signals:
-        yield lambda time_s: bar.update(bar.task_ids[0], completed=time_s), lambda: bool(signals)
+    with progress("flying", int(end_s)) as show, stop_on_signal() as signals:
+        yield show, lambda: bool(signals)
 
 
-def _texts(record: LoopRecord) -> list[tuple[float, str, int, str]]:
+def _texts(record: LoopRecord) -> list[Text]:
     return [(said.time_us * 1e-6, said.who, said.severity, said.text) for said in record.said]
 
 
@@ -134,14 +133,10 @@ def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware, choos
 
 
 def _save_plot(flown: _Flown, path: Path) -> Path | None:
-    try:
+    with drawing():
         flown.save_plot(path)
-    except ModuleNotFoundError as error:
-        if error.name is None or not error.name.startswith("matplotlib"):
-            raise
-        err.print(_PLOT_HINT)
-        return None
-    return path
+        return path
+    return None
 
 
 def demo(

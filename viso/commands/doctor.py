@@ -178,10 +178,8 @@ def _is_link(source: str) -> bool:
 def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
     with closing(open_link(connection)) as link:
         recorder = LinkRecorder(link, lead_us, time.monotonic)
-        with stop_on_signal() as signals, progress(f"listening to {connection}", int(seconds)) as bar:
-            recorder.run(
-                seconds, lambda: bool(signals), lambda passed_s: bar.update(bar.task_ids[0], completed=passed_s)
-            )
+        with stop_on_signal() as signals, progress(f"listening to {connection}", int(seconds)) as show:
+            recorder.run(seconds, lambda: bool(signals), show)
         if why := link.stats.unreached:
             raise InputError(f"{connection}: {why}")
     return recorder.stream()
@@ -189,14 +187,8 @@ def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
 
 def _hear(name: str, domain: int, seconds: float, lead_us: int, axes: str, form: str | None) -> Stream:
     with closing(PoseTopic(name, domain)) as topic:
-        with stop_on_signal() as signals, progress(f"listening to {name}", int(seconds)) as bar:
-            heard = heard_on_topic(
-                topic,
-                seconds,
-                time.time_ns,
-                lambda: bool(signals),
-                lambda passed_s: bar.update(bar.task_ids[0], completed=passed_s),
-            )
+        with stop_on_signal() as signals, progress(f"listening to {name}", int(seconds)) as show:
+            heard = heard_on_topic(topic, seconds, time.time_ns, lambda: bool(signals), show)
         return stream_of_topic(topic, heard, lead_us, axes, form)
 
 
@@ -209,8 +201,8 @@ def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherO
 
 
 def _examine(stream: Stream, options: GatherOptions) -> Evidence:
-    with progress("trying the stream", len(stream.messages)) as bar:
-        return gather(stream, options, lambda fed: bar.update(bar.task_ids[0], completed=fed))
+    with progress("trying the stream", len(stream.messages)) as show:
+        return gather(stream, options, show)
 
 
 def _print(evidence: Evidence, findings: list[Finding]) -> None:

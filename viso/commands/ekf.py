@@ -97,8 +97,8 @@ def _compared(run: EkfRun, log: Path) -> dict[int, Comparison]:
 
 def _run(run: EkfRun, output: Path | None) -> None:
     try:
-        with progress("filtering", None) as bar:
-            run.run(lambda frames, total: bar.update(bar.task_ids[0], completed=frames, total=total))
+        with progress("filtering", None) as show:
+            run.run(show)
     except KeyboardInterrupt:
         if output is not None and not run.output.is_empty:
             run.output.save(output)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso faults``: faults on a timeline, between two links or in a recorded stream."""
 
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -99,16 +98,15 @@ def _through_file(ends: list[str], output: Path, injector: Injector) -> dict[str
     recording = read_recording(source)
     for note in recording.notes:
         err.print(f"note: {note}")
-    with progress("injecting", len(recording.frames)) as bar:
+    with progress("injecting", len(recording.frames)) as show:
 
-        def watched(advance: Callable[[int], None]) -> Any:
+        def watched() -> Any:
             for number, frame in enumerate(recording.frames, 1):
                 if number % PROGRESS_EVERY == 0:
-                    advance(number)
+                    show(number)
                 yield frame
 
-        frames = watched(lambda number: bar.update(bar.task_ids[0], completed=number))
-        left_out = write_recording(output, run_through(frames, injector), recording)
+        left_out = write_recording(output, run_through(watched(), injector), recording)
     if left_out:
         err.print(f"note: {output}: {left_out} pieces that are no frame left out")
     return {"written": str(output)}

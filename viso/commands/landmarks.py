@@ -35,7 +35,7 @@ from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, lin
 from viso.logs.recorded import read_log
 from viso.options.checks import within
 from viso.options.outputs import Output
-from viso.terminal.console import err, out
+from viso.terminal.console import drawing, err, out
 from viso.terminal.signals import stop_on_signal
 
 LONGEST_S: Final = 4e9
@@ -65,14 +65,11 @@ def _reference(text: str | None) -> GeodeticPoint | None:
 
 def _draw(palette: Palette, extent_m: float, *, with_sky: bool) -> Draw | None:
     """Return what makes a PNG of a scene; None, and a hint, without matplotlib."""
-    try:
+    with drawing(_PLOT_HINT):
         from viso.companion.landmarks import picture
-    except ModuleNotFoundError as error:
-        if error.name is None or not error.name.startswith(("matplotlib", "PIL")):
-            raise
-        err.print(_PLOT_HINT)
-        return None
-    return lambda scene: picture.png_of(picture.draw(scene, palette, extent_m=extent_m, with_sky=with_sky))
+
+        return lambda scene: picture.png_of(picture.draw(scene, palette, extent_m=extent_m, with_sky=with_sky))
+    return None
 
 
 @contextmanager

@@ -6,7 +6,6 @@ import json
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
@@ -40,7 +39,7 @@ from viso.options.ahrs import (
 from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import load_settings, needing_reboot, parse_assignments
+from viso.options.settings import first_of, load_settings, needing_reboot, parse_assignments
 from viso.replay import versus as versus_runs
 from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
 from viso.replay.feed import ReplayedMessage
@@ -58,8 +57,6 @@ from viso.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from viso.web.recording import ReplayRecorder
 
-_NAMED: Final = 8
-"""How many parameters a note names; a log holds those of the whole autopilot."""
 _TRAJECTORY: Final = TrajectoryOptions()
 
 
@@ -269,42 +266,38 @@ def _run_all(
     recorder: "ReplayRecorder | None",
 ) -> tuple[list[ReplayOutcome], list[Judge]]:
     """Replay a stream one way after the other; files are of the last run."""
-    outcomes = []
     judges = [Judge(None if truth is None else _poses_of(truth)) for _ in runs]
     with (
         nullcontext() if records is None else write_text(records) as sink,
         nullcontext() if log is None else single_log(log) as open_log,
-        progress("replaying", len(stream.messages) * len(runs)) as bar,
+        progress("replaying", len(stream.messages) * len(runs)) as show,
     ):
 
-        def write(judge: Judge, is_last: bool, message: ReplayedMessage) -> None:
-            judge.take_message(message)
-            if sink is not None and is_last:
-                sink.write(json.dumps(message.as_dict()) + "\n")
+        def outcome_of(index: int, run: _Run) -> ReplayOutcome:
+            judge, is_last = judges[index], index == len(runs) - 1
 
-        def show(before: int, fed: int) -> None:
-            bar.update(bar.task_ids[0], completed=before + fed)
-
-        for index, run in enumerate(runs):
-            is_last = index == len(runs) - 1
-
-            def start(judge: Judge, is_last: bool, vehicle: Vehicle, watch: FilterWatch | None) -> None:
+            def start(vehicle: Vehicle, watch: FilterWatch | None) -> None:
                 judge.start(vehicle, watch)
                 if recorder is not None and is_last:
                     recorder.start(vehicle, watch)
 
-            outcome = run_replay(
+            def take(message: ReplayedMessage) -> None:
+                judge.take_message(message)
+                if sink is not None and is_last:
+                    sink.write(json.dumps(message.as_dict()) + "\n")
+
+            return run_replay(
                 stream,
                 run.settings,
                 run.setup,
                 open_log=open_log if is_last else None,
-                on_message=partial(write, judges[index], is_last),
-                on_progress=partial(show, index * len(stream.messages)),
+                on_message=take,
+                on_progress=lambda fed: show(index * len(stream.messages) + fed),
                 keep_messages=len(runs) > 1,
-                on_start=partial(start, judges[index], is_last),
+                on_start=start,
             )
-            outcomes.append(outcome)
-    return outcomes, judges
+
+        return [outcome_of(index, run) for index, run in enumerate(runs)], judges
 
 
 def _poses_of(places: PositionSeries) -> TimedPoses:
@@ -315,11 +308,8 @@ def _poses_of(places: PositionSeries) -> TimedPoses:
 def _note(stream: Stream, firmware: Firmware, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
     for note in (*stream.notes, *outcome.notes, *notes_on(stream.flown, firmware)):
         err.print(f"note: {note}")
-    unknown = outcome.unknown_params
-    if unknown:
-        others = f" and {len(unknown) - _NAMED} others" if len(unknown) > _NAMED else ""
-        named = ", ".join(unknown[:_NAMED])
-        err.print(f"note: parameters of the recording without effect here: {named}{others}")
+    if outcome.unknown_params:
+        err.print(f"note: parameters of the recording without effect here: {first_of(outcome.unknown_params)}")
     if at_boot:
         err.print(f"note: a vehicle must be rebooted for {', '.join(at_boot)}; here it boots with the new value")
 
@@ -381,7 +371,10 @@ def _tell_versus(
     names = [profile.name for profile in profiles]
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
-        own = {"errors": versus_runs.error_rows(errors), "innovations": versus_runs.innovation_change_rows(innovations)}
+        own = {
+            "errors": [change._asdict() for change in errors],
+            "innovations": versus_runs.innovation_change_rows(innovations),
+        }
         differs = {**comparison_rows(comparison), **own}
         firmware = dict(zip(both, names, strict=True))
         out.print_json(data={"stream": stream.name, "firmware": firmware, **both, "differs": differs})

@@ -99,8 +99,8 @@ def _page_path(output: Path, log: Path) -> Path:
 
 
 def _read(log: Path, chosen: Firmware | None) -> tuple[Firmware, Material, Facts, Summary]:
-    with progress("reading", 100) as bar:
-        material = read_material(log, lambda percent: bar.update(bar.task_ids[0], completed=int(percent)))
+    with progress("reading", 100) as show:
+        material = read_material(log, show)
     firmware = chosen or profile_for(material.flown, {one.name for one in material.parameters})
     for note in notes_on(material.flown, firmware):
         err.print(f"note: {log}: {note}")
@@ -126,8 +126,8 @@ def _exports(material: Material, tum: Path | None, csv: Path | None, mcap: Path 
     if csv is not None:
         yield csv, csv_text(material).encode()
     if mcap is not None:
-        with progress("writing MCAP", None) as bar:
-            data = mcap_bytes(material, lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total))
+        with progress("writing MCAP", None) as show:
+            data = mcap_bytes(material, show)
         yield mcap, data
 
 
@@ -150,8 +150,8 @@ def _draw(
     inline: dict[Any, str | None] = {}
     drawn: list[Any] = []
     is_pdf = page is not None and page.suffix.lower() == _PDF
-    with progress("drawing", len(FIGURES)) as bar, drawing.style():
-        for kind in FIGURES:
+    with progress("drawing", len(FIGURES)) as show, drawing.style():
+        for number, kind in enumerate(FIGURES, 1):
             figure = kind.draw(material, facts)
             if figure is not None:
                 for folder, suffix, convert in ((png, "png", drawing.as_png), (svg, "svg", drawing.as_svg)):
@@ -161,7 +161,7 @@ def _draw(
                 drawn += [] if figure is None else [figure]
             elif page is not None:
                 inline[kind] = None if figure is None else drawing.as_inline_svg(figure, kind.name, kind.title)
-            bar.advance(bar.task_ids[0])
+            show(number)
         if page is not None and is_pdf:
             lines = [
                 f"{summary.level.badge.upper()}: {summary.sentence}",

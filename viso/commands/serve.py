@@ -74,10 +74,6 @@ def _tell_of_links(links: Sequence[Link], takers: Sequence[Callable[[str, str], 
             tell(link.name, f"{peer} connected")
 
 
-def _open_links(names: Sequence[str], stack: ExitStack) -> list[Link]:
-    return [stack.enter_context(closing(open_link(name))) for name in names]
-
-
 def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStack) -> list[VerdictStream]:
     wanted = []
     if kind is not None:
@@ -234,7 +230,7 @@ def serve(
     # Standard output is for one thing alone when it is for a machine.
     console = out if verdicts is None and not as_json else err
     with ExitStack() as stack:
-        links = _open_links(names, stack)
+        links = [stack.enter_context(closing(open_link(name))) for name in names]
         streams = _open_streams(verdicts, verdicts_file, stack)
         graph = None if dds is None else _enter_domain(dds, stack)
         title = f"{config.firmware.banner} on {', '.join([*names, *(() if graph is None else [graph.name])])}"

@@ -14,7 +14,6 @@ from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
 from viso.errors import InputError
-from viso.extras import pip_install
 from viso.firmware.releases import PROFILES
 from viso.options.ahrs import HeadingOption, ImuErrorOption
 from viso.options.outputs import Output
@@ -30,11 +29,10 @@ from viso.sweep.processes import default_jobs, run_in_processes
 from viso.sweep.request import NO_FAULTS, Wishes, read_wishes
 from viso.sweep.result_tables import best_as_dict, best_lines, found, result_table, swept_axis
 from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
-from viso.terminal.console import err, out, progress
+from viso.terminal.console import PLOT_HINT, drawing, err, out, progress
 
 _FINDINGS: Final = 1
 _NAMED: Final = 5
-_PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 
 
 def sweep(
@@ -210,8 +208,8 @@ def _worked_out(
                 err.print(f"note: {output}: {len(done)} of {plan.size} points are done already")
         left = [point for point in plan.points() if point.number not in done]
         try:
-            bar = stack.enter_context(progress("sweeping", plan.size))
-            bar.update(bar.task_ids[0], completed=len(done))
+            show = stack.enter_context(progress("sweeping", plan.size))
+            show(len(done))
             with closing(_results(plan, left, jobs, scheduler)) as results:
                 for result in results:
                     if result.row is None:
@@ -220,7 +218,7 @@ def _worked_out(
                         folder.add(result)
                     else:
                         done[result.number] = result.row
-                    bar.update(bar.task_ids[0], completed=len(done) + len(failures))
+                    show(len(done) + len(failures))
         except KeyboardInterrupt:
             if folder is not None:
                 err.print(
@@ -245,12 +243,10 @@ def _results(plan: SweepPlan, points: list[Point], jobs: int, scheduler: str | N
 
 
 def _draw(plan: SweepPlan, rows: list[dict[str, Any]], objective: str, output: Path) -> None:
-    try:
+    with drawing(f"note: {PLOT_HINT}"):
         from viso.sweep.plot import save_plot
-    except ImportError:
-        err.print(f"note: {_PLOT_HINT}")
-        return
-    save_plot(plan, rows, objective, output / PLOT)
+
+        save_plot(plan, rows, objective, output / PLOT)
 
 
 def _tell(

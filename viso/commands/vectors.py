@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated
 
 import typer
 
@@ -20,20 +20,13 @@ from viso.replay.vectors import VectorError, parse_line, recompute
 from viso.terminal.console import progress
 
 
-def _recomputed(path: Path, release: VisualOdomRelease) -> Iterator[object]:
-    for number, text in read_lines(path):
-        try:
-            yield recompute(parse_line(text), release)
-        except VectorError as error:
-            raise InputError(f"{path}:{number}: {error}") from error
-
-
-def _write(paths: list[Path], stream: TextIO, release: VisualOdomRelease) -> None:
-    with progress("recomputing", None) as bar:
-        for path in paths:
-            for ours in _recomputed(path, release):
-                stream.write(json.dumps(ours) + "\n")
-                bar.advance(bar.task_ids[0])
+def _recomputed(paths: list[Path], release: VisualOdomRelease) -> Iterator[object]:
+    for path in paths:
+        for number, text in read_lines(path):
+            try:
+                yield recompute(parse_line(text), release)
+            except VectorError as error:
+                raise InputError(f"{path}:{number}: {error}") from error
 
 
 def vectors(
@@ -52,5 +45,10 @@ def vectors(
     Example: echo '["wrap_360", ["43b48000"]]' > calls.jsonl && viso vectors calls.jsonl
     """
     release = firmware_of(firmware).visual_odom
-    with nullcontext(sys.stdout) if output is None else write_text(output) as stream:
-        _write(files, stream, release)
+    with (
+        nullcontext(sys.stdout) if output is None else write_text(output) as stream,
+        progress("recomputing", None) as show,
+    ):
+        for done, ours in enumerate(_recomputed(files, release), 1):
+            stream.write(json.dumps(ours) + "\n")
+            show(done)

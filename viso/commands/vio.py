@@ -19,12 +19,11 @@ from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
 from viso.errors import InputError
-from viso.extras import pip_install
 from viso.files.text_files import write_text
 from viso.options.checks import within
 from viso.options.engine import EngineOption
 from viso.options.outputs import Output
-from viso.terminal.console import err, out
+from viso.terminal.console import drawing, err, out
 from viso.terminal.signals import stop_on_signal
 from viso.vio.inputs import configured, known_truth, opened, rotation_of
 from viso.vio.log import VioLog, tum_lines
@@ -33,7 +32,6 @@ from viso.vio.tables import live_table, summary_table
 
 LONGEST_S: Final = 4e9
 _LOST: Final = 1
-_PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 
 
 def _is_paced(source: Recording | LiveCamera, master: str | None, realtime: bool | None) -> bool:
@@ -158,15 +156,12 @@ def _title(summary: Mapping[str, Any]) -> str:
 
 
 def _save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, aligned: bool) -> Path | None:
-    try:
+    with drawing():
         from viso.vio.plot import save_plot
-    except ModuleNotFoundError as error:
-        if error.name is None or not error.name.startswith("matplotlib"):
-            raise
-        err.print(_PLOT_HINT)
-        return None
-    save_plot(log, truth, title, path, aligned=aligned)
-    return path
+
+        save_plot(log, truth, title, path, aligned=aligned)
+        return path
+    return None
 
 
 def _tell(

@@ -76,12 +76,12 @@ def load_parm_file(
         else:
             foreign.append(line.name)
     if foreign:
-        _log.warning("%s: without effect here, and passed over: %s", path, _first(foreign))
+        _log.warning("%s: without effect here, and passed over: %s", path, first_of(foreign))
     carried = carry_over(values, table, renames)
     if carried.conversions:
-        _log.warning("%s: of an earlier release: %s", path, _first([str(one) for one in carried.conversions]))
+        _log.warning("%s: of an earlier release: %s", path, first_of([str(one) for one in carried.conversions]))
     if carried.lost:
-        _log.warning("%s: for links that are not there: %s", path, _first(carried.lost))
+        _log.warning("%s: for links that are not there: %s", path, first_of(carried.lost))
     return carried.values
 
 
@@ -89,7 +89,8 @@ def _is_slip(name: str, table: ParamTable) -> bool:
     return name.startswith(OWN_GROUPS) or bool(_hint(name, table))
 
 
-def _first(names: Sequence[str]) -> str:
+def first_of(names: Sequence[str]) -> str:
+    """Return the first eight names, and how many others there are: a log holds those of the whole autopilot."""
     others = f" and {len(names) - _NAMED} others" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + others
 

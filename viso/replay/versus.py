@@ -50,11 +50,6 @@ def _errors(message: ReplayedMessage) -> Iterator[Errors]:
     return ((float(values[_POS]), float(values[_ANG])) for name, values in message.records if name == VISP.name)
 
 
-def error_rows(changes: Sequence[ErrorChange]) -> list[dict[str, object]]:
-    """Return them for machine-readable output."""
-    return [change._asdict() for change in changes]
-
-
 def error_table(changes: Sequence[ErrorChange]) -> Table:
     """Return the table of them."""
     numbers = [Column(name, justify="right") for name in ("messages", "first", "before", "after")]

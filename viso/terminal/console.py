@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the commands share on the terminal: tables, progress, notes."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any, Final
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -13,10 +13,10 @@ from rich.text import Text
 
 from ap_core.verdict import Outcome, Rule
 from mav_handlers.all_verdicts import ALL_VERDICTS
+from viso.extras import pip_install
 from viso.terminal.printable import printable
 
-if TYPE_CHECKING:
-    from rich.progress import Progress
+PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 
 _STYLES = {
     Outcome.ACCEPTED: "green",
@@ -81,12 +81,27 @@ def verdict_rows(counts: VerdictCounts) -> list[dict[str, object]]:
 
 
 @contextmanager
-def progress(title: str, total: int | None) -> "Iterator[Progress]":
-    """Show progress on standard error, if that is a terminal; the one task has id 0."""
+def progress(title: str, total: int | None) -> Iterator[Callable[..., None]]:
+    """Show progress on standard error, if that is a terminal; yield what is told how much is done, and of how much."""
     # Imported by those who wait: it makes every other command start slower.
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        bar.add_task(title, total=total)
-        yield bar
+        task = bar.add_task(title, total=total)
+
+        def show(done: float, total: float | None = None) -> None:
+            bar.update(task, completed=done, total=total)
+
+        yield show
+
+
+@contextmanager
+def drawing(hint: str = PLOT_HINT) -> Iterator[None]:
+    """Draw a picture; without matplotlib, print a hint in place of it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name is None or not error.name.startswith(("matplotlib", "PIL")):
+            raise
+        err.print(hint)

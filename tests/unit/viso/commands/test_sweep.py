@@ -190,7 +190,8 @@ def test_missing_table_writer_is_one_line(viso: Viso, monkeypatch: pytest.Monkey
 
 @pytest.mark.usefixtures("quick")
 def test_without_matplotlib_the_rest_is_written(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "viso.sweep.plot", None)
+    monkeypatch.delitem(sys.modules, "viso.sweep.plot", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     outcome = viso("sweep", *SHORT, "--set", "VISO_QUAL_MIN=1,2", "-o", "out")
     assert (outcome.code, outcome.err) == (
         0, "note: no plot: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'\n",
