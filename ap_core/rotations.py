@@ -141,7 +141,26 @@ _F = np.float32
 _Step = Callable[[_F, _F, _F], tuple[_F, _F, _F]]
 
 
-def _chain(*steps: _Step) -> _Step:
+# Those of which others are chained. An orientation that is no chain is written out: some chains give the other sign of
+# zero.
+_LINKS: Final[dict[str, _Step]] = {
+    "roll_90": lambda x, y, z: (x, -z, y),
+    "roll_180": lambda x, y, z: (x, -y, -z),
+    "roll_270": lambda x, y, z: (x, z, -y),
+    "pitch_90": lambda x, y, z: (z, y, -x),
+    "pitch_180": lambda x, y, z: (-x, y, -z),
+    "pitch_270": lambda x, y, z: (-z, y, x),
+    "pitch_315": lambda x, y, z: (_H * (x - z), y, _H * (x + z)),
+    "yaw_45": lambda x, y, z: (_H * (x - y), _H * (x + y), z),
+    "yaw_90": lambda x, y, z: (-y, x, z),
+    "yaw_135": lambda x, y, z: (-_H * (x + y), _H * (x - y), z),
+    "yaw_270": lambda x, y, z: (y, -x, z),
+}
+
+
+def _chain(*names: str) -> _Step:
+    steps = [_LINKS[name] for name in names]
+
     def run(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
         for step in steps:
             x, y, z = step(x, y, z)
@@ -150,57 +169,8 @@ def _chain(*steps: _Step) -> _Step:
     return run
 
 
-def _roll_90(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return x, -z, y
-
-
-def _roll_270(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return x, z, -y
-
-
-def _roll_180(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return x, -y, -z
-
-
-def _pitch_90(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return z, y, -x
-
-
-def _pitch_180(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return -x, y, -z
-
-
-def _pitch_270(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return -z, y, x
-
-
-def _pitch_315(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return _H * (x - z), y, _H * (x + z)
-
-
-def _yaw_45(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return _H * (x - y), _H * (x + y), z
-
-
-def _yaw_90(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return -y, x, z
-
-
-def _yaw_135(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return -_H * (x + y), _H * (x - y), z
-
-
-def _yaw_270(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return y, -x, z
-
-
 _PITCH_7_SIN: Final = f32(0.1218693434051474899781908334262)
 _PITCH_7_COS: Final = f32(0.99254615164132198312785249072476)
-
-
-def _pitch_7(x: _F, y: _F, z: _F) -> tuple[_F, _F, _F]:
-    return _PITCH_7_COS * x + _PITCH_7_SIN * z, y, -_PITCH_7_SIN * x + _PITCH_7_COS * z
-
 
 _ROTATION_38: Final = Matrix3f(
     Vector3f(
@@ -228,48 +198,47 @@ def _times(matrix: Matrix3f) -> _Step:
 
 _STEPS: Final[dict[int, _Step]] = {
     0: lambda x, y, z: (x, y, z),
-    1: _yaw_45,
-    2: _yaw_90,
-    3: _yaw_135,
+    1: _LINKS["yaw_45"],
+    2: _LINKS["yaw_90"],
+    3: _LINKS["yaw_135"],
     4: lambda x, y, z: (-x, -y, z),
     5: lambda x, y, z: (_H * (y - x), -_H * (x + y), z),
-    6: _yaw_270,
+    6: _LINKS["yaw_270"],
     7: lambda x, y, z: (_H * (x + y), _H * (y - x), z),
-    8: _roll_180,
-    # Written out rather than chained: some chains give the other sign of zero.
+    8: _LINKS["roll_180"],
     9: lambda x, y, z: (_H * (x + y), _H * (x - y), -z),
     10: lambda x, y, z: (y, x, -z),
     11: lambda x, y, z: (_H * (y - x), _H * (y + x), -z),
-    12: _pitch_180,
+    12: _LINKS["pitch_180"],
     13: lambda x, y, z: (-_H * (x + y), _H * (y - x), -z),
     14: lambda x, y, z: (-y, -x, -z),
     15: lambda x, y, z: (_H * (x - y), -_H * (x + y), -z),
-    16: _roll_90,
-    17: _chain(_roll_90, _yaw_45),
-    18: _chain(_roll_90, _yaw_90),
-    19: _chain(_roll_90, _yaw_135),
-    20: _roll_270,
-    21: _chain(_roll_270, _yaw_45),
-    22: _chain(_roll_270, _yaw_90),
-    23: _chain(_roll_270, _yaw_135),
-    24: _pitch_90,
-    25: _pitch_270,
+    16: _LINKS["roll_90"],
+    17: _chain("roll_90", "yaw_45"),
+    18: _chain("roll_90", "yaw_90"),
+    19: _chain("roll_90", "yaw_135"),
+    20: _LINKS["roll_270"],
+    21: _chain("roll_270", "yaw_45"),
+    22: _chain("roll_270", "yaw_90"),
+    23: _chain("roll_270", "yaw_135"),
+    24: _LINKS["pitch_90"],
+    25: _LINKS["pitch_270"],
     26: lambda x, y, z: (-y, -x, -z),
     27: lambda x, y, z: (y, x, -z),
-    28: _chain(_roll_90, _pitch_90),
-    29: _chain(_roll_180, _pitch_90),
-    30: _chain(_roll_270, _pitch_90),
-    31: _chain(_roll_90, _pitch_180),
-    32: _chain(_roll_270, _pitch_180),
-    33: _chain(_roll_90, _pitch_270),
-    34: _chain(_roll_180, _pitch_270),
-    35: _chain(_roll_270, _pitch_270),
-    36: _chain(_roll_90, _pitch_180, _yaw_90),
-    37: _chain(_roll_90, _yaw_270),
+    28: _chain("roll_90", "pitch_90"),
+    29: _chain("roll_180", "pitch_90"),
+    30: _chain("roll_270", "pitch_90"),
+    31: _chain("roll_90", "pitch_180"),
+    32: _chain("roll_270", "pitch_180"),
+    33: _chain("roll_90", "pitch_270"),
+    34: _chain("roll_180", "pitch_270"),
+    35: _chain("roll_270", "pitch_270"),
+    36: _chain("roll_90", "pitch_180", "yaw_90"),
+    37: _chain("roll_90", "yaw_270"),
     38: _times(_ROTATION_38),
-    39: _pitch_315,
-    40: _chain(_roll_90, _pitch_315),
-    41: _pitch_7,
+    39: _LINKS["pitch_315"],
+    40: _chain("roll_90", "pitch_315"),
+    41: lambda x, y, z: (_PITCH_7_COS * x + _PITCH_7_SIN * z, y, -_PITCH_7_SIN * x + _PITCH_7_COS * z),
     42: lambda x, y, z: (x, _H * (y - z), _H * (y + z)),
     43: lambda x, y, z: (x, _H * (y + z), _H * (z - y)),
     101: _times(_CUSTOM),
