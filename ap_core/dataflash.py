@@ -8,7 +8,7 @@ Source: AP_Logger/AP_Logger_Backend.cpp, AP_Logger/LoggerMessageWriter.cpp, AP_L
 AP_Logger/AP_Logger.cpp.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -140,7 +140,7 @@ class DataFlashWriter:
         """Return the PARM record of a parameter that changed; its default is :data:`QUIET_NAN`."""
         return self.record(PARM, (time_us, name, value, QUIET_NAN))
 
-    def start_up(self, parameters: Iterable[ParameterRecord], *, time_us: int | Callable[[], int]) -> Iterator[bytes]:
+    def start_up(self, parameters: Iterable[ParameterRecord], *, time_us: int) -> Iterator[bytes]:
         """Yield the start-up block, one record at a time: FMT, PARM, UNIT, MULT, FMTU.
 
         Other records may be written between two of these. FMT records already in the log are left out, FMTU
@@ -148,21 +148,19 @@ class DataFlashWriter:
 
         Args:
             parameters: in the order of the parameter table.
-            time_us: the time of the records, or a function that tells it for each.
+            time_us: the time of the records.
         """
-        now_us = time_us if callable(time_us) else lambda: time_us
         for structure in self._fixed:
             if structure.msg_type not in self._described:
                 yield self._format(structure)
         for name, value, default in parameters:
-            yield self.record(PARM, (now_us(), name, value, default))
+            yield self.record(PARM, (time_us, name, value, default))
         for unit, label in UNITS:
-            yield self.record(self._by_name[UNIT.name], (now_us(), ord(unit), label))
+            yield self.record(self._by_name[UNIT.name], (time_us, ord(unit), label))
         for multiplier, factor in MULTIPLIERS:
-            yield self.record(self._by_name[MULT.name], (now_us(), ord(multiplier), factor))
+            yield self.record(self._by_name[MULT.name], (time_us, ord(multiplier), factor))
         for structure in self._fixed:
-            fields = (now_us(), structure.msg_type, structure.units, structure.multipliers)
-            yield self.record(self._fmtu, fields)
+            yield self.record(self._fmtu, (time_us, structure.msg_type, structure.units, structure.multipliers))
 
 
 def _layout(structure: LogStructure) -> tuple[str, str, str, str]:
