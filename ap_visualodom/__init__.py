@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from ap_visualodom.ap_visualodom import BACKENDS, AP_VisualOdom
     from ap_visualodom.ap_visualodom_backend import AP_VisualOdom_Backend
     from ap_visualodom.ports import Ahrs
-    from ap_visualodom.visualodom_type import VisualOdom_Type
+    from ap_visualodom.var_info import VisualOdom_Type
 
 __all__ = ["BACKENDS", "AP_VisualOdom", "AP_VisualOdom_Backend", "Ahrs", "VisualOdom_Type"]
 

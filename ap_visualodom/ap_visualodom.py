@@ -20,9 +20,8 @@ from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
 from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
 from ap_visualodom.ports import Ahrs, RecordSink, TextSink
 from ap_visualodom.release import REFERENCE, VisualOdomRelease
-from ap_visualodom.var_info import GROUP_PREFIX, VAR_INFO
+from ap_visualodom.var_info import GROUP_PREFIX, VAR_INFO, VisualOdom_Type
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from ap_visualodom.visualodom_type import VisualOdom_Type
 
 BACKENDS: Final[Mapping[VisualOdom_Type, Callable[["AP_VisualOdom"], AP_VisualOdom_Backend]]] = {
     VisualOdom_Type.MAV: AP_VisualOdom_MAV,

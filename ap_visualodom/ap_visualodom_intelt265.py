@@ -14,8 +14,8 @@ from ap_core.rotations import Rotation, quaternion_from_rotation
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, NO_ERR, POS_ERR_MAX_M, AP_VisualOdom_Backend
+from ap_visualodom.var_info import VisualOdom_Type
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING
-from ap_visualodom.visualodom_type import VisualOdom_Type
 
 if TYPE_CHECKING:
     from ap_visualodom.ap_visualodom import AP_VisualOdom

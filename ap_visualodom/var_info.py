@@ -2,11 +2,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The VISO_ parameters (AP_VisualOdom.cpp, AP_VisualOdom::var_info)."""
 
+from enum import IntEnum
 from typing import Final
 
 from ap_core.param import ParamFlag, ParamInfo, ParamType
 
 GROUP_PREFIX: Final = "VISO"
+
+
+class VisualOdom_Type(IntEnum):
+    """Which backend receives external navigation: the values of VISO_TYPE (AP_VisualOdom.h)."""
+
+    NONE = 0
+    MAV = 1
+    IntelT265 = 2
+    VOXL = 3
+
 
 VAR_INFO: Final = (
     ParamInfo(

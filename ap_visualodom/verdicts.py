@@ -4,23 +4,17 @@
 
 from typing import Final
 
-from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.verdict import Outcome, Rule, Verdict, dropped
 
 CONSUMED: Final = Verdict(
     Outcome.ACCEPTED,
     Rule("consumed", "handed to the EKF", "AP_VisualOdom backends, handle_pose_estimate and its siblings"),
 )
-DISABLED: Final = Verdict(
-    Outcome.DROPPED,
-    Rule("viso_disabled", "VISO_TYPE is 0", "AP_VisualOdom.cpp, AP_VisualOdom::enabled"),
-)
-NO_BACKEND: Final = Verdict(
-    Outcome.DROPPED,
-    Rule(
-        "no_backend",
-        "VISO_TYPE names no backend, or was set after boot: reboot needed",
-        "AP_VisualOdom.cpp, AP_VisualOdom::init",
-    ),
+DISABLED: Final = dropped("viso_disabled", "VISO_TYPE is 0", "AP_VisualOdom.cpp, AP_VisualOdom::enabled")
+NO_BACKEND: Final = dropped(
+    "no_backend",
+    "VISO_TYPE names no backend, or was set after boot: reboot needed",
+    "AP_VisualOdom.cpp, AP_VisualOdom::init",
 )
 QUALITY_BELOW_MIN: Final = Verdict(
     Outcome.IGNORED,

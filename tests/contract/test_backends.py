@@ -16,8 +16,8 @@ from ap_core.vector3 import Vector3f
 from ap_core.verdict import Outcome
 from ap_visualodom.ap_visualodom import BACKENDS
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
+from ap_visualodom.var_info import VisualOdom_Type
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN, VERDICTS
-from ap_visualodom.visualodom_type import VisualOdom_Type
 
 if TYPE_CHECKING:
     from tests.conftest import MakeRig, Rig

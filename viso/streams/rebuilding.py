@@ -20,7 +20,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.rotations import Rotation, quaternion_from_rotation, rotate_vector
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ap_visualodom.visualodom_type import VisualOdom_Type
+from ap_visualodom.var_info import VisualOdom_Type
 from mav_handlers.covariance import pose_errors
 from mav_handlers.handlers.vision import MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from mav_handlers.wire.messages import (

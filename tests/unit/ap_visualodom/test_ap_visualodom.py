@@ -17,8 +17,8 @@ from ap_visualodom.ap_visualodom import BACKENDS
 from ap_visualodom.ap_visualodom_backend import AP_VisualOdom_Backend
 from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
 from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
+from ap_visualodom.var_info import VisualOdom_Type
 from ap_visualodom.verdicts import CONSUMED, DISABLED, NO_BACKEND
-from ap_visualodom.visualodom_type import VisualOdom_Type
 
 if TYPE_CHECKING:
     from tests.conftest import MakeRig, Rig

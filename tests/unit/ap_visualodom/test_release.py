@@ -21,7 +21,7 @@ from ap_visualodom.release import (
     vel_err_of_message,
     vel_err_of_parameter,
 )
-from ap_visualodom.visualodom_type import VisualOdom_Type
+from ap_visualodom.var_info import VisualOdom_Type
 from ekf_stub.ahrs.ahrs_settable import ExtNav
 
 if TYPE_CHECKING:
