@@ -10,14 +10,7 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """Holds the newest things that nobody has taken yet; the oldest go when there are too many, and are counted.
-
-    Args:
-        limit: how many may wait.
-
-    Attributes:
-        lost: how many have gone untaken.
-    """
+    """Holds the newest things that nobody has taken yet; over a limit the oldest go, and are counted as lost."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit

@@ -26,7 +26,6 @@ from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, PARAM_SET, Mes
 from viso.documents import parsed_json
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
-from viso.web.events import Answer
 from viso.web.faults import FaultSwitches
 
 GCS_SYSTEM_ID: Final = 255
@@ -40,16 +39,7 @@ _LARGEST_NUMBER: Final = 2**31
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A button of the page.
-
-    Attributes:
-        name: by which it is asked for.
-        label: what stands on it.
-        about: what it does, in a sentence.
-        key: the key that does the same, if any.
-        command: the MAV_CMD.
-        params: its first parameters.
-    """
+    """A button of the page, asked for by its name; ``params`` are the first of the command, ``key`` does the same."""
 
     name: str
     label: str
@@ -110,6 +100,16 @@ class Request:
     name: str
     value: float = math.nan
     on: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Outcome of a request, whose client and number it has: whether it was done, and what is to be told."""
+
+    client: int
+    request: int
+    ok: bool
+    text: str
 
 
 def number_of(text: str) -> int:

@@ -15,15 +15,7 @@ _LONGEST_FRAME: Final = 280  # bytes; with fewer at a time there might be none t
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A fault that can be switched on.
-
-    Attributes:
-        name: by which it is asked for.
-        label: what stands on the switch.
-        about: what it does, in a sentence.
-        kind: of the fault, as in a timeline.
-        fields: of the fault, as in a timeline.
-    """
+    """A fault that can be switched on, asked for by its name; ``kind`` and ``fields`` are as in a timeline."""
 
     name: str
     label: str

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle's side of the page: notes what happens, and never waits for anybody to read it."""
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
@@ -18,9 +19,8 @@ from viso.vehicle.copter.modes import MODES
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
 from viso.web.desk import Desk
-from viso.web.events import VehicleState
 from viso.web.faults import FaultSwitches
-from viso.web.live_state import LiveState, Seen
+from viso.web.live_state import LiveState, Seen, finite
 from viso.web.params import defaults_of, read_params
 
 THINGS_WAITING: Final = 20_000
@@ -36,20 +36,13 @@ class Feed:
         faults: the switches.
         links: those of the vehicle.
         now_s: a monotonic clock in seconds.
-        limit: how much may wait to be read.
 
     Attributes:
         seen: what nobody has read yet; when it is full, the oldest goes.
     """
 
     def __init__(
-        self,
-        desk: Desk,
-        faults: FaultSwitches,
-        *,
-        links: Sequence[Link] = (),
-        now_s: Callable[[], float],
-        limit: int = THINGS_WAITING,
+        self, desk: Desk, faults: FaultSwitches, *, links: Sequence[Link] = (), now_s: Callable[[], float]
     ) -> None:
         self._desk = desk
         self._faults = faults
@@ -58,7 +51,7 @@ class Feed:
         self._vehicle: Vehicle | None = None
         self._looked_s: float | None = None
         self._generation = -1
-        self.seen: BoundedQueue[Seen] = BoundedQueue(limit)
+        self.seen: BoundedQueue[Seen] = BoundedQueue(THINGS_WAITING)
 
     def watch(self, vehicle: Vehicle) -> None:
         """Follow a vehicle that is about to run, in place of the one before it."""
@@ -112,38 +105,38 @@ class Feed:
             self._generation = vehicle.params.generation
             reading = read_params(vehicle.params)
             self.seen.put(lambda state: state.take_params(reading))
-        clients = tuple((link.name, peer) for link in self._links for peer in link.peer_names)
-        now = state_of(vehicle, self._faults.on, clients)
-        self.seen.put(lambda state: state.take_state(now))
+        now_us, now = vehicle.clock.micros64(), _state_of(vehicle)
+        now["faults"] = list(self._faults.on)
+        now["clients"] = [[link.name, peer] for link in self._links for peer in link.peer_names]
+        self.seen.put(lambda state: state.take_state(now_us, now))
 
 
-def state_of(vehicle: Vehicle, faults: tuple[str, ...] = (), clients: tuple[tuple[str, str], ...] = ()) -> VehicleState:
-    """Return how a vehicle is now, with the faults that are on, and with its clients, each after its link."""
-    ahrs = vehicle.ahrs
-    pos = ahrs.get_relative_position_NED_origin_float()
+def _state_of(vehicle: Vehicle) -> dict[str, Any]:
+    """Return how a vehicle is now, as JSON has it."""
+    pos = vehicle.ahrs.get_relative_position_NED_origin_float()
+    ekf = None if pos is None else [finite(part, 3) for part in (pos.x, pos.y, pos.z)]
     number = vehicle.copter.custom_mode()
-    mode = MODES.get(number)
-    return VehicleState(
-        vehicle.clock.micros64(),
-        str(number) if mode is None else mode.name,
-        vehicle.copter.is_armed(),
-        vehicle.copter.arming.passed,
-        _camera_of(vehicle),
-        _aiding_of(vehicle),
-        vehicle.sources.active_set,
-        None if pos is None else (float(pos.x), float(pos.y), float(pos.z)),
-        float(ahrs.get_yaw_rad()),
-        faults,
-        clients,
-    )
+    return {
+        "time_s": vehicle.clock.micros64() / 1e6,
+        "mode": MODES[number].name if number in MODES else str(number),
+        "armed": vehicle.copter.is_armed(),
+        "prearm": vehicle.copter.arming.passed,
+        "camera": _camera_of(vehicle),
+        "aiding": _aiding_of(vehicle),
+        "source_set": vehicle.sources.active_set,
+        "ekf": None if ekf is None or None in ekf else ekf,
+        "yaw_deg": finite(math.degrees(vehicle.ahrs.get_yaw_rad()), 1),
+    }
 
 
 def _camera_of(vehicle: Vehicle) -> str:
+    """Return what its visual odometry says against arming; "healthy" for nothing, "off" where it is disabled."""
     camera = vehicle.visual_odom
     return (camera.pre_arm_check() or "healthy") if camera.enabled() else "off"
 
 
 def _aiding_of(vehicle: Vehicle) -> str | None:
+    """Return how the filter navigates: none, absolute or relative; None without a filter."""
     ahrs = vehicle.ahrs
     if not isinstance(ahrs, Ekf3Ahrs) or ahrs.core is None or not ahrs.core.initialised:
         return None

@@ -32,20 +32,15 @@ from viso.web.runs import RunKey, Runs
 _RECORDS: Final = ("VISP", "VISV", "VISO")
 _KINDS: Final[Mapping[str, str]] = {"position": "pose"}
 """What the page calls a channel of the filter, where it has another name."""
+_UNKNOWN: Final = {"unit": "", "about": "", "range": None, "values": (), "reboot": False, "read_only": False}
+"""What is known about a parameter that the release has not."""
 _WINDOW_S: Final = WINDOW_US / 1e6
 _ERROR: Final = 3
 _TONES: Final = {Level.GOOD: "good", Level.WARNING: "warn", Level.BAD: "bad"}
 
 
 def log_recording(material: Material, facts: Facts, summary: Summary, firmware: Firmware) -> dict[str, Any]:
-    """Return what a page is told of a log.
-
-    Args:
-        material: what the log holds.
-        facts: what a report tells of it.
-        summary: what to read first.
-        firmware: the release whose parameters are known.
-    """
+    """Return what a page is told of a log; the firmware is the release whose parameters are known."""
     length_s = max(facts.end_s - facts.start_s, LOOK_PERIOD_S)
     points = _points(material, facts, _ends(facts, max(LOOK_PERIOD_S, length_s / MOST_POINTS)))
     moments = _moments(material, facts, _ends(facts, max(MOMENT_S, length_s / MOST_POINTS)))
@@ -269,12 +264,4 @@ def _table(material: Material, firmware: Firmware) -> Iterator[dict[str, Any]]:
         if slot is not None:
             yield row_of(slot, value, {name: shown(slot.raw) if default is None else default})
         else:
-            nothing: dict[str, Any] = {
-                "unit": "",
-                "about": "",
-                "range": None,
-                "values": [],
-                "reboot": False,
-                "read_only": False,
-            }
-            yield {"name": name, "value": shown(value), "default": default, **nothing}
+            yield {"name": name, "value": shown(value), "default": default, **_UNKNOWN}

@@ -16,9 +16,8 @@ from ap_core.log_field import LogValue
 from mav_handlers.endpoint import MessageEvent
 from viso.fates.labels import Fate, fate_of, is_final, is_model
 from viso.fates.watch import UNITS, SampleTest
-from viso.web.desk import ACTIONS
+from viso.web.desk import ACTIONS, Answer
 from viso.web.diagnosis import RecentFrames
-from viso.web.events import Answer, VehicleState
 from viso.web.faults import SWITCHES
 from viso.web.params import Reading, row_of, shown
 from viso.web.rates import Rates
@@ -109,12 +108,7 @@ class LiveState:
             tell(self)
 
     def take_boot(self, defaults: Mapping[str, float | None], firmware: str) -> None:
-        """Take that a vehicle starts, and time counts from 0.
-
-        Args:
-            defaults: of its parameters by name.
-            firmware: the name of its release, as ``--firmware`` takes it.
-        """
+        """Take that a vehicle starts, and time counts from 0; ``defaults`` are its parameters'."""
         self._boots += 1
         self._defaults = defaults
         self._runs.close()
@@ -189,26 +183,12 @@ class LiveState:
                 row["value"] = value
                 self._changed_params[slot.name] = value
 
-    def take_state(self, seen: VehicleState) -> None:
-        """Take how the vehicle is."""
-        self._now_us = max(self._now_us, seen.time_us)
-        pos = None if seen.pos_ned is None else [finite(part, 3) for part in seen.pos_ned]
-        passed = seen.has_prearm_passed
-        self._state = {
-            "time_s": seen.time_us / 1e6,
-            "mode": seen.mode,
-            "armed": seen.is_armed,
-            "prearm": passed,
-            "failures": [] if passed else self._pre_arm,
-            "failures_s": None if passed or self._pre_arm_us < 0 else self._pre_arm_us / 1e6,
-            "camera": seen.camera,
-            "aiding": seen.aiding,
-            "source_set": seen.source_set,
-            "ekf": None if pos is None or None in pos else pos,
-            "yaw_deg": finite(math.degrees(seen.yaw_rad), 1),
-            "faults": list(seen.faults),
-            "clients": [list(one) for one in seen.clients],
-        }
+    def take_state(self, time_us: int, state: dict[str, Any]) -> None:
+        """Take how the vehicle is, as JSON has it."""
+        self._now_us = max(self._now_us, time_us)
+        passed = state["prearm"]
+        failures_s = None if passed or self._pre_arm_us < 0 else self._pre_arm_us / 1e6
+        self._state = {**state, "failures": [] if passed else self._pre_arm, "failures_s": failures_s}
 
     def take_answer(self, answer: Answer) -> None:
         """Take the outcome of something that a page asked for."""

@@ -74,16 +74,7 @@ class LiveView:
 
 
 def show_recording(address: str, message: Mapping[str, Any], tell: Callable[[str], None]) -> None:
-    """Serve a recording until Ctrl-C.
-
-    Args:
-        address: as of ``LiveView``.
-        message: what pages are told.
-        tell: is told where the page is.
-
-    Raises:
-        InputError: as ``LiveView``.
-    """
+    """Serve a recording until Ctrl-C, and tell where the page is; address and errors are as of ``LiveView``."""
     try:
         from viso.web.server import PageServer, Shelf, make_app
     except ModuleNotFoundError as error:

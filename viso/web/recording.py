@@ -32,11 +32,7 @@ def recording(everything: Mapping[str, Any], moments: list[dict[str, Any]]) -> d
 
 
 class ReplayRecorder:
-    """Follows a replay as the live view follows a vehicle.
-
-    Args:
-        name: of the stream.
-    """
+    """Follows a replay of a stream as the live view follows a vehicle."""
 
     def __init__(self, name: str) -> None:
         self._name = name

@@ -24,12 +24,7 @@ class RunKey(NamedTuple):
 
 
 class Run:
-    """The same verdict on the same kind of message of one sender, over and over.
-
-    Attributes:
-        number: counts runs from 1.
-        count: how many messages, or bytes that are no frame.
-    """
+    """The same verdict on the same kind of message, or on bytes that are no frame, over and over; numbered from 1."""
 
     def __init__(self, number: int, key: RunKey, about: dict[str, Any], time_us: int) -> None:
         self.number = number
@@ -61,13 +56,7 @@ class Runs:
         self._numbers = 0
 
     def take(self, key: RunKey, about: dict[str, Any], time_us: int) -> None:
-        """Count something that happened, at a time in us since boot.
-
-        Args:
-            key: what it has in common with others.
-            about: what else is told, the same whenever ``key`` is.
-            time_us: when.
-        """
+        """Count something that happened, at a time in us since boot; ``about`` is the same whenever ``key`` is."""
         run = self._open.get(key)
         if run is None or not 0 <= time_us - run.last_us < GAP_US:
             run = self._begin(key, about, time_us)

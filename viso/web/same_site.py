@@ -33,13 +33,9 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 def is_own_name(host: str, named: str) -> bool:
-    """Return whether a ``Host`` header can only mean this server.
+    """Return whether a ``Host`` header can only mean this server, which was started under the host ``named``.
 
     An address always does, for nobody can make that mean another machine.
-
-    Args:
-        host: the header, with or without a port.
-        named: the host under which the server was started.
     """
     name = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
     name = name.lower().rstrip(".")
@@ -58,12 +54,7 @@ def is_same_site(origin: str | None, host: str) -> bool:
 
 
 class SameSite:
-    """Refuses what comes under a strange name or, for sockets, from a strange page; adds headers to the rest.
-
-    Args:
-        app: what is protected (ASGI).
-        named: the host under which the server was started.
-    """
+    """Refuses what comes under a strange name or, for sockets, from a strange page; adds headers to the rest."""
 
     def __init__(self, app: App, named: str) -> None:
         self._app = app

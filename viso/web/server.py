@@ -4,6 +4,7 @@
 
 import asyncio
 import contextlib
+import json
 import logging
 import socket
 import threading
@@ -20,12 +21,11 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from viso.web.connections import BoundedProtocol
-from viso.web.desk import MAX_REQUEST_CHARS, asks_for_diagnosis, number_of
+from mav_handlers.links.base import is_short_of_descriptors
+from viso.web.desk import MAX_REQUEST_CHARS, Answer, asks_for_diagnosis, number_of
 from viso.web.diagnosis import examine
-from viso.web.encoding import encode
-from viso.web.events import Answer
 from viso.web.live_state import LiveState, Seen
 from viso.web.same_site import SameSite
 
@@ -36,6 +36,11 @@ MAX_CLIENTS: Final = 8
 MESSAGES_WAITING: Final = 20
 WAITING_CONNECTIONS: Final = 8  # so many are accepted at once, which must be fewer than the spare descriptors
 STOP_PATIENCE_S: Final = 3.0
+MAX_CONNECTIONS: Final = 32
+"""Browsers open six for each page."""
+CONNECTION_S: Final = 10.0
+"""The page's files are small: a connection that is not a page's socket by then has nothing to do here."""
+
 TRY_LATER: Final = 1013
 _NO_VEHICLE: Final = "a recording has no vehicle to ask"
 FILES: Final = {
@@ -45,20 +50,24 @@ FILES: Final = {
     **{
         f"/{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
         for name in (
-            "app",
-            "charts",
-            "controls",
-            "doctor",
-            "format",
-            "params",
-            "plots",
-            "rates",
-            "space",
-            "time",
-            "verdicts",
+            *("app", "charts", "controls", "doctor", "format", "params"),
+            *("plots", "rates", "space", "time", "verdicts"),
         )
     },
 }
+
+
+def encode(message: Mapping[str, Any]) -> str:
+    """Return an object as JSON, a list one element at a time: the vehicle's thread cannot run while one is encoded."""
+    return "{" + ",".join(f"{_dumps(key)}:{_encode(value)}" for key, value in message.items()) + "}"
+
+
+def _encode(value: Any) -> str:
+    return "[" + ",".join(map(_dumps, value)) + "]" if isinstance(value, list) else _dumps(value)
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
 
 
 class Client:
@@ -197,11 +206,7 @@ class Broadcaster:
 
 
 class Shelf(Broadcaster):
-    """Shows every page a recording, which nothing changes.
-
-    Args:
-        message: what pages are told.
-    """
+    """Shows every page a recording, which nothing changes."""
 
     def __init__(self, message: Mapping[str, Any]) -> None:
         super().__init__(LiveState(""), tuple, _refuse)
@@ -227,12 +232,7 @@ def _answer_text(answer: Answer) -> str:
 
 
 def make_app(broadcaster: Broadcaster, host: str) -> Starlette:
-    """Return the application (ASGI).
-
-    Args:
-        broadcaster: who talks to pages.
-        host: under which the server was started.
-    """
+    """Return the application (ASGI), of a server that was started under a host's name."""
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
@@ -256,6 +256,39 @@ def _file(name: str, media_type: str) -> Callable[[Request], Any]:
         return Response(content, media_type=media_type)
 
     return answer
+
+
+class BoundedProtocol(H11Protocol):
+    """HTTP on one connection, which ends after 10 s unless it has become a socket of the page.
+
+    A connection is closed at once if there are 32 already, or if it took one of the last descriptors of the process.
+    """
+
+    _end: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as in the base
+        """Take the connection, or close it."""
+        super().connection_made(transport)
+        descriptor = transport.get_extra_info("socket").fileno()
+        if len(self.connections) > MAX_CONNECTIONS or is_short_of_descriptors(descriptor):
+            transport.abort()
+        else:
+            self._end = self.loop.call_later(CONNECTION_S, transport.abort)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._keep()
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        """Hand the connection on to the socket of the page."""
+        self._keep()
+        super().handle_websocket_upgrade(event)
+
+    def _keep(self) -> None:
+        if self._end is not None:
+            self._end.cancel()
+            self._end = None
 
 
 class PageServer:

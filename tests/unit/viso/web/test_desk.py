@@ -14,8 +14,7 @@ from ap_core.verdict import Verdict
 from mav_handlers.verdicts import PARAM_NOT_FINITE, PARAM_UNKNOWN
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE
 from tests.unit.viso.conftest import Bench
-from viso.web.desk import ACTIONS, REQUESTS_WAITING, Desk
-from viso.web.events import Answer
+from viso.web.desk import ACTIONS, REQUESTS_WAITING, Answer, Desk
 from viso.web.faults import FaultSwitches
 
 

@@ -13,8 +13,8 @@ from tests.unit.viso.report.log_maker import LogMaker, flight, material_of
 from viso.firmware.releases import REFERENCE
 from viso.report.facts import facts_of
 from viso.report.summary import summarise
-from viso.web.encoding import encode
 from viso.web.flight_log import log_recording
+from viso.web.server import encode
 
 
 def page_of(maker: LogMaker, folder: Path) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import HEARTBEAT
 from tests.unit.viso.conftest import Bench, odometry
 from viso.web.desk import Desk
-from viso.web.encoding import encode
 from viso.web.faults import FaultSwitches
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
+from viso.web.server import encode
 
 INDOORS = {
     "VISO_TYPE": 1.0,

@@ -12,9 +12,8 @@ from tests.places import ROOT
 from viso.options.ahrs import AhrsChoice, ahrs_maker
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.capture import read_capture
-from viso.web.encoding import encode
 from viso.web.recording import MOST_POINTS, ReplayRecorder, recording
-from viso.web.server import Shelf
+from viso.web.server import Shelf, encode
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,8 @@ from websockets.typing import Origin
 from tests.places import ROOT
 from tests.unit.viso.conftest import Bench, booted
 from viso.errors import InputError
-from viso.web.connections import MAX_CONNECTIONS
 from viso.web.live_view import LiveView
-from viso.web.server import FILES, MAX_CLIENTS, MESSAGES_WAITING, Client
+from viso.web.server import FILES, MAX_CLIENTS, MAX_CONNECTIONS, MESSAGES_WAITING, Client
 
 LIMIT_S = 20.0
 STATIC = ROOT / "viso" / "web" / "static"
@@ -196,21 +195,21 @@ def test_connection_over_the_limit_is_closed_and_the_page_goes_on(served: Served
 
 
 def test_connection_that_asks_for_nothing_is_closed(shared: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viso.web.connections.CONNECTION_S", 0.05)
+    monkeypatch.setattr("viso.web.server.CONNECTION_S", 0.05)
     with socket.create_connection(("127.0.0.1", shared.port), LIMIT_S) as slow:
         slow.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n")
         assert is_closed(slow)
 
 
 def test_socket_of_a_page_stays_open(shared: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viso.web.connections.CONNECTION_S", 0.05)
+    monkeypatch.setattr("viso.web.server.CONNECTION_S", 0.05)
     with shared.page() as page, socket.create_connection(("127.0.0.1", shared.port), LIMIT_S) as slow:
         assert is_closed(slow)  # by when the page's own time is over as well
         until(page, "batch")
 
 
 def test_connection_with_one_of_the_last_descriptors_is_closed(shared: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viso.web.connections.is_short_of_descriptors", lambda _descriptor: True)
+    monkeypatch.setattr("viso.web.server.is_short_of_descriptors", lambda _descriptor: True)
     with socket.create_connection(("127.0.0.1", shared.port), LIMIT_S) as newcomer:
         assert is_closed(newcomer)
 
