@@ -22,14 +22,13 @@ from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.ahrs.cores import Cores, imus_of_cores
+from ekf_stub.ahrs.cores import Cores
 from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.ekf3_core import Ekf3Core, Frame
-from ekf_stub.core.reporting import three
 from ekf_stub.filter.attitude import euler_of
 from ekf_stub.filter.inertial import Array, are_usable, row_of
-from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.inertial_pass import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.fusion.height_source import RANGE
 from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
@@ -52,7 +51,7 @@ from ekf_stub.log.replay_log import (
 )
 from ekf_stub.log.replay_vehicle import VehicleFrame
 from ekf_stub.reports.core_report import CoreReport
-from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO
+from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, NUMBER_OF_IMUS, cores_of_mask
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 
 _NO_ROWS: Final[Array] = np.zeros((0, 8))
@@ -68,10 +67,6 @@ PoseListener = Callable[[Vector3f, Quaternion, int, bool], None]
 def _floats(place: Vector3f) -> tuple[float, float, float]:
     x, y, z = map(float, place.to_tuple())
     return x, y, z
-
-
-def _vector(values: tuple[float, float, float]) -> Vector3f:
-    return Vector3f(*values)
 
 
 class Ekf3Ahrs(AhrsBase):
@@ -131,7 +126,7 @@ class Ekf3Ahrs(AhrsBase):
         self.core: Ekf3Core | None = None
         self.on_pose: PoseListener | None = None
         self._on_filter_outcome: Callable[[FilterOutcome], None] | None = None
-        self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))  # refuses all until the cores are set up
+        self._hand_to(ExtNavIngest(self.ext_nav_counts, float))  # refuses all until the cores are set up
 
     # Frames
 
@@ -139,7 +134,7 @@ class Ekf3Ahrs(AhrsBase):
         """Run the filter no further: it keeps to its last estimate, and is handed no more samples or poses."""
         self._stands_still = True
         self.on_pose = self._on_filter_outcome = None
-        self._hand_to(ExtNavIngest(self.ext_nav_counts, np.float32))
+        self._hand_to(ExtNavIngest(self.ext_nav_counts, float))
 
     def update(self, camera: VisualOdomFrame) -> None:
         """Run one frame."""
@@ -200,7 +195,7 @@ class Ekf3Ahrs(AhrsBase):
             note_us = cores.record_due_us()
             if not is_quiet(ran_us):
                 break
-            end = self._count_before(self._next_event_us(cores), times_us, done, end)
+            end = self._count_before(self._next_event_us(core), times_us, done, end)
         if ran_us >= 0:
             log = self._replay_log
             log.start_frame(ran_us, 0)
@@ -222,10 +217,11 @@ class Ekf3Ahrs(AhrsBase):
         if cores is None or core is None or not may or not cores.may_be_alike or self._replay_log.is_wanted:
             return 0
         is_same = self._sources.active_set == self._source_set and self._parts.ranges() is self._ranges_said
-        return self._next_event_us(cores) if is_same and core.fix is self._gps() else 0
+        return self._next_event_us(core) if is_same and core.fix is self._gps() else 0
 
-    def _next_event_us(self, cores: Cores) -> int:
-        until_ms = cores.quiet_until_ms()
+    @staticmethod
+    def _next_event_us(core: Ekf3Core) -> int:
+        until_ms = core.quiet_until_ms()
         return 0 if until_ms is None else until_ms * 1000 + 1000
 
     def _brings_nothing(self, found: Sensors, before: Sensors) -> bool:
@@ -274,7 +270,7 @@ class Ekf3Ahrs(AhrsBase):
         self._is_set_up = True
         parts = self._parts
         self._has_camera, self._gps_lag_s = parts.visual_odom_enabled(), parts.gps_lag_s()
-        imus = imus_of_cores(parts, differing_imus)
+        imus = cores_of_mask(parts.imu_mask(), differing_imus or NUMBER_OF_IMUS)
         if not imus:
             return
         sizes = buffer_sizes(
@@ -374,8 +370,7 @@ class Ekf3Ahrs(AhrsBase):
         place, imu_pos = camera.pos_offset, self._place_of_imu()
         if place is not self._camera_pos or imu_pos is not self._imu_pos:
             self._camera_pos, self._imu_pos = place, imu_pos
-            x, y, z = (float(value) for value in (place - imu_pos).to_tuple())
-            self._lever = x, y, z
+            self._lever = _floats(place - imu_pos)
         return self._lever
 
     # What the filter says
@@ -433,7 +428,7 @@ class Ekf3Ahrs(AhrsBase):
         delta = None if self._sensors is None else self._sensors.delta
         if delta is None or delta.accel is None or delta.gyro is None:
             return None
-        return _vector(delta.accel), _vector(delta.gyro)
+        return Vector3f(*delta.accel), Vector3f(*delta.gyro)
 
     def get_gyro(self) -> Vector3f:
         """Return the body rates in rad/s, without bias."""
@@ -441,13 +436,13 @@ class Ekf3Ahrs(AhrsBase):
             return Vector3f()
         used = None if self.core is None else self.core.inertial
         delta = self._sensors.delta if used is None else used
-        return _vector(three(delta.del_ang / delta.del_ang_dt)) + self.get_gyro_drift()
+        return Vector3f(*(delta.del_ang / delta.del_ang_dt).tolist()) + self.get_gyro_drift()
 
     def get_gyro_drift(self) -> Vector3f:
         """Return what is added to the gyros' rates against their bias, rad/s."""
         if not self._active or self.core is None:
             return Vector3f()
-        return _vector(three(-self.core.state.gyro_bias / self.core.dt_ekf_avg))
+        return Vector3f(*(-self.core.state.gyro_bias / self.core.dt_ekf_avg).tolist())
 
     def get_relative_position_NED_origin_float(self) -> Vector3f | None:
         """Return the position while the filter navigates; it needs no origin for that."""
@@ -455,11 +450,11 @@ class Ekf3Ahrs(AhrsBase):
         navigates = self._active and core is not None and core.aiding.mode is not AidingMode.NONE
         if not navigates or core is None or not self._flags() & FilterFlag.VERT_POS:
             return None
-        return _vector(three(core.position()))
+        return Vector3f(*core.position().tolist())
 
     def get_velocity_NED(self) -> Vector3f | None:
         """Return the velocity, as soon as the filter runs."""
-        return _vector(three(self.core.output.now.vel)) if self._active and self.core is not None else None
+        return Vector3f(*self.core.output.now.vel.tolist()) if self._active and self.core is not None else None
 
     def get_location(self) -> Location | None:
         """Return the filter's place while it has one, else that of the GPS (NavEKF3_core::getLLH)."""
@@ -564,7 +559,7 @@ class Ekf3Ahrs(AhrsBase):
         )
         if failure is not None:
             return failure
-        if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source() != SourceYaw.GPS:
+        if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source != SourceYaw.GPS:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
         return self.cores.lanes.unhealthy_reason(self._now_ms())
 

@@ -13,13 +13,11 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param_cache import FromParams, Numbers
 from ap_core.quaternion import Quaternion
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.core.common_origin import CommonOrigin
-from ekf_stub.core.ekf3_core import AFFINITY_MAG, Ekf3Core, Frame
+from ekf_stub.core.ekf3_core import AFFINITY_MAG, CommonOrigin, Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import run_report_of
 from ekf_stub.filter.inertial import Array
-from ekf_stub.filter.inertial_pass import LOOP_DT
-from ekf_stub.filter.kernel import Kernel
+from ekf_stub.filter.inertial_pass import LOOP_DT, Kernel
 from ekf_stub.inputs.compasses import Compasses, CompassReading
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.obs_ring import RingSizes
@@ -28,7 +26,7 @@ from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_vehicle import SensorSet
 from ekf_stub.reports.core_report import Three
-from ekf_stub.reports.core_texts import NUMBER_OF_IMUS, CoreTexts, cores_of_mask
+from ekf_stub.reports.core_texts import CoreTexts
 
 MOST_LEAN_APART: Final = math.radians(10.0)
 MOST_YAW_APART: Final = math.radians(20.0)
@@ -113,10 +111,6 @@ class Cores:
         """Whether there is but one filter, and nobody else is to become primary."""
         return not self._differ and self.lanes.primary == self.lanes.chosen_by_user()
 
-    def quiet_until_ms(self) -> int | None:
-        """Return until when, included, the only filter may be run as of ``Lanes.run_alike``, None if it may not."""
-        return self.lanes.cores[0].quiet_until_ms()
-
     def _frames(self, frame: Frame, imus: tuple[ImuReading, ...]) -> list[Frame]:
         self._imus.update(imus, LOOP_DT)
         return [self._frame_of(number, imu, frame) for number, imu in enumerate(self._imu_of_core)]
@@ -198,8 +192,3 @@ def _places(parts: AhrsParts) -> list[Three]:
     x_y_z = (map(float, parts.imu_pos(imu).to_tuple()) for imu in range(MAX_IMUS))
     first, *others = [(x, y, z) for x, y, z in x_y_z]
     return [_HERE, *(from_imu(place, first) for place in others)]
-
-
-def imus_of_cores(parts: AhrsParts, differing: int) -> tuple[int, ...]:
-    """Return the IMU of each core by EK3_IMU_MASK; ``differing`` is how many IMUs differ, 0 for none."""
-    return cores_of_mask(parts.imu_mask(), differing or NUMBER_OF_IMUS)

@@ -16,8 +16,7 @@ from ekf_stub.compiled.compiled_state import CompiledErrorState
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
-from ekf_stub.filter.inertial_pass import LOOP_DT, InertialPass
-from ekf_stub.filter.kernel import Kernel
+from ekf_stub.filter.inertial_pass import LOOP_DT, InertialPass, Kernel
 from ekf_stub.filter.output_predictor import Output, OutputChanges
 from ekf_stub.reports.core_report import StillnessReport, Three
 

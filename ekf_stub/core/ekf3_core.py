@@ -18,13 +18,13 @@ modes and the report are classes of their own, so that each can be tested alone 
 import math
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from ap_core.cint import i32, later_ms, u32
 from ap_core.location import Location
-from ekf_stub.core.common_origin import CommonOrigin
 from ekf_stub.core.frame import Frame as Frame
 from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.core.mode_control import FLYING_MS, ModeControl
@@ -32,12 +32,11 @@ from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inactive_biases import ImuRates, InactiveBiases, with_biases
 from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, limited
-from ekf_stub.filter.inertial_pass import LOOP_DT, StillnessAnswer
-from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.inertial_pass import LOOP_DT, PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
 from ekf_stub.filter.process_model import BAD_ACCEL_NOISE, ProcessNoise
 from ekf_stub.filter.release import REFERENCE, FilterRelease
-from ekf_stub.fusion.aiding import Aiding, AidingMode
+from ekf_stub.fusion.aiding import ABSOLUTE, NO_AIDING, Aiding
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.flow_fusion import FlowFusion
 from ekf_stub.fusion.height_source import RANGE, HeightSource
@@ -57,7 +56,7 @@ from ekf_stub.inputs.gps_reading import CENTI, GpsReading
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.range_reading import RangeReading
-from ekf_stub.inputs.sources import EkfSources, SourceYaw, SourceZ
+from ekf_stub.inputs.sources import YAW_EXTNAV, Z_GPS, EkfSources
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 
 BOOTSTRAP_MS: Final = 1000
@@ -76,11 +75,11 @@ _NOISES: Final = ("GYRO_P_NSE", "ACC_P_NSE", "GBIAS_P_NSE", "ABIAS_P_NSE", "MAGE
 _ACCEL_NOISE: Final = _NOISES.index("ACC_P_NSE")
 
 
-# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
-_ABSOLUTE: Final = AidingMode.ABSOLUTE
-_NO_AIDING: Final = AidingMode.NONE
-_YAW_EXTNAV: Final = SourceYaw.EXTNAV
-_Z_GPS: Final = SourceZ.GPS
+@dataclass(slots=True)
+class CommonOrigin:
+    """Where told positions count from: the first origin that any core has set, None before (common_EKF_origin)."""
+
+    place: Location | None = None
 
 
 class Ekf3Core:
@@ -109,6 +108,8 @@ class Ekf3Core:
         stepped: whether the last frame has made a step.
         was_idle: whether nothing has come of the last step but what the filter holds to be true.
         origin: where its own positions count from, None until it is set.
+        fix: the solution of the GPS that came with the last frame.
+        stillness: what the test for standing still says.
     """
 
     def __init__(
@@ -136,12 +137,13 @@ class Ekf3Core:
         self._number = number
         self._imu = imu
         self.release = release
-        self.ingest = ExtNavIngest(counts, self._get_single)
+        self.ingest = ExtNavIngest(counts, get_float)
         self.ingest.set_up(sizes if sources.ext_nav_enabled() else None)
         self.ranges = RangeReading(sizes.ranges)
         self.flow_ingest = FlowIngest(sizes.flow)
         self.gps = GpsReading(get_float, sizes.slow)
         self._pass = kernel.make_pass()
+        self.stillness = self._pass.stillness
         self._door = FrameDoor()
         self.refused = self._door.refused
         self._first_ms: int | None = None
@@ -152,12 +154,9 @@ class Ekf3Core:
         self.origin: Location | None = None
         self._origin_height = OriginHeight()
         self._had_flags_ms = self._now_ms = self._frames_of_step = 0
-        self._fix: GpsSample | None = None
+        self.fix: GpsSample | None = None
         self.initialised = self.stepped = self.was_idle = self._has_begun = False
         self._frame: Frame | None = None
-
-    def _get_single(self, name: str) -> np.float32:
-        return np.float32(self._get_float(name.removeprefix("EK3_")))
 
     def run(self, frame: Frame) -> None:
         """Run one frame.
@@ -166,7 +165,7 @@ class Ekf3Core:
         """
         frame = self._frame = self._door.admit(frame)
         now_ms = self._now_ms = frame.time_us // 1000
-        self._fix = frame.gps
+        self.fix = frame.gps
         if not self.initialised:
             self._pass.sense(frame.delta)
             self._bootstrap(frame, now_ms)
@@ -337,7 +336,7 @@ class Ekf3Core:
             self._steps.append(step)
             flags, get = self.control.flags, self._get_float
             self._run_step(frame, now_ms, self._due())
-            is_same = self.control.flags == flags and self.aiding.mode is _ABSOLUTE
+            is_same = self.control.flags == flags and self.aiding.mode is ABSOLUTE
             self.was_idle = is_same and not (self.ingest.has_due or self._texts.waiting)
             self._pass.follow(
                 delta,
@@ -372,10 +371,10 @@ class Ekf3Core:
         get, vehicle, dt = self._get_float, self.control.vehicle, self._pass.dt_ekf_avg
         noise = self._process_noise(get)
         self.yaw.begin_step()
-        aided = self.aiding.mode is not _NO_AIDING
+        aided = self.aiding.mode is not NO_AIDING
         if self.flow_ingest.received_ms is not None:
             self.flow_ingest.note_turn(self.state.turn_of(step, dt), step.del_ang_dt)
-        is_still, rests = self._pass.stillness.is_still, self.release.fuses_rest
+        is_still, rests = self.stillness.is_still, self.release.fuses_rest
         self.state.predict(step, noise, dt, aided=aided, on_ground=vehicle.on_ground, is_moved=rests and not is_still)
         self.gps.note_motion(self.state.rotation, step)
         self.height.terrain.constrain()
@@ -423,8 +422,8 @@ class Ekf3Core:
         fix = self.gps.read(
             sample,
             now_ms,
-            absolute=self.aiding.mode is _ABSOLUTE,
-            wants_climb=self.sources.uses_vel_z(_Z_GPS),
+            absolute=self.aiding.mode is ABSOLUTE,
+            wants_climb=self.sources.uses_vel_z(Z_GPS),
             worst_ratios=(innovations.vel_ratio, innovations.pos_ratio),
             around=GpsSurroundings(
                 on_ground=self.control.vehicle.on_ground, mag_x=mag_x, mag_y=mag_y, yaw=self.yaw.ratio
@@ -499,7 +498,7 @@ class Ekf3Core:
         if not self.initialised:
             return False
         age_ms = self._now_ms - self.aiding.times.pos
-        if self.origin is None or self.aiding.mode is _NO_AIDING or age_ms < DEAD_RECKONING_MS:
+        if self.origin is None or self.aiding.mode is NO_AIDING or age_ms < DEAD_RECKONING_MS:
             return False
         age_of_place_ms = min(max(i32(self._now_ms - time_ms), 0), MAX_PLACE_AGE_MS)
         ahead_s = 1e-3 * (age_of_place_ms - u32(self._now_ms - self.ingest.horizon_ms))
@@ -520,7 +519,7 @@ class Ekf3Core:
             return False
         if self.origin is not None:
             above_cm = self._origin_height.alt_cm + math.trunc(-100.0 * float(self.state.pos[2]))
-            fix = self._fix if self.gps.checks.good else None
+            fix = self.fix if self.gps.checks.good else None
             self._origin_height.put(above_cm if fix is None else fix.location.alt_cm)
         self.state.pos = np.array([*self.state.pos[:2], 0.0])
         self.height.terrain.down = 0.0
@@ -540,27 +539,17 @@ class Ekf3Core:
         """Return whether yaw comes from external navigation, or is assumed while it waits for that."""
         if self.initialised:
             return self.yaw.uses_ext_nav(now_ms)
-        return self.sources.yaw() == _YAW_EXTNAV and now_ms < YAW_IN_USE_MS
+        return self.sources.yaw() == YAW_EXTNAV and now_ms < YAW_IN_USE_MS
 
     def is_still(self) -> bool | None:
         """Return the answer of the test for standing still, None while it does not run."""
-        stillness = self._pass.stillness
+        stillness = self.stillness
         return stillness.is_still if stillness.is_tested else None
 
     @property
     def inertial(self) -> InertialDelta | None:
         """The inertial data of the last frame, as the filter used them; None before the first."""
         return self._door.delta
-
-    @property
-    def fix(self) -> GpsSample | None:
-        """The solution of the GPS that came with the last frame."""
-        return self._fix
-
-    @property
-    def stillness(self) -> StillnessAnswer:
-        """What the test for standing still says."""
-        return self._pass.stillness
 
     @property
     def dt_ekf_avg(self) -> float:
@@ -585,13 +574,13 @@ class Ekf3Core:
         Without aiding it is the GPS's, if that has a fix, else the last one known; nothing without an origin.
         """
         north, east, down = self.output.now.pos.tolist()
-        common, is_unknown = self._common.place, self.aiding.mode is _NO_AIDING
+        common, is_unknown = self._common.place, self.aiding.mode is NO_AIDING
         if common is not None and self.origin is not None:
             down += CENTI * (common.alt_cm - self.origin_alt_cm())
         if is_unknown and self.origin is None:
             return np.array([0.0, 0.0, down])
-        if is_unknown and common is not None and self._fix is not None and self._fix.fix_type >= _FIX_2D:
-            north, east = (float(value) for value in common.distance_ned(self._fix.location).to_tuple()[:2])
+        if is_unknown and common is not None and self.fix is not None and self.fix.fix_type >= _FIX_2D:
+            north, east = (float(value) for value in common.distance_ned(self.fix.location).to_tuple()[:2])
         elif not is_unknown and common is not None and common is not self.origin:
             # FIRMWARE PARITY: as long as the core has no origin of its own, that is where 0 N, 0 E is.
             away = common.distance_ned(self.origin or Location(0, 0, 0)).to_tuple()

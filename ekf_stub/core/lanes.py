@@ -10,8 +10,7 @@ from typing import Final
 
 from ap_core.location import Location
 from ap_core.sinks import TextSink
-from ekf_stub.core.common_origin import CommonOrigin
-from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.ekf3_core import CommonOrigin, Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of
 from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.log.ekf_log import UNINITIALISED
@@ -228,7 +227,7 @@ class Lanes:
 
     def set_place(self, place: Location, accuracy_m: float, time_ms: int) -> bool:
         """Put the vehicle somewhere while it navigates without a position; say whether it was (setLatLng)."""
-        were_put = [core.initialised and core.set_place(place, accuracy_m, time_ms) for core in self.cores]
+        were_put = [core.set_place(place, accuracy_m, time_ms) for core in self.cores]
         return any(were_put)
 
     def reset_height_datum(self) -> bool:

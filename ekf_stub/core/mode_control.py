@@ -20,7 +20,7 @@ from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.nominal_state import down_of
 from ekf_stub.filter.release import FilterRelease
 from ekf_stub.filter.states import GYRO
-from ekf_stub.fusion.aiding import Aiding, AidingMode, Ready
+from ekf_stub.fusion.aiding import ABSOLUTE, NO_AIDING, RELATIVE, Aiding, Ready
 from ekf_stub.fusion.body_odometry import BodyOdometry
 from ekf_stub.fusion.filter_flags import FilterState, filter_flags
 from ekf_stub.fusion.flow_fusion import FlowFusion
@@ -33,7 +33,7 @@ from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
 from ekf_stub.inputs.flow_ingest import FlowIngest
 from ekf_stub.inputs.gps_reading import GpsReading
 from ekf_stub.inputs.range_reading import RangeReading
-from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceYaw, SourceZ
+from ekf_stub.inputs.sources import XY_EXTNAV, XY_GPS, YAW_COMPASS, YAW_NONE, Z_EXTNAV, Z_GPS, EkfSources
 from ekf_stub.reports.core_report import Three
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING, CoreTexts
 from ekf_stub.reports.filter_status import FilterFlag
@@ -57,17 +57,6 @@ NO_DRAG_MS: Final = 5000
 ORIGIN_MOVES_MS: Final = 1000
 _HORIZ_VEL, _TAKEOFF_DETECTED = 1, 10
 _TAKEOFF, _TOUCHDOWN, _USING_POSITION, _GLITCHING, _QUALITY_GOOD, _INITIALISED = 11, 12, 13, 14, 15, 16
-
-# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
-_ABSOLUTE: Final = AidingMode.ABSOLUTE
-_NO_AIDING: Final = AidingMode.NONE
-_RELATIVE: Final = AidingMode.RELATIVE
-_XY_EXTNAV: Final = SourceXY.EXTNAV
-_XY_GPS: Final = SourceXY.GPS
-_YAW_COMPASS: Final = SourceYaw.COMPASS
-_YAW_NONE: Final = SourceYaw.NONE
-_Z_EXTNAV: Final = SourceZ.EXTNAV
-_Z_GPS: Final = SourceZ.GPS
 
 
 class ControlledCore(Protocol):
@@ -140,14 +129,14 @@ class ModeControl:
                 texts.add("tilt alignment complete")
             self._detect_flight(frame, dt_ekf_avg)
             core.yaw.control(self.vehicle)
-            source = core.yaw.source()
-            self._no_yaw_on_ground = source == _YAW_NONE and not frame.armed
-            by_compass = source == _YAW_COMPASS and core.yaw.uses_compass()
+            source = core.yaw.source
+            self._no_yaw_on_ground = source == YAW_NONE and not frame.armed
+            by_compass = source == YAW_COMPASS and core.yaw.uses_compass
             self.tests_stillness = self.vehicle.on_ground and (core.release.fuses_rest or not by_compass)
         no_yaw = self._no_yaw_on_ground
-        if core.aiding.mode is _RELATIVE and core.release.relative_needs_no_yaw:
+        if core.aiding.mode is RELATIVE and core.release.relative_needs_no_yaw:
             no_yaw = False
-        if no_yaw and core.aiding.mode is not _NO_AIDING:
+        if no_yaw and core.aiding.mode is not NO_AIDING:
             self._forget_flight(self._now_ms)
         self._dt_ekf_avg = dt_ekf_avg
         # The frame's inertial data are read after this, so that the time is still that of the last.
@@ -161,9 +150,9 @@ class ModeControl:
         """Return until when, included, frames without a step bring about nothing here; None if the next one may."""
         core = self._core
         awaits_motion = core.ingest.have_odometry or core.flow_ingest.received_ms is not None
-        if not self._learns_biases or (self._no_yaw_on_ground and core.aiding.mode is not _NO_AIDING):
+        if not self._learns_biases or (self._no_yaw_on_ground and core.aiding.mode is not NO_AIDING):
             return None
-        if awaits_motion and core.aiding.mode is _NO_AIDING:  # which counts from the frame after it on
+        if awaits_motion and core.aiding.mode is NO_AIDING:  # which counts from the frame after it on
             return None
         return core.aiding.quiet_until_ms(self._ready)
 
@@ -174,7 +163,7 @@ class ModeControl:
     def _forget_flight(self, now_ms: int) -> None:
         """Restart with what was known by a yaw that the vehicle has lost as it was disarmed."""
         core = self._core
-        mode, core.aiding.mode = core.aiding.mode, _NO_AIDING
+        mode, core.aiding.mode = core.aiding.mode, NO_AIDING
         core.yaw.aligned = False
         core.yaw.by_gps.forget_course()
         core.resets.velocity(now_ms)
@@ -187,7 +176,7 @@ class ModeControl:
         """Return whether anything may have changed since the last frame, in which there was no step."""
         states, sources = self._core.state.states, self._core.sources.active()
         expected = frame.takeoff_expected, frame.touchdown_expected
-        situation = frame.armed, frame.flying_ms > FLYING_MS, expected, self._core.yaw.has_compass()
+        situation = frame.armed, frame.flying_ms > FLYING_MS, expected, self._core.yaw.compass.is_used()
         if states is self._states and sources is self._sources and situation == self._situation:
             return False
         self._states, self._sources, self._situation = states, sources, situation
@@ -238,8 +227,8 @@ class ModeControl:
             return Ready(gps=False, ext_nav=False, odometry=False)
         gps = core.gps.checks.good and core.gps.is_due and core.origin is not None and core.yaw.aligned
         return Ready(
-            gps=source == _XY_GPS and gps and self._knows_gyro_bias(dt_ekf_avg),
-            ext_nav=source == _XY_EXTNAV and core.delayed.has_pose,
+            gps=source == XY_GPS and gps and self._knows_gyro_bias(dt_ekf_avg),
+            ext_nav=source == XY_EXTNAV and core.delayed.has_pose,
             odometry=self._odometry_is_good(now_ms) and self._knows_gyro_bias(dt_ekf_avg),
             flow=self._flow_is_fresh(now_ms) and self._knows_gyro_bias(dt_ekf_avg),
         )
@@ -256,19 +245,19 @@ class ModeControl:
         ingest = self._core.ingest
         fresh = ingest.have_odometry and u32(now_ms - ingest.odometry_ms) < ODOMETRY_FRESH_MS
         exact = bool(ingest.odometry_err < MAX_ODOMETRY_ERR)
-        return fresh and exact and self._core.sources.uses_vel_xy(_XY_EXTNAV)
+        return fresh and exact and self._core.sources.uses_vel_xy(XY_EXTNAV)
 
     def _enter_mode(self, now_ms: int, ready: Ready, texts: CoreTexts) -> None:
         core = self._core
         mode = core.aiding.mode
         by_velocity = by_gps = False
-        if mode is _NO_AIDING:
+        if mode is NO_AIDING:
             texts.add("stopped aiding", MAV_SEVERITY_WARNING)
             core.fusion.innovations.vel_ratio = core.fusion.innovations.pos_ratio = 0.0
             core.resets.last_known_ne = core.state.pos[:2].copy()
             core.state.pos = np.array([*core.state.pos[:2], -core.height.baro_height])
             core.odometry.is_fused = core.flow.is_fused = False
-        elif mode is _RELATIVE:
+        elif mode is RELATIVE:
             texts.add("started relative aiding")
             if ready.flow:
                 core.flow_ingest.valid_ms = now_ms
@@ -293,7 +282,7 @@ class ModeControl:
         if core.ingest.have_velocity:
             vel = np.zeros(3) if velocity is None else velocity.vel
             texts.add("initial vel NED = {:3.1f},{:3.1f},{:3.1f} (m/s)".format(*vel))
-        if core.sources.pos_z() == _Z_EXTNAV or not core.release.resets_height_by_its_source:
+        if core.sources.pos_z() == Z_EXTNAV or not core.release.resets_height_by_its_source:
             core.height.use_pose()
             core.fusion.reset_height(now_ms, self.vehicle)
 
@@ -306,7 +295,7 @@ class ModeControl:
             return False
         if min(innovations.vel_ratio, innovations.pos_ratio, innovations.height_ratio) > 1:
             return False
-        if self._core.aiding.mode is not _NO_AIDING or not self.vehicle.on_ground:
+        if self._core.aiding.mode is not NO_AIDING or not self.vehicle.on_ground:
             return True
         still = math.hypot(*innovations.pos[:2].tolist()), abs(innovations.still_height)
         return not max(still) > MAX_STILL_INNOVATION_M
@@ -320,7 +309,7 @@ class ModeControl:
             healthy,
             self.tilt_aligned,
             core.yaw.aligned,
-            core.yaw.uses_compass(),
+            core.yaw.uses_compass,
             aiding.mode,
             aiding.pos_timeout,
             aiding.vel_timeout,
@@ -329,14 +318,14 @@ class ModeControl:
             core.odometry.is_fused and now_ms - aiding.times.odometry < ODOMETRY_IN_USE_MS,
             core.flow.is_valid,
             core.flow.ground_is_valid,
-            core.origin is None and core.sources.pos_z() == _Z_GPS,
+            core.origin is None and core.sources.pos_z() == Z_GPS,
         )
         if state != self._state:  # from one step to the next it seldom changes
             self._state = state
             self._state_flags = int(filter_flags(FilterState(*state)) & ~FilterFlag.UNINITIALISED)
         value = self._state_flags
-        absolute = aiding.mode is _ABSOLUTE
-        by_gps = absolute and core.sources.pos_xy() == _XY_GPS
+        absolute = aiding.mode is ABSOLUTE
+        by_gps = absolute and core.sources.pos_xy() == XY_GPS
         core.height.velocity_is_valid = value >> _HORIZ_VEL & 1 == 1
         value |= core.flow.takeoff_detected << _TAKEOFF_DETECTED
         value |= frame.takeoff_expected << _TAKEOFF | frame.touchdown_expected << _TOUCHDOWN

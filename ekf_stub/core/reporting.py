@@ -59,7 +59,6 @@ def report_of(core: Ekf3Core, now_ms: int) -> CoreReport:
         faults=faults | (0 if math.isfinite(quat.w) else _BAD_QUAT),
         timeouts=core.control.timeouts(now_ms),
         flags=core.control.flags,
-        gps_bits=0,
         angle_error=output.angle_error,
         vel_error=output.vel_error,
         pos_error=output.pos_error,

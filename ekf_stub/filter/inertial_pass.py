@@ -6,8 +6,10 @@ The test for standing still, the down-sampler and, once the filter has a state, 
 because that is what a kernel compiles as one: see `ekf_stub.compiled.compiled_pass`.
 """
 
-from typing import Final, Protocol
+from collections.abc import Callable
+from typing import Final, NamedTuple, Protocol
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import Array, DownSampler, InertialDelta, InertialStep, delta_of
 from ekf_stub.filter.output_predictor import OutputPredictor, OutputState
@@ -164,3 +166,18 @@ class InertialPass:
         self._output.follow(
             state, delay_s=delay_s, tau_s=tau_s, dt_imu_avg=sampler.dt_imu_avg, dt_ekf_avg=sampler.dt_ekf_avg
         )
+
+
+class Kernel(NamedTuple):
+    """What makes the two parts of the filter that compute.
+
+    ``make_state`` makes its state from an attitude and the variances of velocity and position, ``make_pass`` what
+    inertial data go through.
+    """
+
+    make_state: Callable[[quaternion.quaternion, Array], ErrorState]
+    make_pass: Callable[[], InertialPass]
+
+
+PLAIN: Final = Kernel(ErrorState, InertialPass)
+"""Python with numpy: the definition and the default. `ekf_stub.compiled.compiled_pass` has a faster one."""

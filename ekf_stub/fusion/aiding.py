@@ -25,9 +25,9 @@ class AidingMode(Enum):
 
 
 # In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
-_ABSOLUTE: Final = AidingMode.ABSOLUTE
-_NO_AIDING: Final = AidingMode.NONE
-_RELATIVE: Final = AidingMode.RELATIVE
+ABSOLUTE: Final = AidingMode.ABSOLUTE
+NO_AIDING: Final = AidingMode.NONE
+RELATIVE: Final = AidingMode.RELATIVE
 
 
 class Ready(NamedTuple):
@@ -69,7 +69,7 @@ class Aiding:
     """
 
     def __init__(self) -> None:
-        self.mode = _NO_AIDING
+        self.mode = NO_AIDING
         self.vel_aiding = False
         self.pos_timeout = self.position_is_lost = False
         self.vel_timeout = True
@@ -85,35 +85,35 @@ class Aiding:
         """
         before, self.position_is_lost = self.mode, False
         if no_yaw_on_ground:
-            self.mode = _NO_AIDING
-        if self.mode is _NO_AIDING:
+            self.mode = NO_AIDING
+        if self.mode is NO_AIDING:
             self._start(ready())
-        elif self.mode is _RELATIVE:
+        elif self.mode is RELATIVE:
             self._check_relative(now_ms, ready())
         else:
             self._check_absolute(now_ms)
         if self.mode is before:
             return False
-        self._enter(now_ms, by_flow=self.mode is _RELATIVE and ready().flow)
+        self._enter(now_ms, by_flow=self.mode is RELATIVE and ready().flow)
         return True
 
     def quiet_until_ms(self, ready: Callable[[], Ready]) -> int | None:
         """Return until when, included, nothing changes unless a measurement comes; None if it may at any time."""
-        if self.mode is _ABSOLUTE:
+        if self.mode is ABSOLUTE:
             return self.times.pos + IN_USE_MS
-        return None if self.mode is _RELATIVE or any(ready()) else NEVER
+        return None if self.mode is RELATIVE or any(ready()) else NEVER
 
     def _start(self, ready: Ready) -> None:
         if ready.gps or ready.ext_nav:
-            self.mode = _ABSOLUTE
+            self.mode = ABSOLUTE
         elif ready.flow or ready.odometry:
-            self.mode = _RELATIVE
+            self.mode = RELATIVE
 
     def _check_relative(self, now_ms: int, ready: Ready) -> None:
         if ready.gps or ready.ext_nav:
-            self.mode = _ABSOLUTE
+            self.mode = ABSOLUTE
         elif now_ms - max(self.times.odometry, self.times.flow) > RELATIVE_LOST_MS:
-            self.mode = _NO_AIDING
+            self.mode = NO_AIDING
 
     def _check_absolute(self, now_ms: int) -> None:
         pos_ms, vel_ms = now_ms - self.times.pos, now_ms - self.times.vel
@@ -122,7 +122,7 @@ class Aiding:
         vel_used, pos_used = vel_ms <= IN_USE_MS, pos_ms <= IN_USE_MS
         aided = self.vel_aiding = pos_used or vel_used or motion_used
         if not aided and min(pos_ms, vel_ms, flow_ms) > ALL_LOST_MS:
-            self.mode, self.position_is_lost = _NO_AIDING, True
+            self.mode, self.position_is_lost = NO_AIDING, True
         elif not pos_used and pos_ms > (POSITION_LOST_WITH_VELOCITY_MS if aided else POSITION_LOST_MS):
             self.pos_timeout = self.position_is_lost = True
             self.vel_timeout = not (vel_used or motion_used)
@@ -130,11 +130,11 @@ class Aiding:
     def _enter(self, now_ms: int, *, by_flow: bool) -> None:
         # Every change of mode resets the position, which ends its timeout; only a real velocity ends the other.
         self.pos_timeout = False
-        self.vel_timeout = self.mode is not _ABSOLUTE
-        if self.mode is _ABSOLUTE:
+        self.vel_timeout = self.mode is not ABSOLUTE
+        if self.mode is ABSOLUTE:
             self.times.vel = now_ms
         elif by_flow:
             self.times.flow = now_ms
-        elif self.mode is _RELATIVE:
+        elif self.mode is RELATIVE:
             self.times.odometry = now_ms
         self.times.pos = now_ms

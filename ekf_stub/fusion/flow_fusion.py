@@ -11,7 +11,7 @@ from ekf_stub.fusion.body_velocity import velocity_row
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.terrain import FLOW_FOR_TERRAIN, LEAST_FLOW_NOISE, LOST_MS, Terrain
 from ekf_stub.inputs.flow_ingest import FlowIngest, FlowSample, Two
-from ekf_stub.inputs.sources import SourceXY
+from ekf_stub.inputs.sources import XY_OPTFLOW
 
 FLOW_FOR_NAVIGATION: Final = 1  # of EK3_FLOW_USE
 VALID_MS: Final = 1000
@@ -19,7 +19,6 @@ LEAST_UPRIGHT: Final = 0.71
 FOCUS_M: Final = 0.5
 MAX_RANGE_M: Final = 1000.0
 _NOTHING: Final = FlowSample(0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-_XY_OPTFLOW: Final = SourceXY.OPTFLOW
 
 
 class FlowFusion(Fusion):
@@ -67,7 +66,7 @@ class FlowFusion(Fusion):
 
     def is_used(self) -> bool:
         """Return whether the filter navigates by flow."""
-        return self._get_float("FLOW_USE") == FLOW_FOR_NAVIGATION and self._sources.uses_vel_xy(_XY_OPTFLOW)
+        return self._get_float("FLOW_USE") == FLOW_FOR_NAVIGATION and self._sources.uses_vel_xy(XY_OPTFLOW)
 
     def _fuse(self, flow: FlowSample, now_ms: int) -> None:
         """Fuse the axes one after the other, both with how they depend on the errors that were found before."""

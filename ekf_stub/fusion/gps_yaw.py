@@ -10,11 +10,11 @@ import math
 from typing import Final, NamedTuple
 
 from ekf_stub.filter.inertial import InertialStep, limited
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.aiding import ABSOLUTE
 from ekf_stub.fusion.gsf_yaw import GsfYaw
 from ekf_stub.fusion.height_source import Vehicle
 from ekf_stub.fusion.parts import FilterParts, Fusion
-from ekf_stub.inputs.sources import SourceXY
+from ekf_stub.inputs.sources import XY_GPS
 
 MAX_VARIANCE: Final = math.radians(15.0) ** 2
 MAX_INNOVATION_M_S: Final = 2.0
@@ -22,9 +22,6 @@ STEADY: Final = 5
 REQUEST_MS: Final = 5000
 MIN_SPEED_M_S: Final = 1.0
 BAD_YAW: Final = 0.7854
-
-_ABSOLUTE: Final = AidingMode.ABSOLUTE
-_XY_GPS: Final = SourceXY.GPS
 
 
 class Course(NamedTuple):
@@ -71,7 +68,7 @@ class GpsYaw(Fusion):
         return self._exists
 
     def _uses_gps(self) -> bool:
-        return self._sources.pos_xy() == _XY_GPS and self._sources.uses_vel_xy(_XY_GPS) and self._is_there()
+        return self._sources.pos_xy() == XY_GPS and self._sources.uses_vel_xy(XY_GPS) and self._is_there()
 
     def predict(self, step: InertialStep) -> None:
         """Follow the inertial data of a step."""
@@ -137,7 +134,7 @@ class GpsYaw(Fusion):
         apart = max(abs(math.remainder(course - other, 2 * math.pi)) for other in others)
         variance = math.asin(limited(self._accuracy() / speed, -1.0, 1.0)) ** 2
         self._course_valid = self._course_valid + 1 if variance < MAX_VARIANCE else 0
-        disagrees = apart > BAD_YAW and worst_ratio > 1 and self._aiding.mode is _ABSOLUTE
+        disagrees = apart > BAD_YAW and worst_ratio > 1 and self._aiding.mode is ABSOLUTE
         return Course(course, variance, self._course_valid >= STEADY, disagrees)
 
     def forget_course(self) -> None:

@@ -15,7 +15,7 @@ from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.terrain import Terrain
 from ekf_stub.inputs.gps_reading import HEIGHT_TO_HORIZONTAL
 from ekf_stub.inputs.obs_ring import ObsRing
-from ekf_stub.inputs.sources import SourceZ
+from ekf_stub.inputs.sources import Z_BARO, Z_EXTNAV, Z_GPS, Z_NONE, Z_RANGE, SourceZ
 
 FRESH_MS: Final = 500
 GPS_LOST_MS: Final = 2000
@@ -36,15 +36,9 @@ GPS: Final = "gps"
 RANGE: Final = "range"
 NO_SOURCE: Final = "none"
 
-# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
-_Z_BARO: Final = SourceZ.BARO
-_Z_EXTNAV: Final = SourceZ.EXTNAV
-_Z_GPS: Final = SourceZ.GPS
-_Z_NONE: Final = SourceZ.NONE
-_Z_RANGE: Final = SourceZ.RANGEFINDER
 _MASKS: Final = {BARO: BY_BARO, RANGE: BY_RANGE}
 _POS_D: Final = POS.stop - 1
-_BY_Z: Final = {_Z_BARO: BARO, _Z_GPS: GPS}
+_BY_Z: Final = {Z_BARO: BARO, Z_GPS: GPS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,17 +148,17 @@ class HeightSource(Fusion):
         source = self._sources.pos_z()
         ext_nav_is_fresh = self._ingest.have_pose and u32(now_ms - self._ingest.pose_stamp_ms) < FRESH_MS
         range_is_fresh = self.terrain.ranges.is_fresh(now_ms)
-        if source == _Z_NONE:
+        if source == Z_NONE:
             self.active = NO_SOURCE
-        elif source == _Z_RANGE and range_is_fresh:
+        elif source == Z_RANGE and range_is_fresh:
             self.active = RANGE
         elif range_is_fresh and source in _BY_Z and self._get_float("RNG_USE_HGT") > 0:
             self._switch_range(now_ms, _BY_Z[SourceZ(source)])
-        elif source == _Z_BARO:
+        elif source == Z_BARO:
             self.active = BARO
-        elif source == _Z_GPS and self._gps_age_ms(now_ms) < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
+        elif source == Z_GPS and self._gps_age_ms(now_ms) < FRESH_MS and self._gps.newest and self._gps.accuracy_good:
             self.active = GPS
-        elif source == _Z_EXTNAV and ext_nav_is_fresh:
+        elif source == Z_EXTNAV and ext_nav_is_fresh:
             self.active = EXT_NAV
         gps_is_lost = self.active == GPS and self._gps_age_ms(now_ms) > GPS_LOST_MS
         ext_nav_is_lost = self.active == EXT_NAV and not ext_nav_is_fresh

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from ekf_stub.filter.states import VEL
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.aiding import RELATIVE
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs.flow_ingest import FlowSample, Two
 from ekf_stub.inputs.range_reading import RangeReading
@@ -20,7 +20,6 @@ MAX_INTERVAL_S: Final = 1.0
 LEAST_VAR_WITH_FLOW: Final = 1e-6
 LEAST_FLOW_NOISE: Final = 0.05
 _DOWN_VELOCITY: Final = VEL.stop - 1
-_RELATIVE: Final = AidingMode.RELATIVE
 
 
 class Terrain(Fusion):
@@ -100,7 +99,7 @@ class Terrain(Fusion):
 
     def _can_use(self, flow: FlowSample) -> bool:
         """Return whether the vehicle is so fast over the ground that flow tells its height."""
-        if self._get_float("FLOW_USE") != FLOW_FOR_TERRAIN or self._aiding.mode is _RELATIVE:
+        if self._get_float("FLOW_USE") != FLOW_FOR_TERRAIN or self._aiding.mode is RELATIVE:
             return False
         north, east, _ = self._state.vel.tolist()
         is_fast = north * north + east * east >= LEAST_SPEED**2

@@ -12,14 +12,14 @@ from ap_core.cint import u32
 from ap_core.verdict import Rule
 from ekf_stub.filter.inertial import Array, limited
 from ekf_stub.filter.states import POS, VEL
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.aiding import ABSOLUTE, NO_AIDING
 from ekf_stub.fusion.height_source import BARO, EXT_NAV, FRESH_MS, GPS, HeightSource, Vehicle
 from ekf_stub.fusion.measurements import Velocity
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.resets import NORTH_EAST, POS_NE, Resets
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.gps_reading import GpsFix
-from ekf_stub.inputs.sources import SourceXY, SourceZ
+from ekf_stub.inputs.sources import XY_EXTNAV, XY_GPS, XY_NONE, Z_EXTNAV, Z_GPS
 
 DISARMED_NOISE: Final = 0.5
 BAD_IMU_HOLD_MS: Final = 10_000
@@ -36,15 +36,6 @@ VEL_MIN_NOISE, VEL_MAX_NOISE, VEL_MAX_GATE_NOISE = 0.05, 50.0, 5.0
 _VEL: Final = tuple(range(VEL.start, VEL.stop))
 _POS_NE: Final = (POS.start, POS.start + 1)
 _POS_D: Final = POS.start + 2
-
-# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
-_ABSOLUTE: Final = AidingMode.ABSOLUTE
-_NO_AIDING: Final = AidingMode.NONE
-_XY_EXTNAV: Final = SourceXY.EXTNAV
-_XY_GPS: Final = SourceXY.GPS
-_XY_NONE: Final = SourceXY.NONE
-_Z_EXTNAV: Final = SourceZ.EXTNAV
-_Z_GPS: Final = SourceZ.GPS
 
 
 @dataclass(slots=True)
@@ -97,11 +88,11 @@ class VelPosFusion(Fusion):
 
     def step(self, now_ms: int, vehicle: Vehicle, *, rests: bool = False) -> None:
         """Fuse what came due in a step; ``rests`` tells that the vehicle stands still, where a release heeds that."""
-        absolute, source = self._aiding.mode is _ABSOLUTE, self._sources.pos_xy()
+        absolute, source = self._aiding.mode is ABSOLUTE, self._sources.pos_xy()
         if source != self._pos_source:
-            self._pos_source, self._pos_source_changed = source, source != _XY_NONE
-        by_gps = absolute and self._gps.is_due and source == _XY_GPS
-        by_ext_nav = absolute and self._delayed.has_pose and source == _XY_EXTNAV
+            self._pos_source, self._pos_source_changed = source, source != XY_NONE
+        by_gps = absolute and self._gps.is_due and source == XY_GPS
+        by_ext_nav = absolute and self._delayed.has_pose and source == XY_EXTNAV
         if self._height.select(now_ms, vehicle):
             self._resets.shift_height(self._height.down)
         imu_is_bad = self._state.accel_is_bad and now_ms - self._good_imu_ms > BAD_IMU_TIMEOUT_MS
@@ -130,7 +121,7 @@ class VelPosFusion(Fusion):
     # What is measured
 
     def _observe(self, vehicle: Vehicle, *, by_gps: bool, by_ext_nav: bool) -> _Observed:
-        if self._aiding.mode is _NO_AIDING:
+        if self._aiding.mode is NO_AIDING:
             return self._observe_standstill(vehicle)
         observed = _Observed()
         pose, fix = self._delayed.pose, self._gps.delayed
@@ -145,7 +136,7 @@ class VelPosFusion(Fusion):
         return observed
 
     def _used_velocity(self) -> Velocity | None:
-        is_used = self._delayed.has_velocity and self._sources.uses_vel_xy(_XY_EXTNAV)
+        is_used = self._delayed.has_velocity and self._sources.uses_vel_xy(XY_EXTNAV)
         return self._delayed.velocity if is_used else None
 
     def _observe_standstill(self, vehicle: Vehicle) -> _Observed:
@@ -164,7 +155,7 @@ class VelPosFusion(Fusion):
     def _observe_velocity(self, observed: _Observed, velocity: Velocity) -> None:
         accel = self._state.acceleration()
         observed.vel = velocity.vel
-        observed.vel_axes = 3 if self._sources.uses_vel_z(_Z_EXTNAV) else 2
+        observed.vel_axes = 3 if self._sources.uses_vel_z(Z_EXTNAV) else 2
         observed.vel_ne_variance = observed.vel_d_variance = limited(velocity.err, VEL_MIN_NOISE, VEL_MAX_NOISE) ** 2
         observed.vel_gate_variance = (
             limited(velocity.err, VEL_MIN_NOISE, VEL_MAX_GATE_NOISE) ** 2 + (NOISE_OF_ACCELERATION * accel) ** 2
@@ -179,10 +170,10 @@ class VelPosFusion(Fusion):
         observed.pos_ne = fix.pos[NORTH_EAST]
         own = limited(pos_noise, 0.1, 10.0) ** 2 + by_accel
         observed.pos_variance = gps.pos_accuracy**2 if gps.pos_accuracy > 0 else own
-        if not self._sources.uses_vel_xy(_XY_GPS):
+        if not self._sources.uses_vel_xy(XY_GPS):
             return
         observed.vel = fix.vel
-        observed.vel_axes = 3 if fix.has_vertical_velocity and self._sources.uses_vel_z(_Z_GPS) else 2
+        observed.vel_axes = 3 if fix.has_vertical_velocity and self._sources.uses_vel_z(Z_GPS) else 2
         observed.vel_gate_variance = limited(vel_noise, 0.05, 5.0) ** 2 + by_accel
         if gps.speed_accuracy > 0:
             observed.vel_ne_variance = limited(gps.speed_accuracy, vel_noise, 50.0) ** 2
@@ -193,7 +184,7 @@ class VelPosFusion(Fusion):
 
     def _observe_rest(self, now_ms: int, vehicle: Vehicle, observed: _Observed, *, by_ext_nav: bool) -> None:
         """Hold the vehicle to have no velocity; while it aids, only where nothing has told its velocity of late."""
-        if self._aiding.mode is _NO_AIDING:
+        if self._aiding.mode is NO_AIDING:
             if not vehicle.tilt_aligned:
                 return
             variance = min(self._get_float("NOAID_M_NSE"), REST_NOISE) ** 2
@@ -218,13 +209,13 @@ class VelPosFusion(Fusion):
     def _tested_at_rest(self) -> int:
         """Return on how many axes rest is tested: the vertical one counts if there is a source of its velocity."""
         fix = self._gps.delayed
-        by_gps = fix is not None and fix.has_vertical_velocity and self._sources.uses_vel_z(_Z_GPS)
-        by_ext_nav = self._ingest.have_velocity and self._sources.uses_vel_z(_Z_EXTNAV)
-        return 3 if by_ext_nav or (by_gps and self._aiding.mode is _ABSOLUTE) else 2
+        by_gps = fix is not None and fix.has_vertical_velocity and self._sources.uses_vel_z(Z_GPS)
+        by_ext_nav = self._ingest.have_velocity and self._sources.uses_vel_z(Z_EXTNAV)
+        return 3 if by_ext_nav or (by_gps and self._aiding.mode is ABSOLUTE) else 2
 
     def _check_imu(self, now_ms: int, observed: _Observed, fix: GpsFix) -> None:
         """Find out whether the accelerometers are bad: height and vertical velocity are off alike (FuseVelPosNED)."""
-        if observed.vel_axes < 3 or observed.vel is None or self._sources.pos_z() == _Z_GPS:
+        if observed.vel_axes < 3 or observed.vel is None or self._sources.pos_z() == Z_GPS:
             return
         height_error, climb_error = (
             self._state.down - self._height.down,
@@ -267,12 +258,12 @@ class VelPosFusion(Fusion):
         # With few satellites whatever GPS is the source of counts for less, even if it is assumed for want of GPS.
         scale = self._gps.noise_scaler**2
         if vel_ok and observed.vel is not None:
-            factor = scale if self._sources.uses_vel_xy(_XY_GPS) else 1.0
+            factor = scale if self._sources.uses_vel_xy(XY_GPS) else 1.0
             north_east, down = factor * observed.vel_ne_variance, factor * observed.vel_d_variance
             variances = north_east, north_east, down
             wanted += zip(_VEL[: observed.vel_axes], observed.vel.tolist(), variances, strict=False)
         if pos_ok and observed.pos_ne is not None:
-            variance = (scale if self._sources.pos_xy() == _XY_GPS else 1.0) * observed.pos_variance
+            variance = (scale if self._sources.pos_xy() == XY_GPS else 1.0) * observed.pos_variance
             wanted += zip(_POS_NE, observed.pos_ne.tolist(), 2 * (variance,), strict=True)
         if height_ok and not by_ground_effect:
             wanted.append((_POS_D, self._height.down, self._height.variance))
@@ -314,7 +305,7 @@ class VelPosFusion(Fusion):
         ratio = square / (self._gate("POS_I_GATE") * (spread + 2 * observed.pos_variance))
         self.innovations.pos_ratio = ratio
         aiding = self._aiding
-        passed = ratio < 1 or aiding.mode is _NO_AIDING or not self._limits_glitches()
+        passed = ratio < 1 or aiding.mode is NO_AIDING or not self._limits_glitches()
         if passed:
             aiding.times.pos = now_ms
         if not (passed or aiding.pos_timeout or self._state.accel_is_bad):
@@ -355,7 +346,7 @@ class VelPosFusion(Fusion):
         if not (passed or aiding.vel_timeout or self._state.accel_is_bad):
             self._tell_velocity(observed, rules.GATE_VELOCITY, ratio)
             return False
-        if aiding.mode is _ABSOLUTE and aiding.vel_timeout:
+        if aiding.mode is ABSOLUTE and aiding.vel_timeout:
             self._resets.velocity(now_ms)
             self.innovations.vel_ratio = 0.0
             self._tell_velocity(observed, rules.RESET_TO)
@@ -370,7 +361,7 @@ class VelPosFusion(Fusion):
         spread = self._variances(POS.start + 2, 1) + height.variance
         ratio = innovation**2 / (self._gate("HGT_I_GATE") * spread)
         self.innovations.height_ratio = ratio
-        standing = self._aiding.mode is _NO_AIDING and vehicle.on_ground
+        standing = self._aiding.mode is NO_AIDING and vehicle.on_ground
         passed = ratio < (MAX_RATIO_ON_GROUND if standing else 1.0)
         if not (passed or standing or self._limits_glitches()) and height.active == GPS:
             passed, self._aiding.times.pos = True, now_ms
@@ -409,7 +400,7 @@ class VelPosFusion(Fusion):
     def _gps_tells_climb(self, now_ms: int, newest: GpsFix) -> bool:
         delayed = self._gps.delayed
         is_fresh = delayed is not None and u32(now_ms - delayed.time_ms) < FRESH_MS
-        is_used = self._sources.uses_vel_z(_Z_GPS) and (self._gps.is_in_use or self._state.accel_is_bad)
+        is_used = self._sources.uses_vel_z(Z_GPS) and (self._gps.is_in_use or self._state.accel_is_bad)
         return is_fresh and is_used and newest.has_vertical_velocity
 
     # What became of samples of external navigation
@@ -423,7 +414,7 @@ class VelPosFusion(Fusion):
 
     def _tell_pose(self, rule: Rule, ratio: float | None = None) -> None:
         pose = self._delayed.pose
-        by_ext_nav = self._aiding.mode is _ABSOLUTE and self._sources.pos_xy() == _XY_EXTNAV
+        by_ext_nav = self._aiding.mode is ABSOLUTE and self._sources.pos_xy() == XY_EXTNAV
         if by_ext_nav and self._delayed.has_pose and pose is not None:
             self._ingest.tell("pose", rule, pose.time_ms, _root(ratio))
 

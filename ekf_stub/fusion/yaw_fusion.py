@@ -10,7 +10,7 @@ from ap_core.fmath import f32
 from ekf_stub.filter.error_state import MIN_NOISE_VAR
 from ekf_stub.filter.inertial import InertialStep, limited
 from ekf_stub.filter.states import ATT
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.fusion.aiding import ABSOLUTE, NO_AIDING
 from ekf_stub.fusion.compass_reading import CompassReader
 from ekf_stub.fusion.compass_yaw import GROUND_AND_CLIMBED, NEVER, ON_GROUND, CompassAlignment
 from ekf_stub.fusion.gps_yaw import GpsYaw
@@ -23,7 +23,7 @@ from ekf_stub.fusion.vel_pos_fusion import Innovations
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import YawSample
 from ekf_stub.inputs.gps_reading import MIN_YAW_ERR
-from ekf_stub.inputs.sources import SourceYaw
+from ekf_stub.inputs.sources import YAW_COMPASS, YAW_EXTNAV, YAW_GPS, YAW_GSF, YAW_NONE, SourceYaw
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
 
 SYNTHETIC_PERIOD_MS: Final = 140
@@ -36,14 +36,7 @@ WELL_KNOWN: Final = float(f32(0.01))
 _BY_GPS: Final = (SourceYaw.GPS, SourceYaw.GPS_COMPASS_FALLBACK)
 _BY_COMPASS: Final = (SourceYaw.COMPASS, SourceYaw.GPS_COMPASS_FALLBACK)
 
-# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
-_YAW_COMPASS: Final = SourceYaw.COMPASS
-_YAW_EXTNAV: Final = SourceYaw.EXTNAV
-_YAW_GPS: Final = SourceYaw.GPS
-_YAW_GSF: Final = SourceYaw.GSF
-_YAW_NONE: Final = SourceYaw.NONE
-_WITHOUT_COMPASS: Final = (*_BY_GPS, _YAW_EXTNAV)
-_NO_AIDING: Final = AidingMode.NONE
+_WITHOUT_COMPASS: Final = (*_BY_GPS, YAW_EXTNAV)
 
 
 def wrap_pi(angle: float) -> float:
@@ -55,6 +48,8 @@ class YawFusion(Fusion):
     """Where yaw comes from, and what becomes of it.
 
     Attributes:
+        source: the yaw source as of ``control``; a compass that is not there is none.
+        uses_compass: whether yaw comes from the compass, as of ``control``.
         aligned: whether yaw has been set from a measurement.
         resets: how often that was.
         innovation, ratio: of the last yaw tested, rad, and of its square to the gate.
@@ -82,31 +77,19 @@ class YawFusion(Fusion):
         self._alignment = CompassAlignment(parts.state)
         self._ext_nav_ms = self._synthetic_ms = self._gps_ms = 0
         self._look_at_sources()
-        self._source = self.source()
+        self._step_source = self.source
         self._source_changed = False
         self._yaw_at_rest, self._by_321_at_rest = 0.0, True
 
-    def has_compass(self) -> bool:
-        """Return whether there is a compass that may be used for yaw."""
-        return self.compass.is_used()
-
-    def source(self) -> int:
-        """Return the yaw source as of ``control``; a compass that is not there is none."""
-        return self._frame_source
-
-    def uses_compass(self) -> bool:
-        """Return whether yaw comes from the compass, as of ``control``."""
-        return self._frame_uses_compass
-
     def _look_at_sources(self) -> None:
         source, has_compass = self._sources.yaw(), self.compass.is_used()
-        self._frame_source = _YAW_NONE if source == _YAW_COMPASS and not has_compass else source
-        self._frame_uses_compass = source in _BY_COMPASS and has_compass and not self.compass.has_failed
+        self.source = YAW_NONE if source == YAW_COMPASS and not has_compass else source
+        self.uses_compass = source in _BY_COMPASS and has_compass and not self.compass.has_failed
 
     def uses_ext_nav(self, now_ms: int) -> bool:
         """Return whether yaw comes from external navigation, or is assumed while it waits for that."""
         in_use = now_ms - max(self._ext_nav_ms, self._synthetic_ms) < IN_USE_MS
-        return self._sources.yaw() == _YAW_EXTNAV and in_use
+        return self._sources.yaw() == YAW_EXTNAV and in_use
 
     def control(self, vehicle: Vehicle) -> None:
         """Look at the sources, and decide whether the magnetic fields are to be estimated.
@@ -121,7 +104,7 @@ class YawFusion(Fusion):
             magcal = NEVER
         if vehicle.on_ground and magcal not in ON_GROUND and not self._state.learns_field:
             return
-        if self.field.learn(wanted=self.uses_compass() and self._alignment.wants_field(magcal, vehicle)):
+        if self.field.learn(wanted=self.uses_compass and self._alignment.wants_field(magcal, vehicle)):
             self._alignment.request_for_field(vehicle)
 
     def step(
@@ -136,14 +119,14 @@ class YawFusion(Fusion):
             is_still: whether it stands still on the ground.
             climbed_m: tells the height above the place of take-off.
         """
-        source = self._frame_source
-        self._source_changed |= source != self._source
-        self._source = source
+        source = self.source
+        self._source_changed |= source != self._step_source
+        self._step_source = source
         if not is_still:
             self._by_321_at_rest = self._state.prefers_321()
             self._yaw_at_rest = self._state.yaw(by_321=self._by_321_at_rest)
         self.field_was_fused = False
-        if source == _YAW_GSF or (not self._frame_uses_compass and source not in _WITHOUT_COMPASS):
+        if source == YAW_GSF or (not self.uses_compass and source not in _WITHOUT_COMPASS):
             if self._source_changed or not self.aligned:
                 self._align_by_gps(now_ms, vehicle)
                 self._source_changed = False
@@ -151,23 +134,23 @@ class YawFusion(Fusion):
             return
         if source in _BY_GPS:
             self._use_gps(now_ms, vehicle, is_still=is_still)
-            if source == _YAW_GPS:
+            if source == YAW_GPS:
                 return
             if self._gps_ms:
-                self.compass.read(now_ms, vehicle, is_in_use=self._frame_uses_compass)
+                self.compass.read(now_ms, vehicle, is_in_use=self.uses_compass)
                 return
         ext_nav = self._ingest.recall_yaw() if self._ingest.has_due else None
         if ext_nav is not None and not (math.isfinite(ext_nav.yaw) and math.isfinite(ext_nav.yaw_err)):
             self._ingest.tell("yaw", rules.NOT_FINITE, ext_nav.time_ms)
         elif ext_nav is not None:
             self._use_ext_nav(ext_nav, now_ms, vehicle)
-        elif source == _YAW_EXTNAV and not self.aligned:
+        elif source == YAW_EXTNAV and not self.aligned:
             self._wait_for_sensor(now_ms, vehicle, is_still=is_still)
-        self.compass.check_timeout(now_ms, is_in_use=self._frame_uses_compass)
-        self.compass.read(now_ms, vehicle, is_in_use=self._frame_uses_compass)
+        self.compass.check_timeout(now_ms, is_in_use=self.uses_compass)
+        self.compass.read(now_ms, vehicle, is_in_use=self.uses_compass)
         readings = self.compass.samples
         mag = readings.recall(self._ingest.horizon_ms).sample if readings.samples else None
-        if mag is not None and self._frame_uses_compass:
+        if mag is not None and self.uses_compass:
             self._align_by_compass(mag, vehicle, climbed_m=climbed_m())
             if self.aligned:
                 self._fuse_compass(mag, vehicle, step)
@@ -177,11 +160,6 @@ class YawFusion(Fusion):
         """Give the magnetic fields new variances where that is due, before the prediction."""
         self.field.begin_step(forgets_body_field=self.compass.forgets_body_field)
         self.compass.forgets_body_field = False
-
-    @property
-    def wants_alignment(self) -> bool:
-        """Whether yaw is to be aligned with the next reading of the compass."""
-        return self._alignment.is_requested
 
     def check_compass(self, now_ms: int, vehicle: Vehicle) -> None:
         """Ask for an alignment once a compass has been off for 5 s on the ground (calcGpsGoodToAlign).
@@ -203,7 +181,7 @@ class YawFusion(Fusion):
             return
         if not self._fuse_gsf(vehicle):
             is_known = float(self._state.cov.diagonal()[ATT].sum()) <= WELL_KNOWN
-            if is_still or vehicle.on_ground or self._aiding.mode is _NO_AIDING or not is_known:
+            if is_still or vehicle.on_ground or self._aiding.mode is NO_AIDING or not is_known:
                 self._fuse_assumed(vehicle, is_still=is_still)
         self.field.ratios[:] = 0.0
         self.ratio = 0.0
@@ -215,7 +193,7 @@ class YawFusion(Fusion):
         return True
 
     def _fuse_gsf(self, vehicle: Vehicle) -> bool:
-        estimate = self.by_gps.estimate() if self.aligned and self._source == _YAW_GSF else None
+        estimate = self.by_gps.estimate() if self.aligned and self._step_source == YAW_GSF else None
         if estimate is None:
             return False
         yaw, variance = estimate
@@ -235,7 +213,7 @@ class YawFusion(Fusion):
             self._fuse_assumed(vehicle, is_still=is_still)
 
     def _use_ext_nav(self, sample: YawSample, now_ms: int, vehicle: Vehicle) -> None:
-        if self._source != _YAW_EXTNAV:
+        if self._step_source != YAW_EXTNAV:
             self._ingest.tell("yaw", rules.UNUSED, sample.time_ms)
             return
         self._ext_nav_ms = now_ms
@@ -277,7 +255,7 @@ class YawFusion(Fusion):
 
     def _align_by_gps(self, now_ms: int, vehicle: Vehicle) -> None:
         """Set yaw by the GSF, or else to where the vehicle goes, unless it agrees (realignYawGPS)."""
-        if self._source == _YAW_GSF and not self.by_gps.is_steady:
+        if self._step_source == YAW_GSF and not self.by_gps.is_steady:
             return
         course = self.by_gps.course(self._innovations.vel_ratio)
         if course is None:
@@ -298,7 +276,7 @@ class YawFusion(Fusion):
         if found is None:
             return False
         self._align(*found, vehicle, by_321=self._best_order())
-        if self.uses_compass():
+        if self.uses_compass:
             self._texts.add("emergency yaw reset", MAV_SEVERITY_WARNING)
         else:
             self._texts.add("yaw aligned using GPS")
@@ -359,7 +337,7 @@ class YawFusion(Fusion):
     def _fuse_compass(self, mag: MagSample, vehicle: Vehicle, step: InertialStep) -> None:
         if self._state.learns_field and self._alignment.field_set and not self.compass.wants_reset:
             self.mag_fusion = 2
-            knows_north = self._aiding.mode is AidingMode.ABSOLUTE
+            knows_north = self._aiding.mode is ABSOLUTE
             self.field_was_fused = self.compass.is_healthy = self.field.fuse(mag, step, knows_north=knows_north)
             self.ratio = 0.0
             return

@@ -94,7 +94,7 @@ class ExtNavIngest:
     Args:
         counts: what became of how many samples, by kind (``pose``, ``yaw``, ``velocity``, ``odometry``) and code of
             the rule.
-        get_float: returns a parameter by its name.
+        get_float: returns a parameter by its name after ``EK3_``.
 
     Attributes:
         counts: see above.
@@ -110,7 +110,7 @@ class ExtNavIngest:
         on_outcome: hears what becomes of each sample: at the door and, if it was taken, when it leaves the buffer.
     """
 
-    def __init__(self, counts: Counter[tuple[str, str]], get_float: Callable[[str], np.float32]) -> None:
+    def __init__(self, counts: Counter[tuple[str, str]], get_float: Callable[[str], float]) -> None:
         self.counts = counts
         self._get_float = get_float
         self.on_outcome: Callable[[FilterOutcome], None] | None = None
@@ -223,7 +223,7 @@ class ExtNavIngest:
             return self.tell("odometry", refusal, time_ms)
         self.odometry_ms = time_ms
         self.have_odometry = True
-        best, worst = self._get_float("EK3_VIS_VERR_MIN"), self._get_float("EK3_VIS_VERR_MAX")
+        best, worst = f32(self._get_float("VIS_VERR_MIN")), f32(self._get_float("VIS_VERR_MAX"))
         with np.errstate(over="ignore", invalid="ignore"):
             vel = deltas[0] * (f32(1) / deltas[2])
             self.odometry_err = best + (worst - best) * (f32(1) - f32(0.01) * quality)

@@ -44,6 +44,12 @@ class SourceYaw(IntEnum):
     GSF = 8
 
 
+# In Python 3.11 it takes 0.1 us to look up a member of an enumeration.
+XY_NONE, XY_GPS, XY_OPTFLOW, XY_EXTNAV = SourceXY.NONE, SourceXY.GPS, SourceXY.OPTFLOW, SourceXY.EXTNAV
+Z_NONE, Z_BARO, Z_RANGE, Z_GPS, Z_EXTNAV = SourceZ.NONE, SourceZ.BARO, SourceZ.RANGEFINDER, SourceZ.GPS, SourceZ.EXTNAV
+YAW_NONE, YAW_COMPASS, YAW_GPS = SourceYaw.NONE, SourceYaw.COMPASS, SourceYaw.GPS
+YAW_EXTNAV, YAW_GSF = SourceYaw.EXTNAV, SourceYaw.GSF
+
 ROWS: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
 _NAMES: Final[tuple[dict[str, str], ...]] = (
     *({what: f"SRC{number}_{what}" for what in ROWS} for number in range(1, SETS + 1)),

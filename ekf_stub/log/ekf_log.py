@@ -194,8 +194,8 @@ def _heading_cdeg(yaw_deg: np.float32) -> int:
 def _xkf4(report: CoreReport, primary: int) -> Values:
     ratios = (report.vel_ratio, report.pos_ratio, report.height_ratio, max(report.mag_ratio, report.yaw_ratio))
     roots = [_ONE * math.sqrt(ratio) for ratio in ratios]  # single precision, in which the firmware scales them
-    health = (report.faults, report.timeouts, report.flags, report.gps_bits)
-    return (*roots, 0, report.tilt_error_rad, *report.moved_ne, *health, primary)
+    health = (report.faults, report.timeouts, report.flags)
+    return (*roots, 0, report.tilt_error_rad, *report.moved_ne, *health, 0, primary)
 
 
 def _xkf5(report: CoreReport) -> Values:

@@ -58,7 +58,6 @@ from ekf_stub.log.replay_log_structure import (
 from ekf_stub.log.replay_vehicle import Place, SensorSet, VehicleFrame, place_values, vehicle_values
 
 # Of REV3.Event.
-RESET_GYRO_BIAS: Final = 0
 RESET_HEIGHT_DATUM: Final = 1
 TERRAIN_STABLE: Final = 9
 TERRAIN_UNSTABLE: Final = 10
@@ -67,7 +66,7 @@ CHECK_LANE_SWITCH: Final = 12
 SOURCE_SET_1: Final = 13
 
 _EKF2_INITIALISES, _EKF3_INITIALISES, _EKF3_UPDATES, _EKF3_LOGS = 1, 4, 8, 32  # of RFRF.FTypes
-_FOR_BOTH: Final = frozenset((RESET_GYRO_BIAS, RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE))
+_FOR_BOTH: Final = frozenset((RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE))
 EKF2_BEFORE_EKF3: Final = (REV2, REV3)
 """In which order an event is logged for the two filters, in releases up to 2025."""
 EKF3_BEFORE_EKF2: Final = (REV3, REV2)

@@ -108,7 +108,6 @@ class CoreReport:
         faults: bits of XKF4.FS.
         timeouts: bits of XKF4.TS.
         flags: bits of XKF4.SS.
-        gps_bits: bits of XKF4.GPS.
         angle_error, vel_error, pos_error: of the outputs as they follow the filter: rad, m/s, m.
         variances: the diagonal of the covariance as the firmware's 24 states have it (XKV1, XKV2).
         odometry: None while there was none.
@@ -145,7 +144,6 @@ class CoreReport:
     faults: int = UNINITIALISED_FAULT
     timeouts: int = 0
     flags: int = 0
-    gps_bits: int = 0
     angle_error: float = 0.0
     vel_error: float = 0.0
     pos_error: float = 0.0

@@ -22,7 +22,7 @@ from ekf_stub.core.ekf3_core import Ekf3Core, Frame
 from ekf_stub.core.reporting import report_of
 from ekf_stub.filter import covariance
 from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
-from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.inertial_pass import PLAIN, Kernel
 from ekf_stub.filter.states import GYRO
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample

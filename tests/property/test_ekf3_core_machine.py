@@ -30,7 +30,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.compiled.compiled_pass import COMPILED
 from ekf_stub.filter.inertial import InertialDelta
-from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.inertial_pass import PLAIN, Kernel
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.sources import ROWS
@@ -509,11 +509,11 @@ def test_compass_that_comes_is_used_from_that_frame_on() -> None:
     rig.loop_us = 2500
     rig.run(1.5)
     for _ in range(5):
-        assert not rig.core.yaw.uses_compass()
+        assert not rig.core.yaw.uses_compass
         with_compass = copy.deepcopy(rig)
         with_compass.has_compass = True
         with_compass.frame()
-        assert with_compass.core.yaw.uses_compass()
+        assert with_compass.core.yaw.uses_compass
         rig.frame()
 
 

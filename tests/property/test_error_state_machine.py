@@ -28,7 +28,7 @@ from ekf_stub.compiled.compiled_pass import COMPILED
 from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, InertialGuard, InertialStep
-from ekf_stub.filter.kernel import PLAIN, Kernel
+from ekf_stub.filter.inertial_pass import PLAIN, Kernel
 from ekf_stub.filter.output_predictor import OutputState
 from ekf_stub.filter.process_model import ProcessNoise
 from ekf_stub.filter.states import ACCEL, ATT, BODY, EARTH, GYRO, POS, STATES, VEL

@@ -18,8 +18,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.sinks import TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.buffers import buffer_sizes
-from ekf_stub.core.common_origin import CommonOrigin
-from ekf_stub.core.ekf3_core import Ekf3Core, Frame
+from ekf_stub.core.ekf3_core import CommonOrigin, Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.release import REFERENCE
@@ -300,8 +299,7 @@ class EkfPlayer:
         if self.lanes is not None:
             lat, lng = map(i32, whole(record, "Lat", "Lng"))
             (accuracy_m,), (time_ms,) = numbers(record, "PosAccSD"), whole(record, "TS")
-            for core in self.lanes.cores:
-                core.set_place(Location(lat, lng, 0), accuracy_m, time_ms)
+            self.lanes.set_place(Location(lat, lng, 0), accuracy_m, time_ms)
 
     def _take_rev3(self, record: Any) -> None:
         (event,) = whole(record, "Event")

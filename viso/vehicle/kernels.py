@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Final
 
-from ekf_stub.filter.kernel import PLAIN as PLAIN_KERNEL
-from ekf_stub.filter.kernel import Kernel
+from ekf_stub.filter.inertial_pass import PLAIN as PLAIN_KERNEL
+from ekf_stub.filter.inertial_pass import Kernel
 from viso.errors import InputError
 from viso.extras import pip_install
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import quaternion
 
-from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.filter.attitude import quat_of_euler
@@ -60,7 +59,7 @@ class FilterParts:
         self.has_compass = True
         self.texts = CoreTexts(self, (0,))
         self.sources = EkfSources(lambda name: table.get_int(f"EK3_{name}"))
-        self.ingest = ExtNavIngest(self.counts, lambda name: f32(table.get_number(name)))
+        self.ingest = ExtNavIngest(self.counts, get)
         self.ingest.set_up(RingSizes(6, 5, 2))
         self.ingest.initialised = True
         self.ingest.on_outcome = self._take_outcome

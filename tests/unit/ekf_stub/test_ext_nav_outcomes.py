@@ -28,7 +28,7 @@ class Listener:
 
     def __init__(self, *, buffers: bool = True, set_up: bool = True) -> None:
         self.counts: Counter[tuple[str, str]] = Counter()
-        self.ingest = ExtNavIngest(self.counts, lambda _name: f32(0.1))
+        self.ingest = ExtNavIngest(self.counts, lambda _name: 0.1)
         if set_up:
             self.ingest.set_up(RingSizes(3, 3, 3) if buffers else None)
         self.ingest.initialised = True

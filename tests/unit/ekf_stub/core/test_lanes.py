@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ap_core.location import Location
-from ekf_stub.core.common_origin import CommonOrigin
+from ekf_stub.core.ekf3_core import CommonOrigin
 from ekf_stub.core.frame import Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.filter.inertial import InertialDelta

@@ -115,15 +115,15 @@ def test_without_any_compass_none_is_used_from_then_on(make_parts: MakeParts) ->
     rig = Rig(make_parts("66661"), are_available=False)
     rig.run(1000)
     rig.parts.yaw.control(FLYING)
-    assert not rig.parts.yaw.uses_compass()
+    assert not rig.parts.yaw.uses_compass
 
 
 def test_compass_that_may_not_be_used_for_yaw_is_none(make_parts: MakeParts) -> None:
     rig = Rig(make_parts("66661"))
-    assert rig.parts.yaw.has_compass()
+    assert rig.parts.yaw.compass.is_used()
     rig.readings[0] = {"is_used": False}
     rig.run(1000)
-    assert not rig.parts.yaw.has_compass()
+    assert not rig.parts.yaw.compass.is_used()
 
 
 @pytest.mark.parametrize(("are_consistent", "aligns"), [(True, True), (False, False)])
@@ -135,4 +135,4 @@ def test_compass_that_is_off_for_5_s_before_arming_aligns_yaw_anew(
     rig.parts.yaw.ratio = 1.1
     for now_ms in (1000, 6000, 6001):
         rig.parts.yaw.check_compass(now_ms, PARKED)
-    assert rig.parts.yaw.wants_alignment is aligns
+    assert rig.parts.yaw._alignment.is_requested is aligns

@@ -119,10 +119,10 @@ def test_emergency_resets_yaw_as_often_as_allowed_and_ends_the_use_of_the_compas
     parts = flight.parts
     parts.yaw.aligned = True
     flight.go(2.5)
-    assert (parts.told(), parts.yaw.uses_compass()) == ([], True)
+    assert (parts.told(), parts.yaw.uses_compass) == ([], True)
     parts.yaw.by_gps.request(flight.now_ms)
     flight.go(0.1)
-    assert (parts.told(), parts.yaw.uses_compass()) == (["emergency yaw reset"], False)
+    assert (parts.told(), parts.yaw.uses_compass) == (["emergency yaw reset"], False)
     assert abs(flight.yaw_error_deg()) < 5
     parts.yaw.by_gps.request(flight.now_ms)
     flight.go(0.1)

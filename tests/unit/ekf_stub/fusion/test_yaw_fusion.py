@@ -292,7 +292,7 @@ def test_compass_that_is_not_there_is_no_source(
     parts = make_parts(sources)
     parts.has_compass = has_compass
     run(parts)
-    assert (parts.yaw.source(), parts.yaw.uses_compass()) == (source, uses)
+    assert (parts.yaw.source, parts.yaw.uses_compass) == (source, uses)
 
 
 # By the compass

@@ -28,7 +28,7 @@ class Door:
 
     def __init__(self, *, set_up: bool = True, buffers: bool = True) -> None:
         self.counts: Counter[tuple[str, str]] = Counter()
-        params = {"EK3_VIS_VERR_MIN": f32(0.1), "EK3_VIS_VERR_MAX": f32(0.9)}
+        params = {"VIS_VERR_MIN": 0.1, "VIS_VERR_MAX": 0.9}
         self.ingest = ExtNavIngest(self.counts, params.__getitem__)
         if set_up:
             self.ingest.set_up(RingSizes(6, 5, 2) if buffers else None)

@@ -245,10 +245,10 @@ def test_scores_against_other_cores_are_written() -> None:
 
 
 def test_health_of_a_moment() -> None:
-    report = replace(REPORT, faults=1, timeouts=49, flags=0x12027, gps_bits=3, tilt_error_rad=0.5, moved_ne=(4.0, -1.0))
+    report = replace(REPORT, faults=1, timeouts=49, flags=0x12027, tilt_error_rad=0.5, moved_ne=(4.0, -1.0))
     fields = Rig().fields("XKF4", report)
     labels = ("FS", "TS", "SS", "GPS", "PI", "errRP", "OFN", "OFE")
-    assert [fields[label] for label in labels] == [1, 49, 0x12027, 3, 0, 0.5, 4.0, -1.0]
+    assert [fields[label] for label in labels] == [1, 49, 0x12027, 0, 0, 0.5, 4.0, -1.0]
 
 
 def test_tracking_errors_attitude_and_source_set() -> None:

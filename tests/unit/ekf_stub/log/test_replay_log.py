@@ -27,7 +27,6 @@ from ekf_stub.log.replay_log import (
     EKF2_BEFORE_EKF3,
     EKF3_BEFORE_EKF2,
     REQUEST_YAW_RESET,
-    RESET_GYRO_BIAS,
     RESET_HEIGHT_DATUM,
     SOURCE_SET_1,
     TERRAIN_STABLE,
@@ -387,7 +386,7 @@ def test_estimates_written_after_a_sample_stand_alone_in_the_types(rig: Rig) -> 
 # Between frames
 
 
-@pytest.mark.parametrize("number", [RESET_GYRO_BIAS, RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE])
+@pytest.mark.parametrize("number", [RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE])
 def test_event_for_both_filters_goes_to_both(rig: Rig, number: int) -> None:
     rig.log.event(number)
     assert rig.records[1:] == [("REV2", (number,)), ("REV3", (number,))]

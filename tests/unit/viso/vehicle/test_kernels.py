@@ -14,7 +14,7 @@ from ekf_stub.compiled import warm_up
 from ekf_stub.compiled.compiled_pass import COMPILED
 from ekf_stub.compiled.compiled_state import CompiledErrorState
 from ekf_stub.filter.error_state import ErrorState
-from ekf_stub.filter.kernel import PLAIN
+from ekf_stub.filter.inertial_pass import PLAIN
 from viso.errors import InputError
 from viso.running.virtual_time import Scheduler
 from viso.vehicle import kernels
