@@ -23,8 +23,10 @@ from viso.ekf_runs.player import EkfPlayer
 from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.record_fields import RecordError, finite, text, whole
 from viso.logs.recorded import read_log
+from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
 
 LABELS: Final = (
@@ -37,10 +39,6 @@ Texts = list[tuple[float, str]]
 """Times in s, and texts."""
 
 LANE_TEXTS: Final = ("EKF3 lane switch", "EKF primary changed")
-_ERR_EKF_PRIMARY: Final = 24
-_EV_YAW_RESET: Final = 62
-_EV_SOURCE_SET_1: Final = 85
-_ORGN_EKF: Final = 0
 _NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 
@@ -238,11 +236,11 @@ class EkfRun:
         if lanes is None:
             return
         if lanes.yaw_reset_ms > self._yaw_reset_ms:
-            self.output.write(EV, (now_us, _EV_YAW_RESET))
+            self.output.write(EV, (now_us, EV_YAW_RESET))
         self._yaw_reset_ms = lanes.yaw_reset_ms
         if lanes.primary_filter.initialised and self._player.primary != self._primary:
             self._primary = self._player.primary
-            self.output.write(ERR, (now_us, _ERR_EKF_PRIMARY, self._primary))
+            self.output.write(ERR, (now_us, ERR_EKF_PRIMARY, self._primary))
             self.send_text(MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
 
     def _take_parm(self, record: Any) -> None:
@@ -285,11 +283,11 @@ class EkfRun:
 
     def source_set(self, index: int) -> None:
         """Log that a source set was chosen."""
-        self.output.write(EV, (self._player.time_us, _EV_SOURCE_SET_1 + index))
+        self.output.write(EV, (self._player.time_us, EV_SOURCE_SET_1 + index))
 
     def origin(self, place: Location) -> None:
         """Log the origin that was set."""
-        self.output.write(ORGN, (self._player.time_us, _ORGN_EKF, place.lat, place.lng, place.alt_cm))
+        self.output.write(ORGN, (self._player.time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
 
 
 def recorded_firmware(log: Any) -> Firmware | None:

@@ -145,17 +145,12 @@ class LogStore:
     def __init__(self, directory: Path, *, max_files: int = MAX_FILES) -> None:
         if max_files < 2:
             raise ValueError(f"max_files is {max_files}, at least 2 are needed")
-        self._directory = directory
+        self.directory = directory
         self._max_files = max_files
-
-    @property
-    def directory(self) -> Path:
-        """Where the logs are."""
-        return self._directory
 
     def path_of(self, number: int) -> Path:
         """Return the path of log ``number``, whether it exists or not."""
-        return self._directory / f"{number:08d}.BIN"
+        return self.directory / f"{number:08d}.BIN"
 
     def last_number(self) -> int:
         """Return the number of the last log, 0 if there is none.
@@ -163,7 +158,7 @@ class LogStore:
         ``LASTLOG.TXT`` tells; where it is missing or makes no sense, the highest number among the files.
         """
         try:
-            match = _LASTLOG.match((self._directory / LASTLOG_NAME).read_bytes())
+            match = _LASTLOG.match((self.directory / LASTLOG_NAME).read_bytes())
         except OSError:
             match = None
         return int(match[1]) if match else max(self._numbers(), default=0)
@@ -181,16 +176,16 @@ class LogStore:
         directory or a file cannot be made, or every number is taken.
         """
         try:
-            self._directory.mkdir(parents=True, exist_ok=True)
+            self.directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise LogStoreError(_one_line(self._directory, error)) from error
+            raise LogStoreError(_one_line(self.directory, error)) from error
         # FIRMWARE PARITY: the firmware truncates the log that has the next number; here no log is ever lost.
         for number in self._candidates():
             log = self._try_open(number)
             if log is not None:
                 self._write_lastlog(log)
                 return log
-        raise LogStoreError(f"{self._directory}: all {self._max_files} log numbers are taken")
+        raise LogStoreError(f"{self.directory}: all {self._max_files} log numbers are taken")
 
     def _candidates(self) -> list[int]:
         last = self.last_number()
@@ -201,7 +196,7 @@ class LogStore:
 
     def _numbers(self) -> list[int]:
         try:
-            names = [entry.name for entry in self._directory.iterdir()]
+            names = [entry.name for entry in self.directory.iterdir()]
         except OSError:
             return []
         matches = (_LOG_NAME.fullmatch(name) for name in names)
@@ -222,13 +217,13 @@ class LogStore:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
         except OSError as error:
             raise LogStoreError(_one_line(path, error)) from error
-        if _claim(descriptor) and os.fstat(descriptor).st_size == 0:
+        if claim(descriptor) and os.fstat(descriptor).st_size == 0:
             return LogFile(path, number, descriptor)
         os.close(descriptor)
         return None
 
     def _write_lastlog(self, log: LogFile) -> None:
-        path = self._directory / LASTLOG_NAME
+        path = self.directory / LASTLOG_NAME
         try:
             replace_file(path, b"%d\r\n" % log.number, synced=False)
         except OSError as error:
@@ -236,8 +231,8 @@ class LogStore:
             raise LogStoreError(_one_line(path, error)) from error
 
 
-def _claim(descriptor: int) -> bool:
-    """Lock an open log for this process; where the file system has no locks, every claim succeeds."""
+def claim(descriptor: int) -> bool:
+    """Lock an open log for this process, if no other has; where the file system has no locks, every claim succeeds."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

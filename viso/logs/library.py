@@ -6,14 +6,13 @@ Source: AP_Logger/AP_Logger_File.cpp (get_log_info, get_log_data, EraseAll).
 """
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from ap_core.clock import Clock
-from viso.logs.files import LASTLOG_NAME, LogStore
+from viso.logs.files import LASTLOG_NAME, LogStore, claim
 
 REOPEN_US: Final = 1_000_000
 """The firmware looks once a second whether a log is to be opened."""
@@ -120,7 +119,7 @@ class StoredLogs:
     def erase_all(self) -> None:
         """Close the log being written, delete all logs and LASTLOG.TXT, and let a log be opened in a second."""
         self._close_log()
-        directory = self._store.path_of(1).parent
+        directory = self._store.directory
         # FIRMWARE PARITY: the firmware is alone with its card; here a log that another vehicle is writing stays.
         logs = [path for path in directory.glob(_LOG_PATTERN) if path.is_file() and not _is_being_written(path)]
         for path in (*logs, directory / LASTLOG_NAME):
@@ -160,9 +159,6 @@ class NoLogs:
 def _is_being_written(path: Path) -> bool:
     try:
         with path.open("rb") as log:
-            fcntl.flock(log.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
+            return not claim(log.fileno())
     except OSError:
         return False
-    return False
