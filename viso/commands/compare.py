@@ -24,7 +24,7 @@ from viso.files.text_files import write_text
 from viso.firmware.releases import PROFILES, Firmware
 from viso.options.firmware import firmware_of
 from viso.options.outputs import Output
-from viso.recording.at_link import MASTER_HELP, record_at
+from viso.recording.driving import MASTER_HELP, record_at
 from viso.recording.outputs import write_recording
 from viso.recording.scenario import read_scenario
 from viso.terminal.console import err, out, progress

@@ -10,7 +10,7 @@ import typer
 from viso.errors import InputError, file_errors
 from viso.options.checks import within
 from viso.options.outputs import Output
-from viso.recording.at_link import MASTER_HELP, record_at
+from viso.recording.driving import MASTER_HELP, record_at
 from viso.recording.outputs import version_text, write_recording
 from viso.recording.scenario import SCENARIOS, read_scenario
 from viso.terminal.console import err, out

@@ -36,9 +36,8 @@ Line = dict[str, Any]
 class Capture:
     """What an autopilot made of each message of a stream.
 
-    Attributes:
-        header: the first line: ``params``, ``statustext`` and ``command_ack`` among it.
-        lines: the others: ``arrival_us``, ``type`` and ``out`` among it.
+    The header is the first line, with ``params``, ``statustext``, ``command_ack``; the others have ``arrival_us``,
+    ``type`` and ``out``.
     """
 
     header: Mapping[str, Any]
@@ -52,13 +51,7 @@ class Capture:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What the vehicle made of it.
-
-    Attributes:
-        lines: as those of a capture, with ``verdict``.
-        texts: severity and text, in their order.
-        acks: command and result, in their order.
-    """
+    """What the vehicle made of it: lines with ``verdict``, severity and text, command and result, in their order."""
 
     lines: Sequence[Line]
     texts: Sequence[tuple[int, str]]
@@ -131,14 +124,8 @@ def play(
 ) -> Played:
     """Play a capture, with the attitude and position of the log beside it if there is one.
 
-    Args:
-        path: the capture.
-        firmware: the profile to be.
-        open_log: opens the vehicle's log; None for none.
-        on_progress: told how many messages were played, and how many there are.
-
-    Raises:
-        InputError: the capture or its log cannot be used.
+    ``on_progress`` is told how many messages were played, and how many there are. Raises InputError if the capture or
+    its log cannot be used.
     """
     stream = read_capture(path)
     make_ahrs = ahrs_maker(AhrsChoice(log_beside(path), None, None, 0, 0.0))
@@ -167,12 +154,7 @@ def _acks(sent: Codec) -> Iterator[tuple[int, int]]:
 
 
 def record_differences(recorded: Sequence[Line], ours: Sequence[Line], backend: int) -> Iterator[Difference]:
-    """Yield what differs in the records that messages made.
-
-    Args:
-        recorded, ours: a line a message.
-        backend: VISO_TYPE, on which tolerances depend.
-    """
+    """Yield what differs in the records that messages made; ``backend`` is VISO_TYPE, on which tolerances depend."""
     tolerances = tolerances_of(CAPTURE, backend)
     if len(recorded) != len(ours):
         yield Difference("end", "messages", str(len(recorded)), str(len(ours)))
@@ -222,12 +204,7 @@ def _shown(value: Any) -> str:
 
 
 def text_differences(capture: Capture, texts: Sequence[tuple[int, str]]) -> Iterator[Difference]:
-    """Yield what differs in the texts about visual odometry, and in the severity of all texts.
-
-    Args:
-        capture: what was recorded.
-        texts: ours.
-    """
+    """Yield what differs between recorded texts about visual odometry and ours, and in the severity of all texts."""
     said = [(severity, text) for severity, text in capture.header["statustext"]]
     theirs, ours = ([text for _, text in one if text.startswith(ABOUT_VISUAL_ODOM)] for one in (said, texts))
     which = capture.header.get("name"), len(capture.lines)
@@ -266,26 +243,13 @@ def all_differences(capture: Capture, played: Played) -> Iterator[Difference]:
 
 
 def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
-    """Play a capture and compare.
-
-    Args:
-        path: the capture.
-        firmware: the profile to be.
-        named: the profile that the capture names; empty for none.
-        on_progress: told how many messages were played, and how many there are.
-
-    Raises:
-        InputError: the capture or its log cannot be used.
-    """
+    """Play a capture and compare. Raises InputError if it, or the log beside it, cannot be used."""
     capture = read_recorded(path)
     played = play(path, firmware, on_progress=on_progress)
     records = [record for line in capture.lines for record in line["out"]]
-    told = [len(capture.header.get(field, ())) for field in ("statustext", "command_ack")]
-    notes = [
-        f"no {field!r} in the first line: not compared"
-        for field in ("statustext", "command_ack")
-        if field not in capture.header
-    ]
+    beside = "statustext", "command_ack"
+    told = sum(len(capture.header.get(field, ())) for field in beside)
+    notes = [f"no {field!r} in the first line: not compared" for field in beside if field not in capture.header]
     if capture.header.get("complete") is False:
         notes.append("the recording is not complete")
     if capture.backend > _MAV_BACKEND and log_beside(path) is None:
@@ -299,7 +263,7 @@ def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Cal
         named,
         len(capture.lines),
         len(records),
-        sum(len(record) - 1 for record in records) + sum(told),
+        sum(len(record) - 1 for record in records) + told,
         tuple(all_differences(capture, played)),
         tuple(notes),
     )

@@ -19,6 +19,7 @@ from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.recording.fields import PAYLOAD_BYTES, filled
 from viso.running.virtual_time import Scheduler
 from viso.streams.capture import MAX_PARAMETER
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -27,7 +28,6 @@ WAIT_MS: Final = 150
 """For how long answers are waited for, where an exchange does not say."""
 _SHARE: Final = tolerances_of(CONVERSATION)["float"].within
 _LEAST: Final = 1e-12
-_PAYLOAD_BYTES: Final = 251
 _NUMBERS: Final = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 Exchange = Mapping[str, Any]
@@ -104,21 +104,14 @@ def build(name: str, given: Mapping[str, Any]) -> Message:
     kind = MESSAGES.get(name)
     if kind is None:
         raise ValueError(f"'send' has no message that is known here: {name!r}")
-    fields = dataclasses.fields(kind)
-    if unknown := given.keys() - {field.name for field in fields}:
+    if unknown := given.keys() - {field.name for field in dataclasses.fields(kind)}:
         raise ValueError(f"{name} has no field {min(unknown)!r}")
-    values = {}
-    for field in fields:
-        if field.name in given:
-            values[field.name] = _sendable(field.name, given[field.name])
-        elif field.default is dataclasses.MISSING:
-            values[field.name] = "" if field.type in (str, "str") else 0
-    return kind(**values)
+    return filled(kind, {field: _sendable(field, value) for field, value in given.items()})
 
 
 def _sendable(field: str, value: Any) -> Any:
     if field == "payload":
-        return tuple(bytes.fromhex(value).ljust(_PAYLOAD_BYTES, b"\0"))
+        return tuple(bytes.fromhex(value).ljust(PAYLOAD_BYTES, b"\0"))
     return tuple(map(_number, value)) if isinstance(value, list) else _number(value)
 
 
@@ -224,17 +217,7 @@ def specified_in(exchanges: Sequence[Exchange]) -> set[str]:
 def compare_conversation(
     path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]
 ) -> Comparison:
-    """Hold a conversation with a vehicle and compare.
-
-    Args:
-        path: the conversation.
-        firmware: the profile to be.
-        named: the profile that the recording names; empty for none.
-        on_progress: told how many exchanges were held, and how many there are.
-
-    Raises:
-        InputError: the conversation cannot be used.
-    """
+    """Hold a conversation with a vehicle and compare. Raises InputError if it cannot be used."""
     head, exchanges = read_conversation(path)
     conversation = Conversation(head, firmware, specified_in(exchanges))
     differences: list[Difference] = []

@@ -75,15 +75,7 @@ _NEVER: Final = Event(0.0, None, "")
 def compare_log(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
     """Run the filter over a log and compare.
 
-    Args:
-        path: the log.
-        firmware: the profile to be.
-        named: the profile that the recording names; empty for none.
-        on_progress: told how many frames were run, and how many there are.
-
-    Raises:
-        NothingToCompare: the log has no replay records, or no estimates.
-        InputError: it cannot be read.
+    Raises NothingToCompare if it has no replay records, or no estimates; InputError if it cannot be read.
     """
     run = EkfRun(path, until_s=targets.end_s(path), firmware=firmware)
     run.run(on_progress)

@@ -25,12 +25,7 @@ def field_rows(one: Comparison) -> Iterator[tuple[str, ...]]:
 
 
 def make_page(comparisons: Sequence[Comparison], version: str) -> str:
-    """Return the page.
-
-    Args:
-        comparisons: one a recording and profile.
-        version: of the program.
-    """
+    """Return the page of comparisons, one a recording and profile."""
     failed = sum(not one.passed for one in comparisons)
     kind, badge = ("bad", "differs") if failed else ("good", "equal")
     said = f"{failed} of {len(comparisons)} comparisons differ" if failed else "Nothing differs"

@@ -26,10 +26,6 @@ Progress = Callable[[int, int], None]
 """Told how much was done, and how much there is."""
 
 
-def _silent(_done: int, _all: int) -> None:
-    return None
-
-
 class RecordingKind(NamedTuple):
     """A kind of recordings.
 
@@ -38,7 +34,8 @@ class RecordingKind(NamedTuple):
         begins: tells by the first line of a JSON file whether it is one; None for a kind with endings of its own.
         endings: of names, in small letters.
         told: returns the profile of the release that a recording names, or None.
-        compare: holds a recording against a profile, given the name of the one that it tells, empty for none.
+        compare: holds a recording against a profile, given the name of the one that it tells, empty for none, and who
+            is told how much was done, and how much there is.
     """
 
     content: str
@@ -123,9 +120,7 @@ RECORDING_KINDS: Final[Mapping[str, RecordingKind]] = MappingProxyType(
 def kind_of(path: Path) -> RecordingKind:
     """Return the kind of a recording, by its ending and first line.
 
-    Raises:
-        NothingToCompare: it is of no such kind.
-        InputError: it cannot be read.
+    Raises NothingToCompare if it is of no such kind, InputError if it cannot be read.
     """
     fitting = [kind for kind in RECORDING_KINDS.values() if path.name.lower().endswith(kind.endings)]
     if not fitting:
@@ -156,17 +151,12 @@ def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
         yield from ((one, True) for one in found)
 
 
-def compare_recording(path: Path, firmware: Firmware | None = None, on_progress: Progress = _silent) -> Comparison:
-    """Hold a recording against viso.
+def compare_recording(
+    path: Path, firmware: Firmware | None = None, on_progress: Progress = lambda _done, _all: None
+) -> Comparison:
+    """Hold a recording against a profile: None for the one that it names, or for what it is most like if it names none.
 
-    Args:
-        path: the recording.
-        firmware: the profile to be; None for the one that the recording names, and for what it is most like if
-            it names none.
-        on_progress: told how much was played, and how much there is.
-
-    Raises:
-        InputError: the recording cannot be used.
+    Raises InputError if the recording cannot be used.
     """
     kind = kind_of(path)
     told = kind.told(path)
@@ -182,7 +172,7 @@ def _name(firmware: Firmware | None) -> str:
     return "" if firmware is None else firmware.name
 
 
-def compare_with_all(path: Path, on_progress: Progress = _silent) -> dict[str, Comparison]:
+def compare_with_all(path: Path, on_progress: Progress) -> dict[str, Comparison]:
     """Hold a recording against each profile, by name. Raises InputError if it cannot be used."""
     kind = kind_of(path)
     named = _name(kind.told(path))

@@ -28,13 +28,7 @@ _LABELS: Final = {
 
 
 def line_differences(number: int, recorded: Any, ours: Any) -> Iterator[Difference]:
-    """Yield what differs in a line of vectors.
-
-    Args:
-        number: of the line, from 1.
-        recorded: as it was read.
-        ours: the same, recomputed.
-    """
+    """Yield what differs between a line of vectors, the number of which is from 1, and the same recomputed."""
     place = f"line {number}"
     if isinstance(recorded, list):
         if recorded[2:] != ours[2:]:
@@ -80,14 +74,7 @@ def _shown(value: Any) -> str:
 def compare_vectors(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
     """Recompute vectors and compare, bit by bit.
 
-    Args:
-        path: the file.
-        firmware: the profile to be.
-        named: the profile that the recording names; empty for none.
-        on_progress: told how many lines were recomputed, and how many there are.
-
-    Raises:
-        InputError: the file cannot be read, or a line has no known form.
+    Raises InputError if the file cannot be read, or a line has no known form.
     """
     lines = list(read_lines(path))
     steps = outputs = fields = 0

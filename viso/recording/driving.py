@@ -5,19 +5,27 @@
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-from mav_handlers.links import wait_readable
+from mav_handlers.links import open_link, wait_readable
 from mav_handlers.links.base import Link
-from viso.firmware.releases import Firmware
+from viso.errors import InputError
+from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
 from viso.options.ahrs import AhrsChoice, ahrs_maker
-from viso.recording.recorder import Recorder
+from viso.options.firmware import firmware_of
+from viso.recording.recorder import Recorder, Recording
+from viso.recording.scenario import Scenario
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import LOOP_PERIOD_US, VehicleConfig
 
+VISO: Final = "viso"
+MASTER_HELP: Final = (
+    "Link to the autopilot, as of viso serve; viso or viso:FIRMWARE is a vehicle of this program's own in virtual time."
+)
 LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""
 SIMULATOR_BAUD: Final = 115_200
@@ -84,13 +92,7 @@ class RealDriver:
 
 
 def record_viso(recorder: Recorder, firmware: Firmware, stop: Callable[[], int] = lambda: 0) -> None:
-    """Drive a recorder with a vehicle of viso in virtual time: it stands level, heading north.
-
-    Args:
-        recorder: fresh.
-        firmware: what the vehicle is.
-        stop: how often somebody has asked to end.
-    """
+    """Drive a fresh recorder with a vehicle of viso in virtual time: it stands level, heading north."""
     with tempfile.TemporaryDirectory(prefix="viso-record-") as folder:
         config = VehicleConfig(
             ahrs_maker(AhrsChoice(None, None, None, 0, 0.0)),
@@ -126,3 +128,42 @@ def _run_virtual(recorder: Recorder, powered: PoweredVehicle, stop: Callable[[],
         if stop() > stops:
             stops = stop()
             recorder.stop("interrupted")
+
+
+def record_at(
+    master: str,
+    scenario: Scenario,
+    stops: Callable[[], int],
+    *,
+    on_progress: Callable[[str], None],
+    allow_armed: bool = False,
+    speedup: float | None = None,
+) -> Recording:
+    """Play a scenario to what is at a link and return what was recorded, complete or not.
+
+    Args:
+        master: as ``--master`` has it.
+        scenario: what to play.
+        stops: returns how often the user has asked to stop: once ends the steps, twice the download of the log.
+        on_progress: told what is being done, a line at a time.
+        allow_armed: record a vehicle that is armed.
+        speedup: seconds of the autopilot in one second; None for what its clock tells.
+
+    Raises:
+        InputError: nothing was recorded, as nobody answers, or ``master`` names no release.
+        LinkError: the link cannot be opened.
+    """
+    scheme, colon, name = master.partition(":")
+    firmware = None if scheme != VISO else firmware_of(name, "--master viso:") if colon else REFERENCE
+    recorder = Recorder(scenario, allow_armed=allow_armed, on_progress=on_progress)
+    if firmware is not None:
+        record_viso(recorder, firmware, stops)
+    else:
+        with closing(open_link(master)) as link:
+            RealDriver(recorder, link, stops, speedup=speedup).run()
+            if (why := link.stats.unreached) and recorder.recording.problems:
+                recorder.recording.problems[0] += f" ({why})"
+    recording = recorder.recording
+    if recording.version is None:
+        raise InputError(f"--master {master}: {recording.problems[0]}")
+    return recording

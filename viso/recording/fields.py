@@ -118,14 +118,20 @@ def message_of(place: str, value: object) -> Message:
         raise InputError(f"{place}: {value!r} is not [MESSAGE, {{field: value}}] of a message that is known here")
     kind = MESSAGES[value[0]]
     fields = Fields(f"{place}: {value[0]}", value[1] if len(value) == 2 else {})
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):
-        if field.name in fields:
-            values[field.name] = _sendable(fields.at(field.name), field.name, fields.take(field.name))
-        elif field.default is dataclasses.MISSING:
-            values[field.name] = "" if field.type in (str, "str") else 0
+    names = [field.name for field in dataclasses.fields(kind) if field.name in fields]
+    given = {name: _sendable(fields.at(name), name, fields.take(name)) for name in names}
     fields.end()
-    return kind(**values)
+    return filled(kind, given)
+
+
+def filled(kind: type[Message], given: Mapping[str, Any]) -> Message:
+    """Return a message; fields that are not given are zero or empty."""
+    empty = {
+        field.name: "" if field.type in (str, "str") else 0
+        for field in dataclasses.fields(kind)
+        if field.default is dataclasses.MISSING
+    }
+    return kind(**{**empty, **given})
 
 
 def _sendable(place: str, name: str, value: Any) -> Any:

@@ -7,12 +7,12 @@ Time is the recorder's own, in us, at the rate of the autopilot's clock. Whoever
 """
 
 import math
-import struct
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeVar
 
+from ap_core.fmath import f32
 from mav_handlers.wire.codec import Codec, Received, message_id
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION,
@@ -302,9 +302,7 @@ class Recorder:
                 self._put_step(self._companion, message)
 
     def _command(self, command: int, *params: float) -> COMMAND_LONG:
-        system_id, component_id = self._target or (1, 1)
-        seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
-        return COMMAND_LONG(system_id, component_id, command, 0, *seven)
+        return COMMAND_LONG(*self._to, command, 0, *params, *(0.0,) * (7 - len(params)))
 
     def _event(self, text: str) -> None:
         self.recording.events.append((self.clock.time_us(self._now_us), text))
@@ -369,11 +367,11 @@ class Recorder:
             if self._now_us >= end_us:
                 raise RecordingError(f"no answer within {NO_ANSWER_US / 1e6:g} s: no autopilot is heard")
             yield end_us
-        beat = self._latest.get("HEARTBEAT")
-        if isinstance(beat, HEARTBEAT):
-            self.recording.vehicle_type = beat.type
-            if beat.base_mode & _ARMED and not self._allow_armed:
-                raise RecordingError("the vehicle is armed (--allow-armed records it all the same)")
+        beat = self._latest["HEARTBEAT"]
+        assert isinstance(beat, HEARTBEAT)
+        self.recording.vehicle_type = beat.type
+        if self._is_armed and not self._allow_armed:
+            raise RecordingError("the vehicle is armed (--allow-armed records it all the same)")
         yield from self._read_version()
         yield from self._sleep(RATE_SPAN_US + 2 * _TIMESYNC_PERIOD_US)  # for whoever follows the autopilot's clock
         yield from self._read_parameters()
@@ -434,7 +432,7 @@ class Recorder:
         if before is None:
             raise RecordingError(f"parameter {name}: the autopilot has none of that name")
         self._known.setdefault(name, before.param_value)
-        wanted = _float32(value)
+        wanted = float(f32(value))
         if before.param_value == wanted and codec is None:
             return wanted
         self._set.setdefault(name, before.param_value)
@@ -687,8 +685,3 @@ class Recorder:
             raise RecordingError(f"parameters are not restored: {values}: {why}")
         if why is not None:
             raise why
-
-
-def _float32(value: float) -> float:
-    restored: float = struct.unpack("<f", struct.pack("<f", value))[0]
-    return restored

@@ -348,8 +348,7 @@ def _read_set(place: str, value: object) -> Step:
 
 def _read_command(place: str, value: object) -> Step:
     command, *params = numbers(place, value, None, 8) or (0.0,)
-    seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
-    return Send(COMMAND_LONG(1, 1, int(number(place, command, 0, 65535)), 0, *seven))
+    return Send(COMMAND_LONG(1, 1, int(number(place, command, 0, 65535)), 0, *params, *(0.0,) * (7 - len(params))))
 
 
 def _read_arm(place: str, value: object) -> Step:

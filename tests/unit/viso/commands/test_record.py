@@ -15,7 +15,7 @@ from tests.interop.programs import autopilot
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from tests.unit.viso.recording.fake_autopilot import FakeAutopilot, read_lines
 from tests.unit.viso.recording.test_record_viso import deviations
-from viso.recording import at_link, driving
+from viso.recording import driving
 from viso.recording.scenario import SCENARIOS
 
 SHORT = """
@@ -66,9 +66,9 @@ class Wire:
         self._speedup = speedup
         self._ours, self._theirs = make_pair()
         patch.setattr(driving, "wait_readable", self._wait)
-        patch.setattr(at_link, "open_link", self._open)
+        patch.setattr(driving, "open_link", self._open)
         driver = driving.RealDriver
-        patch.setattr(at_link, "RealDriver", lambda *args, **named: driver(*args, **named, now_s=lambda: self.now_s))
+        patch.setattr(driving, "RealDriver", lambda *args, **named: driver(*args, **named, now_s=lambda: self.now_s))
 
     def _open(self, _name: str) -> PairLink:
         return self._ours
