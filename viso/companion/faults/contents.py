@@ -33,7 +33,6 @@ class FrameIds(ContentFault):
     child_frame_id: int = parameter(8, 0, 255)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the ids."""
         if not isinstance(message, ODOMETRY):
             return None
         return replace(message, frame_id=self.frame_id, child_frame_id=self.child_frame_id)
@@ -55,7 +54,6 @@ class Quality(ContentFault):
     _count: int = field(default=0, init=False, repr=False)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the quality."""
         if isinstance(message, ODOMETRY | OPTICAL_FLOW):
             return replace(message, quality=self._next(moment))
         if isinstance(message, VISION_POSITION_DELTA):
@@ -80,7 +78,6 @@ class Distance(ContentFault):
     distance_m: float = parameter(0.0, 0.0, 655.35)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the distance."""
         if not isinstance(message, DISTANCE_SENSOR):
             return None
         return replace(message, current_distance=round(100 * self.distance_m))
@@ -99,7 +96,6 @@ class Looks(ContentFault):
     orientation: int = parameter(0, 0, 100)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the orientation."""
         return replace(message, orientation=self.orientation) if isinstance(message, DISTANCE_SENSOR) else None
 
 
@@ -120,7 +116,6 @@ class NotANumber(ContentFault):
             raise ValueError(f"fields: no message has a number {unknown[0]!r}; there are {', '.join(sorted(_FLOATS))}")
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the numbers."""
         names = [name for name in self.fields if isinstance(getattr(message, name, None), float | tuple)]
         return replace(message, **{name: _nan_like(getattr(message, name)) for name in names}) if names else None
 
@@ -141,7 +136,6 @@ class Covariance(ContentFault):
     variance: float = parameter(0.0, -1e30, 1e30, nan=True)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the covariances."""
         # That of DISTANCE_SENSOR is a number in cm.
         names = [name for name in _COVARIANCES if isinstance(getattr(message, name, None), tuple)]
         return replace(message, **{name: self._of(len(getattr(message, name))) for name in names}) if names else None

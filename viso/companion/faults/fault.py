@@ -13,19 +13,13 @@ from viso.companion.faults.parameters import check_parameters
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """When a fault meets a frame.
-
-    Attributes:
-        since_us: time since the fault began.
-        random: the fault's own source of chance.
-    """
+    """When a fault meets a frame, from its beginning on, and the fault's own source of chance."""
 
     since_us: int
     random: Random
 
     @property
     def since_s(self) -> float:
-        """Time since the fault began, in s."""
         return self.since_us / 1e6
 
 

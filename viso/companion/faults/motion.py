@@ -65,7 +65,6 @@ class PositionGlitch(ContentFault):
     z_m: float = parameter(0.0, -FAR_M, FAR_M)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Move the position."""
         return _moved(message, (self.x_m, self.y_m, self.z_m))
 
 
@@ -83,7 +82,6 @@ class VelocityGlitch(ContentFault):
     z_m_s: float = parameter(0.0, -FAST_M_S, FAST_M_S)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Add to the velocity."""
         return with_velocity_added(message, (self.x_m_s, self.y_m_s, self.z_m_s))
 
 
@@ -100,7 +98,6 @@ class PositionNoise(ContentFault):
     sd_m: float = parameter(0.1, 0.0, FAR_M)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Move the position by chance."""
         return _moved(message, _gauss(moment, self.sd_m))
 
 
@@ -117,7 +114,6 @@ class VelocityNoise(ContentFault):
     sd_m_s: float = parameter(0.1, 0.0, FAST_M_S)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Add to the velocity by chance."""
         return with_velocity_added(message, _gauss(moment, self.sd_m_s))
 
 
@@ -160,7 +156,6 @@ class FrameYaw(ContentFault):
     yaw_deg: float = parameter(90.0, -360.0, 360.0)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Turn position, velocity and attitude."""
         return turned_about_origin(message, -math.radians(self.yaw_deg))
 
 
@@ -176,7 +171,6 @@ class YawError(ContentFault):
     yaw_deg: float = parameter(20.0, -360.0, 360.0)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Turn the attitude."""
         return with_yaw_added(message, math.radians(self.yaw_deg))
 
 
@@ -196,7 +190,6 @@ class Drift(ContentFault):
     yaw_deg_s: float = parameter(0.0, -3600.0, 3600.0)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Move and turn by what has come together."""
         moved = _moved(message, times(moment.since_s, (self.x_m_s, self.y_m_s, self.z_m_s)))
         if moved is None or not self.yaw_deg_s:
             return moved
@@ -215,7 +208,6 @@ class Scale(ContentFault):
     factor: float = parameter(1.1, -1e6, 1e6)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Multiply."""
         if isinstance(message, OPTICAL_FLOW):
             return with_flow(message, lambda x, y: (self.factor * x, self.factor * y))
         if isinstance(message, DISTANCE_SENSOR):
@@ -244,7 +236,6 @@ class Frozen(ContentFault):
     _first: dict[tuple[object, ...], Any] = field(default_factory=dict, init=False, repr=False)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Repeat the first of the same type and sensor."""
         first = self._first.setdefault((type(message), *_sensor_of(message)), message)
         if isinstance(message, DISTANCE_SENSOR):
             return replace(first, time_boot_ms=message.time_boot_ms)
@@ -270,7 +261,6 @@ class Reset(ContentFault):
     count: int = parameter(1, 0, 255)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Turn, shift and count."""
         after: Any = None
         if position_of(message) is not None or isinstance(message, VISION_SPEED_ESTIMATE):
             after = turned_about_origin(message, math.radians(self.yaw_deg)) if self.yaw_deg else message
@@ -287,7 +277,6 @@ class Degrees(ContentFault):
     lasts: ClassVar[bool] = True
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Convert the angles."""
         if isinstance(message, VISION_POSITION_DELTA):
             return replace(message, angle_delta=tuple(map(math.degrees, message.angle_delta)))
         if not has_euler_angles(message):
@@ -307,7 +296,6 @@ class QuatXyzw(ContentFault):
     lasts: ClassVar[bool] = True
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Change the order."""
         return _changed_quat(message, lambda q: (*q[1:], q[0]))
 
 
@@ -323,5 +311,4 @@ class QuatNorm(ContentFault):
     norm: float = parameter(0.5, 0.0, 1e6)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Multiply."""
         return _changed_quat(message, lambda q: tuple(self.norm * element for element in q))

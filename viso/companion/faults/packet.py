@@ -78,11 +78,7 @@ def _name(message_id: int) -> str:
 
 
 def decode(packet: Packet) -> Packet:
-    """Return the packet with what it says.
-
-    Raises:
-        PassedOver: if that cannot be told, or must not be changed.
-    """
+    """Return the packet with what it says. Raises PassedOver if that cannot be told, or must not be changed."""
     if packet.message is not None:
         return packet
     if packet.is_signed:
@@ -98,11 +94,7 @@ def decode(packet: Packet) -> Packet:
 
 
 def pack(packet: Packet) -> Packet:
-    """Return the packet with the frame that its message, ids, sequence number and version make.
-
-    Raises:
-        PassedOver: if there is no such frame.
-    """
+    """Return the packet with the frame of its message, ids, sequence number and version; raises PassedOver for none."""
     if packet.message is None:
         raise PassedOver("content not known")
     if packet.version == 1 and packet.message_id > LARGEST_V1_ID:

@@ -9,14 +9,7 @@ from typing import Any, get_args, get_origin
 
 
 def parameter(default: Any, low: float = -math.inf, high: float = math.inf, *, nan: bool = False) -> Any:
-    """Return a dataclass field for a value, or several, from ``low`` to ``high``, both included.
-
-    Args:
-        default: its value when a timeline does not give it.
-        low: smallest value.
-        high: largest value; infinity itself is never taken.
-        nan: whether NaN is taken as well.
-    """
+    """Return a dataclass field for a value, or several, from ``low`` to ``high``, both included; infinity never is."""
     return dataclasses.field(default=default, metadata={"range": (low, high), "nan": nan})
 
 

@@ -107,7 +107,7 @@ def position_of(message: Any) -> Vector | None:
 
 
 def with_position(message: Any, position: Vector) -> Any:
-    """Return a message that has a position with another."""
+    """Return a message whose x, y and z are a position, or a speed, with others."""
     x, y, z = position
     return replace(message, x=x, y=y, z=z)
 
@@ -150,8 +150,7 @@ def with_yaw_added(message: Any, yaw_rad: float) -> Any:
 def with_velocity_added(message: Any, vel_local: Vector) -> Any:
     """Return the message with a velocity, in m/s in the local frame, added to its own; None if it has none."""
     if isinstance(message, VISION_SPEED_ESTIMATE):
-        x, y, z = plus((message.x, message.y, message.z), vel_local)
-        return replace(message, x=x, y=y, z=z)
+        return with_position(message, plus((message.x, message.y, message.z), vel_local))
     if not isinstance(message, ODOMETRY):
         return None
     q: Any = message.q
@@ -177,7 +176,6 @@ def turned_about_origin(message: Any, yaw_rad: float) -> Any:
     """Return the message as of a local frame that is turned about its origin, None if that makes no difference."""
     turn = yaw_quat(yaw_rad)
     if isinstance(message, VISION_SPEED_ESTIMATE):
-        x, y, z = turned(turn, (message.x, message.y, message.z))
-        return replace(message, x=x, y=y, z=z)
+        return with_position(message, turned(turn, (message.x, message.y, message.z)))
     position = position_of(message)
     return None if position is None else with_position(with_yaw_added(message, yaw_rad), turned(turn, position))

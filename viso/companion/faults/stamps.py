@@ -51,7 +51,6 @@ class ClockStep(ContentFault):
     step_ms: float = parameter(1000.0, -1e12, 1e12)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Shift the stamp."""
         return shifted(message, self.step_ms * 1e3)
 
 
@@ -67,7 +66,6 @@ class ClockDrift(ContentFault):
     drift_ppm: float = parameter(100.0, -1e8, 1e8)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Shift the stamp by more and more."""
         return shifted(message, moment.since_s * self.drift_ppm)
 
 
@@ -89,7 +87,6 @@ class StampInUnit(ContentFault):
     unit: StampUnit = StampUnit.MILLISECONDS
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Convert the stamp."""
         stamp_us = stamp_of(message)
         return None if stamp_us is None else with_stamp(message, _CONVERSIONS[self.unit](stamp_us))
 
@@ -105,5 +102,4 @@ class StampConstant(ContentFault):
     stamp_us: int = parameter(0, 0, _LATEST_US)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        """Replace the stamp."""
         return None if stamp_of(message) is None else with_stamp(message, self.stamp_us)

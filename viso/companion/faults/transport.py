@@ -27,7 +27,6 @@ class Fail(Fault):
     sitl: ClassVar[str] = "SIM_VICON_FAIL"
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Lose it."""
         return ()
 
 
@@ -56,7 +55,6 @@ class Loss(Fault):
         return self._left > 0
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Lose it."""
         self._left = (self._left or self.burst_messages) - 1
         return ()
 
@@ -75,7 +73,6 @@ class Rate(Fault):
     _next_us: dict[Key, float] = field(default_factory=dict, init=False, repr=False)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Let it pass if it is time for one."""
         now_us, period_us = moment.since_us, 1e6 / self.rate_hz
         next_us = self._next_us.get(packet.key, now_us)
         if now_us < round(next_us):
@@ -96,7 +93,6 @@ class Delay(Fault):
     delay_ms: float = parameter(100.0, 0.0, LONGEST_DELAY_MS)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Hold it back."""
         return (_held_back(packet, self.delay_ms),)
 
 
@@ -111,7 +107,6 @@ class Jitter(Fault):
     jitter_ms: float = parameter(50.0, 0.0, LONGEST_DELAY_MS)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Hold it back."""
         return (_held_back(packet, moment.random.uniform(0.0, self.jitter_ms)),)
 
 
@@ -126,7 +121,6 @@ class Bunch(Fault):
     period_ms: float = parameter(200.0, 0.1, LONGEST_DELAY_MS)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Hold it back to the end of the period."""
         period_us = self.period_ms * 1e3
         there_us = moment.since_us + packet.delay_us
         return (_held_back(packet, (math.ceil(there_us / period_us) * period_us - there_us) * 1e-3),)
@@ -143,7 +137,6 @@ class Reorder(Fault):
     delay_ms: float = parameter(100.0, 0.0, LONGEST_DELAY_MS)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Hold it back and let others overtake."""
         return (replace(_held_back(packet, self.delay_ms), may_overtake=True),)
 
 
@@ -176,7 +169,6 @@ class Corrupt(Fault):
     bits: int = parameter(1, 1, 64)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Flip them."""
         frame = bytearray(packet.frame)
         places = range(UNTOUCHED_BYTES * 8, len(frame) * 8)
         if len(places) < self.bits:
@@ -191,7 +183,6 @@ class Mavlink1(Fault):
     """A message comes as MAVLink 1, without its extension fields; ODOMETRY cannot."""
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Pack it again."""
         return (packet if packet.version == 1 else pack(replace(decode(packet), version=1)),)
 
 
@@ -208,7 +199,6 @@ class SenderId(Fault):
     component_id: int = parameter(197, 1, 255)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Pack it again."""
         changed = replace(decode(packet), system_id=self.system_id, component_id=self.component_id)
         return (pack(changed),)
 
@@ -232,7 +222,6 @@ class SecondSender(Fault):
     _sent: int = field(default=0, init=False, repr=False)
 
     def act(self, packet: Packet, moment: Moment) -> tuple[Packet, ...]:
-        """Add what the second sender says."""
         heard = decode(packet)
         message = shifted(heard.message, self.clock_offset_s * 1e6) or heard.message
         other = replace(
