@@ -185,7 +185,7 @@ def landmarks(
             mode=frame,
             qnh_offset_m=qnh_offset,
             reference=_reference(reference),
-            position_source="" if predict_from is PredictFrom.ODOM else predict_from,
+            from_estimate=predict_from is PredictFrom.ESTIMATED,
             full_attitude=full_attitude,
         )
     )

@@ -4,16 +4,14 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from rich.table import Column, Table
 
+from viso.companion.landmarks.fit import PoseErrors
 from viso.companion.landmarks.residuals import Innovation
 from viso.companion.landmarks.scene import Scene
 from viso.companion.landmarks.statistics import InnovationStatistics, Summary
-
-if TYPE_CHECKING:
-    from viso.companion.landmarks.fit import PoseErrors
 
 MOST_ROWS: Final = 20
 """Of single landmarks or aircraft in a table; machines get all."""
@@ -67,7 +65,7 @@ def live_line(scene: Scene) -> str:
     return ", ".join(parts)
 
 
-def errors_row(errors: "PoseErrors") -> dict[str, Any]:
+def errors_row(errors: PoseErrors) -> dict[str, Any]:
     """Return a fit for JSON: angles in degrees, times in ms; null where the data do not tell."""
     return {
         "yaw_offset_deg": _scaled(errors.yaw_offset_rad, math.degrees(1)),
@@ -120,44 +118,34 @@ def oddities(summary: Summary) -> Iterator[str]:
             yield f"{what}: {', '.join(names)}{more}"
 
 
-def fit_lines(errors: "PoseErrors") -> Iterator[str]:
+def fit_lines(errors: PoseErrors) -> Iterator[str]:
     """Yield what a fit says, in sentences."""
     if not errors.used:
         yield f"no fit: {errors.rejected} observations of known landmarks with poses around them are too few"
         return
-    yield f"heading: {_heading(errors)}"
-    yield f"mounting: {_mounting(errors)}"
-    yield f"time: {_delay(errors)}"
+    yield f"heading: {_verdict(errors.yaw_offset_rad, errors.yaw_sigma_rad, math.degrees(1), 'deg', _heading)}"
+    yield f"mounting: {_verdict(errors.pitch_trim_rad, errors.pitch_sigma_rad, math.degrees(1), 'deg', _mounting)}"
+    still = ": a vehicle that stands still shows no delay" if errors.delay_s is None else ""
+    yield f"time: {_verdict(errors.delay_s, errors.delay_sigma_s, 1e3, 'ms', _delay)}{still}"
     used, rejected = errors.used, errors.rejected
     yield f"from {used} observations, {rejected} left out; {errors.rms_px:.2f} px rms are left"
 
 
-def _heading(errors: "PoseErrors") -> str:
-    def sentence(off_deg: float, sigma_deg: float) -> str:
-        side = "left of" if off_deg > 0 else "right of"
-        makes_up = f"heading_offset_deg {_rounded(off_deg, sigma_deg):+} makes up"
-        return f"your heading is off by {_measured(off_deg, sigma_deg)} deg: the true one is {side} it ({makes_up})"
-
-    return _verdict(errors.yaw_offset_rad, errors.yaw_sigma_rad, math.degrees(1), "deg", sentence)
+def _heading(off_deg: float, sigma_deg: float) -> str:
+    side = "left of" if off_deg > 0 else "right of"
+    makes_up = f"heading_offset_deg {_rounded(off_deg, sigma_deg):+} makes up"
+    return f"your heading is off by {_measured(off_deg, sigma_deg)} deg: the true one is {side} it ({makes_up})"
 
 
-def _mounting(errors: "PoseErrors") -> str:
-    def sentence(off_deg: float, sigma_deg: float) -> str:
-        side = "higher" if off_deg > 0 else "lower"
-        makes_up = f"{_rounded(off_deg, sigma_deg):+} on pitch_trim_deg makes up"
-        return f"the camera looks {_measured(off_deg, sigma_deg)} deg {side} than believed ({makes_up})"
-
-    return _verdict(errors.pitch_trim_rad, errors.pitch_sigma_rad, math.degrees(1), "deg", sentence)
+def _mounting(off_deg: float, sigma_deg: float) -> str:
+    side = "higher" if off_deg > 0 else "lower"
+    makes_up = f"{_rounded(off_deg, sigma_deg):+} on pitch_trim_deg makes up"
+    return f"the camera looks {_measured(off_deg, sigma_deg)} deg {side} than believed ({makes_up})"
 
 
-def _delay(errors: "PoseErrors") -> str:
-    def sentence(off_ms: float, sigma_ms: float) -> str:
-        side = "late" if off_ms > 0 else "early"
-        return f"the stamps of the pictures are {_measured(off_ms, sigma_ms)} ms {side}"
-
-    if errors.delay_s is None:
-        return f"{_UNTOLD}: a vehicle that stands still shows no delay"
-    return _verdict(errors.delay_s, errors.delay_sigma_s, 1e3, "ms", sentence)
+def _delay(off_ms: float, sigma_ms: float) -> str:
+    side = "late" if off_ms > 0 else "early"
+    return f"the stamps of the pictures are {_measured(off_ms, sigma_ms)} ms {side}"
 
 
 def _verdict(

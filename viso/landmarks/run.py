@@ -7,9 +7,10 @@ import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TextIO
+from typing import Any, Final, TextIO
 
 from viso.companion.landmarks.aircraft import state_vectors_record
+from viso.companion.landmarks.fit import PoseErrors, fit_pose_errors
 from viso.companion.landmarks.residuals import Residuals
 from viso.companion.landmarks.scene import Scene
 from viso.companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
@@ -18,9 +19,6 @@ from viso.companion.landmarks.types import Event
 from viso.errors import file_errors
 from viso.files.outputs import output_file
 from viso.landmarks.report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
-
-if TYPE_CHECKING:
-    from viso.companion.landmarks.fit import PoseErrors
 
 LINE_PERIOD_S: Final = 1.0
 _ROUNDING_S: Final = 1e-6
@@ -36,7 +34,7 @@ class Run:
         session: makes the scenes.
         watch: estimates the receiver's position; None for no estimate.
         sinks: told of each scene.
-        records: where state vectors and estimates go, each as a line of JSON; None for nowhere.
+        records: where state vectors and estimates go, a line of JSON each; None for nowhere.
 
     Attributes:
         last: the newest scene; None before the first.
@@ -74,12 +72,8 @@ class Run:
         """Return the statistics of landmarks and aircraft."""
         return {"landmark": summarise(self._landmarks), "aircraft": summarise(self._aircraft)}
 
-    def fit(self) -> "PoseErrors":
+    def fit(self) -> PoseErrors:
         """Return which errors would explain the innovations of the landmarks."""
-        from viso.companion.landmarks.fit import (
-            fit_pose_errors,  # with splines that take longer to import than all else
-        )
-
         session = self.session
         return fit_pose_errors(session.camera, session.poses, session.landmarks, session.pictures)
 
@@ -100,19 +94,13 @@ class Run:
             self._aircraft.append(scene.aircraft_residuals)
         for sink in self._sinks:
             sink(scene)
-        if self._records is not None:
-            self._record(_state_vectors(scene))
+        situation = scene.situation
+        if self._records is not None and situation.origin is not None:
+            self._record(state_vectors_record(scene.t_s, situation.origin, situation.odometry, situation.states))
 
     def _record(self, record: Mapping[str, Any] | None) -> None:
         if self._records is not None and record is not None:
             self._records.write(json.dumps(record) + "\n")
-
-
-def _state_vectors(scene: Scene) -> dict[str, Any] | None:
-    situation = scene.situation
-    if situation.origin is None:
-        return None
-    return state_vectors_record(scene.t_s, situation.origin, situation.odometry, situation.states)
 
 
 def csv_sink(file: TextIO) -> Sink:
@@ -146,24 +134,16 @@ def line_sink(write: Callable[[str], None]) -> Sink:
 
 
 class Frames:
-    """Writes pictures for a video, at most five per second of the input's time.
+    """Writes pictures for a video, at most five per second of the input's time, into a folder that it makes.
 
-    Args:
-        folder: made if it is not there.
-        draw: returns the PNG of a scene.
-
-    Attributes:
-        count: how many were written.
-
-    Raises:
-        InputError: if the folder cannot be made.
+    Raises InputError if the folder cannot be made.
     """
 
     def __init__(self, folder: Path, draw: Draw) -> None:
         self._folder = folder
         self._draw = draw
         self._last_s: float | None = None
-        self.count = 0
+        self._count = 0
         with file_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
 
@@ -172,6 +152,6 @@ class Frames:
         if self._last_s is not None and 0 <= scene.t_s - self._last_s < PICTURE_PERIOD_S - _ROUNDING_S:
             return
         self._last_s = scene.t_s
-        self.count += 1
-        with output_file(self._folder / f"frame_{self.count:06d}.png") as file:
+        self._count += 1
+        with output_file(self._folder / f"frame_{self._count:06d}.png") as file:
             file.write(self._draw(scene))

@@ -72,14 +72,10 @@ def to_message(report: AircraftReport, now_s: float) -> ADSB_VEHICLE:
 
 
 def from_message(message: ADSB_VEHICLE, arrival_s: float) -> AircraftReport:
-    """Return the report that a message holds; what its flags do not vouch for is not told.
+    """Return the report that a message holds; it is older than its arrival by the age that it tells, in whole seconds.
 
-    Args:
-        message: of a receiver, or forwarded by an autopilot.
-        arrival_s: when it came; the report is older by the age that it tells, in whole seconds.
-
-    Raises:
-        ValueError: naming the field, if the address is not ICAO's or the position not valid.
+    What its flags do not vouch for is not told. Raises ValueError, naming the field, if the address is not ICAO's or
+    the position not valid.
     """
     flags = AdsbFlags(message.flags)
     if not 0 < message.ICAO_address <= MAX_ICAO:

@@ -74,11 +74,8 @@ class AircraftTracker:
         """
         if not origin.is_fix:
             return ()
-        return tuple(self._state(track, origin) for track in self._fresh(now_s))
-
-    def _fresh(self, now_s: float) -> list[_Track]:
-        fresh = [track for track in self._tracks.values() if abs(now_s - track.report.t_s) <= STALE_AFTER_S]
-        return sorted(fresh, key=lambda track: track.report.icao)
+        fresh = (track for track in self._tracks.values() if abs(now_s - track.report.t_s) <= STALE_AFTER_S)
+        return tuple(self._state(track, origin) for track in sorted(fresh, key=lambda track: track.report.icao))
 
     def _state(self, track: _Track, origin: GeodeticPoint) -> AircraftState:
         report = track.report
@@ -134,18 +131,11 @@ def _turn_rate_rad_s(track: _Track, report: AircraftReport) -> float | None:
 
 
 def state_vectors_record(
-    t_s: float,
-    origin: GeodeticPoint,
-    vehicle: VehiclePose,
-    states: Sequence[AircraftState],
+    t_s: float, origin: GeodeticPoint, vehicle: VehiclePose, states: Sequence[AircraftState]
 ) -> dict[str, Any] | None:
     """Return the state vectors of vehicle and aircraft as a record for JSON; None without a fix.
 
-    Args:
-        t_s: time of the record.
-        origin: as the states were made with.
-        vehicle: its pose; an unknown height is told as 0.
-        states: of the aircraft; an altitude that is not known becomes null.
+    An unknown height of the vehicle is told as 0, that of an aircraft as null.
     """
     if not origin.is_fix:
         return None

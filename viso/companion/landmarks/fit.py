@@ -9,7 +9,7 @@ noise. Uncertainties hold for pixel noise that is independent from one detection
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -17,7 +17,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.landmarks.observation import camera_R_body, rays, to_pixels, turned, world_R_body
+from viso.companion.landmarks.observation import (
+    camera_R_body,
+    rays,
+    rotation_about_up,
+    to_pixels,
+    turned,
+    world_R_body,
+)
 from viso.companion.landmarks.residuals import first_of_each
 from viso.companion.landmarks.types import Camera, Detections, Landmark, VehiclePose
 from viso.companion.vio.se3 import Array, so3_log
@@ -72,13 +79,8 @@ def fit_pose_errors(
 ) -> PoseErrors:
     """Fit yaw offset, pitch trim and delay to pictures of landmarks.
 
-    Pictures so near to the first or the last pose that a delay could lead beyond it are left out.
-
-    Args:
-        camera: as it is believed to be.
-        poses: as reported, in any order; of those with the same time the last counts.
-        landmarks: what is known, each id once.
-        pictures: what was seen.
+    Pictures so near to the first or the last pose that a delay could lead beyond it are left out. Poses may come in any
+    order; of those with the same time the last counts.
     """
     detections = _matches(landmarks, pictures)
     track = _Track(poses)
@@ -173,7 +175,7 @@ class _Model:
         yaw_rad, pitch_rad, delay_s = errors.tolist()
         camera = replace(self._camera, pitch_trim_rad=self._camera.pitch_trim_rad + pitch_rad)
         to_landmarks, attitudes = self._lines_of_sight(yaw_rad, delay_s)
-        in_body = turned(np.swapaxes(attitudes, 1, 2), _turned_by(-yaw_rad, to_landmarks))
+        in_body = turned(np.swapaxes(attitudes, 1, 2), turned(rotation_about_up(-yaw_rad), to_landmarks))
         return self.matches.uv_px - to_pixels(camera, turned(camera_R_body(camera), in_body)).uv_px
 
     def bearing_errors_rad(self, delay_s: float) -> tuple[Array, Array]:
@@ -188,14 +190,8 @@ class _Model:
         xyz, yaws_rad, attitudes = self._track.at(self.matches.t_s - delay_s)
         c, s = np.cos(yaws_rad + yaw_rad), np.sin(yaws_rad + yaw_rad)
         forward, left = self._camera.offset_forward_m, self._camera.offset_left_m
-        offset = np.column_stack([c * forward - s * left, s * forward + c * left, np.full(len(c), 0.0)])
+        offset = np.column_stack([c * forward - s * left, s * forward + c * left, np.zeros(len(c))])
         return self.matches.xyz - xyz - offset - (0.0, 0.0, self._camera.height_m), attitudes
-
-
-def _turned_by(angle_rad: float, vectors: Array) -> Array:
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    x, y = vectors[:, 0], vectors[:, 1]
-    return np.column_stack([c * x - s * y, s * x + c * y, vectors[:, 2]])
 
 
 def _angles(vectors: Array) -> tuple[Array, Array]:
@@ -250,12 +246,9 @@ def _moves(model: _Model, errors: Array) -> bool:
 
 def _slopes(model: _Model, errors: Array) -> Array:
     """Return the change of predictions [N, 2, 3] with each error."""
-    return np.stack([_slope(model.innovations_px, errors, step) for step in np.diag(_STEPS)], axis=-1)
-
-
-def _slope(innovations_px: Callable[[Array], Array], errors: Array, step: Array) -> Array:
-    change: Array = (innovations_px(errors - step) - innovations_px(errors + step)) / (2 * step.sum())
-    return change
+    steps = np.diag(_STEPS)
+    changes = [model.innovations_px(errors - step) - model.innovations_px(errors + step) for step in steps]
+    return np.stack([change / (2 * step.sum()) for change, step in zip(changes, steps, strict=True)], axis=-1)
 
 
 def _refine(model: _Model, start: Array, tells_delay: bool) -> _Fitted | None:

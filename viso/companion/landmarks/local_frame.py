@@ -37,13 +37,7 @@ def to_enu(
     longitude_deg: npt.ArrayLike,
     alt_m: npt.ArrayLike,
 ) -> Array:
-    """Return places as seen from an origin.
-
-    Args:
-        mode: how.
-        origin: where east, north and up count from.
-        latitude_deg, longitude_deg: of the places; shapes that broadcast together.
-        alt_m: of the places, above what the origin's counts from.
+    """Return places, whose shapes broadcast together and whose heights count as the origin's, as seen from an origin.
 
     Returns:
         East, north, up [..., 3] in m; up from the plane that touches the ellipsoid at the origin, or from the sphere.

@@ -74,12 +74,9 @@ def world_R_body(pose: VehiclePose) -> Array:
 
 
 def to_pixels(camera: Camera, points_camera: Array, nearest_m: float = LANDMARK_NEAREST_M) -> Projection:
-    """Project points that are given in the camera's axes.
+    """Project points [N, 3], in m in the camera's axes; NaN where something is not known.
 
-    Args:
-        camera: its intrinsics and size count.
-        points_camera: [N, 3], x right, y down, z along the view, in m; NaN where something is not known.
-        nearest_m: points at most this far along the view have no projection.
+    Points at most ``nearest_m`` along the view have no projection.
     """
     depth_m = points_camera[:, 2]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -96,13 +93,8 @@ def project(
     """Return where points appear.
 
     A pose with an attitude turns points by it, and the mounting's heading and trims act in the body; without one the
-    body is level.
-
-    Args:
-        camera: the camera.
-        pose: of the vehicle.
-        points_xyz: [N, 3], ENU in m; NaN where a coordinate is not known, which gives no projection.
-        nearest_m: points at most this far along the view have no projection.
+    body is level. Points [N, 3] are ENU in m; one with NaN, as of an unknown coordinate, has no projection, as those at
+    most ``nearest_m`` along the view.
     """
     points = np.asarray(points_xyz, dtype=np.float64).reshape(-1, 3)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -112,16 +104,7 @@ def project(
 
 
 def back_project(camera: Camera, pose: VehiclePose, uv_px: npt.ArrayLike) -> Array:
-    """Return the directions in which pixels look.
-
-    Args:
-        camera: the camera.
-        pose: of the vehicle.
-        uv_px: [N, 2].
-
-    Returns:
-        Unit vectors [N, 3], ENU.
-    """
+    """Return the directions in which pixels [N, 2] look, unit vectors [N, 3], ENU."""
     in_body = turned(camera_R_body(camera).T, rays(camera, uv_px))
     return turned(world_R_body(pose), in_body)
 

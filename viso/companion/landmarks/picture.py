@@ -51,14 +51,7 @@ _ESTIMATED: Final = "#b00020"
 def draw(
     scene: Scene, palette: Palette = Palette.SAFE, *, extent_m: float = EXTENT_M, with_sky: bool = False
 ) -> Figure:
-    """Draw a moment.
-
-    Args:
-        scene: the moment.
-        palette: its colours.
-        extent_m: of the world, from side to side.
-        with_sky: whether to draw the disc of the whole sky as well.
-    """
+    """Draw a moment: the world is ``extent_m`` from side to side, the sky a disc."""
     colours = COLOURS[palette]
     with style.context("default"):
         figure = Figure(figsize=(WIDTH_PX / _DPI, HEIGHT_PX / _DPI), dpi=_DPI)
@@ -117,7 +110,7 @@ def _landmark_in_image(axes: Any, mark: Mark, colours: Colours) -> None:
     points = [point for point in (mark.predicted, mark.actual) if point is not None]
     if not points:
         return
-    _arrow(axes, mark)
+    _innovation(axes, mark)
     if mark.predicted is not None:
         alpha = 1.0 if mark.in_image else 0.5
         style_ = {"mfc": "none", "mec": colours.predicted, "mew": 1.8, "ms": 11, "alpha": alpha}
@@ -125,7 +118,8 @@ def _landmark_in_image(axes: Any, mark: Mark, colours: Colours) -> None:
     if mark.actual is not None:
         axes.plot(*mark.actual, "x", mec=colours.observed, mew=1.8, ms=9, gid=f"observed:{mark.id}")
     if _has_arrow(mark) and math.dist(points[0], points[1]) > _ROOM_PX:
-        _label(axes, _middle(points), mark.id, _ON_NIGHT, _ON_IT, "center", gid=f"id:{mark.id}")
+        (u, v), (other_u, other_v) = points
+        _label(axes, ((u + other_u) / 2, (v + other_v) / 2), mark.id, _ON_NIGHT, _ON_IT, "center", gid=f"id:{mark.id}")
     else:
         _label(axes, max(points), mark.id, _ON_NIGHT, _RIGHT, gid=f"id:{mark.id}")
 
@@ -134,7 +128,7 @@ def _aircraft_in_image(axes: Any, mark: Mark, colours: Colours) -> None:
     points = [point for point in (mark.predicted, mark.actual) if point is not None]
     if not points:
         return
-    _arrow(axes, mark)
+    _innovation(axes, mark)
     if mark.predicted is not None:
         axes.plot(*mark.predicted, "^", color=colours.aircraft, ms=10, gid=f"aircraft:{mark.id}")
     if mark.actual is not None:
@@ -145,21 +139,21 @@ def _aircraft_in_image(axes: Any, mark: Mark, colours: Colours) -> None:
     _label(axes, points[0], text, colours.aircraft, gid=f"aircraft_id:{mark.id}")
 
 
-def _arrow(axes: Any, mark: Mark) -> None:
-    # Where prediction and observation agree there is nothing to point at.
+def _innovation(axes: Any, mark: Mark) -> None:
     if _has_arrow(mark):
-        props = {"arrowstyle": "-|>", "color": _CYAN, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
-        arrow = axes.annotate("", mark.actual, mark.predicted, arrowprops=props, annotation_clip=False)
-        arrow.arrow_patch.set_clip_path(axes.patch)
-        arrow.set_gid(f"arrow:{mark.id}")
+        _arrow(axes, mark.predicted, mark.actual, _CYAN, gid=f"arrow:{mark.id}")
+
+
+def _arrow(axes: Any, start: Any, end: Any, colour: str, shrink_pt: float = 0, *, gid: str) -> None:
+    props = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": shrink_pt, "shrinkB": shrink_pt}
+    arrow = axes.annotate("", end, start, arrowprops=props, annotation_clip=False)
+    arrow.arrow_patch.set_clip_path(axes.patch)
+    arrow.set_gid(gid)
 
 
 def _has_arrow(mark: Mark) -> bool:
+    # Where prediction and observation agree there is nothing to point at.
     return mark.predicted is not None and mark.actual is not None and math.dist(mark.predicted, mark.actual) > 1e-6
-
-
-def _middle(points: list[Pixel]) -> Pixel:
-    return sum(point[0] for point in points) / len(points), sum(point[1] for point in points) / len(points)
 
 
 def _label(
@@ -206,7 +200,6 @@ def _short(text: str, limit: int = 60) -> str:
 
 
 def _is_visible(axes: Any, at: tuple[float, float] | None) -> bool:
-    """Return whether a place is within the axes."""
     if at is None:
         return False
     return all(
@@ -264,11 +257,7 @@ def _world(axes: Any, scene: Scene, colours: Colours, extent_m: float) -> None:
     axes.plot(odometry.x_m, odometry.y_m, "o", color=_VEHICLE, ms=6, gid="vehicle")
     handles = [_handle("o", "vehicle (odometry)", color=_VEHICLE)]
     if scene.situation.is_estimated:
-        props = {"arrowstyle": "-|>", "color": _ESTIMATED, "lw": 1.3, "shrinkA": 4, "shrinkB": 4}
-        arrow = axes.annotate("", (pose.x_m, pose.y_m), (odometry.x_m, odometry.y_m), arrowprops=props)
-        arrow.set_annotation_clip(False)
-        arrow.arrow_patch.set_clip_path(axes.patch)
-        arrow.set_gid("to_estimated")
+        _arrow(axes, (odometry.x_m, odometry.y_m), (pose.x_m, pose.y_m), _ESTIMATED, 4, gid="to_estimated")
         axes.plot(pose.x_m, pose.y_m, "D", color=_ESTIMATED, ms=6, gid="estimated")
         if _is_visible(axes, (pose.x_m, pose.y_m)):
             handles.append(_handle("D", "vehicle (estimated)", color=_ESTIMATED))

@@ -36,11 +36,9 @@ _LEAST_FILTERED_RADIUS_M: Final = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class ReceiverEstimate:
-    """The middle of the aircraft.
+    """The weighted middle of the aircraft, at height 0.
 
     Attributes:
-        t_s: when.
-        point: the weighted middle, at height 0.
         sigma_major_m, sigma_minor_m: spread of the aircraft along and across their cloud.
         confidence: 0 to 1.
         used_icaos: in the order of the addresses.
@@ -79,11 +77,12 @@ def estimate_receiver(
     """Return the middle of the aircraft that were heard lately; None for fewer than four.
 
     Args:
-        reports: of an aircraft's several, the newest counts.
+        reports: one of each aircraft.
         now_s: by the clock of the reports.
         mode: of the local frame.
     """
-    heard = _heard(reports, now_s)
+    fresh = (report for report in reports if abs(now_s - report.t_s) <= STALE_AFTER_S)
+    heard = sorted(fresh, key=lambda report: report.icao)
     if len(heard) < FEWEST_AIRCRAFT:
         return None
     weights = _weights(heard, now_s)
@@ -103,15 +102,6 @@ def estimate_receiver(
         tuple(one.icao for one in used),
         len(heard) - len(used),
     )
-
-
-def _heard(reports: Iterable[AircraftReport], now_s: float) -> list[AircraftReport]:
-    newest: dict[str, AircraftReport] = {}
-    for report in reports:
-        known = newest.get(report.icao)
-        if known is None or report.t_s >= known.t_s:
-            newest[report.icao] = report
-    return [newest[icao] for icao in sorted(newest) if abs(now_s - newest[icao].t_s) <= STALE_AFTER_S]
 
 
 def _weights(heard: Sequence[AircraftReport], now_s: float) -> Array:
@@ -160,14 +150,7 @@ class ReceiverFilter:
     """A constant-velocity filter over the estimates: east, north and their rates, from the first estimate's place."""
 
     def __init__(self, mode: FrameMode = FrameMode.WGS84) -> None:
-        """Start without a position.
-
-        Args:
-            mode: of the local frame.
-
-        Raises:
-            ModuleNotFoundError: without filterpy, from the extra ``landmarks``; one line that says what to install.
-        """
+        """Start without a position. Raises ModuleNotFoundError without filterpy; one line that says what to install."""
         try:
             # Here, as the import takes a second: only who estimates shall wait for it.
             from filterpy.kalman import KalmanFilter

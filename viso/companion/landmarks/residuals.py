@@ -55,14 +55,12 @@ class Residuals:
     """Of one picture; all ids are in the order of the detections.
 
     Attributes:
-        t_s: when the picture was taken.
         innovations: of what was seen, is known and has a prediction.
         unmatched: ids that were seen, but are not known.
         not_projected: ids that were seen and are known, but are not ahead of the camera, or their height is not known.
         duplicates: ids that were seen more than once; only the first of each counts.
     """
 
-    t_s: float
     innovations: tuple[Innovation, ...]
     unmatched: tuple[str, ...] = ()
     not_projected: tuple[str, ...] = ()
@@ -82,20 +80,13 @@ def first_of_each(detections: Sequence[Detection]) -> tuple[dict[str, Detection]
 def landmark_residuals(
     camera: Camera, pose: VehiclePose, landmarks: Sequence[Landmark], detections: Detections
 ) -> Residuals:
-    """Compare the landmarks of a picture with their prediction.
-
-    Args:
-        camera: the camera.
-        pose: of the vehicle when the picture was taken.
-        landmarks: what is known, each id once.
-        detections: what was seen.
-    """
+    """Compare the landmarks of a picture with their prediction by the pose when it was taken."""
     xyz = np.array([(one.x_m, one.y_m, one.z_m) for one in landmarks]).reshape(-1, 3)
     projection = project(camera, pose, xyz, LANDMARK_NEAREST_M)
     across = xyz[:, :2] - camera_centre(camera, pose)[:2]
     ranges_m = np.hypot(across[:, 0], across[:, 1]).tolist()
     ids = [landmark.id for landmark in landmarks]
-    return _residuals(detections.t_s, detections.landmarks, ids, projection, ranges_m)
+    return _residuals(detections.landmarks, ids, projection, ranges_m)
 
 
 def aircraft_points(states: Sequence[AircraftState], odometry: VehiclePose) -> Array:
@@ -118,23 +109,18 @@ def aircraft_residuals(
     detections: Detections,
     odometry: VehiclePose | None = None,
 ) -> Residuals:
-    """Compare the aircraft of a picture with their prediction.
+    """Compare the aircraft of a picture with their prediction by a pose.
 
-    Args:
-        camera: the camera.
-        pose: the one that predicts.
-        states: the aircraft around the vehicle when the picture was taken.
-        detections: what was seen.
-        odometry: where the aircraft's east and north count from; None if that is ``pose``.
+    Their east and north count from ``odometry``; None if that is ``pose``.
     """
     points = aircraft_points(states, pose if odometry is None else odometry)
     projection = project(camera, pose, points, AIRCRAFT_NEAREST_M)
     ids, ranges_m = [state.report.icao for state in states], [state.range_m for state in states]
-    return _residuals(detections.t_s, detections.aircraft, ids, projection, ranges_m)
+    return _residuals(detections.aircraft, ids, projection, ranges_m)
 
 
 def _residuals(
-    t_s: float, seen: Sequence[Detection], ids: Sequence[str], projection: Projection, ranges_m: Sequence[float]
+    seen: Sequence[Detection], ids: Sequence[str], projection: Projection, ranges_m: Sequence[float]
 ) -> Residuals:
     first, duplicates = first_of_each(seen)
     places = {name: index for index, name in enumerate(ids)}
@@ -150,4 +136,4 @@ def _residuals(
             not_projected.append(name)
         else:
             innovations.append(Innovation(name, u_px, v_px, one.u_px, one.v_px, in_image[at], ranges_m[at]))
-    return Residuals(t_s, tuple(innovations), tuple(unmatched), tuple(not_projected), duplicates)
+    return Residuals(tuple(innovations), tuple(unmatched), tuple(not_projected), duplicates)

@@ -78,10 +78,8 @@ class Situation:
     """What is known at one moment.
 
     Attributes:
-        camera: that looks.
         pose: that predicts.
         odometry: as it was told.
-        landmarks: each id once.
         states: the aircraft.
         origin: that the states count from; None without a fix.
         has_qnh: whether pressure altitudes were corrected.
@@ -118,15 +116,11 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """One moment.
+    """One moment, by the clock of the input.
 
     Attributes:
-        t_s: when, by the clock of the input.
-        number: of the scene, from 1.
-        situation: what is known.
-        landmarks: all that are known.
+        number: from 1.
         aircraft: those that are neither too near nor too far to be drawn.
-        landmark_residuals, aircraft_residuals: of what was seen.
         has_detections: whether there was a picture in which something was, or could have been, seen.
     """
 

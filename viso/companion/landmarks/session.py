@@ -9,14 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from viso.companion.landmarks.aircraft import STALE_AFTER_S, AircraftTracker
-from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
-from viso.companion.landmarks.pose_choice import choose_pose
-from viso.companion.landmarks.receiver import (
-    PERIOD_S,
-    ReceiverFilter,
-    estimate_receiver,
-    receiver_record,
-)
+from viso.companion.landmarks.local_frame import FrameMode, to_enu, to_geodetic
+from viso.companion.landmarks.receiver import PERIOD_S, ReceiverFilter, estimate_receiver, receiver_record
 from viso.companion.landmarks.scene import Scene, Situation, make_scene
 from viso.companion.landmarks.types import (
     AircraftReport,
@@ -54,12 +48,10 @@ class Settings:
     """How to look.
 
     Attributes:
-        camera: that looks.
         keeps_intrinsics: whether the camera stays as it is when records tell of another.
-        mode: of the local frame.
         qnh_offset_m: what to add to pressure altitudes; None if not known.
         reference: where the local origin is on the globe; None for the first fix.
-        position_source: name of what tells estimated positions, which then predict; empty for the odometry.
+        from_estimate: whether estimated positions predict, where there are any, and not those of the odometry.
         full_attitude: whether roll and pitch of the vehicle count, where they are known.
     """
 
@@ -68,7 +60,7 @@ class Settings:
     mode: FrameMode = FrameMode.WGS84
     qnh_offset_m: float | None = None
     reference: GeodeticPoint | None = None
-    position_source: str = ""
+    from_estimate: bool = False
     full_attitude: bool = False
 
 
@@ -88,9 +80,6 @@ class Session:
 
     Without detections there is a scene every 0.2 s. A picture waits for the pose after it, so that its own can be
     interpolated; nothing is left waiting by ``finish``.
-
-    Args:
-        settings: how to look.
 
     Attributes:
         camera: as it is now believed to be.
@@ -225,26 +214,23 @@ class Session:
     def _scene(self, known: _Waiting, odometry: VehiclePose, *, has_detections: bool = True) -> Scene:
         self.scenes += 1
         self._scene_s = known.seen.t_s
-        settings = self._settings
-        pose = choose_pose(odometry, settings.position_source, self._estimated, self._reference, settings.mode)
-        situation = Situation(
-            known.camera,
-            pose,
-            odometry,
-            known.landmarks,
-            known.states,
-            known.origin,
-            settings.qnh_offset_m is not None,
-        )
+        pose, has_qnh = self._predicting(odometry), self._settings.qnh_offset_m is not None
+        situation = Situation(known.camera, pose, odometry, known.landmarks, known.states, known.origin, has_qnh)
         return make_scene(self.scenes, situation, known.seen, has_detections=has_detections)
+
+    def _predicting(self, odometry: VehiclePose) -> VehiclePose:
+        """Return the pose that predicts: the odometry's very object, or one at the east and north of the estimate."""
+        estimated, reference = self._estimated, self._reference
+        if not self._settings.from_estimate or reference is None or estimated is None or not estimated.point.is_fix:
+            return odometry
+        place = estimated.point
+        enu = to_enu(self._settings.mode, reference, place.latitude_deg, place.longitude_deg, reference.alt_m)
+        x_m, y_m, _ = enu.tolist()
+        return replace(odometry, x_m=x_m, y_m=y_m)
 
 
 class ReceiverWatch:
-    """Estimates every 5 s where the receiver is, from the aircraft that it hears.
-
-    Args:
-        mode: of the local frame.
-    """
+    """Estimates every 5 s where the receiver is, from the aircraft that it hears."""
 
     def __init__(self, mode: FrameMode) -> None:
         self._mode = mode
@@ -264,22 +250,15 @@ class ReceiverWatch:
         estimate = estimate_receiver(self._reports.values(), event.t_s, self._mode)
         if estimate is None:
             return None
-        self._reports = {icao: self._reports[icao] for icao in self._reports if self._is_fresh(icao, event.t_s)}
+        heard = self._reports.items()
+        self._reports = {icao: report for icao, report in heard if event.t_s - report.t_s <= STALE_AFTER_S}
         filtered = self._filter.update(estimate)
         record = {"t_s": event.t_s, **receiver_record(estimate, filtered)}
         return EstimatedPosition(event.t_s, filtered.point), record
 
-    def _is_fresh(self, icao: str, now_s: float) -> bool:
-        return now_s - self._reports[icao].t_s <= STALE_AFTER_S
-
 
 def pose_at(poses: Reversible[VehiclePose], t_s: float) -> VehiclePose | None:
-    """Return the pose at a time, between the one before it and the one after; None if none is near.
-
-    Args:
-        poses: in the order of their times.
-        t_s: by their clock.
-    """
+    """Return the pose at a time, between the one before it and the one after; None if none is near."""
     after: VehiclePose | None = None
     before: VehiclePose | None = None
     for pose in reversed(poses):

@@ -43,7 +43,6 @@ class Summary:
 
     Attributes:
         pictures: how many.
-        overall: of all innovations.
         per_id: of each landmark's or aircraft's, in the order of appearance.
         unmatched, not_projected, duplicates: how often each id was one.
     """
@@ -57,7 +56,6 @@ class Summary:
 
 
 def innovation_statistics(innovations: Sequence[Innovation]) -> InnovationStatistics:
-    """Return the statistics of innovations."""
     if not innovations:
         none = (float("nan"), float("nan"))
         return InnovationStatistics(0, none, none, none, none)
@@ -73,7 +71,6 @@ def innovation_statistics(innovations: Sequence[Innovation]) -> InnovationStatis
 
 
 def summarise(pictures: Iterable[Residuals]) -> Summary:
-    """Return what the residuals of many pictures amount to."""
     count, everything = 0, list[Innovation]()
     per_id: defaultdict[str, list[Innovation]] = defaultdict(list)
     unmatched, not_projected, duplicates = Counter[str](), Counter[str](), Counter[str]()

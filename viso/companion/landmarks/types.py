@@ -113,12 +113,7 @@ class VehiclePose(_Record):
 
 @dataclass(frozen=True, slots=True)
 class Landmark(_Record):
-    """A known point on the ground.
-
-    Attributes:
-        id: its name; numbers of a record become text.
-        x_m, y_m, z_m: east, north and up of the local origin.
-    """
+    """A known point on the ground, east, north and up of the local origin; its id is text, also of a number."""
 
     id: str
     x_m: float
@@ -128,12 +123,7 @@ class Landmark(_Record):
 
 @dataclass(frozen=True, slots=True)
 class Detection(_Record):
-    """Where a landmark, or an aircraft by its address, was seen in a picture.
-
-    Attributes:
-        id: the landmark's, or the ICAO address.
-        u_px, v_px: right and down of the picture's corner.
-    """
+    """Where a landmark, or an aircraft by its ICAO address, was seen: right and down of the picture's corner."""
 
     id: str
     u_px: float
@@ -142,12 +132,7 @@ class Detection(_Record):
 
 @dataclass(frozen=True, slots=True)
 class Detections(_Record):
-    """What was seen in one picture.
-
-    Attributes:
-        t_s: when the picture was taken.
-        landmarks, aircraft: in the order given.
-    """
+    """What was seen in the picture that was taken at ``t_s``, in the order given."""
 
     t_s: float
     landmarks: tuple[Detection, ...] = ()
@@ -188,12 +173,7 @@ class AircraftReport(_Record):
 
 @dataclass(frozen=True, slots=True)
 class GeodeticPoint(_Record):
-    """A place on the globe.
-
-    Attributes:
-        latitude_deg, longitude_deg: WGS 84.
-        alt_m: height; of what, the record that holds this says.
-    """
+    """A place on the globe, WGS 84; what its height counts from, the record that holds it says."""
 
     latitude_deg: float
     longitude_deg: float
@@ -243,12 +223,7 @@ class AircraftState(_Record):
 
 @dataclass(frozen=True, slots=True)
 class LandmarkMap(_Record):
-    """All landmarks that are known from now on.
-
-    Attributes:
-        t_s: since when.
-        landmarks: each id once.
-    """
+    """All landmarks that are known from ``t_s`` on, each id once."""
 
     t_s: float
     landmarks: tuple[Landmark, ...]
@@ -263,12 +238,7 @@ class LandmarkMap(_Record):
 
 @dataclass(frozen=True, slots=True)
 class GlobalFix(_Record):
-    """Where the vehicle is on the globe.
-
-    Attributes:
-        t_s: when.
-        point: above mean sea level, or the ellipsoid where the source tells only that.
-    """
+    """Where the vehicle is on the globe, above mean sea level, or the ellipsoid where the source tells only that."""
 
     t_s: float
     point: GeodeticPoint
@@ -276,12 +246,7 @@ class GlobalFix(_Record):
 
 @dataclass(frozen=True, slots=True)
 class EstimatedPosition(_Record):
-    """Where the receiver of ADS-B is thought to be.
-
-    Attributes:
-        t_s: when.
-        point: without a height.
-    """
+    """Where the receiver of ADS-B is thought to be, without a height."""
 
     t_s: float
     point: GeodeticPoint
@@ -289,13 +254,7 @@ class EstimatedPosition(_Record):
 
 @dataclass(frozen=True, slots=True)
 class CameraInfo(_Record):
-    """The intrinsics of a camera, as a driver tells them.
-
-    Attributes:
-        t_s: when.
-        width_px, height_px: size of the picture.
-        fx_px, fy_px, cx_px, cy_px: of the matrix K; a driver that is not calibrated tells 0 for ``fx_px``.
-    """
+    """The intrinsics of a camera, as a driver tells them; one that is not calibrated tells 0 for ``fx_px``."""
 
     t_s: float
     width_px: int

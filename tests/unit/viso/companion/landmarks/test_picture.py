@@ -47,7 +47,7 @@ def last_picture(flight: SyntheticFlight = FLIGHT) -> Figure:
 def estimated_scene() -> Scene:
     """Return a scene that an estimated position predicts, some 1.5 km from the vehicle, and nothing was seen."""
     place = EstimatedPosition(0.0, GeodeticPoint(47.41, 8.55))
-    scene = flown(FLIGHT, place, position_source="tests")[-1]
+    scene = flown(FLIGHT, place, from_estimate=True)[-1]
     return make_scene(7, scene.situation, Detections(scene.t_s))
 
 

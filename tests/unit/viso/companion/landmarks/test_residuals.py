@@ -53,7 +53,6 @@ def test_a_perfect_pose_has_no_innovation(pose: VehiclePose, xy: list[tuple[floa
 def test_an_innovation_is_observed_less_predicted() -> None:
     residuals = landmark_residuals(Camera(), POSE, [AHEAD], picture(Detection("1", 643.0, 630.0)))
     (innovation,) = residuals.innovations
-    assert residuals.t_s == 3.0
     assert (innovation.du_px, innovation.dv_px) == pytest.approx((3.0, -2.0))
     assert innovation.in_image
     assert innovation.range_m == 10.0

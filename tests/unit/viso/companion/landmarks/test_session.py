@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.companion.landmarks.scenes import scenes_of
-from viso.companion.landmarks.local_frame import FrameMode
+from viso.companion.landmarks.local_frame import FrameMode, to_geodetic
 from viso.companion.landmarks.scene import Scene
 from viso.companion.landmarks.session import (
     ALONE_S,
@@ -71,7 +71,7 @@ def test_picture_waits_for_the_pose_after_it() -> None:
     (scene,) = session.take(pose(1.0, x_m=4.0, yaw_rad=0.2))
     at = scene.situation.odometry
     assert (at.t_s, at.x_m, at.yaw_rad) == pytest.approx((0.25, 1.0, 0.05))
-    assert scene.landmark_residuals.t_s == scene.t_s == 0.25
+    assert scene.t_s == 0.25
 
 
 def test_picture_at_the_time_of_a_pose_has_that_pose() -> None:
@@ -267,9 +267,9 @@ def test_camera_of_the_user_stands() -> None:
 ESTIMATE = EstimatedPosition(0.0, GeodeticPoint(47.01, 8.0))
 
 
-def test_estimated_position_predicts_when_a_source_is_named() -> None:
+def test_estimated_position_predicts_when_that_is_wanted() -> None:
     events = (GlobalFix(0.0, FIX), ESTIMATE, pose(0.0, yaw_rad=0.3), seen(0.0))
-    (by_estimate,), _ = run(*events, position_source="adsb")
+    (by_estimate,), _ = run(*events, from_estimate=True)
     (by_odometry,), _ = run(*events)
     north_m = 6_371_000 * math.radians(0.01)
     at = by_estimate.situation.pose
@@ -279,9 +279,47 @@ def test_estimated_position_predicts_when_a_source_is_named() -> None:
     assert (by_estimate.situation.label, by_odometry.situation.label) == ("estimated", "odom")
 
 
+@pytest.mark.parametrize("mode", FrameMode)
+def test_estimated_position_gives_east_and_north_and_odometry_the_rest(mode: FrameMode) -> None:
+    place = EstimatedPosition(1.0, to_geodetic(mode, FIX, 3000.0, -4000.0, 0.0))
+    session = Session(Settings(mode=mode, reference=FIX, from_estimate=True))
+    (scene,) = scenes_of(session, (place, VehiclePose(1.0, 10.0, 20.0, 0.3, z_m=5.0), seen(1.0)))
+    chosen = scene.situation.pose
+    assert (chosen.x_m, chosen.y_m) == pytest.approx((3000, -4000), abs=0.01)
+    assert (chosen.t_s, chosen.yaw_rad, chosen.z_m) == (1.0, 0.3, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("from_estimate", "estimated", "reference"),
+    [
+        (False, (ESTIMATE,), FIX),
+        (True, (), FIX),
+        (True, (ESTIMATE,), None),
+        (True, (EstimatedPosition(1.0, GeodeticPoint(0.0, 0.0)),), FIX),
+    ],
+    ids=["not wanted", "nothing estimated", "no reference", "estimated nowhere"],
+)
+def test_otherwise_odometry_predicts(
+    from_estimate: bool, estimated: tuple[EstimatedPosition, ...], reference: GeodeticPoint | None
+) -> None:
+    (scene,), _ = run(*estimated, pose(1.0), seen(1.0), from_estimate=from_estimate, reference=reference)
+    assert scene.situation.pose is scene.situation.odometry
+
+
+@pytest.mark.parametrize("latitude_deg", [float("nan"), float("inf"), 91.0])
+def test_what_is_not_on_the_globe_is_no_fix(latitude_deg: float) -> None:
+    with pytest.raises(ValueError, match="latitude_deg"):
+        GlobalFix(0.0, GeodeticPoint(latitude_deg, 8.0))
+
+
+def test_a_place_on_the_equator_or_the_prime_meridian_is_a_fix() -> None:
+    for point in (GeodeticPoint(0.0, 8.0), GeodeticPoint(51.5, 0.0)):
+        assert point.is_fix
+
+
 def test_aircraft_stay_where_odometry_has_them_and_raw_odometry_is_their_actual_place() -> None:
     events = (GlobalFix(0.0, FIX), aircraft(0.0), ESTIMATE, pose(0.0), seen(0.0))
-    (estimated,), _ = run(*events, position_source="adsb")
+    (estimated,), _ = run(*events, from_estimate=True)
     (by_odometry,), _ = run(*events)
     (mark,), (plain,) = estimated.aircraft, by_odometry.aircraft
     assert (mark.x_m, mark.y_m) == (plain.x_m, plain.y_m)

@@ -40,8 +40,8 @@ def test_nothing_has_no_mean() -> None:
 def test_a_summary_is_of_all_and_of_each() -> None:
     summary = summarise(
         [
-            Residuals(0.0, (off("b", 1.0, 0.0), off("a", 3.0, 0.0)), unmatched=("x",), duplicates=("a",)),
-            Residuals(1.0, (off("b", 5.0, 0.0),), unmatched=("x", "y"), not_projected=("c",)),
+            Residuals((off("b", 1.0, 0.0), off("a", 3.0, 0.0)), unmatched=("x",), duplicates=("a",)),
+            Residuals((off("b", 5.0, 0.0),), unmatched=("x", "y"), not_projected=("c",)),
         ]
     )
     assert summary.pictures == 2
