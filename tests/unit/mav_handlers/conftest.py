@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 
 import pytest
 
+from ap_core.clock import NEVER
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
@@ -23,12 +24,11 @@ from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, S
 from tests.copies import Copies
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
-from viso.running import virtual_time
 from viso.running.virtual_time import Scheduler
 from viso.sensors.flying.source import FlyingSource
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import bench, by_ekf3
-from viso.vehicle.vehicle import Vehicle, VehicleConfig
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 
@@ -56,7 +56,14 @@ class SpyAhrs(RememberedCalls):
             self._ahrs.update(camera)
 
     def quiet_until_us(self) -> int:
-        return 0
+        return 0 if self.runs else NEVER
+
+    def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
+        for count, now_us in enumerate(times_us, 1):
+            set_us(now_us)
+            if not is_quiet(now_us):
+                return count
+        return len(times_us)
 
     def __getattr__(self, name: str) -> Any:
         if name == "_ahrs":  # a copy in the making
@@ -192,9 +199,9 @@ class Bench:
         trace = sys.gettrace()
         sys.settrace(None)
         try:
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(virtual_time, "LOOP_PERIOD_US", SETTLING_PERIOD_US)
-                self.run_ms(until_ms - SETTLING_PERIOD_US / 1000)
+            self.scheduler.period_us = SETTLING_PERIOD_US
+            self.run_ms(until_ms - SETTLING_PERIOD_US / 1000)
+            self.scheduler.period_us = LOOP_PERIOD_US
             self.run_ms(SETTLING_PERIOD_US / 1000)
         finally:
             sys.settrace(trace)
