@@ -157,6 +157,31 @@ class Link(Protocol):
         """Release everything; after that ``receive`` returns b"" and ``send`` counts a drop."""
 
 
+class LinkParts:
+    """What a link has whatever carries its bytes; one that knows nobody and takes in nobody unless it says so."""
+
+    def __init__(self, name: str, baud: int | None = None) -> None:
+        self.name = name
+        self.baud = baud
+        self.news = News()
+        self._counters = LinkStats()
+        self._closed = False
+
+    @property
+    def stats(self) -> LinkStats:
+        """Return a snapshot of the counters."""
+        return self._counters.snapshot()
+
+    @property
+    def peer_names(self) -> tuple[str, ...]:
+        """Return nobody: who is at the other end is not known."""
+        return ()
+
+    def admit(self) -> Link | None:
+        """Return None: there is one other end."""
+        return None
+
+
 def check_max_bytes(max_bytes: int) -> None:
     """Raise ValueError unless positive: a read of 0 bytes would look like the end of a stream."""
     if max_bytes < 1:

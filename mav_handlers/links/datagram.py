@@ -9,9 +9,7 @@ from mav_handlers.links.address import SocketAddress
 from mav_handlers.links.base import (
     DROP_BACKLOG_FULL,
     DROP_CLOSED,
-    Link,
-    LinkStats,
-    News,
+    LinkParts,
     check_max_bytes,
     reason_of,
 )
@@ -21,7 +19,7 @@ MAX_DATAGRAM_BYTES = 65535
 READS_PER_CALL = 64
 
 
-class DatagramLink(ABC):
+class DatagramLink(LinkParts, ABC):
     """Carry datagrams; the system's socket buffer is the only backlog.
 
     ``receive`` returns one datagram a call, or the rest of one. ``address`` is the socket's own, and
@@ -29,16 +27,12 @@ class DatagramLink(ABC):
     """
 
     def __init__(self, name: str, sock: socket.socket) -> None:
+        super().__init__(name)
         sock.setblocking(False)
-        self.name = name
-        self.baud: int | None = None
-        self.news = News()
         self.address: SocketAddress = sock.getsockname()
         self._sock = sock
-        self._counters = LinkStats()
         self._unread = b""
         self._last_sent_bytes = 0
-        self._closed = False
 
     @abstractmethod
     def _accept(self, peer: SocketAddress, data: bytes) -> bool:
@@ -47,20 +41,6 @@ class DatagramLink(ABC):
     @abstractmethod
     def _transmit(self, data: bytes) -> None:
         """Send one datagram to every peer."""
-
-    @property
-    def peer_names(self) -> tuple[str, ...]:
-        """Return nobody: who listens is not known."""
-        return ()
-
-    def admit(self) -> Link | None:
-        """Return None: there is one socket."""
-        return None
-
-    @property
-    def stats(self) -> LinkStats:
-        """Return a snapshot of the counters."""
-        return self._counters.snapshot()
 
     def fileno(self) -> int:
         """Return the socket's descriptor, -1 once it is closed."""

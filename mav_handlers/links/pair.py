@@ -2,20 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two links back to back in memory: no system calls, no clock, the same every time."""
 
-from mav_handlers.links.base import (
-    DROP_BACKLOG_FULL,
-    DROP_CLOSED,
-    DROP_NO_PEER,
-    Link,
-    LinkStats,
-    News,
-    check_max_bytes,
-)
+from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, DROP_NO_PEER, LinkParts, check_max_bytes
 
 CAPACITY_BYTES = 65536
 
 
-class PairLink:
+class PairLink(LinkParts):
     """Be one end of a pair; ``make_pair`` makes both. Not for use by several threads.
 
     Bytes that the other end has not read yet are kept up to a capacity. Those sent before an end is closed
@@ -23,28 +15,15 @@ class PairLink:
     """
 
     def __init__(self, name: str, capacity_bytes: int = CAPACITY_BYTES) -> None:
-        self.name = name
-        self.baud: int | None = None
-        self.news = News()
+        super().__init__(name)
         self._capacity_bytes = capacity_bytes
         self._inbox = bytearray()
-        self._counters = LinkStats()
         self._peer: PairLink | None = None
-        self._closed = False
-
-    @property
-    def stats(self) -> LinkStats:
-        """Return a snapshot of the counters."""
-        return self._counters.snapshot()
 
     @property
     def peer_names(self) -> tuple[str, ...]:
         """Return the name of the other end, while there is one."""
         return () if self._peer is None else (self._peer.name,)
-
-    def admit(self) -> Link | None:
-        """Return None: there is one other end."""
-        return None
 
     def fileno(self) -> int:
         """Return -1: there is nothing to wait on."""

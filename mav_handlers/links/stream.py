@@ -9,9 +9,7 @@ from mav_handlers.links.base import (
     DROP_BACKLOG_FULL,
     DROP_CLOSED,
     DROP_NO_PEER,
-    Link,
-    LinkStats,
-    News,
+    LinkParts,
     check_max_bytes,
     reason_of,
 )
@@ -22,7 +20,7 @@ MAX_BACKLOG_BYTES = 65536
 END_OF_STREAM = "end of stream"
 
 
-class StreamLink(ABC):
+class StreamLink(LinkParts, ABC):
     """Carry one stream through a non-blocking descriptor.
 
     A subclass gets streams (``_open_stream``) and gives them back (``_close_stream``); it is asked for a
@@ -32,15 +30,11 @@ class StreamLink(ABC):
     _peer = ""
 
     def __init__(self, name: str, baud: int | None = None, max_backlog_bytes: int = MAX_BACKLOG_BYTES) -> None:
-        self.name = name
-        self.baud = baud
-        self.news = News()
+        super().__init__(name, baud)
         self._max_backlog_bytes = max_backlog_bytes
         self._backlog = bytearray()
-        self._counters = LinkStats()
         self._fd = -1
         self._write_error: str | None = None
-        self._closed = False
 
     @abstractmethod
     def _open_stream(self) -> int:
@@ -51,18 +45,9 @@ class StreamLink(ABC):
         """Close what ``_open_stream`` gave."""
 
     @property
-    def stats(self) -> LinkStats:
-        """Return a snapshot of the counters."""
-        return self._counters.snapshot()
-
-    @property
     def peer_names(self) -> tuple[str, ...]:
         """Return who is at the other end, if anybody is."""
         return (self._peer,) if self._fd >= 0 else ()
-
-    def admit(self) -> Link | None:
-        """Return None: there is one stream."""
-        return None
 
     @property
     def backlog_bytes(self) -> int:
