@@ -6,18 +6,12 @@ from typing import Final
 
 import ap_visualodom.verdicts
 import mav_handlers.signing.verdicts
-import mav_handlers.transfers.log_transfer_verdicts
 import mav_handlers.verdicts
 from ap_core.verdict import Verdict
 
 ALL_VERDICTS: Final = tuple(
     value
-    for module in (
-        ap_visualodom.verdicts,
-        mav_handlers.verdicts,
-        mav_handlers.transfers.log_transfer_verdicts,
-        mav_handlers.signing.verdicts,
-    )
+    for module in (ap_visualodom.verdicts, mav_handlers.verdicts, mav_handlers.signing.verdicts)
     for value in vars(module).values()
     if isinstance(value, Verdict)
 )

@@ -6,6 +6,11 @@ from typing import Final
 
 from ap_core.verdict import Outcome, Rule, Verdict, dropped
 
+_LOG_FILE: Final = "AP_Logger_MAVLinkLogTransfer.cpp"
+_LOG_LIST: Final = f"{_LOG_FILE}, handle_log_request_list"
+_LOG_DATA: Final = f"{_LOG_FILE}, handle_log_request_data"
+_LOG_MESSAGE: Final = f"{_LOG_FILE}, handle_log_message"
+
 HANDLED: Final = Verdict(
     Outcome.HANDLED, Rule("handled", "processed; carries no external navigation", "GCS_Common.cpp, handle_message")
 )
@@ -114,6 +119,13 @@ TF_TOO_MANY: Final = dropped(
     "AP_DDS/wscript, CONTAINER_PREALLOC_SIZE",
 )
 TF_UNREADABLE: Final = dropped("tf_unreadable", "does not decode", "AP_DDS_Client.cpp, AP_DDS_Client::on_topic")
+LOG_NOT_READY: Final = dropped("log_not_ready", "the logger does not write yet; the firmware is silent", _LOG_MESSAGE)
+LOG_ARMED: Final = dropped("log_armed", "logs are sent only while disarmed", _LOG_MESSAGE)
+LOG_BUSY: Final = dropped("log_busy", "a log transfer is under way", _LOG_LIST)
+LOG_REPEATED: Final = dropped(
+    "log_repeated", "this link's log transfer is under way; the firmware is silent", _LOG_DATA
+)
+LOG_UNKNOWN: Final = dropped("log_unknown", "there is no log of that id; the firmware is silent", _LOG_DATA)
 
 
 def bad_data_verdict(reason: str) -> Verdict:

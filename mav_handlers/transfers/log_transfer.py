@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from ap_core.verdict import Verdict
-from mav_handlers.transfers.log_transfer_verdicts import LOG_ARMED, LOG_BUSY, LOG_NOT_READY, LOG_REPEATED, LOG_UNKNOWN
-from mav_handlers.verdicts import HANDLED
+from mav_handlers.verdicts import HANDLED, LOG_ARMED, LOG_BUSY, LOG_NOT_READY, LOG_REPEATED, LOG_UNKNOWN
 from mav_handlers.wire.messages import LOG_DATA, LOG_ENTRY, Message
 
 DATA_BYTES: Final = 90

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mav_handlers.transfers.ftp_wire import PAYLOAD_BYTES, Opcode
-from mav_handlers.transfers.log_transfer_verdicts import LOG_ARMED, LOG_NOT_READY
-from mav_handlers.verdicts import HANDLED
+from mav_handlers.verdicts import HANDLED, LOG_ARMED, LOG_NOT_READY
 from mav_handlers.wire.messages import (
     FILE_TRANSFER_PROTOCOL,
     LOG_ERASE,

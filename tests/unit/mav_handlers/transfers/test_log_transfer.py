@@ -11,14 +11,7 @@ from hypothesis import strategies as st
 
 from ap_core.verdict import Verdict
 from mav_handlers.transfers.log_transfer import PACKETS_PER_PASS, LogTransfer
-from mav_handlers.transfers.log_transfer_verdicts import (
-    LOG_ARMED,
-    LOG_BUSY,
-    LOG_NOT_READY,
-    LOG_REPEATED,
-    LOG_UNKNOWN,
-)
-from mav_handlers.verdicts import HANDLED
+from mav_handlers.verdicts import HANDLED, LOG_ARMED, LOG_BUSY, LOG_NOT_READY, LOG_REPEATED, LOG_UNKNOWN
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import LOG_DATA, LOG_ENTRY, Message
 
