@@ -102,7 +102,7 @@ class MavEndpoint:
         self._sending = Sending(vehicle, self.param_reads, self.radio)
         self.routes = RouteTable()
         self.signing = SigningState(vehicle.signing_store, self._options)
-        self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, self._has_room)
+        self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, lambda index: self.channels[index].has_room())
         self.log_transfer = LogTransfer(vehicle.logs, vehicle.texts.send_text_to)
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
@@ -216,7 +216,7 @@ class MavEndpoint:
             channel.index,
             own_system=system_id,
             is_private=self._private().__getitem__,
-            is_active=self._is_active,
+            is_active=lambda index: self.channels[index].active,
             channels=range(len(self.channels)),
         )
         for index in routing.forward_to:
@@ -242,7 +242,7 @@ class MavEndpoint:
     def request_message_everywhere(self, name: str) -> None:
         """Queue a message to be sent once at the next poll, on every link."""
         for channel in self.channels:
-            self.request_message(channel, name)
+            channel.request(name)
 
     def send_origin(self, channel: Channel, now_us: int) -> None:
         """Send GPS_GLOBAL_ORIGIN at once, if there is an origin."""
@@ -288,7 +288,8 @@ class MavEndpoint:
         last_us, self._polled_us = self._polled_us, now_us
         generation = self._vehicle.params.generation
         if self._vehicle.copter.home.take_changed():
-            self._send_home()
+            self.request_message_everywhere("HOME_POSITION")
+            self.request_message_everywhere("GPS_GLOBAL_ORIGIN")
         elif last_us <= now_us < self._rest.until_us and generation == self._polled_generation:
             return
         self._polled_generation = generation
@@ -356,18 +357,8 @@ class MavEndpoint:
             lambda: [self._options(channel.port) & OPTION_PRIVATE != 0 for channel in self.channels],
         )
 
-    def _is_active(self, index: int) -> bool:
-        return self.channels[index].active
-
     def _is_private(self, channel: Channel) -> bool:
         return self._private()[channel.index]
-
-    def _has_room(self, index: int) -> bool:
-        return self.channels[index].has_room()
-
-    def _send_home(self) -> None:
-        for name in ("HOME_POSITION", "GPS_GLOBAL_ORIGIN"):
-            self.request_message_everywhere(name)
 
     def _send_echoes(self) -> None:
         while self._echoes:

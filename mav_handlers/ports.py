@@ -473,9 +473,6 @@ class EndpointPort(OriginSender, Protocol):
     radio: RadioLink
     signing: SigningState
 
-    def request_message(self, channel: Channel, name: str) -> None:
-        """Queue a message to be sent once at the next poll."""
-
     def send_banner(self, channel: Channel) -> None:
         """Introduce the vehicle in texts to one link."""
 

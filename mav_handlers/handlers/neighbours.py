@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Handlers of the messages of other sensors and programs beside external navigation.
 
+The firmware has no handler of the HIL messages.
 Source: GCS_MAVLink/GCS_Common.cpp (handle_message, handle_optical_flow, handle_landing_target, handle_distance_sensor,
 handle_adsb_message, handle_named_value), AP_GPS/AP_GPS.cpp (handle_msg).
 """
@@ -14,6 +15,7 @@ from mav_handlers.verdicts import (
     GPS_OTHER_INSTANCE,
     HANDLED,
     NO_FLOW_SENSOR,
+    NO_HIL_INPUT,
     NO_PRECISION_LANDING,
     NO_RANGEFINDER,
 )
@@ -21,6 +23,8 @@ from mav_handlers.wire.messages import (
     ADSB_VEHICLE,
     DISTANCE_SENSOR,
     GPS_INPUT,
+    HIL_SENSOR,
+    HIL_STATE_QUATERNION,
     LANDING_TARGET,
     NAMED_VALUE_FLOAT,
     OPTICAL_FLOW,
@@ -59,4 +63,20 @@ def handle_named_value_float(ctx: Context, message: NAMED_VALUE_FLOAT) -> Verdic
     """Log a named value, with its sender."""
     sender = ctx.header.system_id, ctx.header.component_id
     ctx.vehicle.log.named_value(message.time_boot_ms, message.name, message.value, *sender)
+    return HANDLED
+
+
+def handle_hil_sensor(ctx: Context, message: HIL_SENSOR) -> Verdict:
+    """Give a simulator's sensors to the vehicle that takes them."""
+    if ctx.vehicle.hil is None:
+        return NO_HIL_INPUT
+    ctx.vehicle.hil.take_hil_sensor(message, ctx.now_us)
+    return HANDLED
+
+
+def handle_hil_state_quaternion(ctx: Context, message: HIL_STATE_QUATERNION) -> Verdict:
+    """Give a simulator's truth to the vehicle that makes its sensors of it."""
+    if ctx.vehicle.hil is None:
+        return NO_HIL_INPUT
+    ctx.vehicle.hil.take_hil_state(message, ctx.now_us)
     return HANDLED

@@ -7,17 +7,20 @@ from typing import Final
 from ap_core.cint import i16
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
+from mav_handlers.handlers.commands.modes import set_mode
+from mav_handlers.handlers.commands.results import MavResult
 from mav_handlers.params.names import OPTION_NO_STREAM_REQUESTS
 from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
 from mav_handlers.senders.intervals import ADSB_GROUP, set_interval, stream_interval_ms
-from mav_handlers.verdicts import HANDLED
+from mav_handlers.verdicts import HANDLED, MODE_REFUSED
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION_REQUEST,
     HEARTBEAT,
     RADIO,
     RADIO_STATUS,
     REQUEST_DATA_STREAM,
+    SET_MODE,
     STATUSTEXT,
 )
 
@@ -42,8 +45,17 @@ def handle_statustext(ctx: Context, message: STATUSTEXT) -> Verdict:
 
 def handle_autopilot_version_request(ctx: Context, _message: AUTOPILOT_VERSION_REQUEST) -> Verdict:
     """Queue AUTOPILOT_VERSION."""
-    ctx.endpoint.request_message(ctx.channel, "AUTOPILOT_VERSION")
+    ctx.channel.request("AUTOPILOT_VERSION")
     return HANDLED
+
+
+def handle_set_mode(ctx: Context, message: SET_MODE) -> Verdict:
+    """Enter a mode or move the safety switch (GCS_MAVLINK::handle_set_mode).
+
+    There is no answer but the next heartbeat, or a text of refusal.
+    """
+    result = set_mode(ctx, message.base_mode, message.custom_mode)
+    return HANDLED if result is MavResult.ACCEPTED else MODE_REFUSED
 
 
 def handle_request_data_stream(ctx: Context, message: REQUEST_DATA_STREAM) -> Verdict:

@@ -5,13 +5,12 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from mav_handlers.channel import Channel
+from mav_handlers.channel import MAX_INTERVAL_MS, Channel
 from mav_handlers.ports import VehiclePort
 from mav_handlers.schedule.deferred import DEFERRED, NEXT_PARAM
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
 from mav_handlers.wire.codec import message_name
 
-MAX_INTERVAL_MS: Final = 60_000
 # Intervals below 0.8 of the main loop of 400 Hz are too fast: 1 and 2 ms.
 MIN_INTERVAL_MS: Final = 3
 HEARTBEAT_INTERVAL_MS: Final = 1000

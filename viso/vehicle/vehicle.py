@@ -255,16 +255,12 @@ class Vehicle:
                 gps=self._gps_sample,
                 is_initialised=self.is_initialised,
                 is_downloading=lambda: self.endpoint.log_transfer.is_active,
-                on_mode=self._send_heartbeat,
+                on_mode=lambda: self.endpoint.request_message_everywhere("HEARTBEAT"),
                 on_armed=lambda: self.endpoint.log_transfer.pause(),
                 airframe=self.airframe,
                 stands_for_ever=isinstance(self.ahrs.source, BenchSource),
             )
         )
-
-    def _send_heartbeat(self) -> None:
-        for channel in self.endpoint.channels:
-            self.endpoint.request_message(channel, "HEARTBEAT")
 
     def loop(self) -> None:
         """Run one pass of the main loop, 400 times per second."""

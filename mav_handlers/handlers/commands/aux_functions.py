@@ -7,8 +7,7 @@ from typing import Final
 
 from ap_core.cint import int_of_float, u8, u16
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands.numbers import u32_of_float
-from mav_handlers.handlers.commands.results import MavResult, accepted_if
+from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float
 from mav_handlers.wire.messages import COMMAND_INT
 
 _MAV_SEVERITY_INFO: Final = 6

@@ -11,8 +11,7 @@ from ap_core.cint import i32, int_of_float
 from ap_core.fmath import f32, is_zero
 from ap_core.param_info import is_equal
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands.numbers import u32_of_float, u64_of_float
-from mav_handlers.handlers.commands.results import MavResult, accepted_if
+from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float, u64_of_float
 from mav_handlers.handlers.origin import set_ekf_origin
 from mav_handlers.ports import Location, OriginResult
 from mav_handlers.senders import gps_global_origin, home_position

@@ -6,12 +6,12 @@ from typing import Final
 
 from ap_core.cint import int_of_float
 from ap_core.fmath import f32, is_zero
+from mav_handlers.channel import MAX_INTERVAL_MS
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands.numbers import u32_of_float
-from mav_handlers.handlers.commands.results import MavResult
+from mav_handlers.handlers.commands.results import MavResult, u32_of_float
 from mav_handlers.senders import SENDERS
 from mav_handlers.senders.available_modes import MONITOR_INTERVAL_MS, request_modes
-from mav_handlers.senders.intervals import MAX_INTERVAL_MS, MIN_INTERVAL_MS, default_interval_ms, set_interval
+from mav_handlers.senders.intervals import MIN_INTERVAL_MS, default_interval_ms, set_interval
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, MESSAGE_INTERVAL
 
@@ -74,5 +74,5 @@ def request_message(ctx: Context, command: COMMAND_INT) -> MavResult:
     if name == "AVAILABLE_MODES":
         request_modes(ctx.channel, command.param2)
         set_interval(ctx.channel, "AVAILABLE_MODES_MONITOR", MONITOR_INTERVAL_MS, ctx.now_us)
-    ctx.endpoint.request_message(ctx.channel, name)
+    ctx.channel.request(name)
     return MavResult.ACCEPTED

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Commands that change the flight mode, or start something in it (ArduCopter/GCS_MAVLink_Copter.cpp)."""
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -9,8 +10,7 @@ import numpy as np
 from ap_core.cint import int_of_float, u8
 from ap_core.fmath import f32, is_zero
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands.numbers import u32_of_float
-from mav_handlers.handlers.commands.results import MavResult, accepted_if
+from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float
 from mav_handlers.wire.messages import COMMAND_INT
 
 MAV_FRAME_GLOBAL_RELATIVE_ALT: Final = 3
@@ -45,19 +45,9 @@ def do_set_mode(ctx: Context, command: COMMAND_INT) -> MavResult:
     return set_mode(ctx, u8(int_of_float(command.param1)), u32_of_float(command.param2))
 
 
-def nav_loiter_unlim(ctx: Context, _command: COMMAND_INT) -> MavResult:
-    """Enter LOITER."""
-    return accepted_if(ctx.vehicle.copter.set_mode(LOITER))
-
-
-def nav_return_to_launch(ctx: Context, _command: COMMAND_INT) -> MavResult:
-    """Enter RTL."""
-    return accepted_if(ctx.vehicle.copter.set_mode(RTL))
-
-
-def nav_land(ctx: Context, _command: COMMAND_INT) -> MavResult:
-    """Enter LAND."""
-    return accepted_if(ctx.vehicle.copter.set_mode(LAND))
+def entering(number: int) -> Callable[[Context, COMMAND_INT], MavResult]:
+    """Return what enters a mode, whatever the parameters."""
+    return lambda ctx, _command: accepted_if(ctx.vehicle.copter.set_mode(number))
 
 
 def mission_start(ctx: Context, command: COMMAND_INT) -> MavResult:

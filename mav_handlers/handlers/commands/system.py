@@ -27,7 +27,7 @@ def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavRes
     """Queue AUTOPILOT_VERSION."""
     if not is_equal(f32(command.param1), _ONE):
         return MavResult.FAILED
-    ctx.endpoint.request_message(ctx.channel, "AUTOPILOT_VERSION")
+    ctx.channel.request("AUTOPILOT_VERSION")
     return MavResult.ACCEPTED
 
 

@@ -13,12 +13,12 @@ from mav_handlers.wire.messages import COMMAND_INT
 CommandHandler = Callable[[Context, COMMAND_INT], MavResult]
 
 COMMANDS: Final[Mapping[int, CommandHandler]] = {
-    MavCmd.NAV_LOITER_UNLIM: modes.nav_loiter_unlim,
-    MavCmd.NAV_RETURN_TO_LAUNCH: modes.nav_return_to_launch,
-    MavCmd.NAV_LAND: modes.nav_land,
+    MavCmd.NAV_LOITER_UNLIM: modes.entering(modes.LOITER),
+    MavCmd.NAV_RETURN_TO_LAUNCH: modes.entering(modes.RTL),
+    MavCmd.NAV_LAND: modes.entering(modes.LAND),
     MavCmd.NAV_TAKEOFF: modes.nav_takeoff,
     MavCmd.NAV_VTOL_TAKEOFF: modes.nav_takeoff,
-    MavCmd.NAV_VTOL_LAND: modes.nav_land,
+    MavCmd.NAV_VTOL_LAND: modes.entering(modes.LAND),
     MavCmd.CONDITION_YAW: flight.condition_yaw,
     MavCmd.DO_SET_MODE: modes.do_set_mode,
     MavCmd.DO_CHANGE_SPEED: flight.do_change_speed,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ap_core.location import Location
-from mav_handlers.handlers.commands.numbers import u32_of_float, u64_of_float
+from mav_handlers.handlers.commands.results import u32_of_float, u64_of_float
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, HOME_POSITION, SET_HOME_POSITION, STATUSTEXT
 
 if TYPE_CHECKING:
