@@ -60,14 +60,10 @@ def _whole(vector: Vector3f) -> tuple[int, int, int]:
     return i16_of(vector.x), i16_of(vector.y), i16_of(vector.z)
 
 
-def _accel_mg(vehicle: VehiclePort) -> tuple[int, int, int]:
-    return _whole(accel_mss(vehicle) * _THOUSAND / GRAVITY_MSS)
-
-
 def _motion(vehicle: VehiclePort) -> tuple[int, int, int, int, int, int, int, int, int]:
     """Return acceleration in mG, rates in mrad/s and field in mgauss, in whole numbers."""
-    rates = _whole(vehicle.ahrs.get_gyro() * _THOUSAND)
-    return *_accel_mg(vehicle), *rates, *_whole(_field_mgauss(vehicle))
+    accel, rates = accel_mss(vehicle) * _THOUSAND / GRAVITY_MSS, vehicle.ahrs.get_gyro() * _THOUSAND
+    return *_whole(accel), *_whole(rates), *_whole(_field_mgauss(vehicle))
 
 
 def raw_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> RAW_IMU:

@@ -5,6 +5,7 @@
 Source: GCS_MAVLink/GCS.cpp and ArduCopter/GCS_Copter.cpp, update_sensor_status_flags and its vehicle part.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 from ap_core.cint import u16
@@ -59,86 +60,36 @@ _NO_CURRENT: Final = 0
 _BENCH_LOAD: Final = 0
 
 
-def _height_control_bits(vehicle: VehiclePort) -> Bits:
-    runs = vehicle.copter.is_holding_height()
-    return True, runs, runs
-
-
-def _position_control_bits(vehicle: VehiclePort) -> Bits:
-    runs = vehicle.copter.is_holding_position()
-    return True, runs, runs
-
-
-def _ahrs_bits(vehicle: VehiclePort) -> Bits:
+def _changing(vehicle: VehiclePort) -> Mapping[int, Bits]:
+    copter, ranges, flow, camera = vehicle.copter, vehicle.ranges, vehicle.flow, vehicle.visual_odom
+    holds_height, holds_position = copter.is_holding_height(), copter.is_holding_position()
     settled = vehicle.ahrs.initialised()
-    return True, settled, settled and vehicle.ahrs.healthy()
-
-
-def _compass_bits(vehicle: VehiclePort) -> Bits:
-    there = vehicle.params.get_int("COMPASS_ENABLE") != 0
-    return there, there, there
-
-
-def _gps_bits(vehicle: VehiclePort) -> Bits:
+    has_compass = vehicle.params.get_int("COMPASS_ENABLE") != 0
     sample = vehicle.gps.sample()
-    there = sample is not None and sample.fix_type > 0
-    return there, there, sample is not None and sample.fix_type >= FIX_3D and sample.is_healthy
-
-
-def _flow_bits(vehicle: VehiclePort) -> Bits:
-    enabled, healthy = vehicle.flow.enabled(), vehicle.flow.healthy()
-    return enabled, enabled, healthy
-
-
-def _range_bits(vehicle: VehiclePort) -> Bits:
-    ranges = vehicle.ranges
-    return ranges.is_present(), ranges.is_enabled, ranges.is_enabled and ranges.has_data()
-
-
-def _battery_bits(vehicle: VehiclePort) -> Bits:
+    has_gps = sample is not None and sample.fix_type > 0
+    gps_works = sample is not None and sample.fix_type >= FIX_3D and sample.is_healthy
     monitor = vehicle.battery_monitor
-    return True, monitor != 0, monitor in (0, vehicle.params.get_int("BATT_MONITOR"))
-
-
-def _logging_bits(vehicle: VehiclePort) -> Bits:
-    return True, vehicle.is_time_to_log(), not vehicle.log.failed()
-
-
-def _motor_bits(vehicle: VehiclePort) -> Bits:
-    return True, not vehicle.copter.safety_on, True
-
-
-def _visual_odom_bits(vehicle: VehiclePort) -> Bits:
-    camera = vehicle.visual_odom
-    return camera.enabled(), camera.enabled(), camera.enabled() and camera.healthy()
-
-
-def _prearm_bits(vehicle: VehiclePort) -> Bits:
-    enabled = vehicle.copter.arming.enabled_checks() != 0
-    return True, enabled, enabled and (vehicle.copter.is_armed() or vehicle.copter.arming.passed)
-
-
-_CHANGING: Final = {
-    SENSOR_Z_ALTITUDE_CONTROL: _height_control_bits,
-    SENSOR_XY_POSITION_CONTROL: _position_control_bits,
-    SENSOR_AHRS: _ahrs_bits,
-    SENSOR_3D_MAG: _compass_bits,
-    SENSOR_GPS: _gps_bits,
-    SENSOR_OPTICAL_FLOW: _flow_bits,
-    SENSOR_LASER_POSITION: _range_bits,
-    SENSOR_BATTERY: _battery_bits,
-    SENSOR_LOGGING: _logging_bits,
-    SENSOR_MOTOR_OUTPUTS: _motor_bits,
-    SENSOR_VISION_POSITION: _visual_odom_bits,
-    SENSOR_PREARM_CHECK: _prearm_bits,
-}
+    checks = copter.arming.enabled_checks() != 0
+    return {
+        SENSOR_Z_ALTITUDE_CONTROL: (True, holds_height, holds_height),
+        SENSOR_XY_POSITION_CONTROL: (True, holds_position, holds_position),
+        SENSOR_AHRS: (True, settled, settled and vehicle.ahrs.healthy()),
+        SENSOR_3D_MAG: (has_compass, has_compass, has_compass),
+        SENSOR_GPS: (has_gps, has_gps, gps_works),
+        SENSOR_OPTICAL_FLOW: (flow.enabled(), flow.enabled(), flow.healthy()),
+        SENSOR_LASER_POSITION: (ranges.is_present(), ranges.is_enabled, ranges.is_enabled and ranges.has_data()),
+        SENSOR_BATTERY: (True, monitor != 0, monitor in (0, vehicle.params.get_int("BATT_MONITOR"))),
+        SENSOR_LOGGING: (True, vehicle.is_time_to_log(), not vehicle.log.failed()),
+        SENSOR_MOTOR_OUTPUTS: (True, not copter.safety_on, True),
+        SENSOR_VISION_POSITION: (camera.enabled(), camera.enabled(), camera.enabled() and camera.healthy()),
+        SENSOR_PREARM_CHECK: (True, checks, checks and (copter.is_armed() or copter.arming.passed)),
+    }
 
 
 def sensor_bits(vehicle: VehiclePort) -> tuple[int, int, int]:
     """Return the masks of sensors present, enabled and healthy (GCS::update_sensor_status_flags)."""
     present, enabled, healthy = _ALWAYS_HEALTHY | SENSOR_GEOFENCE, _ALWAYS_HEALTHY, _ALWAYS_HEALTHY | _HEALTHY_ANYWAY
-    for sensor, bits_of in _CHANGING.items():
-        is_present, is_enabled, is_healthy = bits_of(vehicle)
+    for sensor, (is_present, is_enabled, is_healthy) in _changing(vehicle).items():
         present |= sensor * is_present
         enabled |= sensor * is_enabled
         healthy |= sensor * is_healthy

@@ -152,15 +152,15 @@ class FtpSession:
     def _not_open_so(self, request: Request) -> Reply:
         return nack(request, FtpError.FAIL if self.is_open else FtpError.FILE_NOT_FOUND)
 
-    def _remove(self, request: Request) -> Reply:
+    def _change(self, request: Request, change: Callable[[str], Failure | None]) -> Reply:
         path = request.path()
-        return nack(request, FtpError.INVALID_DATA_SIZE) if path is None else _done(request, self._files.remove(path))
+        return nack(request, FtpError.INVALID_DATA_SIZE) if path is None else _done(request, change(path))
+
+    def _remove(self, request: Request) -> Reply:
+        return self._change(request, self._files.remove)
 
     def _create_directory(self, request: Request) -> Reply:
-        path = request.path()
-        if path is None:
-            return nack(request, FtpError.INVALID_DATA_SIZE)
-        return _done(request, self._files.make_directory(path))
+        return self._change(request, self._files.make_directory)
 
     def _rename(self, request: Request) -> Reply:
         paths = request.two_paths()
