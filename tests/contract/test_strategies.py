@@ -27,13 +27,12 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     make_logger,
     still_window,
 )
-from viso.companion.vio import build_info
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.json_log import compact_json
-from viso.companion.vio.registry import STRATEGIES, build_vio_strategy
+from viso.companion.vio.registry import FLAGS, STRATEGIES, build_vio_strategy
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import StrategyBase
 from viso.companion.vio.types import (
@@ -64,7 +63,7 @@ PREPARATIONS: dict[str, Prepare] = {
 NEEDS_MOTION = "engine --needs-motion"
 """A program that finds its state by itself only in motion; at rest it is told."""
 
-ALL_ON = dict.fromkeys(build_info.FLAGS, True)
+ALL_ON = dict.fromkeys(FLAGS, True)
 WIDTH, HEIGHT, TILE = 320, 240, 20
 PATIENCE = 30  # frames: 3 s
 LOST_FRAMES = 3

@@ -94,7 +94,7 @@ class LiveVio:
             listeners=(self._odometry.take_update, log.take),
         )
         if isinstance(source, Recording) and source.start is not None:
-            self._runtime.warm_start(source.start)
+            self._runtime.worker.request_warm_start(source.start)
         self._sender = None if link is None else self._made_sender(link, inbound, streams)
 
     def _made_sender(self, link: Link, inbound: FcInbound, streams: Mapping[str, float]) -> OdometrySender:

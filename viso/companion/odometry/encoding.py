@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.config import CovarianceEncoding
-from viso.companion.vio.covariance import to_translation_first
 from viso.companion.vio.se3 import Array
 
 __all__ = ["UNKNOWN", "CovarianceEncoding", "edge_covariance", "encoded"]
@@ -23,6 +22,7 @@ __all__ = ["UNKNOWN", "CovarianceEncoding", "edge_covariance", "encoded"]
 POSE_ELEMENTS: Final = 21
 UNKNOWN: Final = (math.nan,) + (0.0,) * (POSE_ELEMENTS - 1)
 _UPPER: Final = np.triu_indices(6)
+_TRANSLATION_FIRST: Final = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])
 
 
 def edge_covariance(covariance_6x6: Array, local_R_body: Array, local_to_frd: Array) -> Array:
@@ -36,7 +36,7 @@ def edge_covariance(covariance_6x6: Array, local_R_body: Array, local_to_frd: Ar
     turn = local_to_frd.dot(local_R_body)
     M = np.zeros((6, 6))
     M[:3, :3] = M[3:, 3:] = turn
-    matrix: Array = M.dot(to_translation_first(covariance_6x6)).dot(M.T)
+    matrix: Array = M.dot(covariance_6x6[_TRANSLATION_FIRST]).dot(M.T)
     return 0.5 * (matrix + matrix.T)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.odometry.composer import local_to_frd
-from viso.companion.odometry.encoding import edge_covariance, encoded
+from viso.companion.odometry.encoding import UNKNOWN, edge_covariance, encoded
 from viso.companion.odometry.propagation import MotionState
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
 from viso.companion.vio.frames import FLU_TO_FRD
@@ -19,7 +19,6 @@ MAV_FRAME_BODY_FRD: Final = 12
 MAV_FRAME_LOCAL_FRD: Final = 20
 MAV_ESTIMATOR_TYPE_VIO: Final = 3
 _UNKNOWN_RATES: Final = np.full(3, math.nan)
-_UNKNOWN_VELOCITY_COVARIANCE: Final = (math.nan,) + (0.0,) * 20
 
 
 def odometry_message(
@@ -65,7 +64,7 @@ def odometry_message(
         pitchspeed,
         yawspeed,
         pose_covariance=encoded(edge_covariance(state.pose.covariance_6x6, L_T_B.R, to_frd), encoding),
-        velocity_covariance=_UNKNOWN_VELOCITY_COVARIANCE,
+        velocity_covariance=UNKNOWN,
         reset_counter=reset_counter,
         estimator_type=MAV_ESTIMATOR_TYPE_VIO,
         quality=quality,

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The strategies that turn camera frames and inertial data into poses, one file each."""
+"""The strategies that turn camera frames and inertial data into poses."""

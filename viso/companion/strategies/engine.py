@@ -343,3 +343,17 @@ class EngineStrategy(NativeFacade):
                 self._program.start()
             except EngineFailure as error:
                 raise VioFatalError(f"engine: {error}") from error
+
+
+class Okvis2(EngineStrategy):
+    """OKVIS2: the engine of a program, or of the module ``viso_okvis2_native``."""
+
+    name = "okvis2"
+    module = "viso_okvis2_native"
+
+
+class VinsMono(EngineStrategy):
+    """VINS-Mono: the engine of a program, or of the module ``viso_vins_mono_native``."""
+
+    name = "vins_mono"
+    module = "viso_vins_mono_native"

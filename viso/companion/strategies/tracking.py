@@ -18,7 +18,6 @@ from viso.companion.klt.working_image import WorkingImages, shrink_factor
 from viso.companion.msckf.aiding import stand_still
 from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
-from viso.companion.msckf.imu_period import ImuPeriod
 from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.stillness import SPAN_NS, Stillness
 from viso.companion.msckf.window_filter import POS, TOLD_SIGMAS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
@@ -27,6 +26,7 @@ from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.health import FrameFacts, Growth
+from viso.companion.vio.imu_window import ImuPeriod
 from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a 6x6 covariance of a pose must be before it leaves a module, and the one change of its order."""
+"""What a 6x6 covariance of a pose must be before it leaves a module."""
 
 from typing import Final
 
@@ -31,10 +31,3 @@ def sound_covariance(cov: Array) -> Array | None:
         symmetric = (vectors * np.maximum(values, 0.0)).dot(vectors.T)
         symmetric = 0.5 * (symmetric + symmetric.T)
     return symmetric
-
-
-def to_translation_first(cov: Array) -> Array:
-    """Return a covariance [6, 6] of (rx, ry, rz, tx, ty, tz) in the order (tx, ty, tz, rx, ry, rz); or back."""
-    order = np.array([3, 4, 5, 0, 1, 2])
-    swapped: Array = cov[np.ix_(order, order)]
-    return swapped

@@ -4,6 +4,7 @@
 
 import itertools
 from bisect import bisect_left, bisect_right
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -19,6 +20,7 @@ IMU_GAP: Final = "imu_gap"
 
 MAX_GAP_PERIODS: Final = 3
 MAX_SHORT_PERIODS: Final = 1
+_INTERVALS: Final = 200
 
 _TIME: Final = attrgetter("t_ns")
 
@@ -63,6 +65,32 @@ def window_fault(window: ImuWindow, nominal_period_ns: int) -> str | None:
     if widest > MAX_GAP_PERIODS * nominal_period_ns or short > MAX_SHORT_PERIODS * nominal_period_ns:
         return IMU_GAP
     return None
+
+
+class ImuPeriod:
+    """Judges windows of inertial data by the median of the last 200 intervals between samples.
+
+    Stamps that bunch or jitter do not move it, and a stream that has slowed down is one with gaps until half of them
+    are long.
+    """
+
+    def __init__(self) -> None:
+        self._intervals_ns: deque[int] = deque(maxlen=_INTERVALS)
+        self._last_ns: int | None = None
+
+    def fault(self, window: ImuWindow) -> str | None:
+        """Take in the next window; return what is wrong with it, as ``window_fault`` does.
+
+        Windows overlap at their ends. One without any duration, as before the first frame, has no faults.
+        """
+        last_ns = self._last_ns
+        times_ns = [sample.t_ns for sample in window.samples if last_ns is None or sample.t_ns >= last_ns]
+        self._intervals_ns.extend(later - earlier for earlier, later in itertools.pairwise(times_ns))
+        if times_ns:
+            self._last_ns = times_ns[-1]
+        if window.end_t_ns == window.start_t_ns:
+            return None
+        return window_fault(window, round(np.median(self._intervals_ns))) if self._intervals_ns else IMU_EMPTY
 
 
 def bracketed(window: ImuWindow) -> tuple[ImuSample, ...]:

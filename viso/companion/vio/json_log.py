@@ -87,25 +87,3 @@ class JsonFormatter(logging.Formatter):
             "msg": record.getMessage(),
         }
         return compact_json(standing | fields | standing)  # they come first, and no field overrides them
-
-
-class RateLimiter:
-    """Lets one through per period and counts the others.
-
-    Args:
-        period_ns: from one that is let through to the next.
-    """
-
-    def __init__(self, period_ns: int = 1_000_000_000) -> None:
-        self._period_ns = period_ns
-        self._next_ns: int | None = None
-        self._suppressed = 0
-
-    def admit(self, now_ns: int) -> int | None:
-        """Return how many were suppressed since the last one let through, or None to suppress this one."""
-        if self._next_ns is not None and now_ns < self._next_ns:
-            self._suppressed += 1
-            return None
-        suppressed, self._suppressed = self._suppressed, 0
-        self._next_ns = now_ns + self._period_ns
-        return suppressed

@@ -16,7 +16,7 @@ import numpy as np
 
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu_window import ImuSteps
-from viso.companion.vio.se3 import Array, read_only
+from viso.companion.vio.se3 import Array, read_only, skews
 from viso.companion.vio.types import ImuBias
 
 _IDENTITY: Final = np.eye(3)
@@ -63,7 +63,7 @@ def preintegrate(steps: ImuSteps, noise: ImuNoise, bias: ImuBias) -> Preintegrat
     positions = _sums(velocities[:-1] * dt_s[:, None] + (p_by_accel @ accel[..., None])[..., 0])
     # An error of a step's rate and force has an effect [9, 6] at the step's end: the rotation in the body there ...
     turned = after @ np.swapaxes(first, 1, 2) * _column(dt_s)  # the right Jacobian is the left one transposed
-    cross = before @ _skews(accel)
+    cross = before @ skews(accel)
     v_by_gyro, p_by_gyro = cross * _column(dt_s**2 / -2), cross * _column(dt_s**3 / -6)  # to first order in the angle
     # ... and at the end of all: what is gained after the step is turned as well, and the velocity lasts.
     left_s = dt_s.sum() - np.cumsum(dt_s)
@@ -71,8 +71,8 @@ def preintegrate(steps: ImuSteps, noise: ImuNoise, bias: ImuBias) -> Preintegrat
     gained_p = positions[-1] - positions[1:] - velocities[1:] * left_s[:, None]
     effects = np.zeros((len(dt_s), 9, 6))
     effects[:, :3, :3] = rotations[-1].T @ turned
-    effects[:, 3:6, :3] = v_by_gyro - _skews(gained_v) @ turned
-    effects[:, 6:, :3] = p_by_gyro + v_by_gyro * _column(left_s) - _skews(gained_p) @ turned
+    effects[:, 3:6, :3] = v_by_gyro - skews(gained_v) @ turned
+    effects[:, 6:, :3] = p_by_gyro + v_by_gyro * _column(left_s) - skews(gained_p) @ turned
     effects[:, 3:6, 3:] = v_by_accel
     effects[:, 6:, 3:] = p_by_accel + v_by_accel * _column(left_s)
     sigmas = np.repeat([noise.gyro, noise.accel], 3) / np.sqrt(dt_s)[:, None]
@@ -97,7 +97,7 @@ def _integrals(phi: Array) -> tuple[Array, Array, Array]:
         1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800)),
         (0.5 - 2 * np.sin(0.5 * angle) ** 2 / large) / large,
     )
-    cross = _skews(phi)
+    cross = skews(phi)
     crossed = cross @ cross
     parts = (
         (1.0, 1 - square * third, 0.5 - square * fourth),
@@ -119,14 +119,6 @@ def _products(turns: Array) -> Array:
 def _sums(gains: Array) -> Array:
     """Return the vectors [N + 1, 3] before, between and after gains [N, 3]."""
     return np.concatenate([np.zeros((1, 3)), np.cumsum(gains, axis=0)])
-
-
-def _skews(vectors: Array) -> Array:
-    """Return the matrices [N, 3, 3] that multiply as the cross products with vectors [N, 3] do."""
-    skews = np.zeros((len(vectors), 3, 3))
-    skews[:, [2, 0, 1], [1, 2, 0]] = vectors
-    skews[:, [1, 2, 0], [2, 0, 1]] = -vectors
-    return skews
 
 
 def _column(factors: Array) -> Array:

@@ -3,19 +3,31 @@
 """The strategies by name, and the factory that builds the one that the configuration asks for, or none."""
 
 import importlib
+import importlib.util
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, cast
 
 from ap_core.plugins import with_plugins
-from viso.companion.vio import build_info
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import CameraCalibration
 from viso.extras import pip_install
+
+
+def read_flags() -> Mapping[str, bool]:
+    """Return which strategies this build has; the environment has no say in that."""
+    modules = {"FIXED_LAG": "gtsam", "OKVIS2": "viso_okvis2_native", "VINS_MONO": "viso_vins_mono_native"}
+    is_there = {f"BUILD_{name}": importlib.util.find_spec(module) is not None for name, module in modules.items()}
+    return MappingProxyType({"BUILD_KLT_RANSAC": True, **is_there})
+
+
+FLAGS: Final = read_flags()
+"""Hold for the whole run. A test that wants other flags makes its own and hands them to the factory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,24 +62,24 @@ def _lazy(module: str, class_name: str, extra: str) -> Callable[[StrategyContext
 
 _STRATEGY_REGISTRY: Final[dict[str, StrategyEntry]] = {
     "klt_ransac": StrategyEntry(
-        build_info.BUILD_KLT_RANSAC,
+        "BUILD_KLT_RANSAC",
         _lazy("klt_ransac", "KltRansac", extra="vio"),
         "tracked corners and an error-state filter with cloned poses; the baseline",
     ),
     "fixed_lag": StrategyEntry(
-        build_info.BUILD_FIXED_LAG,
+        "BUILD_FIXED_LAG",
         _lazy("fixed_lag", "FixedLag", extra="vio,gtsam"),
         "tracked corners and an incremental fixed-lag smoother; wants the extras vio and gtsam",
     ),
     "okvis2": StrategyEntry(
-        build_info.BUILD_OKVIS2,
-        _lazy("okvis2", "Okvis2", extra="vio"),
+        "BUILD_OKVIS2",
+        _lazy("engine", "Okvis2", extra="vio"),
         "OKVIS2, where its native module is installed or --engine names its program",
         runs_programs=True,
     ),
     "vins_mono": StrategyEntry(
-        build_info.BUILD_VINS_MONO,
-        _lazy("vins_mono", "VinsMono", extra="vio"),
+        "BUILD_VINS_MONO",
+        _lazy("engine", "VinsMono", extra="vio"),
         "VINS-Mono, where its native module is installed or --engine names its program; for comparison only",
         runs_programs=True,
     ),
@@ -98,7 +110,7 @@ def build_vio_strategy(
     clock: Callable[[], int],
     logger: logging.Logger,
     *,
-    flags: Mapping[str, bool] = build_info.FLAGS,
+    flags: Mapping[str, bool] = FLAGS,
 ) -> StrategyBase:
     """Build the strategy that the configuration asks for; there is no other one to fall back to.
 

@@ -10,7 +10,7 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.registry import build_vio_strategy
-from viso.companion.vio.types import CameraCalibration, WarmStartPose
+from viso.companion.vio.types import CameraCalibration
 from viso.companion.vio.worker import ImuWindows, Listener, VioWorker
 
 
@@ -106,7 +106,3 @@ class VioRuntime:
 
     def __exit__(self, *_: object) -> None:
         self.stop()
-
-    def warm_start(self, pose: WarmStartPose) -> None:
-        """Let the strategy start from a state before its next frame; from any thread."""
-        self.worker.request_warm_start(pose)

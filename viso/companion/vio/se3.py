@@ -40,6 +40,14 @@ def skew(vector: Array) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def skews(vectors: Array) -> Array:
+    """Return the matrices [N, 3, 3] that multiply as the cross products with vectors [N, 3] do."""
+    skews = np.zeros((len(vectors), 3, 3))
+    skews[:, [2, 0, 1], [1, 2, 0]] = vectors
+    skews[:, [1, 2, 0], [2, 0, 1]] = -vectors
+    return skews
+
+
 def so3_exp(rotation_vector: Array) -> Array:
     """Return the rotation matrix [3, 3] of a rotation vector [3] in rad."""
     x, y, z = rotation_vector.tolist()

@@ -6,7 +6,7 @@ import dataclasses
 import logging
 import threading
 import uuid
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -80,9 +80,6 @@ class VioWorker:
 
     Attributes:
         strategy: for its thread, but for what may be called from any.
-        counters: ``tracking``, ``degraded``, ``initializing`` and ``fatal`` count processed frames by how that ended,
-            ``skipped`` those not processed because of LOST, ``not_later`` those whose stamp was not later than the one
-            before; and warm starts, stalls and errors of listeners.
     """
 
     def __init__(
@@ -108,7 +105,6 @@ class VioWorker:
         self._halted: str | None = None  # why no frame is processed before a warm start
         self._no_frames: str | None = None  # why there are none
         self._warm_starts: deque[WarmStartPose] = deque(maxlen=1)
-        self.counters = Counter[str]()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self.run, name="vio-worker", daemon=True)
 
@@ -137,7 +133,6 @@ class VioWorker:
         if not self._is_later(t_ns):
             return None
         if self._halted is not None and self._config.auto_reinit_s == 0:
-            self.counters["skipped"] += 1
             return None
         window = self._imu.window(t_ns if self._last_ns is None else self._last_ns, t_ns)
         begin_ns = self._clock_ns()
@@ -154,18 +149,15 @@ class VioWorker:
         output: VioOutput | None = None
         try:
             output = self.strategy.process_frame(frame, window, self._calibration)
-            outcome = "tracking"
         except VioInitializingError:
-            outcome = "initializing"
+            pass
         except VioDegradedError as error:
-            output, outcome = error.output, "degraded"
+            output = error.output
         except VioFatalError as error:
-            self.counters["fatal"] += 1
             if self._halted is None:
                 self._halted = str(error)
                 self._error("vio_fatal", str(error), error, frame.frame_id)
             return None
-        self.counters[outcome] += 1
         self._halted = None
         return output
 
@@ -175,17 +167,14 @@ class VioWorker:
         try:
             self.strategy.reset_to_warm_start(self._warm_starts.popleft())
         except VioFatalError as error:
-            self.counters["warm_starts_refused"] += 1
             self._error("warm_start_refused", str(error), error)
             return
-        self.counters["warm_starts"] += 1
         self._halted, self._last_ns, self._not_later = None, None, 0
 
     def _is_later(self, t_ns: int) -> bool:
         if self._last_ns is None or t_ns > self._last_ns:
             self._not_later = 0
             return True
-        self.counters["not_later"] += 1
         self._not_later += 1
         if self._not_later == self._config.lost_frames_fatal:  # such a clock does not come back
             self._halted = "stamps of frames do not increase"
@@ -204,7 +193,6 @@ class VioWorker:
             try:
                 listener(update)
             except Exception as error:
-                self.counters["listener_errors"] += 1
                 self._error("listener_failed", f"listener failed: {error!r}", error)
 
     def _error(self, event: str, msg: str, error: BaseException | None = None, frame: uuid.UUID | None = None) -> None:
@@ -252,7 +240,6 @@ class VioWorker:
                 self._tell_lost(self._no_frames)
             return False
         if self._no_frames is None:
-            self.counters["stalled"] += 1
             self._no_frames = f"no frame for {STALL_S:g} s"
             self._tell_lost(self._no_frames)
         return True

@@ -15,18 +15,20 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.engine.compiled import descriptors, has_ended, inertial_engine
+from tests.unit.viso.companion.strategies.fake_native import install
 from tests.unit.viso.companion.vio.strategy_rig import (
     GRAVITY,
     IMU_PERIOD_NS,
     PERIOD_NS,
     Ticks,
+    WaxRig,
     make_calibration,
     make_frame,
     make_logger,
 )
 from viso.companion.engine.child import MOST_LINES, EngineChild
 from viso.companion.engine.protocol import FROM_ENGINE, Decoder, Estimate, frame_of
-from viso.companion.strategies.engine import BACKOFF_S, LONGEST_COAST_S, MOST_FAILURES, EngineStrategy
+from viso.companion.strategies.engine import BACKOFF_S, LONGEST_COAST_S, MOST_FAILURES, EngineStrategy, Okvis2, VinsMono
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.errors import (
     StrategyNotAvailableError,
@@ -254,6 +256,15 @@ def test_engine_that_refuses_its_options_is_not_available() -> None:
 def test_engine_without_a_program_is_not_available() -> None:
     with pytest.raises(StrategyNotAvailableError, match="has to name its program"):
         build_vio_strategy(VioConfig(strategy="engine"), make_calibration(), Ticks(), make_logger()[0])
+
+
+@pytest.mark.parametrize(("kind", "name"), [(Okvis2, "okvis2"), (VinsMono, "vins_mono")])
+def test_engine_may_be_that_of_a_native_module(
+    monkeypatch: pytest.MonkeyPatch, kind: type[EngineStrategy], name: str
+) -> None:
+    module = install(monkeypatch, f"viso_{name}_native")
+    strategy = kind(WaxRig().context)
+    assert (strategy.name, len(module.engines)) == (name, 1)
 
 
 def test_slow_imu_is_told() -> None:

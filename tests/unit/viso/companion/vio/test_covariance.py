@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from viso.companion.vio.covariance import sound_covariance, to_translation_first
+from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.se3 import Array, so3_exp
 
 ROOTS = arrays(np.float64, (6, 6), elements=st.floats(-100, 100))
@@ -76,16 +76,3 @@ def test_eigenvalue_further_below_zero_is_refused() -> None:
 
 def test_negative_definite_matrix_is_refused() -> None:
     assert sound_covariance(-np.eye(6)) is None
-
-
-def test_translation_goes_before_rotation() -> None:
-    names = ["rx", "ry", "rz", "tx", "ty", "tz"]
-    code = np.array([[10.0 * row + column for column in range(6)] for row in range(6)])
-    swapped = to_translation_first(code)
-    order = [names.index(name) for name in ("tx", "ty", "tz", "rx", "ry", "rz")]
-    assert swapped.tolist() == [[10.0 * row + column for column in order] for row in order]
-
-
-@given(ROOTS)
-def test_other_order_of_the_other_order_is_the_first(cov: Array) -> None:
-    assert np.array_equal(to_translation_first(to_translation_first(cov)), cov)

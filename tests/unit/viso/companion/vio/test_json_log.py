@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.vio.json_log import JsonFormatter, RateLimiter, compact_json, finite_json, log_event
+from viso.companion.vio.json_log import JsonFormatter, compact_json, finite_json, log_event
 
 
 class Rig:
@@ -121,13 +121,3 @@ PLAIN = st.recursive(
 def test_plain_values_stay_as_they_are(value: object) -> None:
     assert finite_json(value) == value
     assert json.loads(compact_json(value)) == value
-
-
-class TestRateLimiter:
-    def test_first_one_passes(self) -> None:
-        assert RateLimiter().admit(-5) == 0
-
-    def test_one_per_second_passes_with_the_count_of_the_others(self) -> None:
-        limiter = RateLimiter()
-        admitted = [limiter.admit(now_ns) for now_ns in (0, 1, 999_999_999, 1_000_000_000, 2_000_000_000)]
-        assert admitted == [0, None, None, 2, 0]

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The factory of strategies, and what it says when there is none."""
 
+import importlib.util
 import logging
 import sys
 from collections.abc import Mapping
@@ -16,15 +17,37 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     make_calibration,
     make_logger,
 )
-from viso.companion.vio import build_info, registry
+from viso.companion.vio import registry
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
-from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy, describe
+from viso.companion.vio.registry import FLAGS, STRATEGIES, StrategyEntry, build_vio_strategy, describe, read_flags
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 
 FLAGGED = ("klt_ransac", "fixed_lag", "okvis2", "vins_mono")
-ALL_ON = dict.fromkeys(build_info.FLAGS, True)
-ALL_OFF = dict.fromkeys(build_info.FLAGS, False)
+ALL_ON = dict.fromkeys(FLAGS, True)
+ALL_OFF = dict.fromkeys(FLAGS, False)
+
+MODULES = {
+    "gtsam": "BUILD_FIXED_LAG",
+    "viso_okvis2_native": "BUILD_OKVIS2",
+    "viso_vins_mono_native": "BUILD_VINS_MONO",
+}
+
+
+@pytest.mark.parametrize("module", [None, *MODULES])
+def test_strategies_are_there_with_their_modules(monkeypatch: pytest.MonkeyPatch, module: str | None) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", {module: object()}.get)
+    assert read_flags() == {"BUILD_KLT_RANSAC": True} | {flag: name == module for name, flag in MODULES.items()}
+
+
+def test_process_environment_has_no_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUILD_OKVIS2", "1")
+    assert read_flags()["BUILD_OKVIS2"] is False
+
+
+def test_flags_are_read_once_and_cannot_be_set() -> None:
+    with pytest.raises(TypeError):
+        FLAGS["BUILD_OKVIS2"] = True  # type: ignore[index]  # that is the test
 
 
 def build(name: str, flags: Mapping[str, bool]) -> tuple[StrategyBase, EventHandler]:
@@ -42,7 +65,7 @@ def refusal(name: str, flags: Mapping[str, bool]) -> StrategyNotAvailableError:
 
 @pytest.fixture
 def wax(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry = StrategyEntry(build_info.BUILD_KLT_RANSAC, WaxStrategy, "wax")
+    entry = StrategyEntry("BUILD_KLT_RANSAC", WaxStrategy, "wax")
     monkeypatch.setitem(registry._STRATEGY_REGISTRY, "wax", entry)
 
 
@@ -78,7 +101,7 @@ def test_flag_that_is_off_comes_before_the_import(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize("name", ["okvis2", "vins_mono"])
 def test_native_strategies_are_off_by_default(name: str) -> None:
-    assert refusal(name, build_info.FLAGS).reason == f"flag BUILD_{name.upper()} is off"
+    assert refusal(name, FLAGS).reason == f"flag BUILD_{name.upper()} is off"
 
 
 @pytest.mark.parametrize("name", ["okvis2", "vins_mono"])
