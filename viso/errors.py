@@ -16,6 +16,12 @@ class InputError(Exception):
         super().__init__(" ".join(text.splitlines()))
 
 
+def within(option: str, value: float | None, low: float, high: float) -> None:
+    """Let a number pass that lies between two others, or is not given. Raises InputError naming the option."""
+    if value is not None and not low <= value <= high:
+        raise InputError(f"{option} {value:g}: not between {low:g} and {high:g}")
+
+
 @contextmanager
 def file_errors(place: object) -> Iterator[None]:
     """Raise InputError for what the file system does not do; the text begins with the place."""

@@ -33,7 +33,7 @@ from viso.streams.heard import firmware_of_recording
 from viso.streams.recorded_poses import FORMS_AS_RECORDED, check_form
 from viso.streams.sessions import one_session
 from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_whole_stream
-from viso.streams.trajectory_files import axes_of
+from viso.streams.trajectory import axes_of
 from viso.terminal.console import err, out, progress
 from viso.terminal.signals import stop_on_signal
 

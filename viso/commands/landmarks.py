@@ -23,7 +23,7 @@ from viso.companion.landmarks.scene import ESTIMATED_LABEL, ODOMETRY_LABEL
 from viso.companion.landmarks.session import ReceiverWatch, Session, Settings
 from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
-from viso.errors import InputError
+from viso.errors import InputError, within
 from viso.extras import pip_install
 from viso.files.outputs import output_file
 from viso.files.text_files import write_text
@@ -33,7 +33,6 @@ from viso.landmarks.live import AircraftSender, Live, standard_lines
 from viso.landmarks.report import drops, fit_lines, oddities, refusals, summary_table
 from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink
 from viso.logs.recorded import read_log
-from viso.options.checks import within
 from viso.options.outputs import Output
 from viso.terminal.console import drawing, err, out
 from viso.terminal.signals import stop_on_signal

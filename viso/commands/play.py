@@ -23,14 +23,13 @@ from viso.companion.recorded.player import Player, Text
 from viso.companion.recorded.readers import FORMATS, Source
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.sender import OffsetClock
-from viso.errors import InputError
-from viso.options.checks import within
+from viso.errors import InputError, within
 from viso.options.live_topic import DomainOption
 from viso.options.outputs import Output
 from viso.ros2.poses import SCHEME, PoseTopic, live_topic_of
 from viso.running.bridging import Bridge, delay_lines
 from viso.running.playing import LinkPlay, write_telemetry_log
-from viso.streams.trajectory_files import axes_of, form_of, left_out, load
+from viso.streams.trajectory import axes_of, form_of, left_out, load
 from viso.terminal.console import err, out
 from viso.terminal.signals import stop_on_signal
 

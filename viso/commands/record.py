@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from viso.errors import InputError, file_errors
-from viso.options.checks import within
+from viso.errors import InputError, file_errors, within
 from viso.options.outputs import Output
 from viso.recording.driving import MASTER_HELP, record_at
 from viso.recording.outputs import version_text, write_recording

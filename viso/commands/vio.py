@@ -18,9 +18,8 @@ from viso.companion.sources.kinds import SOURCES
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
-from viso.errors import InputError
+from viso.errors import InputError, within
 from viso.files.text_files import write_text
-from viso.options.checks import within
 from viso.options.engine import EngineOption
 from viso.options.outputs import Output
 from viso.terminal.console import drawing, err, out

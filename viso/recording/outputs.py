@@ -14,12 +14,12 @@ from mav_handlers.links import TlogWriter
 from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.messages import Message
 from viso.files.outputs import output_file
-from viso.firmware.flown import FlownVersion, profile_for, version_of_number
+from viso.firmware.flown import FlownVersion, profile_for
 from viso.firmware.releases import OFFICIAL, Firmware
 from viso.recording.matching import Handled, baud_of, match, out_of, vision_records
 from viso.recording.recorder import Recording
 from viso.recording.scenario import Start
-from viso.streams.heard import VEHICLES
+from viso.streams.heard import version_told
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 _IN_CAPTURES: Final = ("VISO_", "EK3_", "AHRS_EKF_", "ARMING_")
@@ -38,11 +38,7 @@ FILES: Final[Mapping[str, str]] = {
 
 def version_of(recording: Recording) -> FlownVersion | None:
     """Return which firmware was recorded, if it told."""
-    version = recording.version
-    if version is None:
-        return None
-    source_hash = bytes(version.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")
-    return version_of_number(version.flight_sw_version, source_hash, VEHICLES.get(recording.vehicle_type, ""))
+    return None if recording.version is None else version_told(recording.version, recording.vehicle_type)
 
 
 def version_text(recording: Recording) -> str:

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple, TypeVar
 
 from rich.table import Column, Table
 
-from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.fates.labels import RULES_BY_CODE, basis, fate_of, final_counts, is_model, why
 from viso.fates.watch import AidingSpan
@@ -246,9 +245,7 @@ def _count_columns(title: str, *names: str) -> Table:
 def _verdict_table(changes: Sequence[CountChange]) -> Table:
     table = _count_columns("Verdicts of messages that differ in number", "message", "verdict", "why")
     for change in changes:
-        table.add_row(
-            change.name, Outcome(change.outcome).value, reason_of(change.rule), str(change.before), str(change.after)
-        )
+        table.add_row(change.name, change.outcome, reason_of(change.rule), str(change.before), str(change.after))
     return table
 
 

@@ -8,7 +8,7 @@ written again with what came of that. The recorded outcome is not looked at.
 
 import operator
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import partial, reduce
 from typing import Final
 
 import numpy as np
@@ -162,34 +162,24 @@ class Scenario:
         remote_us: int,
         time_ms: int,
         pos: object,
-        quat: object,
+        attitude: object,
         pos_err: object,
         ang_err: object,
         reset_counter: int,
         quality: int,
+        *,
+        by_euler: bool = False,
     ) -> None:
         _check_integers(remote_us, time_ms, reset_counter, quality)
-        errors = float_of(pos_err), float_of(ang_err)
-        self._visual_odom.handle_pose_estimate(
-            remote_us, time_ms, vector_of(pos), quaternion_of(quat), *errors, reset_counter, quality
-        )
-
-    def _pose_euler(
-        self,
-        remote_us: int,
-        time_ms: int,
-        pos: object,
-        euler: object,
-        pos_err: object,
-        ang_err: object,
-        reset_counter: int,
-        quality: int,
-    ) -> None:
-        _check_integers(remote_us, time_ms, reset_counter, quality)
-        errors = float_of(pos_err), float_of(ang_err)
-        self._visual_odom.handle_pose_estimate_euler(
-            remote_us, time_ms, vector_of(pos), vector_of(euler), *errors, reset_counter, quality
-        )
+        errors, place = (float_of(pos_err), float_of(ang_err)), vector_of(pos)
+        if by_euler:
+            self._visual_odom.handle_pose_estimate_euler(
+                remote_us, time_ms, place, vector_of(attitude), *errors, reset_counter, quality
+            )
+        else:
+            self._visual_odom.handle_pose_estimate(
+                remote_us, time_ms, place, quaternion_of(attitude), *errors, reset_counter, quality
+            )
 
     def _speed(self, remote_us: int, time_ms: int, vel: object, reset_counter: int, quality: int) -> None:
         _check_integers(remote_us, time_ms, reset_counter, quality)
@@ -220,7 +210,7 @@ _OPS: Final[dict[str, Callable[..., None]]] = {
     "time_us": Scenario._time_us,
     "ahrs": Scenario._ahrs_answers,
     "pose": Scenario._pose,
-    "pose_euler": Scenario._pose_euler,
+    "pose_euler": partial(Scenario._pose, by_euler=True),
     "speed": Scenario._speed,
     "delta": Scenario._delta,
     "request_align_yaw": Scenario._request_align_yaw,

@@ -29,6 +29,7 @@ from viso.errors import InputError
 from viso.firmware.flown import FlownVersion, version_in
 from viso.logs.record_fields import RecordError, numbers, text, whole
 from viso.logs.recorded import read_columns, records_in
+from viso.streams.capture import MAX_PARAMETER
 from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 
@@ -39,7 +40,6 @@ _FRAME_BYTES: Final = 12
 _UNEXPLAINED_US: Final = 5000
 _GROUND_STATION: Final = (255, 190)
 _MAV_PARAM_TYPE_REAL32: Final = 9
-_LARGEST_PARAMETER: Final = 3.4e38  # of binary32
 _ALIGNED: Final = "VisOdom: yaw shifted"
 # Labels of earlier firmware, 3.6 to 4.5.
 _OLD_LABELS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -135,7 +135,7 @@ class _LogContent:
 
     def _take_parm(self, record: Any) -> None:
         name, (value,) = text(record, "Name"), numbers(record, "Value")
-        if not abs(value) <= _LARGEST_PARAMETER:
+        if not abs(value) <= MAX_PARAMETER:
             return
         before = self._latest.get(name)
         self._latest[name] = value
@@ -242,10 +242,8 @@ def _came_apart(events: Sequence[_Event]) -> bool:
     Quality comes with ODOMETRY only. Without any, a pose and a velocity of one stamp that were handled in different
     passes of the main loop cannot have been one message.
     """
-    if any(event.quality for event in events if isinstance(event, PoseRecord | VelocityRecord)):
-        return False
     records = [event for event in events if isinstance(event, PoseRecord | VelocityRecord)]
-    return any(
+    return not any(record.quality for record in records) and any(
         _of_one_stamp(first, second) and second.time_us - first.time_us >= TOGETHER_US
         for first, second in pairwise(records)
     )

@@ -68,9 +68,13 @@ def version_heard(stream: Stream) -> FlownVersion | None:
             return texts[beat[0]]
     if beat is None or beat[0] not in numbers or beat[1].autopilot != _MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
-    number = numbers[beat[0]]
-    source_hash = bytes(number.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")
-    return version_of_number(number.flight_sw_version, source_hash, VEHICLES.get(beat[1].type, ""))
+    return version_told(numbers[beat[0]], beat[1].type)
+
+
+def version_told(message: AUTOPILOT_VERSION, mav_type: int) -> FlownVersion | None:
+    """Return the release of an autopilot by its number; ``mav_type`` is that of its heartbeat."""
+    source_hash = bytes(message.flight_custom_version).rstrip(b"\0").decode("ascii", "replace")
+    return version_of_number(message.flight_sw_version, source_hash, VEHICLES.get(mav_type, ""))
 
 
 class HeardValue(NamedTuple):

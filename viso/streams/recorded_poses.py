@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from mav_handlers.wire.codec import Codec
 from viso.companion.recorded.messages import FORMS, Report
-from viso.companion.recorded.readers import Source
+from viso.companion.recorded.readers import Source, load_records
 from viso.companion.recorded.recorded_trajectory import Pose
-from viso.companion.recorded.records import Records
+from viso.companion.recorded.records import Records, TrajectoryError
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.estimators import quaternion_arrays as quaternion
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
-from viso.streams.trajectory import TrajectoryOptions
-from viso.streams.trajectory_files import axes_of, load_as_it_is
+from viso.streams.trajectory import TrajectoryOptions, axes_of
 
 Times = NDArray[np.int64]
 
@@ -164,19 +163,13 @@ def _frames(records: Records, poses: _Poses, form: str, lead_us: int) -> Iterato
 
 
 def read_as_recorded(path: Path, lead_us: int, options: TrajectoryOptions, form: str | None = None) -> Stream:
-    """Read a trajectory as messages that hold what the file holds, usable or not.
+    """Read a trajectory as messages that hold what the file holds, usable or not; a rate in the options is not obeyed.
 
-    Args:
-        path: the file, or the folder of a bag.
-        lead_us: from boot to the first message.
-        options: how to take it; a rate is not obeyed.
-        form: what to send, as of ``as_recorded``.
-
-    Raises:
-        InputError: if it cannot be read, or an option cannot be used.
+    Raises InputError if it cannot be read, or an option cannot be used.
     """
     check_form(form)
-    records = load_as_it_is(Source(path, options.topic, options.times), options.format_name)
+    with told_errors(TrajectoryError):
+        records = load_records(Source(path, options.topic, options.times), options.format_name)
     return replace(as_recorded(records, lead_us, options.axes, form), name=path.stem)
 
 

@@ -6,35 +6,27 @@ Its clock, which many of its messages carry, falls back then. Alignment, resets,
 again.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
-from mav_handlers.wire.messages import Message
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, is_autopilot, params_heard
 from viso.streams.stream import Stream, StreamMessage, received_in
 
 LEAST_STEP_BACK_MS: Final = 2_000
 """Datagrams may overtake each other, by less."""
 _WRAP_MS: Final = 1 << 31
-_VISION: Final = tuple(VISION_MESSAGES)
-
-
-def _messages(stream: Stream) -> Iterator[tuple[int, int, int, Message | None]]:
-    """Yield number, system, component and content of what is in each message of a stream."""
-    for number, received in received_in(stream):
-        yield number, received.header.system_id, received.header.component_id, received.message
 
 
 def _starts(stream: Stream) -> list[int]:
     """Return where sessions begin, behind the last message with a time of the one before."""
     system_id, starts, latest_ms, behind = None, [0], -1, 0
-    for number, sender, component_id, message in _messages(stream):
-        if system_id is None and is_autopilot(component_id, message):
-            system_id = sender
+    for number, (header, message) in received_in(stream):
+        if system_id is None and is_autopilot(header.component_id, message):
+            system_id = header.system_id
         boot_ms = getattr(message, "time_boot_ms", None)
-        if (sender, component_id) != (system_id, MAV_COMP_ID_AUTOPILOT1) or not isinstance(boot_ms, int):
+        sender = header.system_id, header.component_id
+        if sender != (system_id, MAV_COMP_ID_AUTOPILOT1) or not isinstance(boot_ms, int):
             continue
         if LEAST_STEP_BACK_MS < latest_ms - boot_ms < _WRAP_MS:
             starts.append(behind)
@@ -73,7 +65,7 @@ def sessions_of(stream: Stream) -> tuple[Stream, ...]:
 
 def vision_count(stream: Stream) -> int:
     """Return how many messages of external navigation a stream holds."""
-    return sum(isinstance(message, _VISION) for *_, message in _messages(stream))
+    return sum(type(received.message) in VISION_MESSAGES for _, received in received_in(stream))
 
 
 def one_session(stream: Stream, number: int | None = None) -> Stream:

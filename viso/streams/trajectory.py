@@ -2,18 +2,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Trajectories that an odometry or a motion capture recorded, as a companion computer would send them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from viso.companion.recorded.engine import Playback, RecordedEngine
-from viso.companion.recorded.frame_change import FrameChange
+from viso.companion.recorded.frame_change import FrameChange, parse_axes
+from viso.companion.recorded.messages import FORMS, Form
 from viso.companion.recorded.player import Player
-from viso.companion.recorded.readers import Source
-from viso.options.checks import within
+from viso.companion.recorded.readers import Source, load_trajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
+from viso.companion.recorded.records import TrajectoryError
+from viso.companion.vio.se3 import Array
+from viso.errors import InputError, told_errors, within
 from viso.streams.stream import LONGEST_SILENCE_US, Stream, StreamMessage
-from viso.streams.trajectory_files import axes_of, form_of, left_out, load
 
 LONGEST_GAP_S = 1.0
 """No pose is interpolated over a longer time."""
@@ -66,3 +70,30 @@ def read_trajectory(path: Path, lead_us: int, options: TrajectoryOptions) -> Str
         messages += [StreamMessage(lead_us + frame.due_us, frame.data) for frame in frames]
         sent_us = frames[0].due_us
     return Stream(path.stem, tuple(messages), notes=tuple(left_out(source, recorded)))
+
+
+def form_of(name: str) -> Form:
+    """Return what to send by the name that ``--as`` takes. Raises InputError if there is none such."""
+    if name not in FORMS:
+        raise InputError(f"--as {name}: there are {', '.join(FORMS)}")
+    return FORMS[name]
+
+
+def axes_of(text: str) -> tuple[Array, Array]:
+    """Return the matrices [3, 3] of world and body that ``--axes`` names. Raises InputError if it names none."""
+    try:
+        return parse_axes(text)
+    except ValueError as error:
+        raise InputError(f"--axes: {error}") from error
+
+
+def load(source: Source, format_name: str | None, *, from_anywhere: bool = False) -> RecordedTrajectory:
+    """Return what a file holds, as ``load_trajectory`` does. Raises InputError if it cannot be read."""
+    with told_errors(TrajectoryError):
+        return load_trajectory(source, format_name, from_anywhere=from_anywhere)
+
+
+def left_out(source: Source, trajectory: RecordedTrajectory) -> Iterator[str]:
+    """Yield what was passed over, a line a reason."""
+    for reason, count in trajectory.left_out.items():
+        yield f"{source.path}: {count} with {reason}"

@@ -52,14 +52,9 @@ def run_point(plan: SweepPlan, point: Point) -> Result:
         return Result(point.number, None, " ".join(f"{type(error).__name__}: {error}".split()))
 
 
-def code_version() -> str:
-    """Return the version of the programs here."""
-    return installed_version()
-
-
 def _row_of(plan: SweepPlan, point: Point) -> Row:
-    if plan.code != code_version():
-        raise InputError(f"a worker has viso {code_version()}, the sweep was defined with {plan.code}")
+    if plan.code != installed_version():
+        raise InputError(f"a worker has viso {installed_version()}, the sweep was defined with {plan.code}")
     recorded, firmware = plan.recordings[point.recording], PROFILES[point.firmware]
     values = {axis.name: value for axis, value in zip(plan.axes, point.values, strict=True)}
     stream = _until(_faulty(_stream(plan, recorded), plan.faults[point.faults], values, point.seed), plan.until_s)
@@ -82,10 +77,7 @@ def _row_of(plan: SweepPlan, point: Point) -> Row:
 
 @lru_cache(_KEPT * 4)
 def check_file(file: InputFile) -> None:
-    """Check that a file is the one that was meant, once a process.
-
-    Raises InputError if it is missing, or holds something else.
-    """
+    """Raise InputError unless a file is there and is the one that was meant; looked at once a process."""
     if input_file(Path(file.path)).sha256 != file.sha256:
         raise InputError(f"{file.path}: not the file that the sweep was begun with")
 
@@ -148,10 +140,7 @@ def _faulty(stream: Stream, faults: Faults, values: Mapping[str, float], seed: i
 
 
 def timeline_of(faults: Faults, values: Mapping[str, float]) -> Timeline:
-    """Return a timeline with the fields that axes change.
-
-    Raises InputError that names the timeline, the entry and the field.
-    """
+    """Return a timeline with the fields that axes change. Raises InputError that names timeline, entry and field."""
     document = parsed_yaml(faults.text)
     for name, value in values.items():
         place = fault_field(name)

@@ -14,6 +14,7 @@ from viso.companion.faults import TimelineError, parse_timeline
 from viso.companion.faults.timeline import MAX_SEED
 from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
+from viso.extras import installed_version
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.options.ahrs import AhrsChoice, imu_options, of_stream
@@ -26,7 +27,7 @@ from viso.sensors.inertial_sources import FLOWN
 from viso.sensors.script.script_file import EXAMPLES
 from viso.streams.stream_kinds import DATAFLASH_LOG, STREAM_KINDS, TrajectoryOptions, kind_of
 from viso.sweep.dimensions import Axis, fault_field, parse_axes, values_of
-from viso.sweep.job import code_version, timeline_of
+from viso.sweep.job import timeline_of
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
 from viso.sweep.request import NO_FAULTS, Wishes
 
@@ -58,7 +59,7 @@ def make_plan(wishes: Wishes) -> SweepPlan:
         lead_s=_lead(30.0 if wishes.lead is None else wishes.lead),
         until_s=_until(math.inf if wishes.until is None else wishes.until),
         trajectory=trajectory,
-        code=code_version(),
+        code=installed_version(),
     )
     check_plan(plan)
     return plan

@@ -14,7 +14,7 @@ from viso.files.outputs import output_file
 from viso.replay.figures import OBJECTIVES
 from viso.sweep.best import best_rows
 from viso.sweep.plan import SweepPlan
-from viso.sweep.result_tables import changed_columns, found
+from viso.sweep.result_tables import changed_columns, found, swept_axes
 
 _BESIDE: Final = ("nis_velocity", "nis_pose", "fused_share", "rejected", "ate_m", "time_to_aiding_s")
 _MOST_PANELS: Final = 6
@@ -27,7 +27,7 @@ Row = dict[str, Any]
 
 def save_plot(plan: SweepPlan, rows: Sequence[Row], objective: str, path: Path) -> None:
     """Write the picture as PNG. Raises InputError if it cannot be written."""
-    axes = [axis.name for axis in plan.axes if axis.span is not None or len(axis.values) > 1]
+    axes = swept_axes(plan)
     if len(axes) == 1:
         figure = _along(plan, rows, objective, axes[0])
     elif len(axes) == 2 and plan.sampling is None:

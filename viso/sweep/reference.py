@@ -11,7 +11,7 @@ from viso.companion.trials.evaluation import TimedPoses
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
 from viso.streams.stream_kinds import TRAJECTORY, TrajectoryOptions, kind_of
-from viso.streams.trajectory_files import load
+from viso.streams.trajectory import load
 
 _LOGS = (".bin", ".bin.xz")
 

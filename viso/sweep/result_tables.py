@@ -20,9 +20,14 @@ _BESIDE: Final = ("nis", "fused_share", "rejected", "resets", "time_to_aiding_s"
 Row = dict[str, Any]
 
 
+def swept_axes(plan: SweepPlan) -> list[str]:
+    """Return the names of the axes that have more than one value."""
+    return [axis.name for axis in plan.axes if axis.span is not None or len(axis.values) > 1]
+
+
 def swept_axis(plan: SweepPlan) -> str | None:
     """Return the name of the one axis that has more than one value; None where there are none or several."""
-    names = [axis.name for axis in plan.axes if axis.span is not None or len(axis.values) > 1]
+    names = swept_axes(plan)
     return names[0] if len(names) == 1 else None
 
 

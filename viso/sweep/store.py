@@ -161,8 +161,12 @@ def columns(plan: SweepPlan) -> list[str]:
     return [*_FIRST_COLUMNS, *(axis.name for axis in plan.axes), *OBJECTIVES]
 
 
-def point_columns(plan: SweepPlan, point: Point) -> dict[str, Any]:
-    """Return what was changed for a point, by column."""
+def table_rows(plan: SweepPlan, done: Mapping[int, Row]) -> list[dict[str, Any]]:
+    """Return the points that are done, with what was changed and their figures, in order."""
+    return [{**_changed(plan, point), **done[point.number]} for point in plan.points() if point.number in done]
+
+
+def _changed(plan: SweepPlan, point: Point) -> dict[str, Any]:
     return {
         "point": point.number,
         "stream": plan.recordings[point.recording].name,
@@ -171,11 +175,6 @@ def point_columns(plan: SweepPlan, point: Point) -> dict[str, Any]:
         "seed": point.seed,
         **{axis.name: value for axis, value in zip(plan.axes, point.values, strict=True)},
     }
-
-
-def table_rows(plan: SweepPlan, done: Mapping[int, Row]) -> list[dict[str, Any]]:
-    """Return the points that are done, with their figures, in order."""
-    return [{**point_columns(plan, point), **done[point.number]} for point in plan.points() if point.number in done]
 
 
 def _as_csv(plan: SweepPlan, rows: list[dict[str, Any]]) -> bytes:
