@@ -39,7 +39,6 @@ class AnyLines:
 
     Attributes:
         utc_offset_s: how far the times of BaseStation lines are ahead of UTC.
-        refused: by reason.
     """
 
     utc_offset_s: float = 0.0
@@ -74,7 +73,6 @@ class Merged:
 
     Attributes:
         names: of the files, or ``-``.
-        options: of the files.
         standard_input: its lines.
     """
 

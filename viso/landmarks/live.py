@@ -44,15 +44,11 @@ _Reader = TypeVar("_Reader", bound=AnyLines | LineReader | FileReader | MavlinkS
 
 
 class Source(ABC, Generic[_Reader]):
-    """Something that tells events as they come.
+    """Something that tells events as they come, until it is over.
 
     Args:
         name: as the user has given it.
         reader: makes events of what comes.
-
-    Attributes:
-        name: as the user has given it.
-        is_over: whether nothing will follow.
     """
 
     def __init__(self, name: str, reader: _Reader) -> None:
@@ -106,13 +102,7 @@ class _Lines(Source[AnyLines | LineReader]):
 
 
 class LineSource(_Lines):
-    """Lines of a descriptor: a pipe, or a file that grows.
-
-    Args:
-        name: as the user has given it.
-        descriptor: open for reading; it stays open.
-        utc_offset_s: of BaseStation lines.
-    """
+    """Lines of a descriptor, which stays open: a pipe, or a file that grows."""
 
     def __init__(self, name: str, descriptor: int, utc_offset_s: float = 0.0) -> None:
         super().__init__(name, AnyLines(utc_offset_s))
@@ -243,12 +233,7 @@ class Live:
     def events(self, stop: Callable[[], bool], until_s: float | None = None) -> Iterator[Event]:
         """Yield what comes until it is enough, or all is over; then what had come by then, to the last line.
 
-        Args:
-            stop: says whether it is enough.
-            until_s: how long to go on.
-
-        Raises:
-            InputError: if a file cannot be read on.
+        Raises InputError if a file cannot be read on.
         """
         end_s = None if until_s is None else self._now_s() + until_s
         while not stop() and (end_s is None or self._now_s() < end_s):
@@ -333,19 +318,11 @@ def _record(text: str) -> object:
 
 
 class AircraftSender:
-    """Passes the aircraft that a receiver hears on to an autopilot, as that receiver would (ADSB_VEHICLE).
+    """Passes the aircraft that a receiver hears on to an autopilot, as that receiver would (ADSB_VEHICLE)."""
 
-    Args:
-        link: to the autopilot.
-        system_id: of the vehicle that carries the receiver.
-
-    Attributes:
-        sent: how many reports were sent.
-    """
-
-    def __init__(self, link: Link, system_id: int = 1) -> None:
+    def __init__(self, link: Link) -> None:
         self._link = link
-        self._codec = Codec(system_id, MAV_COMP_ID_ADSB)
+        self._codec = Codec(1, MAV_COMP_ID_ADSB)
         self.sent = 0
 
     def take(self, event: Event) -> None:

@@ -13,7 +13,7 @@ from viso.landmarks.live import MAV_COMP_ID_ADSB, AircraftSender
 
 def test_reports_of_aircraft_are_sent_and_nothing_else() -> None:
     ours, autopilots = make_pair()
-    sender = AircraftSender(ours, system_id=7)
+    sender = AircraftSender(ours)
     events = list(SyntheticFlight(Camera(), duration_s=3.0).events())
     for event in events:
         sender.take(event)
@@ -23,7 +23,7 @@ def test_reports_of_aircraft_are_sent_and_nothing_else() -> None:
         codec.feed(data)
         while (frame := codec.next_received()) is not None:
             assert isinstance(frame, Received)
-            assert (frame.header.system_id, frame.header.component_id) == (7, MAV_COMP_ID_ADSB)
+            assert (frame.header.system_id, frame.header.component_id) == (1, MAV_COMP_ID_ADSB)
             assert isinstance(frame.message, ADSB_VEHICLE)
             received.append(from_message(frame.message, 0.0))
     assert len(received) == len(reports) == sender.sent > 0

@@ -13,14 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from viso.companion.landmarks.inputs.base import (
-    LARGEST_M,
-    LARGEST_S,
-    InputFileError,
-    Refused,
-    counted,
-    not_null_island,
-)
+from viso.companion.landmarks.inputs.base import LARGEST_M, LARGEST_S, InputFileError, Refused, counted, not_null_island
 from viso.companion.landmarks.inputs.json_lines import JsonReader
 from viso.companion.landmarks.inputs.poses import pose_from_enu, pose_from_ned, rotation_of_quat
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, GlobalFix
@@ -51,14 +44,9 @@ ellipsoid."""
 
 
 class BagFile:
-    """A bag; times are those of the stamps, or of the recording for messages without one.
+    """A .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
 
-    Args:
-        path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
-        odometry_is_ned: whether odometry is in NED, with its body FRD.
-
-    Attributes:
-        refused: by reason.
+    Times are those of the stamps, or of the recording for messages without one. Odometry in NED has its body in FRD.
     """
 
     def __init__(self, path: Path, *, odometry_is_ned: bool = False) -> None:

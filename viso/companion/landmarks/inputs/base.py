@@ -35,9 +35,6 @@ class Refused(Exception):
 class LineReader(ABC):
     """Turns lines of text into events; what their times count from, each format says.
 
-    Args:
-        refused: where to count; None for a counter of its own.
-
     Attributes:
         refused: how many records, or parts of them, were of no use, by reason.
     """
@@ -64,11 +61,7 @@ class LineReader(ABC):
 
 
 class FileReader(Protocol):
-    """Turns a file into events.
-
-    Attributes:
-        refused: as of :class:`LineReader`, complete when all events were taken.
-    """
+    """Turns a file into events; what it has refused is complete when all of them were taken."""
 
     refused: Counter[str]
 
@@ -89,11 +82,7 @@ def counted(refused: Counter[str]) -> Iterator[None]:
 
 
 def number(record: Mapping[str, Any], key: str, largest: float = math.inf) -> float:
-    """Return a number of a record.
-
-    Raises:
-        Refused: if it is missing, none, not finite, or beyond ``largest``.
-    """
+    """Return a number of a record. Raises Refused if it is missing, none, not finite, or beyond ``largest``."""
     value = record.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise Refused(f"{key} is no number")
@@ -114,11 +103,7 @@ def optional_number(record: Mapping[str, Any], key: str, refused: Counter[str]) 
 
 
 def icao_of(text: object) -> str:
-    """Return an ICAO address in upper case.
-
-    Raises:
-        Refused: if it is none; receivers mark addresses that are not ICAO's with a tilde.
-    """
+    """Return an ICAO address in upper case; raises Refused for others, which receivers mark with a tilde."""
     icao = text.strip().upper() if isinstance(text, str) else ""
     if len(icao) != 6 or not set(icao) <= set("0123456789ABCDEF"):
         raise Refused(NOT_ICAO)

@@ -50,12 +50,7 @@ ReadLog = Callable[[Path, Callable[[Log], list[Event]]], list[Event]]
 class DataFlashFile:
     """A log; its events are held in memory, their times are seconds since the autopilot's boot.
 
-    Args:
-        path: its name.
-        read_log: opens it.
-
     Attributes:
-        refused: by reason.
         utc_minus_boot_s: what makes these times UTC, by the GPS; None before the events, or if it had no fix.
     """
 
@@ -93,8 +88,7 @@ class DataFlashFile:
         kind, t_s = record.get_type(), record.TimeUS * 1e-6
         if kind == "XKF4":
             self._core = getattr(record, "PI", self._core)
-            has_horizontal, has_vertical = record.SS & _HORIZONTAL_POSITION, record.SS & _VERTICAL_POSITION
-            self._has_position[record.C] = bool(has_horizontal and has_vertical)
+            self._has_position[record.C] = bool(record.SS & _HORIZONTAL_POSITION and record.SS & _VERTICAL_POSITION)
         elif kind == "XKF1" and self._core == record.C:
             if not self._has_position.get(record.C, False):
                 raise Refused("a pose before the position is known")

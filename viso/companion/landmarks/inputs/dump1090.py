@@ -46,11 +46,7 @@ class Dump1090Reader(LineReader):
         return self.take_snapshot(json_record(line), arrival_s)
 
     def take_snapshot(self, snapshot: object, arrival_s: float | None = None) -> list[Event]:
-        """Return the reports of a snapshot as JSON gives it.
-
-        Raises:
-            Refused: if it is none.
-        """
+        """Return the reports of a snapshot as JSON gives it. Raises Refused if it is none."""
         # The first dump1090 sent the list of aircraft alone.
         if isinstance(snapshot, list):
             snapshot = {"aircraft": snapshot}
@@ -109,11 +105,7 @@ class Dump1090Reader(LineReader):
 
 
 class Dump1090Folder:
-    """A folder of snapshots, a file each or one a line, which are taken in the order of their ``now``.
-
-    Attributes:
-        refused: as of :class:`Dump1090Reader`.
-    """
+    """A folder of snapshots, a file each or one a line, which are taken in the order of their ``now``."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -152,11 +144,7 @@ def _is_snapshot(snapshot: Any) -> bool:
 
 
 def json_record(text: str) -> Any:
-    """Return what a text in JSON holds.
-
-    Raises:
-        Refused: if it is none.
-    """
+    """Return what a text in JSON holds. Raises Refused if it is none."""
     try:
         return parsed_json(text)
     except ValueError:

@@ -15,16 +15,7 @@ LONGEST_LINE_BYTES: Final = 1 << 20
 
 
 class TextFile:
-    """A file, plain or gzip, whose lines a reader understands.
-
-    Args:
-        path: its name.
-        reader: of its format.
-        whole: whether the file is one record, with line ends inside.
-
-    Attributes:
-        refused: what the reader refused.
-    """
+    """A file, plain or gzip, whose lines a reader understands; a ``whole`` one is a record with line ends inside."""
 
     def __init__(self, path: Path, reader: LineReader, *, whole: bool = False) -> None:
         self._path = path

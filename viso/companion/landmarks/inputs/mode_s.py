@@ -37,8 +37,7 @@ class ModeSReader(LineReader):
     A frame's time is that in the line if there is one, or else that of arrival, or else the receiver's counter, which
     runs from its start. Frames that make others whole, such as the first of a pair, are no refusals.
 
-    Raises:
-        InputFileError: if pyModeS is missing.
+    Raises InputFileError if pyModeS is missing.
     """
 
     def __init__(self) -> None:

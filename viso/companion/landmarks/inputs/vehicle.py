@@ -5,9 +5,8 @@
 A pose is made of each ATTITUDE, as the yaw matters most; its position is that of the last LOCAL_POSITION_NED, carried
 on with its velocity. GLOBAL_POSITION_INT is a fix, above mean sea level, and ADSB_VEHICLE an aircraft.
 
-With times of arrival, those of the poses are on their clock: the autopilot's stamps, put later by the smallest delay of
-the last messages, so that they do not waver as arrivals do. What is left is the delay of the fastest of these messages.
-Without times of arrival they count from the autopilot's boot.
+Times are on the clock of the arrivals: the autopilot's stamps, put later by the smallest delay of the last messages, so
+that they do not waver as arrivals do. What is left is the delay of the fastest of these messages.
 """
 
 import math
@@ -18,13 +17,7 @@ from typing import Final
 
 from mav_handlers.links.tlog import TlogError, read_tlog
 from mav_handlers.wire.codec import Codec, Received
-from mav_handlers.wire.messages import (
-    ADSB_VEHICLE,
-    ATTITUDE,
-    GLOBAL_POSITION_INT,
-    LOCAL_POSITION_NED,
-    Message,
-)
+from mav_handlers.wire.messages import ADSB_VEHICLE, ATTITUDE, GLOBAL_POSITION_INT, LOCAL_POSITION_NED, Message
 from viso.companion.landmarks.adsb_vehicle import from_message
 from viso.companion.landmarks.inputs.base import InputFileError, Refused, counted, not_null_island
 from viso.companion.landmarks.inputs.poses import ned_R_frd, pose_from_ned
@@ -46,10 +39,8 @@ class ArrivalTimes:
         self._delays_s: deque[float] = deque(maxlen=DELAYS)
         self._last_s = -math.inf
 
-    def t_s(self, stamp_s: float, arrival_s: float | None) -> float:
-        """Return the time of a stamp on the clock of arrival; as it is when that is not known."""
-        if arrival_s is None:
-            return stamp_s
+    def t_s(self, stamp_s: float, arrival_s: float) -> float:
+        """Return the time of a stamp on the clock of arrival."""
         delay_s = arrival_s - stamp_s
         sooner = bool(self._delays_s) and delay_s < min(self._delays_s) - STEP_S
         if sooner or stamp_s < self._last_s - STEP_S:
@@ -60,38 +51,25 @@ class ArrivalTimes:
 
 
 class MavlinkReader:
-    """Makes poses, fixes and reports of messages.
-
-    Attributes:
-        refused: by reason; messages of no interest are no refusals.
-    """
+    """Makes poses, fixes and reports of messages; those of no interest are no refusals."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
         self._times = ArrivalTimes()
         self._position: LOCAL_POSITION_NED | None = None
-        self._boot_s: float | None = None
 
-    def take(self, message: Message, arrival_s: float | None = None) -> list[Event]:
-        """Return what a message tells. Never raises on what it says.
-
-        Args:
-            message: of the vehicle, or an aircraft.
-            arrival_s: when it arrived; None if nobody knows, which must be so for all or for none.
-        """
+    def take(self, message: Message, arrival_s: float) -> list[Event]:
+        """Return what a message of the vehicle, or an aircraft, tells. Never raises on what it says."""
         events: list[Event] = []
         with counted(self.refused):
             if isinstance(message, _OfVehicle):
                 events = self._of_vehicle(message, arrival_s)
             elif isinstance(message, ADSB_VEHICLE):
-                now_s = self._boot_s if arrival_s is None else arrival_s
-                if now_s is None:
-                    raise Refused("an aircraft before any time is known")
-                events = [from_message(message, now_s)]
+                events = [from_message(message, arrival_s)]
         return events
 
-    def _of_vehicle(self, message: _OfVehicle, arrival_s: float | None) -> list[Event]:
-        self._boot_s = boot_s = message.time_boot_ms * 1e-3
+    def _of_vehicle(self, message: _OfVehicle, arrival_s: float) -> list[Event]:
+        boot_s = message.time_boot_ms * 1e-3
         t_s = self._times.t_s(boot_s, arrival_s)
         if isinstance(message, ATTITUDE):
             return [self._pose(message, boot_s, t_s)]
@@ -117,11 +95,7 @@ class MavlinkReader:
 
 
 class MavlinkStream:
-    """Makes events of the bytes of a link; of several vehicles on it, poses are those of the first that tells any.
-
-    Attributes:
-        refused: as of :class:`MavlinkReader`.
-    """
+    """Makes events of the bytes of a link; of several vehicles on it, poses are those of the first that tells any."""
 
     def __init__(self) -> None:
         self._reader = MavlinkReader()
@@ -129,7 +103,7 @@ class MavlinkStream:
         self._vehicle: tuple[int, int] | None = None
         self.refused = self._reader.refused
 
-    def feed(self, data: bytes, arrival_s: float | None = None) -> list[Event]:
+    def feed(self, data: bytes, arrival_s: float) -> list[Event]:
         """Return what the messages tell that these bytes complete."""
         self._codec.feed(data)
         events: list[Event] = []
@@ -151,11 +125,7 @@ class MavlinkStream:
 
 
 class TlogFile:
-    """A telemetry log; times of arrival are those of its entries, which ground stations count from 1970.
-
-    Attributes:
-        refused: as of :class:`MavlinkReader`, and bytes that were damaged or cut off.
-    """
+    """A telemetry log; times of arrival are those of its entries, which ground stations count from 1970."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

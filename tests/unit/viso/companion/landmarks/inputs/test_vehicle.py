@@ -5,6 +5,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +26,13 @@ PLACE = GLOBAL_POSITION_INT(10_000, 474_000_000, 85_000_000, 432_500, 12_000, 0,
 HELICOPTER = AircraftReport(60.0, "3C6DD1", 47.5, 8.5, 5000.0, 90.0, 45.0, 640.0)
 
 
-def pose_of(reader: MavlinkReader, *messages: Message, arrival_s: float | None = None) -> VehiclePose:
-    events = [event for message in messages for event in reader.take(message, arrival_s)]
+def told(reader: MavlinkReader, *messages: Any) -> list[Event]:
+    """Return what messages tell that arrive as they are stamped."""
+    return [event for message in messages for event in reader.take(message, message.time_boot_ms * 1e-3)]
+
+
+def pose_of(reader: MavlinkReader, *messages: Message) -> VehiclePose:
+    events = told(reader, *messages)
     assert len(events) == 1
     assert isinstance(events[0], VehiclePose)
     return events[0]
@@ -66,7 +72,7 @@ def test_position_is_carried_on_to_the_time_of_the_attitude(late_ms: int) -> Non
 
 
 def test_fix_is_above_sea_level() -> None:
-    [fix] = MavlinkReader().take(PLACE)
+    [fix] = told(MavlinkReader(), PLACE)
     assert isinstance(fix, GlobalFix)
     assert fix.t_s == 10.0
     assert (fix.point.latitude_deg, fix.point.longitude_deg) == pytest.approx((47.4, 8.5), abs=1e-9)
@@ -78,15 +84,6 @@ def test_aircraft_has_the_time_at_which_it_was_heard() -> None:
     [report] = reader.take(to_message(HELICOPTER, 62.0), 100.0)
     assert isinstance(report, AircraftReport)
     assert (report.t_s, report.icao) == (98.0, "3C6DD1")
-
-
-def test_aircraft_without_arrivals_is_on_the_clock_of_the_autopilot() -> None:
-    reader = MavlinkReader()
-    assert reader.take(to_message(HELICOPTER, 62.0)) == []
-    reader.take(PLACE)
-    [report] = reader.take(to_message(HELICOPTER, 62.0))
-    assert report.t_s == 8.0
-    assert reader.refused == {"an aircraft before any time is known": 1}
 
 
 @pytest.mark.parametrize(
@@ -105,7 +102,7 @@ def test_aircraft_without_arrivals_is_on_the_clock_of_the_autopilot() -> None:
 )
 def test_what_is_of_no_use_is_counted(messages: list[Message], reason: str) -> None:
     reader = MavlinkReader()
-    assert [event for message in messages for event in reader.take(message)] == []
+    assert told(reader, *messages) == []
     assert reader.refused == {reason: 1}
 
 
@@ -122,9 +119,6 @@ def test_other_messages_are_passed_over() -> None:
 
 
 class TestArrivalTimes:
-    def test_without_arrivals_stamps_stay(self) -> None:
-        assert ArrivalTimes().t_s(5.0, None) == 5.0
-
     def test_late_arrivals_do_not_shake_the_times(self) -> None:
         times = ArrivalTimes()
         delays_s = [0.01, 0.15, 0.02, 0.3, 0.01, 0.08]
@@ -172,9 +166,9 @@ def test_stream_takes_bytes_as_they_come() -> None:
 def test_stream_stays_with_the_first_vehicle() -> None:
     stream = MavlinkStream()
     first, second = Vehicle(1), Vehicle(2)
-    stream.feed(first.bytes(AT))
-    assert stream.feed(second.bytes(replace(AT, x=99.0), EAST)) == []
-    [pose] = stream.feed(first.bytes(EAST))
+    stream.feed(first.bytes(AT), 100.0)
+    assert stream.feed(second.bytes(replace(AT, x=99.0), EAST), 100.0) == []
+    [pose] = stream.feed(first.bytes(EAST), 100.0)
     assert isinstance(pose, VehiclePose)
     assert pose.y_m == 3.0
     assert stream.refused == {"a message of another vehicle": 2}
@@ -191,10 +185,10 @@ def test_aircraft_may_come_from_anyone() -> None:
 @given(st.binary(max_size=200))
 def test_bytes_that_are_no_frames_do_no_harm(junk: bytes) -> None:
     stream = MavlinkStream()
-    assert stream.feed(junk) == []
-    stream.feed(Vehicle().bytes(AT))
+    assert stream.feed(junk, 100.0) == []
+    stream.feed(Vehicle().bytes(AT), 100.0)
     # What looked like the head of a frame may have eaten the first ones.
-    assert [event for _ in range(20) for event in stream.feed(Vehicle().bytes(AT, EAST))]
+    assert [event for _ in range(20) for event in stream.feed(Vehicle().bytes(AT, EAST), 100.0)]
 
 
 def test_tlog_has_the_times_of_its_entries(tmp_path: Path) -> None:
