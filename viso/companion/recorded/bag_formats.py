@@ -67,14 +67,9 @@ PoseMessage: TypeAlias = tuple[int, str, Any]
 
 
 def bag_records(path: Path, topic: str | None) -> Records:
-    """Read the poses of a topic, by default of the only one that has any.
+    """Read the poses of a topic, by default of the only one that has any; of transforms it is ``/tf:PARENT.CHILD``.
 
-    Args:
-        path: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
-        topic: its name; of transforms between frames ``/tf:PARENT.CHILD``.
-
-    Raises:
-        TrajectoryError: if the bag cannot be read, rosbags is missing, or the topic is not clear; one line.
+    Raises TrajectoryError if the bag cannot be read, rosbags is missing, or the topic is not clear.
     """
     with one_line_errors(path, TrajectoryError):
         from rosbags.highlevel import AnyReader
@@ -93,12 +88,7 @@ def bag_records(path: Path, topic: str | None) -> Records:
 
 @contextmanager
 def one_line_errors(path: Path, error_type: type[Exception]) -> Iterator[None]:
-    """Turn whatever reading a bag raises into one line that names the file.
-
-    Args:
-        path: of the bag.
-        error_type: what to raise; such an error from within passes as it is.
-    """
+    """Turn whatever reading a bag raises into one line that names the file; such an error passes as it is."""
     try:
         yield
     except error_type:

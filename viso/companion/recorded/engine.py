@@ -18,14 +18,12 @@ class Playback:
     """How to play.
 
     Attributes:
-        form: as which messages.
         speed: seconds of the recording in one of the vehicle's; velocities follow.
         loop: start again at the end, as after a reset.
         start_us: when the first record is taken, since the start.
         latency_us: from taking a record to sending it.
         clock: what stamps are taken from.
         quality: of every report, -1 to 100.
-        encoding: of covariances.
     """
 
     form: Form = FORMS["odometry"]
@@ -39,12 +37,7 @@ class Playback:
 
 
 class RecordedEngine:
-    """Plays a trajectory record by record; what is wanted at another rate is resampled before.
-
-    Args:
-        trajectory: of the vehicle: FRD body, NED or FRD world.
-        playback: how to play it.
-    """
+    """Plays a trajectory of the vehicle (FRD body, NED or FRD world) record by record, at the rate that it has."""
 
     def __init__(self, trajectory: RecordedTrajectory, playback: Playback) -> None:
         self._trajectory = trajectory

@@ -28,13 +28,7 @@ _DIRECTIONS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class AxesPreset:
-    """Axes by a name.
-
-    Attributes:
-        world: of the positions.
-        body: of the attitudes.
-        summary: whose they are.
-    """
+    """Axes of positions and attitudes by a name, and whose they are."""
 
     world: str
     body: str
@@ -94,10 +88,7 @@ def parse_rotation(text: str) -> Array:
     """Return the rotation matrix [3, 3] of a text with numbers between commas.
 
     They are roll, pitch and yaw in degrees (about x, then y, then z, all fixed), a quaternion w, x, y, z, or a matrix
-    row by row.
-
-    Raises:
-        ValueError: if it is none of these.
+    row by row; else it raises ValueError.
     """
     numbers = [float(part) for part in text.split(",")]
     if len(numbers) not in (3, 4, 9):

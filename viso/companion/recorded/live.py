@@ -35,9 +35,7 @@ class LiveOptions:
 
     Attributes:
         adapt: makes trajectories those of the vehicle: FRD body, NED or FRD world.
-        form: as which messages.
         quality: of every report, -1 to 100.
-        encoding: of covariances.
         reset_jump_m: count a reset where a position is further from where the motion before leads.
         from_zero: let the first position be the origin.
     """

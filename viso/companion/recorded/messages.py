@@ -37,7 +37,6 @@ class Report:
         previous: the report before; None for the first, and for the first after a reset.
         reset_counter: 0 to 255, one more after each reset.
         quality: -1 failed, 0 unknown, 1 to 100.
-        encoding: of the covariance.
     """
 
     time_us: int
@@ -101,13 +100,11 @@ def odometry(report: Report) -> tuple[Message, ...]:
 
 
 def vision_position_estimate(report: Report) -> tuple[Message, ...]:
-    """Return VISION_POSITION_ESTIMATE."""
     position, angles = _three(report.pose.position), report.angles_rad
     return (VISION_POSITION_ESTIMATE(report.time_us, *position, *angles, report.covariance, report.reset_counter),)
 
 
 def vision_with_speed(report: Report) -> tuple[Message, ...]:
-    """Return VISION_POSITION_ESTIMATE and VISION_SPEED_ESTIMATE."""
     speed = _three(report.pose.velocity)
     estimate = VISION_SPEED_ESTIMATE(report.time_us, *speed, _UNKNOWN_SPEED, report.reset_counter)
     return (*vision_position_estimate(report), estimate)
@@ -127,20 +124,13 @@ def vision_position_delta(report: Report) -> tuple[Message, ...]:
 
 
 def att_pos_mocap(report: Report) -> tuple[Message, ...]:
-    """Return ATT_POS_MOCAP."""
     pose = report.pose
     return (ATT_POS_MOCAP(report.time_us, _quat(pose), *_three(pose.position), report.covariance),)
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What to play a trajectory as.
-
-    Attributes:
-        encode: makes the messages of a report.
-        summary: what they carry.
-        tells_velocity: whether a velocity is part of it.
-    """
+    """What to play a trajectory as: what makes the messages of a report, and what they carry."""
 
     encode: Callable[[Report], tuple[Message, ...]]
     summary: str

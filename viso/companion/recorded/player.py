@@ -52,18 +52,14 @@ class TextPieces:
 class Player:
     """Sends a heartbeat once a second and what the engine reports, and listens to texts.
 
-    Args:
-        engine: what to play.
-        system_id: of the vehicle.
-
     Attributes:
         sent: how many messages of each type were handed out.
         heard: whether a whole frame has come in.
     """
 
-    def __init__(self, engine: RecordedEngine, *, system_id: int = 1) -> None:
+    def __init__(self, engine: RecordedEngine) -> None:
         self._engine = engine
-        self._codec = Codec(system_id, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
+        self._codec = Codec(1, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
         self._next_heartbeat_us = 0
         self._texts = TextPieces()
         self.sent: Counter[str] = Counter()

@@ -27,13 +27,7 @@ _POSES: Final = ", ".join(kind.rpartition("/")[2] for kind in POSE_TYPES)
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A file, and what it takes to read some formats.
-
-    Attributes:
-        path: the file, or the folder of a bag.
-        topic: of a bag; None for the only one that fits.
-        times: file with the times of KITTI's poses.
-    """
+    """A file, or the folder of a bag, with the bag's topic (None for the only one) and the file of KITTI's times."""
 
     path: Path
     topic: str | None = None
@@ -42,17 +36,15 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format of trajectories.
-
-    Attributes:
-        read: reads a file; raises TrajectoryError.
-        content: what a record holds.
-        writers: who writes it.
-    """
+    """A format of trajectories: what reads it or raises TrajectoryError, what a record holds, and who writes it."""
 
     read: Callable[[Source], Records]
     content: str
     writers: str
+
+
+def _bag(source: Source) -> Records:
+    return bag_records(source.path, source.topic)
 
 
 FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
@@ -82,10 +74,8 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
             "text: the upper three rows of a homogeneous matrix; times in s in a file of their own",
             "KITTI, visual odometries compared on it",
         ),
-        "ros1": Format(lambda source: bag_records(source.path, source.topic), f"bag (.bag): {_POSES}", "ROS 1"),
-        "ros2": Format(
-            lambda source: bag_records(source.path, source.topic), f"bag (folder, .db3, .mcap): {_POSES}", "ROS 2"
-        ),
+        "ros1": Format(_bag, f"bag (.bag): {_POSES}", "ROS 1"),
+        "ros2": Format(_bag, f"bag (folder, .db3, .mcap): {_POSES}", "ROS 2"),
     }
 )
 
@@ -106,14 +96,9 @@ def format_of(path: Path) -> str:
 
 
 def load_records(source: Source, format_name: str | None = None) -> Records:
-    """Read what a file holds, as it stands there.
+    """Read what a file holds, as it stands there, in a format of ``FORMATS`` or, for None, in the one that it has.
 
-    Args:
-        source: the file.
-        format_name: a key of ``FORMATS``; None to find out.
-
-    Raises:
-        TrajectoryError: if it cannot be read; one line that names the file.
+    Raises TrajectoryError if it cannot be read; one line that names the file.
     """
     name = format_name or format_of(source.path)
     if name not in FORMATS:

@@ -143,10 +143,9 @@ class RecordedTrajectory:
         return replace(self, velocities=None)
 
     def with_sigmas(self, sigmas: tuple[float, float] | None) -> "RecordedTrajectory":
-        """Return the trajectory with one covariance everywhere, or with none.
+        """Return the trajectory with one covariance everywhere, or, for None, without any.
 
-        Args:
-            sigmas: standard deviations of each axis, of position in m and of rotation in rad; None for unknown.
+        The standard deviations are those of each axis, of position in m and of rotation in rad.
         """
         if sigmas is None:
             return replace(self, covariances=None)
@@ -162,11 +161,7 @@ class RecordedTrajectory:
         """Return the trajectory at equal steps from its first record on.
 
         Positions, velocities and covariances are interpolated linearly, quaternions too and then made unit. Between
-        two records that a reset parts, the earlier one stands.
-
-        Args:
-            rate_hz: records per second.
-            max_gap_s: where two records are further apart, there is none in between.
+        two records that a reset parts, the earlier one stands. Over more than ``max_gap_s`` there is none.
         """
         times_ns = self._grid_ns(1e9 / rate_hz, int(max_gap_s * 1e9))
         before = np.clip(np.searchsorted(self.times_ns, times_ns, side="right") - 1, 0, max(len(self) - 2, 0))

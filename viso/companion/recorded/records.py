@@ -71,15 +71,8 @@ def usable(records: Records, *, from_anywhere: bool = False, fewest: int = 2) ->
     """Return the trajectory of what can be used; a record without a time has that of its arrival.
 
     Records that cannot be used are left out, and counted. Velocities that are all 0 or NaN count as unknown, as do
-    covariances whose numbers are all 0: programs that do not know them write that.
-
-    Args:
-        records: what a file holds.
-        from_anywhere: whether positions may lie far from the origin, as those of UTM do, if near to each other.
-        fewest: how many records must be usable.
-
-    Raises:
-        TooFewRecords: if fewer can be used.
+    covariances whose numbers are all 0: programs that do not know them write that. ``from_anywhere`` lets positions lie
+    far from the origin, as those of UTM do, if near to each other. Raises TooFewRecords for less than ``fewest``.
     """
     times_ns = records.times_ns
     if records.arrivals_ns is not None:
@@ -105,7 +98,8 @@ def usable(records: Records, *, from_anywhere: bool = False, fewest: int = 2) ->
     drop(~np.isfinite(np.hstack([moving, quats])).all(axis=1), NOT_FINITE)
     moving[:, :3] -= np.median(position[kept], axis=0) if from_anywhere and len(kept) else 0.0
     drop((np.abs(moving[kept]) > LARGEST).any(axis=1), OUT_OF_RANGE)
-    drop(np.abs(_lengths(quats[kept]) - 1) > _UNIT_LENGTH, NO_ROTATION)
+    with np.errstate(over="ignore"):
+        drop(np.abs(np.linalg.norm(quats[kept], axis=1) - 1) > _UNIT_LENGTH, NO_ROTATION)
     if len(kept):  # a stamp of 0 before a clock is set, or a damaged one, would make years of silence
         drop(np.abs(times[kept] - int(np.median(times[kept]))) > DAY_NS, FAR_OFF)
     drop(times[kept] <= np.maximum.accumulate(np.concatenate([[-1], times[kept]]))[:-1], NOT_LATER)
@@ -122,12 +116,6 @@ def usable(records: Records, *, from_anywhere: bool = False, fewest: int = 2) ->
         covariance,
         left_out=counts,
     )
-
-
-def _lengths(vectors: Array) -> Array:
-    with np.errstate(over="ignore"):
-        lengths: Array = np.linalg.norm(vectors, axis=1)
-    return lengths
 
 
 def _sound(covariances: Array, counts: dict[str, int]) -> Array | None:

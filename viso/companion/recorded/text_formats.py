@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.recorded.recorded_trajectory import TIME_END_NS, RecordedTrajectory
-from viso.companion.recorded.records import CUT_SHORT, Records, TrajectoryError, usable
+from viso.companion.recorded.recorded_trajectory import TIME_END_NS
+from viso.companion.recorded.records import CUT_SHORT, Records, TrajectoryError
 from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 
 NANOSECONDS_FROM: Final = 1_000_000_000_000
@@ -96,16 +96,8 @@ def detect(text: str) -> str | None:
     return "euroc" if w_first else "tum" if in_seconds else "okvis"
 
 
-def read_table(path: Path, layout: Layout) -> RecordedTrajectory:
-    """Read what can be used of a file whose rows hold a time and a pose; raises TrajectoryError."""
-    return usable(table_records(path, layout))
-
-
 def table_records(path: Path, layout: Layout) -> Records:
-    """Read a file whose rows hold a time and a pose.
-
-    Raises TrajectoryError, naming the file, and the line where that is to blame.
-    """
+    """Read a file whose rows hold a time and a pose. Raises TrajectoryError, naming the file, and the line to blame."""
     rows, left_out = _full_rows(path, layout.columns)
     times_ns = [_time_ns(path, row, nanoseconds=layout.nanoseconds) for row in rows]
     table = np.array([_numbers(path, row) for row in rows])

@@ -16,8 +16,8 @@ from typing import Final, cast
 
 import numpy as np
 
-from viso.companion.recorded.records import TrajectoryError
-from viso.companion.recorded.text_formats import EUROC, TUM, Row, read_table, read_text, rows_of
+from viso.companion.recorded.records import TrajectoryError, usable
+from viso.companion.recorded.text_formats import EUROC, TUM, Row, read_text, rows_of, table_records
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.se3 import SE3, Array
@@ -47,12 +47,7 @@ class EurocError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """A picture that has not been decoded.
-
-    Attributes:
-        t_ns: its stamp.
-        path: its file.
-    """
+    """A picture that has not been decoded: its stamp and its file."""
 
     t_ns: int
     path: Path
@@ -60,13 +55,9 @@ class Image:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EurocRecording:
-    """A recording; to use a part of it, or fewer frames, replace ``images``.
+    """A recording, in the order of time; ``poses`` are the true trajectory, None if there is none.
 
-    Attributes:
-        calibration: of the camera.
-        images: in the order of time.
-        samples: of the IMU, in the order of time.
-        poses: the true trajectory, None if there is none.
+    To use a part of it, or fewer frames, replace ``images``.
     """
 
     calibration: CameraCalibration
@@ -178,7 +169,7 @@ def _sample(path: Path, row: Row) -> ImuSample:
 
 
 def _poses(path: Path) -> TimedPoses:
-    trajectory = read_table(path, EUROC if path.suffix == ".csv" else TUM)
+    trajectory = usable(table_records(path, EUROC if path.suffix == ".csv" else TUM))
     return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
 
 

@@ -118,14 +118,9 @@ class AbsoluteError:
 
 
 def umeyama(source: Array, target: Array) -> tuple[SE3, float]:
-    """Return the rigid motion that brings points onto others best, and the scale of the best similarity.
+    """Return the rigid motion that brings points [N, 3] onto others best, and the scale of the best similarity.
 
-    Args:
-        source: points [N, 3].
-        target: points [N, 3] that they belong to.
-
-    Raises:
-        EvaluationError: for fewer than 3 points, or points on one spot.
+    Raises EvaluationError for fewer than 3 points, or points on one spot.
     """
     if len(source) < 3:
         raise EvaluationError(f"{len(source)} poses in common, an alignment needs 3")

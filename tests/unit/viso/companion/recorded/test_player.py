@@ -21,8 +21,8 @@ LONG = "PreArm: " + "x" * 120
 def make(make_trajectory: MakeTrajectory) -> Callable[..., Player]:
     """Return a function that makes a player of some records at 10 Hz."""
 
-    def build(count: int = 3, form: str = "odometry", **options: int) -> Player:
-        return Player(RecordedEngine(make_trajectory(count), Playback(FORMS[form])), **options)
+    def build(count: int = 3, form: str = "odometry") -> Player:
+        return Player(RecordedEngine(make_trajectory(count), Playback(FORMS[form])))
 
     return build
 
@@ -68,8 +68,8 @@ def test_heartbeat_comes_every_second_until_the_end(make: Callable[..., Player])
 
 
 def test_frames_are_those_of_a_companion_computer(make: Callable[..., Player]) -> None:
-    received = decoded(make(system_id=7).next_frames()[0])
-    assert (received.header.system_id, received.header.component_id) == (7, 197)
+    received = decoded(make().next_frames()[0])
+    assert (received.header.system_id, received.header.component_id) == (1, 197)
     assert isinstance(received.message, HEARTBEAT)
     assert (received.message.type, received.message.autopilot) == (18, 8)
 

@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 from tests.unit.viso.companion.recorded.conftest import outcome_of
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import CUT_SHORT, TrajectoryError, usable
-from viso.companion.recorded.text_formats import EUROC, OKVIS, OPENVINS, TUM, Layout, detect, kitti_records, read_table
+from viso.companion.recorded.text_formats import (
+    EUROC,
+    OKVIS,
+    OPENVINS,
+    TUM,
+    Layout,
+    detect,
+    kitti_records,
+    table_records,
+)
 
 S = math.sqrt(0.5)
 T0 = "1403636583"
@@ -51,6 +60,10 @@ TABLES = [
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "flight.txt"
+
+
+def read_table(path: Path, layout: Layout) -> RecordedTrajectory:
+    return usable(table_records(path, layout))
 
 
 def read(path: Path, text: str, layout: Layout = TUM) -> RecordedTrajectory:
