@@ -44,8 +44,7 @@ class SourceOptions:
 
     Attributes:
         name: of a file, a folder, a device or what else a kind of source understands.
-        calibration: file with the camera's; None for what the source brings along.
-        imu: file with inertial data, where they are not in the source.
+        calibration, imu: files of the camera's and with inertial data; None for what the source brings along.
         imu_start_s: time of that file at which the pictures begin.
         fps: how many frames to take a second; None for all.
         imu_axes: where x, y and z of the IMU point, such as FLU; None for what is usual for the kind of source.
@@ -73,7 +72,6 @@ class Recording:
     """Data of a flight that can be played any number of times; the body is FLU, the world ENU or at least z up.
 
     Attributes:
-        calibration: of the camera.
         data: yields, each time from the start, what arrives in the order in which it arrives; raises SourceError.
         poses: world_T_body as far as it is known from elsewhere; None if it is not.
         start: the state at the first frame; None if it is not known.
@@ -93,11 +91,7 @@ class Recording:
         return _since_first_frame(self.data())
 
     def turned(self, body_R_imu: Array) -> "Recording":
-        """Return the same data in the axes of another body with the same origin.
-
-        Args:
-            body_R_imu: [3, 3], from the axes of these data to those of the new body.
-        """
+        """Return the same data in the axes of another body with the same origin."""
         if np.array_equal(body_R_imu, np.eye(3)):
             return self
         to_body = SE3(body_R_imu, np.zeros(3))
@@ -139,14 +133,9 @@ class Thinning:
 
 
 def body_rotation(letters: str, mounting: Array | None = None) -> Array:
-    """Return the matrix [3, 3] from an IMU's axes to the body's.
+    """Return the matrix [3, 3] from an IMU's axes to the body's, of ``imu_axes`` and ``mounting`` of SourceOptions.
 
-    Args:
-        letters: where the IMU's x, y and z point, such as FLU.
-        mounting: [3, 3], what is left to turn, from FRD axes as the letters say to the vehicle's; None for nothing.
-
-    Raises:
-        ValueError: if the letters are no three perpendicular directions, or make a mirror.
+    Raises ValueError if the letters are no three perpendicular directions, or make a mirror.
     """
     to_frd = axes_matrix(letters)
     if np.linalg.det(to_frd) < 0:
@@ -158,12 +147,9 @@ def body_rotation(letters: str, mounting: Array | None = None) -> Array:
 def in_order_of_arrival(
     samples: Iterable[ImuSample], frames: Iterable[NavCameraFrame], camera_offset_s: float
 ) -> Iterator[SensorEvent]:
-    """Yield both, each frame after the first sample that is not before it.
+    """Yield both, each frame after the first sample that is not before it; both are in the order of time.
 
-    Args:
-        samples: in the order of time.
-        frames: in the order of time.
-        camera_offset_s: what must be added to a frame's stamp to get the samples' time.
+    The offset is what must be added to a frame's stamp to get the samples' time.
     """
     offset_ns, waiting = round(camera_offset_s * 1e9), iter(samples)
     newest_ns: int | None = None

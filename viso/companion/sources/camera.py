@@ -19,7 +19,6 @@ class LiveCamera:
 
     Attributes:
         name: its number or URL.
-        calibration: of the camera.
         fps: the most frames to take a second; None for all.
         config: what suits it, unless told otherwise.
     """
@@ -30,13 +29,10 @@ class LiveCamera:
     config: VioConfig
 
     def open(self, clock_ns: Callable[[], int]) -> "CameraFrames":
-        """Open the camera.
+        """Open the camera; a clock stamps each frame as it arrives.
 
-        Args:
-            clock_ns: stamps each frame as it arrives; what passes before that is for the calibration's time offset.
-
-        Raises:
-            SourceError: if it cannot be opened, or its pictures have another size than the calibration's.
+        What passes before that is for the calibration's time offset. Raises SourceError if it cannot be opened, or its
+        pictures have another size than the calibration's.
         """
         cv2 = opencv()
         capture = cv2.VideoCapture(int(self.name) if self.name.isdigit() else self.name)
@@ -48,14 +44,7 @@ class LiveCamera:
 
 
 class CameraFrames:
-    """The frames of an open camera (FrameSource).
-
-    Args:
-        capture: OpenCV's.
-        camera_id: of the frames.
-        clock_ns: stamps them.
-        fps: the most to take a second; None for all.
-    """
+    """The frames of an open camera (FrameSource), OpenCV's ``capture``."""
 
     def __init__(self, capture: Any, camera_id: str, clock_ns: Callable[[], int], fps: float | None = None) -> None:
         self._capture, self._camera_id, self._clock_ns = capture, camera_id, clock_ns

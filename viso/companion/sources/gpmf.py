@@ -28,13 +28,11 @@ class GpmfError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A key with its value.
+    """A key of four characters with its value.
 
     Attributes:
-        key: four characters.
         kind: letter of the type; an empty text for items within the item.
         width: bytes of a row.
-        data: all rows.
     """
 
     key: str

@@ -24,14 +24,9 @@ _END_NS: Final = 1 << 62
 
 
 def read_inertial_csv(path: Path, start_s: float = 0.0) -> tuple[ImuSample, ...]:
-    """Return the samples in a file, in the axes that it has.
+    """Return the samples in a file, in its axes; ``start_s``, when the pictures begin, is taken off all stamps.
 
-    Args:
-        path: the file.
-        start_s: the file's time at which the pictures begin; it is taken off all stamps.
-
-    Raises:
-        SourceError: naming the file, and the line where that is to blame.
+    Raises SourceError, naming the file, and the line where that is to blame.
     """
     samples: list[ImuSample] = []
     start_ns = round(start_s * 1e9)

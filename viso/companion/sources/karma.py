@@ -50,14 +50,9 @@ class DroneTrack:
         return TimedPoses(np.round(self.t_s * 1e9).astype(np.int64), self.position_w, self.quats_wxyz)
 
     def start_at(self, t_s: float, samples: Iterable[ImuSample]) -> WarmStartPose:
-        """Return the camera's state at a time.
+        """Return the camera's state at a time within the track, a second before its end.
 
-        Args:
-            t_s: within the track, and a second before its end.
-            samples: of the camera's IMU.
-
-        Raises:
-            ValueError: if there are no samples then.
+        Raises ValueError if there are no samples of the camera's IMU then.
         """
         end_s = t_s + MEAN_S
         during = [sample for sample in samples if t_s <= sample.t_ns * 1e-9 <= end_s]

@@ -16,14 +16,7 @@ from viso.companion.sources.recordings import SYNTHETIC, open_euroc, open_gopro,
 
 @dataclass(frozen=True, slots=True)
 class SourceKind:
-    """A kind of source.
-
-    Attributes:
-        open: opens one; raises SourceError.
-        fits: says whether a name means one of this kind.
-        summary: what it is, in one line.
-        axes: of its IMU, where it is not told otherwise.
-    """
+    """A kind of source: what opens one (it raises SourceError), whether a name means one, and its IMU's usual axes."""
 
     open: Callable[[SourceOptions], Recording | LiveCamera]
     fits: Callable[[str], bool]
@@ -58,15 +51,7 @@ def kind_of(name: str) -> str:
 
 
 def open_source(options: SourceOptions, kind: str | None = None) -> Recording | LiveCamera:
-    """Open a source.
-
-    Args:
-        options: what it is, and how to take it.
-        kind: a key of ``SOURCES``; None to find out.
-
-    Raises:
-        SourceError: if it cannot be used; one line.
-    """
+    """Open a source of a kind of ``SOURCES``, or, for None, of the one that it is. Raises SourceError if it cannot."""
     kind = kind or kind_of(options.name)
     if kind not in SOURCES:
         raise SourceError(f"no source {kind!r}; there are {', '.join(SOURCES)}")

@@ -18,13 +18,7 @@ _LONG_SIZE, _TO_THE_END = 1, 0
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """A sample of a track.
-
-    Attributes:
-        start_s: since the track's start.
-        duration_s: until the next one.
-        data: what it holds.
-    """
+    """A sample of a track, by the time since the track's start."""
 
     start_s: float
     duration_s: float
@@ -36,14 +30,9 @@ class _DamagedError(Exception):
 
 
 def read_payloads(path: Path, entry: bytes) -> list[Payload]:
-    """Return the samples of the first track with a kind of sample entry; none if there is no such track.
+    """Return the samples of the first track with a kind of sample entry, such as ``gpmd``; none without such a track.
 
-    Args:
-        path: the file.
-        entry: four characters, such as ``gpmd``.
-
-    Raises:
-        SourceError: if the file cannot be read, or is no MP4, or a damaged one.
+    Raises SourceError if the file cannot be read, or is no MP4, or a damaged one.
     """
     try:
         with path.open("rb") as file:

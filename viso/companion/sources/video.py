@@ -38,16 +38,9 @@ def video_size(path: Path) -> tuple[int, int]:
 def video_frames(
     path: Path, calibration: CameraCalibration, fps: float | None = None, start_ns: int = 0
 ) -> Iterator[NavCameraFrame]:
-    """Yield the frames of a video, stamped with the time since its start.
+    """Yield the frames of a video from a time on, ``fps`` of them a second, stamped with the time since its start.
 
-    Args:
-        path: the file.
-        calibration: whose size the frames must have.
-        fps: how many to yield a second, the others are left out; None for all.
-        start_ns: frames before this are left out, too.
-
-    Raises:
-        SourceError: if the file cannot be opened, holds no frame, or frames of another size.
+    Raises SourceError if the file cannot be opened, holds no frame, or frames of another size than the calibration's.
     """
     check_size(path, video_size(path), calibration)
     sequence = 0
@@ -62,13 +55,7 @@ def video_frames(
 
 
 def check_size(name: object, size: tuple[int, int], calibration: CameraCalibration) -> None:
-    """Raise SourceError if pictures have another size than the calibration's.
-
-    Args:
-        name: of the file or device.
-        size: width and height of its pictures.
-        calibration: of the camera.
-    """
+    """Raise SourceError if pictures of a file or device have another width and height than the calibration's."""
     if size != (calibration.width, calibration.height):
         expected = f"{calibration.width}x{calibration.height}"
         raise SourceError(f"{name}: {size[0]}x{size[1]} pixels, the calibration is for {expected}")

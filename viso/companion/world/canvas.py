@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.companion.vio.types import Pixels
-from viso.companion.world.texture import Field, to_pixels
+from viso.companion.world.texture import Field
 
 Patch = tuple[slice, slice]
 Mask = npt.NDArray[np.bool_]
@@ -62,18 +62,14 @@ class Canvas:
         """Rows, and columns."""
         return len(self.tone)
 
-    @property
-    def area_m2(self) -> float:
-        """How much land there is."""
-        return (self.size * self.metres_per_pixel) ** 2
-
     def px(self, metres: float) -> float:
         """Return a length in pixels."""
         return metres / self.metres_per_pixel
 
     def anywhere(self, each_m2: float) -> npt.NDArray[np.float64]:
         """Return random places [n, 2], column and row, one for so much land."""
-        return self.rng.uniform(0, self.size, (round(self.area_m2 / each_m2), 2))
+        count = round((self.size * self.metres_per_pixel) ** 2 / each_m2)
+        return self.rng.uniform(0, self.size, (count, 2))
 
     def is_any(self, place: npt.NDArray[np.float64], *materials: Material) -> bool:
         """Return whether a place, column and row, is of one of some materials."""
@@ -96,10 +92,6 @@ class Canvas:
     def shade(self, patch: Patch, where: Mask) -> None:
         """Darken a part of a patch."""
         self.tone[patch][where] *= _SHADOW
-
-    def grey(self) -> Pixels:
-        """Return the picture [N, N]."""
-        return to_pixels(self.tone)
 
 
 def power_of_two(pixels: float) -> int:

@@ -66,9 +66,7 @@ class SyntheticFlight:
     Attributes:
         seed: of all noise and errors; the trajectory and the texture have their own.
         trajectory: its time 0 is the flight's start.
-        texture: of the ground.
         place: what there is instead of flat ground; None for that.
-        calibration: of the camera.
         duration_s: from the start; no frame is taken after it.
         start_ns: stamp of the start.
         frame_rate_hz: of the camera, and of the height measurements.
@@ -78,9 +76,7 @@ class SyntheticFlight:
         pixel_sigma: noise of a pixel in grey levels.
         height_sigma_m: noise of the height; None for no measurements.
         height_scale: what the height is multiplied with: 1.03 for an error of 3 %.
-        imu_noise: densities of the IMU's noise.
         imu_bias: at the start.
-        imu_rate_hz: of the IMU.
     """
 
     seed: int = 0

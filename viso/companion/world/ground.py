@@ -8,7 +8,7 @@ import numpy as np
 
 from viso.companion.world.canvas import Canvas, power_of_two
 from viso.companion.world.land import lay_parcels
-from viso.companion.world.texture import GroundTexture, fractal_noise, grit
+from viso.companion.world.texture import GroundTexture, fractal_noise, grit, to_pixels
 from viso.companion.world.things import build, plant, scatter_stones
 
 DEFAULT_SIZE_PX: Final = 2048
@@ -45,4 +45,4 @@ def generate_texture(
     scatter_stones(canvas)
     plant(canvas, borders)
     build(canvas)
-    return GroundTexture(canvas.grey(), metres_per_pixel, grit(seed))
+    return GroundTexture(to_pixels(canvas.tone), metres_per_pixel, grit(seed))

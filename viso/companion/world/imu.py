@@ -27,10 +27,7 @@ class SimulatedImu:
     """An IMU; iterating gives the same samples each time.
 
     Attributes:
-        trajectory: what it moves along.
-        noise: its densities.
         bias: at the first sample.
-        rate_hz: samples per second.
         seed: of the noise and the walks.
         start_ns: stamp of the trajectory's time 0, and of the first sample.
     """

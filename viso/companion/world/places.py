@@ -33,12 +33,7 @@ class Place(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Hills:
-    """Ground that rolls up and down about z = 0.
-
-    Attributes:
-        height_m: of the highest tops, and depth of the deepest hollows.
-        seed: of where they are.
-    """
+    """Ground that rolls up and down about z = 0, by at most ``height_m``."""
 
     height_m: float = 8.0
     seed: int = 0
@@ -46,13 +41,11 @@ class Hills:
     def renderer(
         self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
     ) -> "Renderer":
-        """Return what makes pictures of it; needs OpenCV."""
         from viso.companion.world.scenery import HillsRenderer
 
         return HillsRenderer(self.ground_m, texture, calibration, seed, noise_sigma)
 
     def ground_m(self, east_m: Array, north_m: Array) -> Array:
-        """Return how high the ground is, z of the world in m, at places of any shape."""
         rng = np.random.default_rng([self.seed, 10])
         lengths, courses = rng.uniform(*_WAVES_M, _WAVES), rng.uniform(0, math.pi, _WAVES)
         phases = rng.uniform(0, 2 * math.pi, _WAVES)
@@ -67,8 +60,7 @@ class Hills:
 class Room:
     """A room about the origin, its floor at z = 0; walls, floor and ceiling bear the texture, a sixth as large.
 
-    Attributes:
-        size_m: to the east, to the north, and up.
+    Its size is that to the east, to the north, and up.
     """
 
     size_m: tuple[float, float, float] = (8.0, 6.0, 3.5)
@@ -76,11 +68,9 @@ class Room:
     def renderer(
         self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
     ) -> "Renderer":
-        """Return what makes pictures of it; needs OpenCV."""
         from viso.companion.world.scenery import RoomRenderer
 
         return RoomRenderer(self.size_m, texture, calibration, seed, noise_sigma)
 
     def ground_m(self, east_m: Array, north_m: Array) -> Array:
-        """Return how high the floor is."""
         return np.zeros_like(east_m)

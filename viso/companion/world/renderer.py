@@ -34,13 +34,7 @@ _NS_PER_MS: Final = 1_000_000
 
 
 class Renderer(abc.ABC):
-    """A camera with its noise; the same arguments give the same frame.
-
-    Args:
-        calibration: of the camera.
-        seed: of the noise and the frames' identifiers.
-        noise_sigma: of a pixel, in grey levels.
-    """
+    """A camera with its noise, in grey levels; the same arguments give the same frame."""
 
     def __init__(self, calibration: CameraCalibration, seed: int = 0, noise_sigma: float = DEFAULT_NOISE_SIGMA) -> None:
         self.calibration = calibration
@@ -50,16 +44,7 @@ class Renderer(abc.ABC):
         self._noise = np.rint(noise_sigma * noise).astype(np.int16)
 
     def render(self, world_T_body: SE3, sequence: int, time_ns: int) -> NavCameraFrame:
-        """Return the frame that the camera takes.
-
-        Args:
-            world_T_body: where the body is in the middle of the exposure.
-            sequence: of the frame.
-            time_ns: its stamp.
-
-        Raises:
-            ValueError: if the camera is where there is nothing to see.
-        """
+        """Return the frame of a place amid the exposure. Raises ValueError where there is nothing to see."""
         return self._frame(self._view(world_T_body @ self.calibration.B_T_C), sequence, time_ns)
 
     def covered(self, sequence: int, time_ns: int) -> NavCameraFrame:
@@ -86,16 +71,9 @@ class Renderer(abc.ABC):
 
 
 class PlaneRenderer(Renderer):
-    """A camera above a plane at z = 0 of the world; the same arguments give the same frame.
+    """A camera above a plane at z = 0 of the world.
 
-    Args:
-        texture: of the plane.
-        calibration: of the camera.
-        seed: of the noise and the frames' identifiers.
-        noise_sigma: of a pixel, in grey levels.
-
-    Raises:
-        ValueError: if the lens model does not reach the corners of the picture.
+    Raises ValueError if the lens model does not reach the corners of the picture.
     """
 
     def __init__(
@@ -178,10 +156,8 @@ class Pyramid:
 def _ground_from_normalised(world_T_camera: SE3) -> Array:
     """Return the matrix from (x/z, y/z, 1) in a camera to where the ray meets the ground, (east, north, 1) w.
 
-    Its third row gives w as the cosine to the vertical, down, if the ray's length is 1.
-
-    Raises:
-        ValueError: if the camera is not above the ground.
+    Its third row gives w as the cosine to the vertical, down, if the ray's length is 1. Raises ValueError if the camera
+    is not above the ground.
     """
     east, north, up = world_T_camera.t.tolist()
     if up <= 0:

@@ -23,15 +23,7 @@ Rays = npt.NDArray[np.float64]
 
 
 class HillsRenderer(Renderer):
-    """A camera above hills.
-
-    Args:
-        ground_m: how high the ground is, z of the world in m, by east and north in m.
-        texture: of the ground, as seen from above.
-        calibration: of the camera.
-        seed: of the noise and the frames' identifiers.
-        noise_sigma: of a pixel, in grey levels.
-    """
+    """A camera above hills, whose height ``ground_m`` tells by east and north; the texture is as seen from above."""
 
     def __init__(
         self,
@@ -72,15 +64,7 @@ class HillsRenderer(Renderer):
 
 
 class RoomRenderer(Renderer):
-    """A camera in a room.
-
-    Args:
-        size_m: of the room, to the east, to the north, and up.
-        texture: of walls, floor and ceiling; each shows another part of it.
-        calibration: of the camera.
-        seed: of the noise and the frames' identifiers.
-        noise_sigma: of a pixel, in grey levels.
-    """
+    """A camera in a room; walls, floor and ceiling show another part of the texture each."""
 
     def __init__(
         self,

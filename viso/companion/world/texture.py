@@ -73,8 +73,6 @@ def fractal_noise(rng: np.random.Generator, size: int, *, coarsest_px: int, roug
     """Return noise of all scales up to a coarsest one, [size, size], of mean about 0 and deviation 1.
 
     Args:
-        rng: where the numbers come from.
-        size: rows and columns.
         coarsest_px: size of the largest structures; a power of two.
         roughness: amplitude of each scale as a share of that of the next coarser one.
     """

@@ -26,12 +26,7 @@ def scatter_stones(canvas: Canvas) -> None:
 
 
 def plant(canvas: Canvas, borders: npt.NDArray[np.intp]) -> None:
-    """Plant shrubs and trees, along borders more than elsewhere: first all shadows, then all crowns.
-
-    Args:
-        canvas: what to paint on.
-        borders: places [n, 2], column and row.
-    """
+    """Plant shrubs and trees, along borders [n, 2] more than elsewhere: first all shadows, then all crowns."""
     rng = canvas.rng
     places = canvas.anywhere(each_m2=90)
     if len(borders):
@@ -70,16 +65,7 @@ def build(canvas: Canvas) -> None:
 
 
 def _box(canvas: Canvas, place: Places, half: Places, height: float, material: Material, tone: float) -> None:
-    """Draw a box with a gabled roof, and its shadow.
-
-    Args:
-        canvas: what to paint on.
-        place: column and row of its middle.
-        half: half its length and half its width in pixels.
-        height: in pixels.
-        material: of the roof.
-        tone: what to add to the material's.
-    """
+    """Draw a box with a gabled roof, and its shadow; sizes are in pixels, the tone is added to the material's."""
     angle = canvas.rng.uniform(0, math.pi)
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
     patch, x, y = canvas.patch(place[0], place[1], float(np.hypot(*half)) + 1.5 * height)

@@ -17,7 +17,6 @@ def canvas() -> Canvas:
 
 def test_lengths_are_turned_into_pixels(canvas: Canvas) -> None:
     assert canvas.px(3.0) == 6.0
-    assert canvas.area_m2 == 400.0
 
 
 def test_places_are_one_for_so_much_land(canvas: Canvas) -> None:
