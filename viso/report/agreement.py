@@ -84,13 +84,7 @@ def ekf_poses(material: Material) -> Poses:
 
 
 def interpolated(poses: Poses, at_s: Array, moves_s: Array) -> Poses:
-    """Return poses at other times, between neighbours no more than BRIDGED_S apart; NaN elsewhere.
-
-    Args:
-        poses: what is known.
-        at_s: when it is wanted.
-        moves_s: when positions jumped: nothing is interpolated over a jump.
-    """
+    """Return poses at other times, between neighbours no more than BRIDGED_S apart and over no jump; NaN elsewhere."""
     if len(poses.time_s) < 2:
         nothing = np.full((len(at_s), 3), np.nan)
         return Poses(at_s, nothing, nothing, nothing)

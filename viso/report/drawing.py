@@ -138,13 +138,7 @@ def as_svg(figure: Figure) -> bytes:
 
 
 def as_pdf(title: str, lines: Sequence[str], figures: Sequence[Figure]) -> bytes:
-    """Return a document: the lines on pages of their own, wrapped, then each figure on one.
-
-    Args:
-        title: stands on each page of text.
-        lines: of any length.
-        figures: drawn within ``style``.
-    """
+    """Return a document: lines of any length on pages of their own, each with the title, then each figure on one."""
     from matplotlib.backends.backend_pdf import PdfPages
 
     rows = [row for one in lines for row in textwrap.wrap(plain(one), _PDF_COLUMNS) or [""]]
@@ -171,10 +165,7 @@ def _saved(figure: Figure, form: str, ground: str = "white") -> bytes:
 def as_inline_svg(figure: Figure, name: str, title: str) -> str:
     """Return a figure as an element of a page, whose style sheet gives the colour of texts: var(--ink).
 
-    Args:
-        figure: drawn within ``style``.
-        name: letters that no other figure of the page has; its ids begin with them.
-        title: what a screen reader says; must not hold markup.
+    Its ids begin with its name, which no other figure of the page has. The title must not hold markup.
     """
     with matplotlib.rc_context({"svg.hashsalt": name}):
         text = _saved(figure, "svg", "none").decode()

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Numbers that a report tells: what came, how regularly, what was withheld, and what the EKF did with it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -31,11 +31,6 @@ STALE_S: Final = 0.5
 RESET_IGNORE_S: Final = 1.0
 """After a reset, T265 and VOXL withhold for so long (AP_VisualOdom_IntelT265.cpp, should_consume_sensor_data)."""
 
-LOW_QUALITY: Final = "low quality"
-AFTER_RESET: Final = "the second after a reset"
-OTHERWISE: Final = "a reason that the log does not tell"
-"""Why vision is withheld."""
-
 POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
 _KINDS: Final = (
     ("VISP", "position and attitude", "REPH"),
@@ -52,9 +47,7 @@ class KindFacts:
         record: its record.
         content: what it measures.
         records: how many there are.
-        low_quality: how many were withheld from the EKF for a quality below VISO_QUAL_MIN.
-        after_reset: how many were withheld within a second of a new reset counter.
-        withheld_otherwise: how many were withheld for a reason that the log does not show.
+        withheld_for: how many were withheld from the EKF, by each reason of ``withheld_why``.
         given: how many went to the EKF by the replay records; None if the log has no such records.
         rate_hz: how many a second, by the middle interval; 0 for fewer than two.
     """
@@ -62,16 +55,14 @@ class KindFacts:
     record: str
     content: str
     records: int
-    low_quality: int
-    after_reset: int
-    withheld_otherwise: int
+    withheld_for: Mapping[str, int]
     given: int | None
     rate_hz: float
 
     @property
     def withheld(self) -> int:
         """How many were withheld."""
-        return self.low_quality + self.after_reset + self.withheld_otherwise
+        return sum(self.withheld_for.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +146,6 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
     own = evidence.own_filter
     assert own is not None
     ratios = xkf4.matrix("SV", "SP", "SH", "SM")
-    lagging = material.visp if len(material.visp) else material.visv
     return Facts(
         start_s=start_s,
         end_s=end_s,
@@ -164,7 +154,7 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
         ),
         arrivals_s=arrivals_s,
         gaps=tuple(gaps),
-        lag_ms=lag_ms(lagging),
+        lag_ms=lag_ms(material.stamped),
         resets=tuple(sorted(_resets(material), key=lambda reset: reset.time_s)),
         armed=own.armed or (),
         positioned=tuple(spans_of(xkf4.time_s, has_position(xkf4))),
@@ -208,35 +198,32 @@ def positioned_at(material: Material, at_s: Array) -> Mask:
 
 
 def withheld_why(material: Material, series: Series) -> dict[str, Mask]:
-    """Return which records of vision were withheld from the EKF, by the reason."""
-    withheld = np.nan_to_num(series["Ign"]) > 0
+    """Return which records of vision were withheld from the EKF: for their quality, after a reset, or otherwise."""
+    withheld = series["Ign"] > 0
     least = material.parameter("VISO_QUAL_MIN") or 0.0
     low = withheld & (series["Q"] < least)
     changed_s = _counter_changes(series)[0]
     latest = np.searchsorted(changed_s, series.time_s, side="right") - 1
     since_s = series.time_s - np.where(latest >= 0, np.append(changed_s, 0.0)[latest], -np.inf)
     after_reset = withheld & ~low & (since_s <= RESET_IGNORE_S)
-    return {LOW_QUALITY: low, AFTER_RESET: after_reset, OTHERWISE: withheld & ~low & ~after_reset}
+    return {
+        "low quality": low,
+        "the second after a reset": after_reset,
+        "a reason that the log does not tell": withheld & ~low & ~after_reset,
+    }
 
 
 def _kind_facts(material: Material, series: Series, record: str, content: str, replay: str) -> KindFacts:
-    withheld = withheld_why(material, series)
     steps_s = np.diff(series.time_s)
-    return KindFacts(
-        record=record,
-        content=content,
-        records=len(series),
-        low_quality=int(withheld[LOW_QUALITY].sum()),
-        after_reset=int(withheld[AFTER_RESET].sum()),
-        withheld_otherwise=int(withheld[OTHERWISE].sum()),
-        given=material.counts.get(replay),
-        rate_hz=_rate_hz(steps_s),
-    )
-
-
-def _rate_hz(steps_s: Array) -> float:
     rising = steps_s[steps_s > 0]
-    return float(1.0 / np.median(rising)) if len(rising) else 0.0
+    return KindFacts(
+        record,
+        content,
+        records=len(series),
+        withheld_for={why: int(mask.sum()) for why, mask in withheld_why(material, series).items()},
+        given=material.counts.get(replay),
+        rate_hz=float(1.0 / np.median(rising)) if len(rising) else 0.0,
+    )
 
 
 def _counter_changes(series: Series) -> tuple[Array, Array, Array]:
@@ -247,10 +234,9 @@ def _counter_changes(series: Series) -> tuple[Array, Array, Array]:
 
 
 def _resets(material: Material) -> Sequence[Reset]:
-    counted = material.visp if len(material.visp) else material.visv
     found = [
         Reset(float(time_s), f"reset counter {before:.0f} to {after:.0f}", "vision")
-        for time_s, before, after in zip(*_counter_changes(counted), strict=True)
+        for time_s, before, after in zip(*_counter_changes(material.stamped), strict=True)
     ]
     for time_s, (north_m, east_m) in zip(*position_moves(material.xkf4), strict=True):
         found.append(Reset(float(time_s), f"position moved by {north_m:+.2f} m north, {east_m:+.2f} m east", "EKF"))

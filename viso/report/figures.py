@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
-from viso.estimators.series import Array, Mask, Series
+from viso.estimators.series import Array, Series
 from viso.report import drawing
 from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
 from viso.report.drawing import AXES, EKF, GATE, GREEN, MUTED, VIOLET, VISION, WITHHELD, dots, legend, level, line
@@ -60,10 +60,6 @@ def _without_position(material: Material, facts: Facts) -> list[tuple[float, flo
     return [(start, end) for start, end in zip(edges[::2], edges[1::2], strict=True) if end > start]
 
 
-def _withheld(series: Series) -> Mask:
-    return np.nan_to_num(series["Ign"]) > 0
-
-
 def _path(material: Material, facts: Facts) -> Figure | None:
     vision, ekf = vision_poses(material), ekf_poses(material)
     positioned = positioned_at(material, ekf.time_s)
@@ -71,7 +67,7 @@ def _path(material: Material, facts: Facts) -> Figure | None:
         return None
     figure = drawing.new_figure(4.6)
     plan, height = figure.subplots(1, 2, width_ratios=(1, 1.35))
-    withheld = _withheld(material.visp)
+    withheld = material.visp["Ign"] > 0
     known = np.where(positioned[:, np.newaxis], ekf.pos_ned, np.nan)
     line_s, lines = drawing.broken_at(ekf.time_s, known, position_moves(material.xkf4)[0])
     for mask, colour, label in ((~withheld, VISION, "vision"), (withheld, WITHHELD, "vision, withheld")):
@@ -182,12 +178,12 @@ def _ratios(axes: Any, xkf4: Series, own: OwnFilter) -> None:
 
 
 def _quality(material: Material, facts: Facts) -> Figure | None:
-    source, name = (material.visp, "VISP") if len(material.visp) else (material.visv, "VISV")
+    source, name = material.stamped, "VISP" if len(material.visp) else "VISV"
     if not len(source):
         return None
     figure = drawing.new_figure(4.4)
     quality, resets = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1))
-    withheld = _withheld(source)
+    withheld = source["Ign"] > 0
     dots(quality, source.time_s[~withheld], source["Q"][~withheld], VISION, "given to the EKF", 4)
     dots(quality, source.time_s[withheld], source["Q"][withheld], WITHHELD, "withheld", 4)
     least = material.parameter("VISO_QUAL_MIN")
@@ -218,7 +214,7 @@ def _resets(axes: Any, source: Series, facts: Facts) -> None:
 
 
 def _lag(material: Material, facts: Facts) -> Figure | None:
-    source = material.visp if len(material.visp) else material.visv
+    source = material.stamped
     corrected, raw = lag_ms(source), remote_lag_ms(source)
     if not np.isfinite(corrected).any():
         return None

@@ -118,6 +118,11 @@ class Material:
         return next((version for version in versions if version is not None), None)
 
     @property
+    def stamped(self) -> Series:
+        """Poses, or velocities where there are none."""
+        return self.visp if len(self.visp) else self.visv
+
+    @property
     def vision(self) -> tuple[Series, Series, Series]:
         """The three kinds of records of external navigation."""
         return self.visp, self.visv, self.viso

@@ -12,12 +12,7 @@ _POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 def document(title: str, body: Iterable[str]) -> str:
-    """Return a page.
-
-    Args:
-        title: of the page, as it is to be read.
-        body: what is on it, as HTML.
-    """
+    """Return a page of a title, as it is to be read, and of a body in HTML."""
     css = resources.files("viso.report").joinpath("style.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -35,14 +30,7 @@ def table(
     numeric: Sequence[int] = (),
     classes: Iterable[str] | None = None,
 ) -> str:
-    """Return a table as HTML.
-
-    Args:
-        head: of its columns.
-        rows: texts as they are to be read.
-        numeric: which columns hold numbers.
-        classes: of each row, if they have any.
-    """
+    """Return texts, as they are to be read, as a table in HTML; the columns ``numeric`` hold numbers."""
 
     def cell(tag: str, column: int, text: str) -> str:
         kind = ' class="number"' if column in numeric else ""

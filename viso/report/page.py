@@ -25,15 +25,7 @@ _CHAPTERS: Final = (("verdicts", "Outcomes"), ("texts", "Texts and events"), ("p
 def make_page(
     material: Material, facts: Facts, summary: Summary, drawn: Mapping[FigureKind, str | None], version: str
 ) -> str:
-    """Return the page.
-
-    Args:
-        material: what the log holds.
-        facts: what was made of it.
-        summary: what to read first.
-        drawn: each figure as an SVG element; None where the log has nothing for it.
-        version: of the program.
-    """
+    """Return the page, with figures as SVG elements; they are None where the log has nothing for them."""
     name = escape(material.name)
     body = [
         f"<h1>External navigation in {name}</h1>",
@@ -111,9 +103,7 @@ def _verdicts(facts: Facts) -> str:
             kind.content,
             str(kind.records),
             f"{kind.rate_hz:.1f}",
-            str(kind.low_quality),
-            str(kind.after_reset),
-            str(kind.withheld_otherwise),
+            *map(str, kind.withheld_for.values()),
             str(kind.records - kind.withheld) if kind.given is None else f"{kind.given} by replay records",
         )
         for kind in facts.kinds

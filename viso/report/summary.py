@@ -15,7 +15,7 @@ from viso.doctor.findings import Finding, Severity
 from viso.doctor.measures.own_filter import POSITION
 from viso.doctor.rules.recorded import OWN_CODES, POSITION_CODES, RATIO_CODES
 from viso.estimators.series import overlap_s, total_s
-from viso.report.facts import AFTER_RESET, LOW_QUALITY, OTHERWISE, STALE_S, Facts, KindFacts
+from viso.report.facts import STALE_S, Facts, KindFacts
 from viso.report.flight_data import Material
 
 _REFUSED: Final = re.compile(r"(PreArm|Arm): VisOdom")
@@ -176,23 +176,13 @@ def _of_stream(facts: Facts) -> Iterator[Remark]:
         yield Remark(Level.WARNING, f"Nothing came in the last {end - start:.1f} s of the log{armed_too}.")
     for kind in facts.kinds:
         if kind.withheld:
-            yield Remark(
-                Level.WARNING,
-                f"{kind.withheld} of {kind.records} {kind.record} were withheld from the EKF{_why(kind)}.",
-            )
+            why = ", ".join(f"{count} for {reason}" for reason, count in kind.withheld_for.items() if count)
+            text = f"{kind.withheld} of {kind.records} {kind.record} were withheld from the EKF: {why}."
+            yield Remark(Level.WARNING, text)
     lag = facts.lag_ms[np.isfinite(facts.lag_ms)]
     if len(lag) and np.median(lag) > 200.0:
         text = f"Measurements counted as {np.median(lag):.0f} ms old on arrival, by the middle one."
         yield Remark(Level.WARNING, text)
-
-
-def _why(kind: KindFacts) -> str:
-    reasons = {
-        LOW_QUALITY: kind.low_quality,
-        AFTER_RESET: kind.after_reset,
-        OTHERWISE: kind.withheld_otherwise,
-    }
-    return ": " + ", ".join(f"{count} for {reason}" for reason, count in reasons.items() if count)
 
 
 def _of_resets(facts: Facts) -> Iterator[Remark]:

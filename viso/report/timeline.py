@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from ekf_stub.reports.filter_status import FilterFlag
@@ -64,8 +63,8 @@ def _bars(material: Material, facts: Facts) -> Bars:
         bars.append(("a test ratio over 1", facts.over_gate, WITHHELD))
     if facts.measurements:
         bars.append(("vision silent", facts.gaps, WITHHELD))
-        source = material.visp if len(material.visp) else material.visv
-        bars.append(("vision withheld", spans_of(source.time_s, np.nan_to_num(source["Ign"]) > 0), WITHHELD))
+        source = material.stamped
+        bars.append(("vision withheld", spans_of(source.time_s, source["Ign"] > 0), WITHHELD))
     return bars
 
 

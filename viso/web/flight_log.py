@@ -88,8 +88,7 @@ def _latest(time_s: Array, ends_s: Array) -> list[int]:
 
 
 def _points(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, Any]]:
-    xkf1, visp, own = material.xkf1, material.visp, facts.own
-    timed = visp if len(visp) else material.visv
+    xkf1, visp, timed, own = material.xkf1, material.visp, material.stamped, facts.own
     lags_ms = lag_ms(timed)
     yaw_deg = wrapped_deg(xkf1["Yaw"])
     pos_ned = np.where(positioned_at(material, xkf1.time_s)[:, np.newaxis], xkf1.matrix("PN", "PE", "PD"), np.nan)

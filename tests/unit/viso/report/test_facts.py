@@ -37,7 +37,8 @@ def test_withheld_samples_are_counted_by_reason(maker: LogMaker, tmp_path: Path)
     for time_s, values in zip((1.0, 1.5, 2.0, 2.9, 3.1), fields, strict=True):
         maker.add("VISP", time_s, **values)
     found = facts_of(material_of(maker, tmp_path / "a.BIN")).kinds[0]
-    assert (found.records, found.low_quality, found.after_reset, found.withheld_otherwise) == (5, 1, 2, 1)
+    assert (found.records, list(found.withheld_for.values())) == (5, [1, 2, 1])
+    assert list(found.withheld_for)[:2] == ["low quality", "the second after a reset"]
     assert found.given is None
 
 
