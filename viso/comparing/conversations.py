@@ -96,11 +96,7 @@ def _number(value: Any) -> Any:
 
 
 def build(name: str, given: Mapping[str, Any]) -> Message:
-    """Return a message; fields that are not given are zero or empty.
-
-    Raises:
-        ValueError: there is no such message, or it has no such field.
-    """
+    """Return a message; fields that are not given are zero or empty. Raises ValueError for one that there is not."""
     kind = MESSAGES.get(name)
     if kind is None:
         raise ValueError(f"'send' has no message that is known here: {name!r}")
@@ -131,12 +127,9 @@ def is_equal(wanted: Any, got: Any) -> bool:
 class Conversation:
     """A vehicle of a release, and a client that talks to it in virtual time.
 
-    Args:
-        head: what the conversation begins with.
-        firmware: what the vehicle is.
-        specified: the releases that the exchanges name, if they say what each release answers: the reference, and
-            others where they answer otherwise. Later ones answer as these but for their version. Empty for exchanges
-            that say what one release has answered.
+    ``specified`` are the releases that the exchanges name, if they say what each release answers: the reference, and
+    others where they answer otherwise. Later ones answer as these but for their version. It is empty for exchanges that
+    say what one release has answered.
     """
 
     def __init__(self, head: Exchange, firmware: Firmware, specified: Collection[str] = ()) -> None:

@@ -36,10 +36,7 @@ def transform_of(message: TransformStamped) -> Transform:
 
 
 class DdsAutopilot:
-    """Reads /ap/tf and requests, and writes what the autopilot tells, in real time.
-
-    Args:
-        domain: ROS_DOMAIN_ID.
+    """Reads /ap/tf and requests, and writes what the autopilot tells, in real time; ``domain`` is ROS_DOMAIN_ID.
 
     Attributes:
         name: what it is called among the links.

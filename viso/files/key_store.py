@@ -24,10 +24,8 @@ class FileKeyStore:
     """Keeps the key over a restart of the process: the 48 bytes that the firmware stores, in a file of their own.
 
     The file is read once, here, and replaced as a whole whenever the key or its timestamp is saved. Saving never
-    raises because of the file system: the first error is logged, further ones are not until a save succeeds.
-
-    Args:
-        path: the file, which need not exist; its folder is made when something is saved.
+    raises because of the file system: the first error is logged, further ones are not until a save succeeds. The file
+    need not exist; its folder is made when something is saved.
 
     Attributes:
         failure: why the last save failed, in one line naming the file; None while all is well.
@@ -62,14 +60,11 @@ class FileKeyStore:
         try:
             replace_file(self._path, data, mode=_OWNER_ONLY)
         except OSError as error:
-            self._fail(error)
+            told = self.failure is not None
+            self.failure = f"{self._path}: the signing key cannot be stored: {error.strerror or error}"
+            if not told:
+                _log.error("%s", self.failure)
             return False
         self._data = data
         self.failure = None
         return True
-
-    def _fail(self, error: OSError) -> None:
-        told = self.failure is not None
-        self.failure = f"{self._path}: the signing key cannot be stored: {error.strerror or error}"
-        if not told:
-            _log.error("%s", self.failure)

@@ -34,8 +34,7 @@ _read_now: ContextVar[dict[_Identity, str]] = ContextVar("_read_now")
 def reading(files: Iterable[tuple[str, str | Path | int]]) -> Iterator[None]:
     """Refuse to write over some files for a while, under whatever name.
 
-    Args:
-        files: what each is called in an error, and its path or descriptor; what is no file there is passed over.
+    Each is what it is called in an error, and its path or descriptor; what is no file there is passed over.
     """
     named = {identity: name for name, file in files if (identity := _identity(file)) is not None}
     before = _read_now.set(_read_now.get({}) | named)
@@ -98,15 +97,9 @@ def growing_file(path: Path) -> Iterator[BinaryIO]:
 def replace_file(path: Path, data: bytes, *, mode: int | None = None, synced: bool = True) -> None:
     """Put a file in place as a whole, for who keeps something in it; its folder is made when it is missing.
 
-    Args:
-        path: the file.
-        data: all that it is to hold.
-        mode: its permissions, less the process's umask, from the first byte on; by default those that it has.
-        synced: whether to wait for the disk; without that it holds for a crash of the process, not of the computer.
-
-    Raises:
-        OSError: as the file system says; the file is then as it was.
-        InputError: the file is being read.
+    ``mode`` is its permissions, less the process's umask, from the first byte on; by default those that it has. Unless
+    ``synced`` waits for the disk, it holds for a crash of the process, not of the computer. Raises OSError as the file
+    system says, and the file is then as it was; InputError if the file is being read.
     """
     Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
     draft = _Draft(path, mode)

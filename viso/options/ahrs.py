@@ -78,8 +78,7 @@ def imu_options(choice: AhrsChoice) -> ImuOptions:
 def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], AhrsBase]:
     """Return the maker of the AHRS that was chosen; files are read now.
 
-    Raises:
-        InputError: a file cannot be read or lacks what is needed, an option cannot be used, or two exclude each other.
+    Raises InputError if a file cannot be read or lacks something, an option cannot be used, or two exclude each other.
     """
     options = imu_options(choice)
     if choice.log is None:

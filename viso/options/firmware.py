@@ -25,15 +25,7 @@ RecordedFirmwareOption = Annotated[
 
 
 def firmware_of(name: str, option: str = "--firmware") -> Firmware:
-    """Return a profile by its name.
-
-    Args:
-        name: what was given.
-        option: by which it was given, for the error.
-
-    Raises:
-        InputError: there is no such profile.
-    """
+    """Return a profile by the name that an option gives. Raises InputError if there is no such profile."""
     if name not in PROFILES:
         raise InputError(f"{option} {name}: no such profile; there are {', '.join(PROFILES)}")
     return PROFILES[name]

@@ -25,10 +25,7 @@ def keeping_inputs(command: Any, function: Callable[..., Any]) -> Callable[..., 
 
     Before anything else, places that are none and outputs that are the same file as an input, or as each other, are
     refused with InputError. While the command runs, the door for outputs refuses its inputs whatever they are called.
-
-    Args:
-        command: as typer has made it.
-        function: of which it was made.
+    ``function`` is of which typer has made the command.
     """
     outputs = {
         name: kind

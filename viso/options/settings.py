@@ -52,14 +52,8 @@ def load_parm_file(
     line. In a file of less than 200 parameters, which somebody wrote, such a name is a slip if it begins as those of
     external navigation or of the EKF do, or if another release has it.
 
-    Args:
-        path: the file.
-        table: the parameters that there are.
-        allow_unknown: pass over slips as well.
-        renames: what the firmware calls otherwise than earlier ones.
-
-    Raises:
-        InputError: naming file, line and text, for a bad line or, unless allowed, a name that no parameter has.
+    ``renames`` are what the firmware calls otherwise than earlier ones. Raises InputError naming file, line and text,
+    for a bad line or, unless unknown names are allowed, a slip.
     """
     text = read_text(path)
     with told_errors(ParmFileError):
@@ -109,13 +103,7 @@ def read_assignment(text: str, option: str = "--param") -> ParmLine:
 def parse_assignment(text: str, table: ParamTable, option: str = "--param") -> tuple[str, float]:
     """Return canonical name and value of ``NAME=VALUE``.
 
-    Args:
-        text: what was given.
-        table: the parameters that there are.
-        option: by which it was given, for the error.
-
-    Raises:
-        InputError: if it has another form, or no parameter has that name.
+    Raises InputError, which begins with the option, if it has another form, or no parameter has that name.
     """
     line = read_assignment(text, option)
     found = table.find(line.name)

@@ -33,14 +33,10 @@ SIMULATOR_BAUD: Final = 115_200
 
 
 class RealDriver:
-    """Drives a recorder over a link, by the wall clock; a simulator that runs faster is followed.
+    """Drives a fresh recorder over a link, by the wall clock; a simulator that runs faster is followed.
 
-    Args:
-        recorder: fresh.
-        link: to the autopilot.
-        stop: how often somebody has asked to end.
-        speedup: seconds of the autopilot in one of the wall clock; None to take it from the autopilot's clock.
-        now_s: a monotonic clock in seconds.
+    ``stop`` says how often somebody has asked to end. ``speedup`` is how many seconds of the autopilot pass in one of
+    the wall clock; None takes it from the autopilot's clock. ``now_s`` is a monotonic clock.
     """
 
     def __init__(
@@ -139,19 +135,11 @@ def record_at(
     allow_armed: bool = False,
     speedup: float | None = None,
 ) -> Recording:
-    """Play a scenario to what is at a link and return what was recorded, complete or not.
+    """Play a scenario to what is at a link, as ``--master`` has it; return what was recorded, complete or not.
 
-    Args:
-        master: as ``--master`` has it.
-        scenario: what to play.
-        stops: returns how often the user has asked to stop: once ends the steps, twice the download of the log.
-        on_progress: told what is being done, a line at a time.
-        allow_armed: record a vehicle that is armed.
-        speedup: seconds of the autopilot in one second; None for what its clock tells.
-
-    Raises:
-        InputError: nothing was recorded, as nobody answers, or ``master`` names no release.
-        LinkError: the link cannot be opened.
+    ``stops`` returns how often the user has asked to stop: once ends the steps, twice the download of the log.
+    ``speedup`` is as of ``RealDriver``. Raises InputError if nobody answers, or ``master`` names no release; LinkError
+    if the link cannot be opened.
     """
     scheme, colon, name = master.partition(":")
     firmware = None if scheme != VISO else firmware_of(name, "--master viso:") if colon else REFERENCE

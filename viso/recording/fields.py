@@ -15,14 +15,9 @@ _NUMBERS = {"nan": math.nan, "inf": math.inf}
 
 
 class Fields:
-    """A mapping's fields.
+    """A mapping's fields; ``place`` is its file and field.
 
-    Args:
-        place: file and field of the mapping, for errors.
-        given: the mapping.
-
-    Raises:
-        InputError: it is no mapping, or a field cannot be used; the text is one line that names file and field.
+    Raises InputError, one line that names file and field, if it is no mapping, or a field cannot be used.
     """
 
     def __init__(self, place: str, given: object) -> None:

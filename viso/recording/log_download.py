@@ -11,14 +11,7 @@ _ALL_THE_REST: Final = 0xFFFFFFFF
 
 
 class LogPieces:
-    """The pieces of one log; a piece that is not full is its end.
-
-    Args:
-        log_id: of the log.
-
-    Attributes:
-        is_whole: whether nothing is missing.
-    """
+    """The pieces of one log; a piece that is not full is its end, and it ``is_whole`` if nothing is missing."""
 
     def __init__(self, log_id: int) -> None:
         self._log_id = log_id

@@ -139,12 +139,7 @@ class Recording:
 
 
 class Recorder:
-    """Plays a scenario to an autopilot, and keeps what comes of it.
-
-    Args:
-        scenario: what to do.
-        allow_armed: whether a vehicle may be armed at the begin.
-        on_progress: told what is being done, a line each.
+    """Plays a scenario to an autopilot, and keeps what comes of it; ``on_progress`` is told what is being done.
 
     Attributes:
         recording: what there is so far.

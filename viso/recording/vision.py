@@ -73,12 +73,7 @@ def _to_body(angles_rad: Vector, vector: Vector) -> Vector:
 
 
 class VisionStream:
-    """One stream that runs: says when its next message is due, and what is in it.
-
-    Args:
-        stream: what it is.
-        start_us: when it begins, us of the recorder's time.
-    """
+    """One stream that runs since ``start_us`` of the recorder's time: when its next message is due, what is in it."""
 
     def __init__(self, stream: Stream, start_us: int) -> None:
         self._stream = stream

@@ -131,8 +131,7 @@ class Replay:
     def run(self, on_progress: Callable[[int], None] = lambda _count: None) -> Iterator[ReplayedMessage]:
         """Feed the stream and yield the outcome of each message, in order; the vehicle's log is then complete.
 
-        Args:
-            on_progress: told the number of messages fed so far.
+        ``on_progress`` is told the number of messages fed so far.
         """
         fed = 0
         for batch in batches(self._stream):

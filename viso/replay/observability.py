@@ -28,9 +28,7 @@ def unobservable(name: str, imu: str) -> str | None:
 def caution(name: str, basis: Basis | None) -> str | None:
     """Return what speaks against what is found for a parameter; None where nothing does.
 
-    Args:
-        name: of the parameter.
-        basis: what the motion of the vehicle is made of; None for anything but a log.
+    ``basis`` is what the motion of the vehicle is made of; None for anything but a log.
     """
     if name in OF_THE_STREAM and basis is Basis.ESTIMATE:
         return "the motion is what the filter believed in flight, so what fits best leans to the value of that flight"

@@ -100,18 +100,11 @@ def run_replay(
     on_start: Callable[[Vehicle, FilterWatch | None], None] = lambda _vehicle, _watch: None,
     on_sent: Callable[[bytes], None] | None = None,
 ) -> ReplayOutcome:
-    """Replay a stream into a fresh vehicle.
+    """Replay a stream into a fresh vehicle, whose parameters are ``settings`` from boot on.
 
-    Args:
-        stream: what to feed.
-        settings: parameters from boot on.
-        setup: how.
-        open_log: opens the vehicle's DataFlash log; None for none.
-        on_message: told of each message as soon as its fate is known.
-        on_progress: told how many messages have been fed.
-        keep_messages: whether the outcome has the messages.
-        on_start: told of the vehicle, and of who watches its filter, before anything is fed.
-        on_sent: told what the vehicle sends; None if nobody wants to know.
+    ``open_log`` opens its DataFlash log. ``on_message`` is told of each message as soon as its fate is known,
+    ``on_progress`` how many have been fed, ``on_start`` of the vehicle and of who watches its filter before anything is
+    fed, and ``on_sent`` what the vehicle sends. The outcome has the messages if they are to be kept.
     """
     config = VehicleConfig(setup.make_ahrs, defaults=settings, open_log=open_log, firmware=setup.firmware)
     vehicle = Vehicle(config)

@@ -35,12 +35,7 @@ class Surplus(NamedTuple):
 def surplus(row: Row, other: Row, objective: str = "nis") -> Surplus | None:
     """Return by how much a row's innovations are larger than those of another row of the same stream.
 
-    None where the objective is not made of innovations, or there are too few.
-
-    Args:
-        row: figures of a replay, as of ``Judge``.
-        other: of another one.
-        objective: the column: nis, nis_... or rms_..., squared.
+    None where the objective (nis, nis_... or rms_..., squared) is not made of innovations, or there are too few.
     """
     if not (row.get(BY_TIME) and other.get(BY_TIME)):
         return None

@@ -72,12 +72,8 @@ def _call_output(call: ExtNavCall) -> Out:
 class Scenario:
     """A fresh vehicle's AP_VisualOdom, driven step by step; ``run`` returns what each step caused.
 
-    Args:
-        params: VISO_ values without the prefix; floats in hex, ``POS`` a list of three.
-        release: which release of the library to be.
-
-    Raises:
-        VectorError: if a parameter has no known form.
+    ``params`` are VISO_ values without the prefix: floats in hex, ``POS`` a list of three. Raises VectorError if one
+    has no known form.
     """
 
     def __init__(self, params: dict[str, object], release: VisualOdomRelease = REFERENCE) -> None:
@@ -294,12 +290,8 @@ def _recompute_maths(line: list[object]) -> list[object]:
 def recompute(line: object, release: VisualOdomRelease = REFERENCE) -> object:
     """Return a recorded line with its outputs computed by the port.
 
-    Args:
-        line: a scenario (object with ``steps``), a jitter sequence (object with ``samples``) or a maths call (list).
-        release: of the library, for scenarios; the rest is the same in all releases.
-
-    Raises:
-        VectorError: if the line has none of these forms.
+    It is a scenario (object with ``steps``), a jitter sequence (object with ``samples``) or a maths call (list); only
+    scenarios differ between releases of the library. Raises VectorError if it has none of these forms.
     """
     with np.errstate(all="ignore"):
         if isinstance(line, list):

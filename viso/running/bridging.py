@@ -36,15 +36,9 @@ class Bridge:
     One sender is listened to. Where it falls silent and another speaks, as after a restart, the frame may be another:
     the reset counter counts up.
 
-    Args:
-        link: to the autopilot.
-        topic: where the poses come from.
-        poses: makes messages of them.
-        on_text: told of each text of the autopilot.
-        on_news: told, in a line, what is waited for, when poses begin to come, and when they do not.
-        stop: says whether to end.
-        wall_ns: the clock by which poses are stamped, since 1970; it may be set meanwhile.
-        now_ns: a monotonic clock.
+    ``poses`` makes messages of those of the topic. ``on_text`` is told of each text of the autopilot, ``on_news`` what
+    is waited for, when poses begin to come, and when they do not. ``wall_ns`` is the clock by which poses are stamped,
+    since 1970, which may be set meanwhile; ``now_ns`` is a monotonic one.
     """
 
     def __init__(

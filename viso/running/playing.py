@@ -21,13 +21,8 @@ LONGEST_WAIT_S: Final = 0.1
 class LinkPlay:
     """Plays over a link in step with the wall clock, and listens meanwhile.
 
-    Args:
-        link: to the vehicle.
-        player: what to play.
-        on_text: told of each text of the vehicle.
-        stop: says whether to end before the end.
-        speedup: seconds of the recording in one of the wall clock.
-        now_s: a monotonic clock in seconds.
+    ``on_text`` is told of each text of the vehicle, ``stop`` says whether to end before the end, ``speedup`` is how
+    many seconds of the recording pass in one of ``now_s``, a monotonic clock.
     """
 
     def __init__(
@@ -86,16 +81,9 @@ class LinkPlay:
 
 
 def write_telemetry_log(path: Path, player: Player, start_ns: int, until_us: int | None) -> None:
-    """Write a .tlog of what a player sends.
+    """Write a .tlog of what a player sends, up to ``until_us`` of its time. Raises InputError if that cannot be done.
 
-    Args:
-        path: the file.
-        player: what to play.
-        start_ns: time of the recording's start; taken for the log if it is a time of day in this century.
-        until_us: where to end, unless the trajectory ends before.
-
-    Raises:
-        InputError: if the file cannot be written.
+    The log begins at ``start_ns`` if that is a time of day in this century, else with the century.
     """
     start_us = start_ns // 1000
     epoch_us = start_us if YEAR_2000_US <= start_us < YEAR_2100_US else YEAR_2000_US

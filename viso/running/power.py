@@ -32,12 +32,7 @@ class PoweredVehicle:
     """The vehicle that is running, and how to start the next one.
 
     A restart forgets everything but stored parameters, the signing key and the logs: a new log begins, and time counts
-    from 0 again. The ports stay.
-
-    Args:
-        config: how to build the vehicle.
-        ports: one for each of its links.
-        on_boot: called with each vehicle before it runs.
+    from 0 again. The ports, one for each of its links, stay. ``on_boot`` is called with each vehicle before it runs.
 
     Attributes:
         vehicle: the one that runs now.

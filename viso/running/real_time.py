@@ -38,14 +38,10 @@ class Companion(Protocol):
 
 
 class Pacer:
-    """Runs a vehicle in step with the wall clock, over restarts.
+    """Runs a fresh vehicle in step with the wall clock, over restarts; each of its ports has an open link.
 
-    Args:
-        powered: fresh.
-        links: open links, one for each of the vehicle's ports.
-        speedup: seconds of the vehicle for one of the wall clock.
-        beside: who else exchanges with the vehicle.
-        now_s: a monotonic clock in seconds.
+    ``speedup`` is how many seconds of the vehicle pass in one of ``now_s``, a monotonic clock; ``beside`` is who else
+    exchanges with the vehicle.
     """
 
     def __init__(

@@ -166,12 +166,7 @@ class ParamListener:
 
 
 def params_heard(stream: Stream, end: int | None = None) -> HeardParams:
-    """Return the parameters of the autopilot that is heard first in a stream.
-
-    Args:
-        stream: to listen to.
-        end: how many of its messages to listen to; None for all.
-    """
+    """Return the parameters of the autopilot that is heard first in a stream, up to the message ``end``, from 0."""
     system_id, listeners = None, dict[int, ParamListener]()
     for number, (header, message) in received_in(stream, (HEARTBEAT, PARAM_VALUE, FILE_TRANSFER_PROTOCOL)):
         if end is not None and number >= end:

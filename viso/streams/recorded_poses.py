@@ -174,17 +174,11 @@ def read_as_recorded(path: Path, lead_us: int, options: TrajectoryOptions, form:
 
 
 def as_recorded(records: Records, lead_us: int, axes: str, form: str | None = None) -> Stream:
-    """Return messages that hold what records hold, usable or not.
+    """Return messages that hold what records hold, usable or not; the first comes ``lead_us`` after boot.
 
-    Args:
-        records: the poses.
-        lead_us: from boot to the first message.
-        axes: of the records, as of ``viso play``.
-        form: what to send, one that ``check_form`` lets pass; None for the message that carries what they hold, and no
-            more: ODOMETRY with velocities, VISION_POSITION_ESTIMATE with covariances, else ATT_POS_MOCAP.
-
-    Raises:
-        InputError: if there are none, or an option cannot be used.
+    ``axes`` are as of ``viso play``. A ``form``, of those that ``check_form`` lets pass, is what to send; None for the
+    message that carries what they hold, and no more: ODOMETRY with velocities, VISION_POSITION_ESTIMATE with
+    covariances, else ATT_POS_MOCAP. Raises InputError if there are no records, or an option cannot be used.
     """
     source = records.source
     if not len(records.times_ns):

@@ -69,14 +69,9 @@ def vision_count(stream: Stream) -> int:
 
 
 def one_session(stream: Stream, number: int | None = None) -> Stream:
-    """Return one of a stream's sessions, and tell in its notes which.
+    """Return one of a stream's sessions, and tell in its notes which: None for that with most external navigation.
 
-    Args:
-        stream: of any kind.
-        number: from 1; None for the one with most external navigation.
-
-    Raises:
-        ValueError: if there is no session of that number.
+    Numbers are from 1. Raises ValueError if there is no session of that number.
     """
     sessions = sessions_of(stream)
     if number is not None and not 1 <= number <= len(sessions):

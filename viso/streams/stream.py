@@ -60,9 +60,7 @@ class Stream:
 def received_in(stream: Stream, kinds: Collection[type[Message]] | None = None) -> Iterator[tuple[int, Received]]:
     """Yield what is in each message of a stream, with the message's number from 0; bytes that are no frame are not.
 
-    Args:
-        stream: to read.
-        kinds: of messages that are wanted, which makes it many times faster; None for all.
+    To name the ``kinds`` that are wanted makes it many times faster.
     """
     wanted = None if kinds is None else {message_id(kind.__name__) for kind in kinds}
     codec = Codec(0, 0)

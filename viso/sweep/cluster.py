@@ -24,16 +24,9 @@ _LEAST_WAITING: Final = 16
 def run_on_cluster(plan: SweepPlan, points: Iterable[Point], address: str) -> Generator[Result]:
     """Yield the outcome of each point, as soon as it is done.
 
-    The scheduler gives the points of a worker that is lost to others. A result that was lost with its worker is worked
-    out again, and comes to the same figures.
-
-    Args:
-        plan: the sweep; its files are read by the workers, at the same paths.
-        points: those to be done.
-        address: of the scheduler, such as tcp://127.0.0.1:8786.
-
-    Raises:
-        InputError: the extra is missing, nothing answers, or nobody works there.
+    Workers read the files of the plan at the same paths. The scheduler gives the points of a worker that is lost to
+    others. A result that was lost with its worker is worked out again, and comes to the same figures. Raises InputError
+    if the extra is missing, nothing answers at the scheduler's address, or nobody works there.
     """
     distributed = _distributed()
     try:

@@ -58,12 +58,7 @@ def fault_field(name: str) -> tuple[int, str] | None:
 def parse_axes(texts: Sequence[str], table: ParamTable) -> tuple[Axis, ...]:
     """Return the axes that texts such as ``VISO_DELAY_MS=0:200:10``, ``EK3_SRC1_YAW=1,6`` give.
 
-    Args:
-        texts: what was given; of one name the last counts.
-        table: the parameters that there are.
-
-    Raises:
-        InputError: for the first that cannot be used.
+    Of one name the last counts. Raises InputError for the first that cannot be used.
     """
     axes: dict[str, Axis] = {}
     for text in texts:

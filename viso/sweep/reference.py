@@ -20,16 +20,8 @@ def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOp
     """Return the positions of a reference, on the clock of the vehicle that a stream is replayed into.
 
     A DataFlash log gives the positions that its own filter estimated (XKF1). A trajectory is taken to be in seconds
-    since boot, or on the clock of the stream if that is a trajectory as well.
-
-    Args:
-        path: the reference.
-        stream: what is replayed.
-        lead_us: from boot to its first message, if it is a trajectory.
-        options: how it is taken.
-
-    Raises:
-        InputError: if one cannot be read, or the reference has no positions.
+    since boot, or on the clock of the stream if that is a trajectory as well; ``lead_us`` is then from boot to its
+    first message. Raises InputError if one cannot be read, or the reference has no positions.
     """
     if path.name.lower().endswith(_LOGS):
         states = read_recorded_states(path)

@@ -39,11 +39,7 @@ _ABSENT: Final = object()
 
 
 class SweepFolder:
-    """The folder of a sweep, open for one command at a time; use it as a context.
-
-    Args:
-        path: the folder; made if it is not there.
-        plan: of the sweep.
+    """The folder of a sweep, made if it is not there, and open for one command at a time; use it as a context.
 
     Attributes:
         done: the figures of the points that are done, by number.

@@ -14,11 +14,7 @@ PATIENCE_S: Final = 2.0
 
 
 class LineWriter:
-    """Writes lines to a file descriptor, each at once; a line that finds too many before it is lost, and counted.
-
-    Args:
-        descriptor: where to write; it stays open.
-        limit: how many lines may wait.
+    """Writes lines to a descriptor, which stays open; a line that finds too many waiting is lost, and counted.
 
     Attributes:
         lost: how many lines were not written; complete after ``close``.

@@ -19,13 +19,8 @@ class LiveCounts:
     """Shows the outcome of messages and samples, updated now and then; nothing where there is no terminal.
 
     It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
-
-    Args:
-        console: the terminal, or what stands in for one.
-        counts: returns the counts of messages of the moment.
-        filter_counts: returns those of samples in the filter.
-        period_us: least time between two looks, by the clock that ``update`` is told.
-        wanted: False shows nothing anywhere.
+    ``counts`` and ``filter_counts`` return those of the moment, ``period_us`` is the least time between two looks by
+    the clock that ``update`` is told, and what is not wanted is shown nowhere.
     """
 
     def __init__(

@@ -40,12 +40,8 @@ _PATIENCE_US: Final = 10_000_000
 class LiveReport:
     """Prints texts as they come, and what becomes of messages and samples for the first time, if they are not used.
 
-    While the filter starts, the fates that every sample has then are one line.
-
-    Args:
-        console: where to print.
-        listeners: told of each message as well, with the name of its link.
-        filter_listeners: told of what becomes of each sample in the filter, with the time in us since boot.
+    While the filter starts, the fates that every sample has then are one line. Listeners are told of each message as
+    well, with the name of its link; ``filter_listeners`` of each sample in the filter, with the time in us since boot.
     """
 
     def __init__(

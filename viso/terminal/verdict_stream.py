@@ -84,10 +84,7 @@ _MAY_GO_ON: Final = (Fate.FUSED, Fate.UNUSED, Fate.REFUSED)
 class VerdictStream:
     """Writes a line a message and a line a sample, in the order of what happened, without ever holding up the vehicle.
 
-    Args:
-        writer: where lines go.
-        kind: how they look.
-        name: what the stream is called when something about it is told.
+    ``name`` is what the stream is called when something about it is told.
     """
 
     def __init__(self, writer: LineWriter, kind: VerdictFormat, name: str) -> None:

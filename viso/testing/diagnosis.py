@@ -19,13 +19,7 @@ __tracebackhide__ = True  # what goes wrong for a test's own fault is shown wher
 
 
 def findings_in(seen: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
-    """Return what the doctor finds in a stream, tried again on a vehicle with the same parameters.
-
-    Args:
-        seen: what was sent, and where a vehicle that flies really was.
-        vehicle: that it was sent to.
-        firmware: of that.
-    """
+    """Return what the doctor finds in what was sent to a vehicle, tried again on one with the same parameters."""
     params = {param.name: float(param.value) for param in vehicle.params}
     stream = Stream("what was sent", tuple(seen.sent), params)
     return diagnose(gather(stream, _beside_truth(seen, GatherOptions(firmware=firmware))), RULES)
@@ -43,16 +37,9 @@ def _beside_truth(seen: Observer, options: GatherOptions) -> GatherOptions:
 
 
 def check_no_findings(findings: Sequence[Finding], least: str, but: Collection[str]) -> None:
-    """Raise AssertionError if the doctor has found something.
+    """Raise AssertionError, with evidence and what to change, for findings of ``least`` or worse but some codes.
 
-    Args:
-        findings: what it has found.
-        least: error, warning or note: what is less does not count.
-        but: codes that do not count.
-
-    Raises:
-        ValueError: there is no such severity or code.
-        AssertionError: the text has the findings, each with its evidence and what to change.
+    Raises ValueError if there is no such severity or code.
     """
     if least not in list(Severity):
         raise ValueError(f"least {least!r}: not one of {', '.join(Severity)}")

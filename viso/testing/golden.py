@@ -37,12 +37,7 @@ class GoldenFiles:
     update: bool
 
     def check(self, name: str, records: Sequence[Record], leave_out: Collection[str]) -> None:
-        """Hold records against a file, or write it.
-
-        Args:
-            name: of the file, without its ending.
-            records: what a run has logged.
-            leave_out: labels of fields that differ from run to run.
+        """Hold records against the file of a name without its ending, or write it; some labels are left out.
 
         Raises:
             ValueError: the name is none, there is no record, or no record has a field of a label to be left out.

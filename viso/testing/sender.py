@@ -18,11 +18,9 @@ class Sender:
         self._codecs: dict[tuple[int, int], Codec] = {}
 
     def frame(self, message: object, system_id: int, component_id: int) -> bytes:
-        """Return a frame with a message, MAVLink 2, or bytes as they are.
+        """Return a frame with a message of the project's or of pymavlink's, MAVLink 2, or bytes as they are.
 
-        Args:
-            message: one of ``mav_handlers.wire.messages``, one of pymavlink's, or bytes.
-            system_id, component_id: of the sender, 1..255; a header that pymavlink's message may have plays no part.
+        The ids, 1..255, are of the sender; a header that pymavlink's message may have plays no part.
 
         Raises:
             TypeError: it is none of these.
