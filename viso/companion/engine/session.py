@@ -35,7 +35,7 @@ from viso.companion.msckf.window_filter import TOLD_SIGMAS, default_cov
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.se3 import SE3, Array, skew
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels, WarmStartPose
 
 SMALLEST_WIDTH_PX: Final = 16
@@ -183,10 +183,9 @@ def relative_covariance(joint: Array, keyframe_T_body: SE3, keyframe_R: Array) -
         keyframe_R: the keyframe's rotation into the world.
     """
     R, p = keyframe_T_body.R, keyframe_T_body.t
-    skew = np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
     jacobian = np.zeros((6, 12))
     jacobian[:3, :3], jacobian[:3, 6:9] = -R.T, np.eye(3)
-    jacobian[3:, :3] = R.T @ skew
+    jacobian[3:, :3] = R.T @ skew(p)
     jacobian[3:, 9:] = R.T @ keyframe_R.T
     jacobian[3:, 3:6] = -jacobian[3:, 9:]
     covariance: Array = jacobian @ joint @ jacobian.T

@@ -83,7 +83,7 @@ class WindowEstimator:
         used = TracksUsed()
         if chosen:
             tracks = padded(chosen, self._clone_of())
-            steps = self._inflation(), self._passes(), velocity_doubt
+            steps = max(1.0, self.innovation_ratio), self._passes(), velocity_doubt
             used = use_tracks(state, self._B_T_C, tracks, self._sigma, plane, *steps)
         if used.used:
             self._note_ratio(used.nis_per_dof)
@@ -126,9 +126,6 @@ class WindowEstimator:
 
     def _note_ratio(self, nis_per_dof: float) -> None:
         self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * nis_per_dof
-
-    def _inflation(self) -> float:
-        return max(1.0, self.innovation_ratio)
 
     def _passes(self) -> int:
         return UNSURE_PASSES if sigma_of(self.state.cov[VEL, VEL]) > UNSURE_VELOCITY_M_S else 1

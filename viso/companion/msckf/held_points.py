@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.triangulation import Mask
 from viso.companion.msckf.window_filter import CLONE, MOTION, POINT, POSE, HeldPoint, WindowFilter
-from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.se3 import SE3, Array, skew
 
 MOST_HELD: Final = 24
 FEWEST_HELD: Final = 12  # below it others are taken
@@ -113,9 +113,8 @@ class HeldPoints:
             ahead[row] = True
             by_local = np.array([[1.0, 0.0, -local[0] / local[2]], [0.0, 1.0, -local[1] / local[2]]]) / local[2]
             by_world = by_local @ now.R.T
-            x, y, z = ray + inverse * anchor.t  # the point, times its inverse depth
-            cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-            by_pose = by_world @ np.concatenate([cross, inverse * np.eye(3)], axis=1)
+            point_w = ray + inverse * anchor.t  # times its inverse depth
+            by_pose = by_world @ np.concatenate([skew(-point_w), inverse * np.eye(3)], axis=1)
             first = columns[point.anchor]
             jacobian[row, :, first : first + CLONE] = by_pose
             jacobian[row, :, POSE] = -by_pose

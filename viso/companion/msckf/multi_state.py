@@ -17,9 +17,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from viso.companion.msckf.tracks import Tracks
-from viso.companion.msckf.triangulation import Mask, on_plane, triangulate
+from viso.companion.msckf.triangulation import Mask, directions_of, on_plane, triangulate
 from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
-from viso.companion.vio.se3 import SE3, Array
+from viso.companion.vio.se3 import SE3, Array, skews
 
 _REFUSED: Final = 0.05  # of good tracks, by the gate
 _WIDEST_GATE: Final = 25.0
@@ -196,10 +196,8 @@ def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
         tracks: sightings from those.
     """
     rotations, _ = _cameras(clones, B_T_C, tracks)
-    rays = np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
-    rays = np.einsum("tmij,tmj->tmi", rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
-    last = rays[np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1]
-    return float(np.median(np.linalg.norm(last - rays[:, 0], axis=1)))
+    rays = directions_of(rotations, tracks)
+    return float(np.median(np.linalg.norm(rays[tracks.lasts()] - rays[:, 0], axis=1)))
 
 
 def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | None:
@@ -214,9 +212,9 @@ def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | No
     """
     rotations, positions = _cameras(clones, B_T_C, tracks)
     points, good = triangulate(rotations, positions, tracks)
-    _, _, residual = _seen_again(rotations, positions, tracks, points, good)
-    rows, count = np.arange(len(tracks)), tracks.seen.sum(axis=1)
-    rays = points - positions[:, 0], points - positions[rows, count - 1]
+    _, residual = seen_again(rotations, positions, tracks, points, good)
+    count = tracks.seen.sum(axis=1)
+    rays = points - positions[:, 0], points - positions[tracks.lasts()]
     lengths = [np.maximum(np.linalg.norm(ray, axis=1), 1e-6) for ray in rays]
     parallax = np.linalg.norm(rays[0] / lengths[0][:, None] - rays[1] / lengths[1][:, None], axis=1)
     noise = math.sqrt(float((residual[good] ** 2).sum()) / max(float((2 * count[good] - 3).sum()), 1.0))
@@ -245,30 +243,31 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     )
     local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
     good = good & ((local[..., 2] > 1e-3) | ~tracks.seen).all(axis=1)
-    projected, depth, residual = _seen_again(rotations, positions, tracks, points, good)
+    depth, residual = seen_again(rotations, positions, tracks, points, good)
     residual = residual / sigma
-    by_point = _projection(projected, depth, rotations) / sigma
+    by_point = _projection(local[..., :2] / depth[..., None], depth, rotations) / sigma
     equations = _by_poses(by_point, residual, points, tracks, len(state.clones))
     told = np.zeros(len(tracks))
     if plane is not None:
         equations, told = _with_heights(*equations, points, plane, state.clones[-1].p)
-    error = np.sqrt((residual**2).sum(axis=2)).sum(axis=1) / tracks.seen.sum(axis=1)
-    dof = 2 * tracks.seen.sum(axis=1) - 3 + told
-    first_m, last = local[:, 0, 2], positions[np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1]
-    way_m = np.linalg.norm(last - positions[:, 0], axis=1)
+    count, first_m = tracks.seen.sum(axis=1), local[:, 0, 2]
+    error = np.sqrt((residual**2).sum(axis=2)).sum(axis=1) / count
+    dof = 2 * count - 3 + told
+    way_m = np.linalg.norm(positions[tracks.lasts()] - positions[:, 0], axis=1)
     return _Stack(
         *_eliminated(*equations), dof.astype(np.float64), error, first_m, way_m / np.maximum(first_m, 1e-3)
     ).only(good)
 
 
-def _seen_again(
-    rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask
-) -> tuple[Array, Array, Array]:
-    """Return where points should be seen [T, M, 2], at which depths [T, M], and how far they were seen from there."""
+def seen_again(rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask) -> tuple[Array, Array]:
+    """Return the depths [T, M] of points, and how far [T, M, 2] they were seen from where they should be.
+
+    Where there is no sighting, or a point is not good, these are infinite and 0.
+    """
     local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
     depth = np.where(tracks.seen & good[:, None], local[..., 2], np.inf)
-    projected = local[..., :2] / depth[..., None]
-    return projected, depth, np.where(np.isfinite(depth)[..., None], tracks.normalised - projected, 0.0)
+    residual = tracks.normalised - local[..., :2] / depth[..., None]
+    return depth, np.where(np.isfinite(depth)[..., None], residual, 0.0)
 
 
 def _projection(projected: Array, depth: Array, rotations: Array) -> Array:
@@ -285,10 +284,7 @@ def _by_poses(
 ) -> tuple[Array, Array, Array]:
     """Return the derivatives [T, 2M, 6N] by the poses, those [T, 2M, 3] by the points, and the residual [T, 2M]."""
     count, longest = tracks.seen.shape
-    cross = np.zeros((count, 3, 3))
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -points[:, 2], points[:, 1], -points[:, 0]
-    cross -= np.swapaxes(cross, 1, 2)
-    by_pose = np.concatenate([by_point @ cross[:, None], -by_point], axis=-1)
+    by_pose = np.concatenate([by_point @ skews(points)[:, None], -by_point], axis=-1)
     jacobian = np.zeros((count, longest, 2, clones, CLONE))
     rows, columns = np.indices((count, longest))
     jacobian[rows, columns, :, tracks.clones] = by_pose

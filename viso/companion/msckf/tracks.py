@@ -34,6 +34,10 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.seen)
 
+    def lasts(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the index of each track's last sighting in arrays [T, M, ...]."""
+        return np.arange(len(self)), self.seen.sum(axis=1) - 1
+
 
 class TrackBook:
     """Collects sightings until they are used.

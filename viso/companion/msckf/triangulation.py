@@ -18,6 +18,16 @@ _MIN_INVERSE_DEPTH: Final = 1 / 1000.0
 _PARALLAX: Final = 1e-4  # smallest eigenvalue of the sum of projections across the rays: the sine squared, about
 
 
+def directions_of(rotations: Array, tracks: Tracks) -> Array:
+    """Return the directions [T, M, 3] in the world, of length 1, in which points were seen; rotations as below."""
+    rays = _rays(tracks)
+    return np.einsum("tmij,tmj->tmi", rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+
+
+def _rays(tracks: Tracks) -> Array:
+    return np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
+
+
 def triangulate(rotations: Array, positions: Array, tracks: Tracks) -> tuple[Array, Mask]:
     """Return points [T, 3] in the world, and which of them are in front of the cameras and not too far to tell.
 
@@ -25,9 +35,7 @@ def triangulate(rotations: Array, positions: Array, tracks: Tracks) -> tuple[Arr
         rotations, positions: [T, M, 3, 3] and [T, M, 3], from the cameras to the world, of each sighting.
         tracks: what they saw.
     """
-    rays = np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    directions = np.einsum("tmij,tmj->tmi", rotations, rays)
+    directions = directions_of(rotations, tracks)
     # The point nearest to all rays.
     across = (np.eye(3) - directions[..., :, None] * directions[..., None, :]) * tracks.seen[..., None, None]
     normal = across.sum(axis=1)
@@ -39,8 +47,7 @@ def triangulate(rotations: Array, positions: Array, tracks: Tracks) -> tuple[Arr
 
 def _refined(rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask) -> tuple[Array, Mask]:
     """Minimise the reprojection error over direction and inverse depth, in the camera that saw a point last."""
-    rows, last = np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1
-    anchor_rotation, anchor = rotations[rows, last], positions[rows, last]
+    anchor_rotation, anchor = rotations[tracks.lasts()], positions[tracks.lasts()]
     local = np.einsum("tji,tj->ti", anchor_rotation, points - anchor)
     good = good & (local[:, 2] > _MIN_DEPTH_M)
     local[~good] = [0.0, 0.0, 1.0]
@@ -72,8 +79,7 @@ def on_plane(rotations: Array, positions: Array, tracks: Tracks, height_m: float
         tracks: what the cameras saw.
         height_m: of the plane, in the world.
     """
-    rays = np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
-    directions = np.einsum("tmij,tmj->tmi", rotations, rays)
+    directions = np.einsum("tmij,tmj->tmi", rotations, _rays(tracks))
     drop = height_m - positions[..., 2]
     depth = drop / np.where(directions[..., 2] == 0, np.inf, directions[..., 2])
     good: Mask = np.where(tracks.seen, depth, np.inf).min(axis=1) > _MIN_DEPTH_M

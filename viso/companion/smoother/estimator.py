@@ -200,15 +200,19 @@ class SmootherEstimator:
         if node.height is not None:
             smoother.add_height(*node.height)
         seen = self._book.note(node.number, node.sighting)
-        seen += self._discover(smoother)
-        smoother.add_sightings(seen, self._sigma * self._inflation())
+        for new in self._book.discover(self._poses):
+            smoother.add_landmark(new.landmark, new.position)
+            seen += new.sightings
+        smoother.add_sightings(seen, self._sigma * math.sqrt(max(1.0, self.innovation_ratio)))
         kept = list(dict.fromkeys([*self._origins(), self._keyframe]))
         smoother.solve(self._passes(), keep=kept)
         adopt(state, smoother.motion(), {number: smoother.pose(number) for number in kept}, smoother.joint_cov(*kept))
         self._poses = {number: smoother.pose(number) for number in self._poses}
         self._restart_imu()
         if not node.is_still:
-            self._compare(correction_nis(expected, expected_cov, motion_of(state), state.cov))
+            nis = correction_nis(expected, expected_cov, motion_of(state), state.cov)
+            if nis is not None:
+                self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * nis
             if self._book.count < FEWEST_LANDMARKS and self._parallax_rad() < MIN_PARALLAX_RAD:
                 self._filter = self._stand_in()
                 state.clone(node.number)
@@ -261,20 +265,6 @@ class SmootherEstimator:
         recent = [number for number, t_ns in times_ns.items() if node.t_ns - t_ns <= _SIGHTINGS_LAG_NS]
         self._times_ns = {number: times_ns[number] for number in recent}
         self._poses = {number: poses[number] for number in recent}
-
-    def _discover(self, smoother: LagSmoother) -> list[Seen]:
-        sightings: list[Seen] = []
-        for new in self._book.discover(self._poses):
-            smoother.add_landmark(new.landmark, new.position)
-            sightings.extend(new.sightings)
-        return sightings
-
-    def _compare(self, nis: float | None) -> None:
-        if nis is not None:
-            self.innovation_ratio = _RATIO_KEPT * self.innovation_ratio + (1 - _RATIO_KEPT) * nis
-
-    def _inflation(self) -> float:
-        return math.sqrt(max(1.0, self.innovation_ratio))
 
     def _passes(self) -> int:
         self._nodes_with_landmarks += self._book.count > 0

@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting
+from viso.companion.msckf.multi_state import seen_again
 from viso.companion.msckf.tracks import MOST_TRACKS, Tracks, padded
-from viso.companion.msckf.triangulation import Mask, triangulate
+from viso.companion.msckf.triangulation import Mask, directions_of, triangulate
 from viso.companion.smoother.lag_smoother import Seen
 from viso.companion.vio.se3 import SE3, Array
 
@@ -139,12 +140,10 @@ class LandmarkBook:
     def _positions(self, seen: "_Sightings") -> tuple[Array, Mask]:
         rotations, places, tracks = seen.rotations, seen.places, seen.tracks
         points, good = triangulate(rotations, places, tracks)
-        local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - places)
-        ahead = (local[..., 2] > _MIN_DEPTH_M) | ~tracks.seen
-        depth = np.where(ahead & tracks.seen, local[..., 2], np.inf)
-        error = np.linalg.norm(tracks.normalised - local[..., :2] / depth[..., None], axis=-1)  # 0 for padding
-        close = error.max(axis=1) < MAX_ERROR_SIGMAS * self._sigma
-        return points, good & ahead.all(axis=1) & close & (seen.parallax_rad() >= MIN_PARALLAX_RAD)
+        depth, residual = seen_again(rotations, places, tracks, points, good)
+        close = np.linalg.norm(residual, axis=-1).max(axis=1) < MAX_ERROR_SIGMAS * self._sigma
+        ahead = (depth > _MIN_DEPTH_M).all(axis=1)
+        return points, good & ahead & close & (seen.parallax_rad() >= MIN_PARALLAX_RAD)
 
     def _new(self, point: int, position: Array, track: _Track) -> NewLandmark:
         self._next += 1
@@ -170,10 +169,8 @@ class _Sightings:
 
     def parallax_rad(self) -> Array:
         """Return the angles [T] between the first ray and the last."""
-        tracks = self.tracks
-        rays = np.concatenate([tracks.normalised, np.ones_like(tracks.normalised[..., :1])], axis=-1)
-        directions = np.einsum("tmij,tmj->tmi", self.rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
-        last = directions[np.arange(len(tracks)), tracks.seen.sum(axis=1) - 1]
+        directions = directions_of(self.rotations, self.tracks)
+        last = directions[self.tracks.lasts()]
         angles: Array = np.arccos(np.clip(np.einsum("ti,ti->t", directions[:, 0], last), -1.0, 1.0))
         return angles
 
