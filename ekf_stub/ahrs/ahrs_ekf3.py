@@ -35,7 +35,6 @@ from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest, FilterOutcome
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from ekf_stub.inputs.places import from_imu, gps_seen_from
-from ekf_stub.inputs.range_reading import RangeFinders
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.source_check import source_failure
@@ -111,7 +110,7 @@ class Ekf3Ahrs(AhrsBase):
         self._gps_moved: GpsSample | None = None
         self._gps_imu_pos: Vector3f | None = None
         self._ranges_said: RangeState | None = None
-        self._ranges: RangeFinders | None = None
+        self._ranges: RangeState | None = None
         self._ranges_imu_pos: Vector3f | None = None
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
@@ -354,7 +353,7 @@ class Ekf3Ahrs(AhrsBase):
             self._gps_moved = None if said is None else gps_seen_from(said, _floats(imu_pos))
         return self._gps_moved
 
-    def _range_finders(self) -> RangeFinders | None:
+    def _range_finders(self) -> RangeState | None:
         """Return what the range finders say, with their places from the IMU: the same until that changes."""
         said, imu_pos = self._parts.ranges(), self._place_of_imu()
         if said is not self._ranges_said or imu_pos is not self._ranges_imu_pos:

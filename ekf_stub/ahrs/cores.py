@@ -16,13 +16,13 @@ from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.ekf3_core import AFFINITY_MAG, CommonOrigin, Ekf3Core, Frame
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.reporting import run_report_of
-from ekf_stub.filter.inertial import Array
-from ekf_stub.filter.inertial_pass import LOOP_DT, Kernel
+from ekf_stub.filter.inertial import LOOP_DT, Array
+from ekf_stub.filter.inertial_pass import Kernel
 from ekf_stub.inputs.compasses import Compasses, CompassReading
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
-from ekf_stub.inputs.range_reading import RangeFinders
+from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_vehicle import SensorSet
 from ekf_stub.reports.core_report import Three
@@ -99,7 +99,7 @@ class Cores:
         self._mag: tuple[int, Array] | None = None
         self._compasses: list[Compasses] = []
         self._levers = Moved(from_imu)
-        self._ranges = Moved(RangeFinders.seen_from)
+        self._ranges = Moved(RangeState.seen_from)
         self._gps = Moved(gps_seen_from)
 
     def run(self, frame: Frame, imus: tuple[ImuReading, ...]) -> None:

@@ -8,7 +8,7 @@ from ekf_stub.filter.inactive_biases import ImuRates
 from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.compasses import Compasses
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.range_reading import RangeFinders
+from ekf_stub.inputs.range_state import RangeState
 
 
 class Frame(NamedTuple):
@@ -36,7 +36,7 @@ class Frame(NamedTuple):
     place_declination: float | None = None
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     home_lat: int = 0
-    ranges: RangeFinders | None = None
+    ranges: RangeState | None = None
     compasses: Compasses | None = None
     imu_rates: ImuRates | None = None
     is_late: bool = False

@@ -54,7 +54,7 @@ def _are_ranges_sound(frame: Frame) -> bool:
     if frame.ranges is None:
         return True
     finders, clearance, max_distance = frame.ranges
-    numbers = [number for finder in finders for number in (finder.distance, *finder.offset)]
+    numbers = [number for finder in finders for number in (finder.distance, *finder.place_frd)]
     return _within(MAX_RANGE_M, clearance, max_distance, *numbers)
 
 

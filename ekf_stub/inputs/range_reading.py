@@ -9,7 +9,7 @@ import numpy as np
 from ap_core.cint import u32
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.obs_ring import ObsRing
-from ekf_stub.inputs.places import from_imu
+from ekf_stub.inputs.range_state import FinderState, RangeState
 from ekf_stub.reports.core_report import Three
 
 LEAST_ON_GROUND_M: Final = 0.05
@@ -20,30 +20,6 @@ SUBSTITUTE_AFTER_MS: Final = 200
 FRESH_MS: Final = 500
 MOST_FINDERS: Final = 2
 _HALF_INTERVAL_MS: Final = 25
-
-
-class RangeFinder(NamedTuple):
-    """What a range finder says: metres; ``is_good`` if it looks down and its range counts.
-
-    ``offset`` is its place from the IMU, m, body (FRD).
-    """
-
-    distance: float
-    is_good: bool
-    offset: Three = (0.0, 0.0, 0.0)
-
-
-class RangeFinders(NamedTuple):
-    """All range finders, and how high the first that looks down stands on the ground and how far it sees, m."""
-
-    finders: tuple[RangeFinder, ...]
-    ground_clearance: float = 0.0
-    max_distance: float = 0.0
-
-    def seen_from(self, imu_frd: Three) -> "RangeFinders":
-        """Return them with their places as counted from an IMU, which is at a place in m, body (FRD)."""
-        finders = (finder._replace(offset=from_imu(finder.offset, imu_frd)) for finder in self.finders)
-        return self._replace(finders=tuple(finders))
 
 
 class RangeSample(NamedTuple):
@@ -119,29 +95,29 @@ class RangeReading:
         """Return whether a range was read not long ago."""
         return now_ms - self.valid_ms < FRESH_MS
 
-    def read(self, finders: RangeFinders, now_ms: int, *, on_ground: bool) -> None:
+    def read(self, state: RangeState, now_ms: int, *, on_ground: bool) -> None:
         """Read the range finders.
 
         Args:
-            finders: what they say.
+            state: what they say.
             now_ms: time of the step.
             on_ground: whether the vehicle stands, for which a range that is missing is known.
         """
-        self.on_ground = max(finders.ground_clearance, LEAST_ON_GROUND_M)
-        self.max_distance = finders.max_distance
+        self.on_ground = max(state.ground_clearance, LEAST_ON_GROUND_M)
+        self.max_distance = state.max_distance
         if now_ms - self._read_ms <= INTERVAL_MS:
             return
         self._read_ms = now_ms
-        for finder, slots in zip(finders.finders, self._slots, strict=False):
-            if finder.is_good:
+        for finder, slots in zip(state.finders, self._slots, strict=False):
+            if finder.is_usable:
                 self._take(finder, slots, now_ms, on_ground=on_ground)
 
-    def _take(self, finder: RangeFinder, slots: "_Slots", now_ms: int, *, on_ground: bool) -> None:
-        slots.add(RangeSample(now_ms - _HALF_INTERVAL_MS, finder.distance, finder.offset))
+    def _take(self, finder: FinderState, slots: _Slots, now_ms: int, *, on_ground: bool) -> None:
+        slots.add(RangeSample(now_ms - _HALF_INTERVAL_MS, finder.distance, finder.place_frd))
         if slots.are_fresh(now_ms):
             median = slots.median()
             time_ms = max(median.time_ms, self._newest.time_ms)
-            self._push(RangeSample(time_ms, max(median.distance, self.on_ground), finder.offset), now_ms)
+            self._push(RangeSample(time_ms, max(median.distance, self.on_ground), finder.place_frd), now_ms)
         elif on_ground and now_ms - self.valid_ms > SUBSTITUTE_AFTER_MS:
             self._push(RangeSample(now_ms, self.on_ground, self._newest.offset), now_ms)
 

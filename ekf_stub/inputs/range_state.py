@@ -5,7 +5,7 @@
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from ekf_stub.inputs.places import from_imu
 from ekf_stub.reports.core_report import Three
 
 DOWNWARD: Final = 25
@@ -23,7 +23,7 @@ class RangeStatus(IntEnum):
 
 
 class FinderState(NamedTuple):
-    """One range finder: its place on the vehicle in m, body (FRD), its range in m, and where it looks."""
+    """One range finder: its place on the vehicle or from the IMU, m, body (FRD), its range in m, and where it looks."""
 
     place_frd: Three
     distance: float
@@ -40,10 +40,10 @@ class RangeState(NamedTuple):
     """All range finders, and how high the first that looks down stands on the ground and how far it sees, m."""
 
     finders: tuple[FinderState, ...]
-    ground_clearance: float
-    max_distance: float
+    ground_clearance: float = 0.0
+    max_distance: float = 0.0
 
-    def seen_from(self, imu_frd: Three) -> RangeFinders:
-        """Return what the filter takes of them, with their places from an IMU, which is at a place in m, body (FRD)."""
-        finders = (RangeFinder(finder.distance, finder.is_usable, finder.place_frd) for finder in self.finders)
-        return RangeFinders(tuple(finders), self.ground_clearance, self.max_distance).seen_from(imu_frd)
+    def seen_from(self, imu_frd: Three) -> "RangeState":
+        """Return them with their places as counted from an IMU, which is at a place in m, body (FRD)."""
+        finders = (finder._replace(place_frd=from_imu(finder.place_frd, imu_frd)) for finder in self.finders)
+        return self._replace(finders=tuple(finders))

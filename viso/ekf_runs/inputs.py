@@ -11,14 +11,12 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from ap_core.cint import i32
-from ekf_stub.filter.inertial import InertialDelta
-from ekf_stub.filter.inertial_pass import LOOP_DT
+from ekf_stub.filter.inertial import LOOP_DT, InertialDelta
 from ekf_stub.inputs.compasses import NO_COMPASS, CompassReading
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
-from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
+from ekf_stub.inputs.range_state import FinderState, RangeState, RangeStatus
 from viso.ekf_runs.gps import GpsRecords
 from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
 
@@ -35,7 +33,7 @@ class Reading(NamedTuple, Generic[T]):
     is_healthy: bool
 
 
-_NO_RANGE: Final = RangeFinder(0.0, is_good=False)
+_NO_RANGE: Final = FinderState((0.0, 0.0, 0.0), 0.0, 0, RangeStatus.NOT_CONNECTED)
 
 
 def flow_of(record: Any) -> FlowMeasurement:
@@ -78,7 +76,7 @@ class ReplayInputs:
         self.declination = 0.0
         self.camera_frd: tuple[float, float, float] | None = None
         self.camera_delay_ms = 0
-        self.ranges: RangeFinders | None = None
+        self.ranges: RangeState | None = None
         self.gps: GpsSample | None = None
         self.gps_lag_s: float | None = None
         self._loop_dt = LOOP_DT
@@ -173,15 +171,15 @@ class ReplayInputs:
         clearance, max_distance = finite(record, "GCl", "MaxD")
         (count,) = whole(record, "NumSensors")
         before = () if self.ranges is None else self.ranges.finders
-        self.ranges = RangeFinders((before + (_NO_RANGE,) * count)[:count], clearance, max_distance)
+        self.ranges = RangeState((before + (_NO_RANGE,) * count)[:count], clearance, max_distance)
 
     def _take_rrni(self, record: Any) -> None:
         x, y, z, distance = finite(record, "PX", "PY", "PZ", "Dist")
-        is_good = whole(record, "Orient", "Status") == [DOWNWARD, RangeStatus.GOOD]
+        orientation, status = whole(record, "Orient", "Status")
         index = instance(record)
         if self.ranges is not None and index < len(self.ranges.finders):
             finders = list(self.ranges.finders)
-            finders[index] = RangeFinder(distance, is_good, (x, y, z))
+            finders[index] = FinderState((x, y, z), distance, orientation, status)
             self.ranges = self.ranges._replace(finders=tuple(finders))
 
     def _take_gps(self, record: Any) -> None:

@@ -23,7 +23,7 @@ from ekf_stub.core.lanes import Lanes
 from ekf_stub.filter.inertial import Array
 from ekf_stub.filter.release import REFERENCE
 from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
-from ekf_stub.inputs.range_reading import RangeFinders
+from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
 from ekf_stub.log.replay_log import (
@@ -93,7 +93,7 @@ class EkfPlayer:
         self.place_declination: float | None = None
         self.place_field: Array | None = None
         self._frame_has_run = False
-        self._ranges = Moved(RangeFinders.seen_from)
+        self._ranges = Moved(RangeState.seen_from)
         self._gps = Moved(gps_seen_from)
         self._on_param: list[Callable[[], None]] = []
         self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")), self._on_param.append)

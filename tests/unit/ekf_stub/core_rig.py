@@ -19,7 +19,7 @@ from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
 from ekf_stub.filter.release import REFERENCE, FilterRelease
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.obs_ring import RingSizes
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.reports.core_texts import CoreTexts
 from viso.parameters.table import make_groups
@@ -114,7 +114,9 @@ class CoreRig:
 
     def see_ranges(self, distance: float) -> None:
         """Let a range finder see a distance from now on; it stands 0.1 m above the ground and sees 40 m."""
-        self.frame["ranges"] = RangeFinders((RangeFinder(distance, is_good=True),), 0.1, 40.0)
+        self.frame["ranges"] = RangeState(
+            (FinderState((0.0, 0.0, 0.0), distance, DOWNWARD, RangeStatus.GOOD),), 0.1, 40.0
+        )
 
     @property
     def flags(self) -> int:

@@ -157,7 +157,7 @@ def test_range_finders_stand_where_each_core_sees_them(bench: BenchRig, frames: 
     bench.ranges = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD),), 0.125, 30.0)
     bench.run_for(0.01)
     ranges = [of_core[-1].ranges for of_core in frames]
-    assert [said and said.finders[0].offset for said in ranges] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
+    assert [said and said.finders[0].place_frd for said in ranges] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
     assert ranges[1] is frames[1][-2].ranges
 
 

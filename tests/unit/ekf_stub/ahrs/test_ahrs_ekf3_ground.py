@@ -9,7 +9,6 @@ import pytest
 
 from ekf_stub.core.frame import Frame
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
 from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 
 if TYPE_CHECKING:
@@ -41,13 +40,16 @@ def frames(bench: "BenchRig", monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
 def test_range_finders_stand_where_they_are_seen_from_the_imu(bench: "BenchRig", frames: list[Frame]) -> None:
     bench.ranges = RANGES
     bench.run_for(0.01)
-    finders = tuple(RangeFinder(2.0, is_good, (0.375, 0.0, 0.25)) for is_good in (True, False, False))
-    assert frames[-1].ranges == RangeFinders(finders, 0.125, 30.0)
+    ranges = frames[-1].ranges
+    assert ranges == RANGES._replace(
+        finders=tuple(one._replace(place_frd=(0.375, 0.0, 0.25)) for one in RANGES.finders)
+    )
+    assert [finder.is_usable for finder in ranges.finders] == [True, False, False]
     assert frames[-1].ranges is frames[-2].ranges
     bench.params.set("INS_POS1_X", 0.25)
     bench.run_for(0.01)
     assert frames[-1].ranges is not None
-    assert frames[-1].ranges.finders[0].offset == (0.25, 0.0, 0.25)
+    assert frames[-1].ranges.finders[0].place_frd == (0.25, 0.0, 0.25)
 
 
 def test_vehicle_without_range_finders_has_none_in_its_frames(bench: "BenchRig", frames: list[Frame]) -> None:

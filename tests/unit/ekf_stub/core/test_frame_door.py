@@ -16,7 +16,7 @@ from ekf_stub.core.frame_door import FrameDoor
 from ekf_stub.filter.inertial import GRAVITY_MSS, MIN_DT, InertialDelta
 from ekf_stub.inputs.compasses import NO_COMPASS, Compasses, CompassReading
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 
 DT = 0.0025
 FIX = GpsSample(1000, 3, Location(0, 0, 0), Vector3f(1, 2, 3), 10, speed_accuracy=0.3, yaw_deg=359.0)
@@ -35,7 +35,7 @@ def frame(**fields: Any) -> Frame:
         "declination": 0.2,
         "place_declination": -0.2,
         "lever_arm": (0.1, 0.0, -0.2),
-        "ranges": RangeFinders((RangeFinder(3.0, is_good=True),), 0.1, 40.0),
+        "ranges": RangeState((FinderState((0.0, 0.0, 0.0), 3.0, DOWNWARD, RangeStatus.GOOD),), 0.1, 40.0),
     }
     return Frame(1_000_000, **{**sound, **fields})
 
@@ -66,9 +66,9 @@ def test_sensors_that_are_not_there_are_not_refused() -> None:
         ("declination", lambda bad: bad, 0.0),
         ("place_declination", lambda bad: bad, None),
         ("lever_arm", lambda bad: (0.0, bad, 0.0), (0.0, 0.0, 0.0)),
-        ("ranges", lambda bad: RangeFinders((RangeFinder(bad, is_good=True),)), None),
-        ("ranges", lambda bad: RangeFinders((RangeFinder(1.0, True, (0.0, bad, 0.0)),)), None),
-        ("ranges", lambda bad: RangeFinders((), bad), None),
+        ("ranges", lambda bad: RangeState((FinderState((0.0, 0.0, 0.0), bad, DOWNWARD, RangeStatus.GOOD),)), None),
+        ("ranges", lambda bad: RangeState((FinderState((0.0, bad, 0.0), 1.0, DOWNWARD, RangeStatus.GOOD),)), None),
+        ("ranges", lambda bad: RangeState((), bad), None),
         ("compasses", lambda bad: Compasses((CompassReading(0, np.full(3, bad)),)), NO_COMPASS),
     ],
 )

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from ekf_stub.filter.attitude import matrix_of_quat, quat_of_euler
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders, RangeReading
+from ekf_stub.inputs.range_reading import RangeReading
+from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 
 LEVEL = np.eye(3)
 
 
 def read(reading: RangeReading, *distances: float, start_ms: int = 1000, on_ground: bool = False) -> None:
     for index, distance in enumerate(distances):
-        finders = RangeFinders((RangeFinder(distance, is_good=True),), 0.1, 40.0)
+        finders = RangeState((FinderState((0.0, 0.0, 0.0), distance, DOWNWARD, RangeStatus.GOOD),), 0.1, 40.0)
         reading.read(finders, start_ms + 60 * index, on_ground=on_ground)
 
 
@@ -63,15 +64,15 @@ def test_on_the_ground_the_height_of_the_sensor_stands_in_for_what_is_missing() 
 
 def test_sensor_that_sees_nothing_is_not_read_even_on_the_ground() -> None:
     reading = RangeReading(4)
-    finder = RangeFinder(3.0, is_good=False)
-    reading.read(RangeFinders((finder,), 0.02), 1000, on_ground=True)
+    finder = FinderState((0.0, 0.0, 0.0), 3.0, DOWNWARD, RangeStatus.TOO_FAR)
+    reading.read(RangeState((finder,), 0.02), 1000, on_ground=True)
     assert reading.newest == 0.0
     assert reading.on_ground == 0.05
 
 
 def test_range_is_moved_to_the_imu() -> None:
     reading = RangeReading(4)
-    finders = RangeFinders((RangeFinder(3.0, is_good=True, offset=(0.5, 0.0, 0.2)),))
+    finders = RangeState((FinderState((0.5, 0.0, 0.2), 3.0, DOWNWARD, RangeStatus.GOOD),))
     for now_ms in (1000, 1060, 1120):
         reading.read(finders, now_ms, on_ground=False)
     rotation = matrix_of_quat(quat_of_euler(0.0, 0.1, 0.0))

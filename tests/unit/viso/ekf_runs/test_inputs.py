@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
-from ekf_stub.inputs.range_reading import RangeFinder, RangeFinders
+from ekf_stub.inputs.range_state import FinderState, RangeState
 from ekf_stub.log.replay_vehicle import ARMED, TAKEOFF_EXPECTED
 from viso.ekf_runs.inputs import ReplayInputs, flow_of
 from viso.logs.record_fields import RecordError
@@ -135,8 +135,8 @@ def test_ranges_are_those_of_the_range_finders_that_there_are(inputs: ReplayInpu
     inputs.take(range_finder(1, 3.0, status=3))
     inputs.take(range_finder(2, 4.0))
     place = (0.1, 0.2, 0.3)
-    finders = RangeFinder(2.0, True, place), RangeFinder(3.0, False, place)
-    assert inputs.ranges == RangeFinders(finders, 0.1, 40.0)
+    finders = FinderState(place, 2.0, 25, 4), FinderState(place, 3.0, 25, 3)
+    assert inputs.ranges == RangeState(finders, 0.1, 40.0)
 
 
 @pytest.mark.parametrize(("status", "orient", "is_good"), [(4, 25, True), (4, 0, False), (1, 25, False)])
@@ -146,7 +146,7 @@ def test_range_counts_that_is_good_and_looks_down(
     inputs.take(record("RRNH", GCl=0.1, MaxD=40.0, NumSensors=1))
     inputs.take(range_finder(0, 2.0, status, orient))
     assert inputs.ranges is not None
-    assert inputs.ranges.finders[0].is_good is is_good
+    assert inputs.ranges.finders[0].is_usable is is_good
 
 
 def test_flow_is_that_of_its_record() -> None:
