@@ -15,8 +15,8 @@ from ekf_stub.compiled import compiled_pass_kernel as kernel
 from ekf_stub.compiled.compiled_state import CompiledErrorState
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
-from ekf_stub.filter.inertial import EKF_TARGET_DT, INITIAL_IMU_DT, Array, InertialDelta, InertialStep
-from ekf_stub.filter.inertial_pass import LOOP_DT, InertialPass, Kernel
+from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep
+from ekf_stub.filter.inertial_pass import InertialPass, Kernel
 from ekf_stub.filter.output_predictor import Output, OutputChanges
 from ekf_stub.reports.core_report import StillnessReport, Three
 
@@ -89,7 +89,6 @@ class CompiledOutput(OutputChanges):
         return math.hypot(*self._mem[first : first + 3].tolist())
 
     def restart_height_filter(self, *, vel: float | None = None) -> None:
-        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
         self._mem[kernel.FILTERED_DOWN] = self._mem[_NOW][-1]
         if vel is not None:
             self._mem[kernel.HEIGHT_RATE] = vel
@@ -120,7 +119,7 @@ class CompiledStillness:
     @property
     def report(self) -> StillnessReport | None:
         """What the last test found; None while it does not run."""
-        ratios = self._mem[kernel.RATIOS : kernel.DT_IMU_AVG].tolist()
+        ratios = self._mem[kernel.RATIOS : kernel.DT_EKF_AVG].tolist()
         return StillnessReport(self.is_still, *ratios) if self.is_tested else None
 
 
@@ -137,17 +136,16 @@ class CompiledPass(InertialPass):
 
     def _restart(self) -> None:
         mem = self._mem
-        mem[kernel.DT_IMU_AVG], mem[kernel.DT_EKF_AVG] = INITIAL_IMU_DT, EKF_TARGET_DT
+        mem[kernel.DT_EKF_AVG] = self.dt_ekf_avg = EKF_TARGET_DT
         mem[kernel.DEL_VEL : kernel.STEP] = 0.0
         mem[kernel.TURNED] = 1.0
-        self.dt_ekf_avg = EKF_TARGET_DT
         mem[kernel.GYRO_BEFORE : kernel.RATIOS] = 0.0
         self._answer.note(kernel.HAS_BEFORE)
         mem[_BIAS_RATES] = 0.0
 
     def accel(self) -> Three:
         """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
-        x, y, z = self._mem[kernel.ACCEL_FILTERED : kernel.ALPHA].tolist()
+        x, y, z = self._mem[kernel.ACCEL_FILTERED : kernel.BIAS_RATES].tolist()
         return x, y, z
 
     def gyro(self) -> Three:
@@ -157,7 +155,7 @@ class CompiledPass(InertialPass):
 
     def sense(self, delta: InertialDelta) -> None:
         """Take the data of a pass while there is no state."""
-        kernel.sense(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT)
+        kernel.sense(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt)
 
     def begin(self, state: ErrorState, length: int) -> None:
         """Restart with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
@@ -168,7 +166,7 @@ class CompiledPass(InertialPass):
         """Test for standing still, and add up the data of a pass, which are taken once more in ``advance``."""
         if scale is not None:
             self._answer.note(kernel.test(self._mem, self._answer.known, scale))
-        kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, LOOP_DT, True)
+        kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, True)
 
     def advance(
         self,
@@ -188,7 +186,6 @@ class CompiledPass(InertialPass):
             delta.del_ang,
             delta.del_vel_dt,
             delta.del_ang_dt,
-            LOOP_DT,
             state.states,
             answer.known,
             scale is not None,
@@ -205,7 +202,6 @@ class CompiledPass(InertialPass):
         count, known = kernel.advance_all(
             self._mem,
             rows,
-            LOOP_DT,
             state.states,
             self._answer.known,
             scale is not None,

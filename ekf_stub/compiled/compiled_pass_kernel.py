@@ -11,7 +11,7 @@ import math
 from typing import Final
 
 from ekf_stub.compiled.compiled_kernel import QUATERNION_EPS, Quat, compiled, normalized, times, turned_by
-from ekf_stub.filter.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Array
+from ekf_stub.filter.inertial import DUE_DT, GRAVITY_MSS, LATE_DT, LOOP_DT, MIN_DT, Array
 from ekf_stub.filter.output_predictor import ATTITUDE_GAIN, BAD_ACCEL_INTEGRAL_GAIN, INTEGRAL_GAIN
 from ekf_stub.filter.states import ACCEL, ATT, GYRO, POS, VEL
 from ekf_stub.filter.stillness import (
@@ -24,19 +24,19 @@ from ekf_stub.filter.stillness import (
 )
 
 # Where things are in the array, see `CompiledPass`.
-GYRO_FILTERED, ACCEL_FILTERED, ALPHA = 0, 3, 6
-BIAS_RATES = 7  # six
-GYRO_BEFORE, ACCEL_BEFORE, GYRO_DIFF, ACCEL_DIFF = 13, 16, 19, 20
-RATIOS = 21  # four
-DT_IMU_AVG, DT_EKF_AVG = 25, 26
-DEL_VEL, VEL_DT, TURNED, ANG_DT = 27, 30, 31, 35
-STEP = 36  # del_vel, del_ang, del_vel_dt, del_ang_dt
-NOW = 44  # quat_wxyz, vel, pos
-ANGLE_CORRECTION, POS_INTEGRAL, VEL_INTEGRAL = 54, 57, 60
-HEIGHT_RATE, FILTERED_DOWN, FILTERED_ACCEL = 63, 64, 65
-ANGLE_ERROR, VEL_ERROR, POS_ERROR = 66, 69, 72  # three each
-HEAD = 75
-SIZE: Final = 76
+GYRO_FILTERED, ACCEL_FILTERED = 0, 3
+BIAS_RATES = 6  # six
+GYRO_BEFORE, ACCEL_BEFORE, GYRO_DIFF, ACCEL_DIFF = 12, 15, 18, 19
+RATIOS = 20  # four
+DT_EKF_AVG = 24
+DEL_VEL, VEL_DT, TURNED, ANG_DT = 25, 28, 29, 33
+STEP = 34  # del_vel, del_ang, del_vel_dt, del_ang_dt
+NOW = 42  # quat_wxyz, vel, pos
+ANGLE_CORRECTION, POS_INTEGRAL, VEL_INTEGRAL = 52, 55, 58
+HEIGHT_RATE, FILTERED_DOWN, FILTERED_ACCEL = 61, 62, 63
+ANGLE_ERROR, VEL_ERROR, POS_ERROR = 64, 67, 70  # three each
+HEAD = 73
+SIZE: Final = 74
 OUTPUT_SIZE: Final = 10
 
 # What is known of the test for standing still, and of a pass.
@@ -45,6 +45,7 @@ HAS_BEFORE: Final = 2
 HAS_RATIOS: Final = 4
 IS_STEP: Final = 8
 
+_ALPHA: Final = LOOP_DT / (LOOP_DT + 1.0 / (2.0 * math.pi * CUTOFF_HZ))
 _SLOW_SAMPLING: Final = 0.02
 _SLOW_TEST: Final = 0.01
 _STATE_VEL: Final = VEL.start - ATT.stop
@@ -74,16 +75,13 @@ def clamped(value: float, low: float, high: float) -> float:
 
 
 @compiled
-def sense(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float) -> None:
+def sense(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float) -> None:
     """Filter the data of a pass (Stillness.sense)."""
-    if mem[ALPHA] == 0.0:
-        mem[ALPHA] = loop_dt / (loop_dt + 1.0 / (2.0 * math.pi * CUTOFF_HZ))
-    alpha = mem[ALPHA]
     for axis in range(3):
         if ang_dt > 0:
-            mem[GYRO_FILTERED + axis] += alpha * (del_ang[axis] / ang_dt - mem[GYRO_FILTERED + axis])
+            mem[GYRO_FILTERED + axis] += _ALPHA * (del_ang[axis] / ang_dt - mem[GYRO_FILTERED + axis])
         if vel_dt > 0:
-            mem[ACCEL_FILTERED + axis] += alpha * (del_vel[axis] / vel_dt - mem[ACCEL_FILTERED + axis])
+            mem[ACCEL_FILTERED + axis] += _ALPHA * (del_vel[axis] / vel_dt - mem[ACCEL_FILTERED + axis])
 
 
 @compiled
@@ -117,12 +115,8 @@ def test(mem: Array, known: int, scale: float) -> int:
 
 
 @compiled
-def add(
-    mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, loop_dt: float, may_step: bool
-) -> bool:
+def add(mem: Array, del_vel: Array, del_ang: Array, vel_dt: float, ang_dt: float, may_step: bool) -> bool:
     """Add up the data of a pass (DownSampler.add); say whether a step is complete, which is then at ``STEP``."""
-    dt_imu = mem[DT_IMU_AVG]
-    mem[DT_IMU_AVG] = dt_imu + _SLOW_SAMPLING * (clamped(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
     mem[ANG_DT] += max(ang_dt, MIN_DT)
     mem[VEL_DT] += max(vel_dt, MIN_DT)
     before = mem[TURNED], mem[TURNED + 1], mem[TURNED + 2], mem[TURNED + 3]
@@ -132,7 +126,7 @@ def add(
     mem[DEL_VEL] += x
     mem[DEL_VEL + 1] += y
     mem[DEL_VEL + 2] += z
-    if mem[ANG_DT] < (EKF_TARGET_DT - 0.5 * mem[DT_IMU_AVG] if may_step else 2.0 * EKF_TARGET_DT):
+    if mem[ANG_DT] < (DUE_DT if may_step else LATE_DT):
         return False
     complete(mem)
     return True
@@ -212,7 +206,6 @@ def advance(
     del_ang: Array,
     vel_dt: float,
     ang_dt: float,
-    loop_dt: float,
     states: Array,
     known: int,
     is_tested: bool,
@@ -221,9 +214,9 @@ def advance(
     may_step: bool,
 ) -> int:
     """Take the data of a pass (InertialPass.advance); return what is known, and whether a step is due."""
-    sense(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt)
+    sense(mem, del_vel, del_ang, vel_dt, ang_dt)
     known = test(mem, known, scale) if is_tested else 0
-    if add(mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt, may_step):
+    if add(mem, del_vel, del_ang, vel_dt, ang_dt, may_step):
         return known | IS_STEP
     integrate(mem, del_vel, del_ang, vel_dt, ang_dt, states, height_filter_hz)
     return known
@@ -233,7 +226,6 @@ def advance(
 def advance_all(
     mem: Array,
     rows: Array,
-    loop_dt: float,
     states: Array,
     known: int,
     is_tested: bool,
@@ -245,9 +237,7 @@ def advance_all(
     after = known
     for row in range(count):
         del_vel, del_ang, vel_dt, ang_dt = rows[row, :3], rows[row, 3:6], rows[row, 6], rows[row, 7]
-        after = advance(
-            mem, del_vel, del_ang, vel_dt, ang_dt, loop_dt, states, known, is_tested, scale, height_filter_hz, True
-        )
+        after = advance(mem, del_vel, del_ang, vel_dt, ang_dt, states, known, is_tested, scale, height_filter_hz, True)
         if after != known:
             return row + 1, after
     return count, after
@@ -277,11 +267,11 @@ def follow(
     history[head] = mem[NOW : NOW + OUTPUT_SIZE]
     head = (head + 1) % len(history)
     mem[HEAD] = head
-    delayed, dt_imu, dt_ekf = history[head], mem[DT_IMU_AVG], mem[DT_EKF_AVG]
+    delayed, dt_ekf = history[head], mem[DT_EKF_AVG]
     w, x, y, z = times((delayed[0], -delayed[1], -delayed[2], -delayed[3]), state_quat)
     w, x, y, z = normalized(w, x, y, z)
     mem[ANGLE_ERROR], mem[ANGLE_ERROR + 1], mem[ANGLE_ERROR + 2] = x, y, z
-    attitude_gain = ATTITUDE_GAIN / max(delay_s, dt_imu) * dt_imu
+    attitude_gain = ATTITUDE_GAIN / max(delay_s, LOOP_DT) * LOOP_DT
     if w < 0:
         attitude_gain = -attitude_gain
     for axis in range(3):

@@ -31,8 +31,8 @@ from ekf_stub.core.mode_control import FLYING_MS, ModeControl
 from ekf_stub.filter.attitude import quat_of_euler
 from ekf_stub.filter.error_state import ErrorState
 from ekf_stub.filter.inactive_biases import ImuRates, InactiveBiases, with_biases
-from ekf_stub.filter.inertial import EKF_TARGET_DT, Array, InertialDelta, InertialStep, limited
-from ekf_stub.filter.inertial_pass import LOOP_DT, PLAIN, Kernel
+from ekf_stub.filter.inertial import EKF_TARGET_DT, LOOP_DT, Array, InertialDelta, InertialStep, limited
+from ekf_stub.filter.inertial_pass import PLAIN, Kernel
 from ekf_stub.filter.nominal_state import EARTH_RATE
 from ekf_stub.filter.process_model import BAD_ACCEL_NOISE, ProcessNoise
 from ekf_stub.filter.release import REFERENCE, FilterRelease

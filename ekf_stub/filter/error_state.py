@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ekf_stub.filter import covariance
 from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import by_rotation, yaw_by_components
+from ekf_stub.filter.attitude import body_axes_by_attitude, by_rotation, yaw_by_components
 from ekf_stub.filter.inertial import Array, InertialStep, is_sound, limited
 from ekf_stub.filter.nominal_state import NominalState
 from ekf_stub.filter.process_model import ProcessModel, ProcessNoise
@@ -333,6 +333,19 @@ class ErrorState(NominalState):
         """Return how yaw, of one of the two sequences of rotation, depends on the errors, shape (22,)."""
         row = np.zeros(STATES)
         row[ATT] = yaw_by_components(self.quat, by_321=by_321)
+        return row
+
+    def velocity_row(self, axis: int) -> Array:
+        """Return how the velocity along an axis of the body, 0..2, depends on the errors, shape (22,)."""
+        quat = self.quat
+        w, x, y, z = quat.w, quat.x, quat.y, quat.z
+        by_velocity = (
+            (w * w + x * x - y * y - z * z, 2 * (w * z + x * y), 2 * (x * z - w * y)),
+            (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (w * x + y * z)),
+            (2 * (w * y + x * z), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
+        )
+        row = np.zeros(STATES)
+        row[ATT], row[VEL] = body_axes_by_attitude(quat, self.vel)[axis], by_velocity[axis]
         return row
 
     def tilt_variance(self) -> float:

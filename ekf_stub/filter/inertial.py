@@ -21,12 +21,14 @@ from ekf_stub.reports.core_report import Three
 Array = npt.NDArray[np.float64]
 
 EKF_TARGET_DT: Final = 0.012
-INITIAL_IMU_DT: Final = 0.0025
+LOOP_DT: Final = 0.0025  # of the main loop, in which the firmware's average of it settles
 GRAVITY_MSS: Final = 9.80665
 MIN_DT: Final = 1e-4
 MAX_DT: Final = 1.0
 MAX_DEL_VEL: Final = 100.0
 MAX_DEL_ANG: Final = 10.0
+DUE_DT: Final = EKF_TARGET_DT - 0.5 * LOOP_DT  # of a step; and of one that may not be made yet
+LATE_DT: Final = 2.0 * EKF_TARGET_DT
 _SLOW: Final = 0.02  # weight of the newest interval in an average
 
 
@@ -151,8 +153,8 @@ class InertialGuard:
     """
 
     def __init__(self) -> None:
-        rest = np.array([0.0, 0.0, -GRAVITY_MSS * INITIAL_IMU_DT])
-        self.newest = InertialDelta(rest, np.zeros(3), INITIAL_IMU_DT, INITIAL_IMU_DT)
+        rest = np.array([0.0, 0.0, -GRAVITY_MSS * LOOP_DT])
+        self.newest = InertialDelta(rest, np.zeros(3), LOOP_DT, LOOP_DT)
         self.refused = 0
 
     def sound(self, delta: InertialDelta) -> InertialDelta:
@@ -167,13 +169,10 @@ class InertialGuard:
 class DownSampler:
     """Adds up sound inertial data until a step of the filter is due: 12 ms, give or take half a pass; at most 24 ms.
 
-    Attributes:
-        dt_imu_avg: average interval of the main loop, s.
-        dt_ekf_avg: average interval of the steps, s.
+    ``dt_ekf_avg`` is the average interval of the steps, s.
     """
 
     def __init__(self) -> None:
-        self.dt_imu_avg = INITIAL_IMU_DT
         self.dt_ekf_avg = EKF_TARGET_DT
         self._clear()
 
@@ -182,22 +181,18 @@ class DownSampler:
         self._del_vel = quaternion.zero
         self._vel_dt = self._ang_dt = 0.0
 
-    def add(self, delta: InertialDelta, loop_dt: float, time_ms: int, *, may_step: bool = True) -> InertialStep | None:
+    def add(self, delta: InertialDelta, time_ms: int, *, may_step: bool = True) -> InertialStep | None:
         """Take the data of a pass; return the step that it completes, if it does.
 
         Velocities are summed in the body frame at the end of each pass, rotations as quaternions, against coning.
         A step that may not be made yet waits.
         """
-        dt_imu, vel_dt, ang_dt = self.dt_imu_avg, delta.del_vel_dt, delta.del_ang_dt
-        if loop_dt != dt_imu:
-            dt_imu += _SLOW * (limited(loop_dt, 0.5 * dt_imu, 2 * dt_imu) - dt_imu)
-            self.dt_imu_avg = dt_imu
+        vel_dt, ang_dt = delta.del_vel_dt, delta.del_ang_dt
         self._vel_dt += vel_dt if vel_dt > MIN_DT else MIN_DT
         ang_dt = self._ang_dt = self._ang_dt + (ang_dt if ang_dt > MIN_DT else MIN_DT)
         turned = self._turned = (self._turned * delta.turn).normalized()
         self._del_vel += turned * delta.pure_vel * turned.conjugate()
-        due = EKF_TARGET_DT - 0.5 * dt_imu if may_step else 2.0 * EKF_TARGET_DT
-        return self._complete(time_ms) if ang_dt >= due else None
+        return self._complete(time_ms) if ang_dt >= (DUE_DT if may_step else LATE_DT) else None
 
     def _complete(self, time_ms: int) -> InertialStep:
         step = InertialStep(time_ms, self._del_vel.vec, rotation_of_quat(self._turned), self._vel_dt, self._ang_dt)

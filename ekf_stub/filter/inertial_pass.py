@@ -16,7 +16,6 @@ from ekf_stub.filter.output_predictor import OutputPredictor, OutputState
 from ekf_stub.filter.stillness import Stillness
 from ekf_stub.reports.core_report import StillnessReport, Three
 
-LOOP_DT: Final = 0.0025
 NO_RATES: Final[tuple[Three, Three]] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -66,7 +65,7 @@ class InertialPass:
 
     def sense(self, delta: InertialDelta) -> None:
         """Take the data of a pass while there is no state."""
-        self._stillness.sense(delta, LOOP_DT)
+        self._stillness.sense(delta)
 
     def begin(self, state: ErrorState, length: int) -> None:
         """Restart with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
@@ -80,7 +79,7 @@ class InertialPass:
         """Test for standing still, and add up the data of a pass, which are taken once more in ``advance``."""
         if scale is not None:
             self._stillness.test(*self._bias_rates, self.dt_ekf_avg, scale)
-        self._sampler.add(delta, LOOP_DT, now_ms)
+        self._sampler.add(delta, now_ms)
         self.dt_ekf_avg = self._sampler.dt_ekf_avg
 
     def advance(
@@ -105,12 +104,12 @@ class InertialPass:
             height_filter_hz: EK3_HRT_FILT.
             may_step: whether a step may be made already.
         """
-        self._stillness.sense(delta, LOOP_DT)
+        self._stillness.sense(delta)
         if scale is None:
             self._stillness.skip()
         else:
             self._stillness.test(*self._bias_rates, self.dt_ekf_avg, scale)
-        step = self._sampler.add(delta, LOOP_DT, now_ms, may_step=may_step)
+        step = self._sampler.add(delta, now_ms, may_step=may_step)
         if step is None:
             self._output.integrate(delta, state, self.dt_ekf_avg, height_filter_hz=height_filter_hz)
         else:
@@ -160,12 +159,10 @@ class InertialPass:
             tau_s: time constant of velocity and position.
             height_filter_hz: EK3_HRT_FILT.
         """
-        sampler = self._sampler
-        self._bias_rates = state.bias_rates(sampler.dt_ekf_avg)
-        self._output.integrate(delta, state, sampler.dt_ekf_avg, height_filter_hz=height_filter_hz)
-        self._output.follow(
-            state, delay_s=delay_s, tau_s=tau_s, dt_imu_avg=sampler.dt_imu_avg, dt_ekf_avg=sampler.dt_ekf_avg
-        )
+        dt = self._sampler.dt_ekf_avg
+        self._bias_rates = state.bias_rates(dt)
+        self._output.integrate(delta, state, dt, height_filter_hz=height_filter_hz)
+        self._output.follow(state, delay_s=delay_s, tau_s=tau_s, dt_ekf_avg=dt)
 
 
 class Kernel(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.error_state import ErrorState
-from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, limited, pure_quat
+from ekf_stub.filter.inertial import GRAVITY_MSS, LOOP_DT, Array, InertialDelta, limited, pure_quat
 from ekf_stub.filter.states import HIGHEST_POS, HIGHEST_VEL, LOWEST_POS, LOWEST_VEL, POS, but_attitude, within
 
 ATTITUDE_GAIN: Final = 0.5
@@ -44,7 +44,28 @@ class Output(NamedTuple):
         return pos
 
 
-class OutputState(Protocol):
+class OutputChanges(Protocol):
+    """What resets do to an output, given what changes it now and in the history."""
+
+    def _change(self, change: Callable[[Output], Output]) -> None: ...
+
+    def shift(self, pos: Array) -> None:
+        """Add to position, now and in the history; not what is not finite."""
+        self._change(lambda output: _moved(output, output.pos + pos, output.vel))
+
+    def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
+        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
+        self._change(lambda output: _moved(output, _with(output.pos, pos or {}), _with(output.vel, vel or {})))
+
+    def rotate(self, turn: quaternion.quaternion) -> None:
+        """Turn the attitude, earth to earth, now and in the history."""
+        self._change(lambda output: output._replace(quat=(turn * output.quat).normalized()))
+
+    def restart_height_filter(self, *, vel: float | None = None) -> None:
+        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
+
+
+class OutputState(OutputChanges, Protocol):
     """The present state as others see it.
 
     Attributes:
@@ -64,43 +85,6 @@ class OutputState(Protocol):
     @property
     def pos_error(self) -> float: ...
 
-    def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
-        """Add to position and velocity, now and in the history; not what is not finite."""
-
-    def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
-        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
-
-    def rotate(self, turn: quaternion.quaternion) -> None:
-        """Turn the attitude, earth to earth, now and in the history."""
-
-    def restart_height_filter(self, *, vel: float | None = None) -> None:
-        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
-
-
-class OutputChanges:
-    """What resets do to an output, given what changes it now and in the history."""
-
-    def _change(self, change: Callable[[Output], Output]) -> None:
-        raise NotImplementedError
-
-    def shift(self, *, pos: Array | None = None, vel: Array | None = None) -> None:
-        """Add to position and velocity, now and in the history; not what is not finite."""
-        self._change(
-            lambda output: _moved(
-                output,
-                output.pos if pos is None else output.pos + pos,
-                output.vel if vel is None else output.vel + vel,
-            )
-        )
-
-    def overwrite(self, *, pos: dict[int, float] | None = None, vel: dict[int, float] | None = None) -> None:
-        """Set components of position and velocity by their index, now and in the history; not to what is not finite."""
-        self._change(lambda output: _moved(output, _with(output.pos, pos or {}), _with(output.vel, vel or {})))
-
-    def rotate(self, turn: quaternion.quaternion) -> None:
-        """Turn the attitude, earth to earth, now and in the history."""
-        self._change(lambda output: output._replace(quat=(turn * output.quat).normalized()))
-
 
 class OutputPredictor(OutputChanges):
     """The state at the present time, and its history back to the horizon.
@@ -108,11 +92,6 @@ class OutputPredictor(OutputChanges):
     Args:
         state: the filter at its start.
         length: how many steps the horizon lies back.
-
-    Attributes:
-        now: the present state.
-        height_rate: d(down)/dt, m/s, of height and vertical acceleration through a complementary filter.
-        angle_error, vel_error, pos_error: how far it was from the filter at the last step: rad, m/s, m.
     """
 
     def __init__(self, state: ErrorState, length: int) -> None:
@@ -163,20 +142,19 @@ class OutputPredictor(OutputChanges):
         rate = self.height_rate = self.height_rate + (del_vel_down + (accel + error * squared * 3) * dt)
         self._filtered_down += (rate + error * omega * 3) * dt
 
-    def follow(self, state: ErrorState, *, delay_s: float, tau_s: float, dt_imu_avg: float, dt_ekf_avg: float) -> None:
+    def follow(self, state: ErrorState, *, delay_s: float, tau_s: float, dt_ekf_avg: float) -> None:
         """Steer towards the filter, once a step; velocity and position all along the history.
 
         Args:
             state: the filter at the horizon.
             delay_s: how far the horizon lies back.
             tau_s: time constant of velocity and position.
-            dt_imu_avg: average interval of the main loop.
             dt_ekf_avg: average interval of the steps.
         """
         self._history.append(self.now)
         delayed = self._history[0]
         error = (delayed.quat.conjugate() * state.quat).normalized()
-        attitude_gain = ATTITUDE_GAIN / max(delay_s, dt_imu_avg) * dt_imu_avg
+        attitude_gain = ATTITUDE_GAIN / max(delay_s, LOOP_DT) * LOOP_DT
         self._angle_correction = (error - error.conjugate()) * (attitude_gain if error.w >= 0 else -attitude_gain)
         self._delta = None
         gain = dt_ekf_avg / limited(tau_s, dt_ekf_avg, 10.0)
@@ -203,7 +181,6 @@ class OutputPredictor(OutputChanges):
         self.now = self._history[-1]
 
     def restart_height_filter(self, *, vel: float | None = None) -> None:
-        """Let the filtered height begin at the present one, and its rate at a velocity, as height is reset."""
         self._filtered_down = self.now.pure_pos.z
         if vel is not None:
             self.height_rate = vel

@@ -8,7 +8,7 @@ Only asked while yaw comes from elsewhere than the compass.
 import math
 from typing import Final
 
-from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
+from ekf_stub.filter.inertial import GRAVITY_MSS, LOOP_DT, InertialDelta
 from ekf_stub.reports.core_report import StillnessReport, Three
 
 GYRO_LIMIT: Final = math.radians(3.0)
@@ -57,10 +57,10 @@ class Stillness:
         self._accel_before: Three = (0.0, 0.0, 0.0)
         self._gyro_diff = self._accel_diff = 0.0
 
-    def sense(self, delta: InertialDelta, loop_dt: float) -> None:
+    def sense(self, delta: InertialDelta) -> None:
         """Filter the data of a pass."""
-        self.gyro.add(delta.gyro, loop_dt)
-        self.accel.add(delta.accel, loop_dt)
+        self.gyro.add(delta.gyro, LOOP_DT)
+        self.accel.add(delta.accel, LOOP_DT)
 
     def skip(self) -> None:
         """Let the test rest, in flight or with a compass."""

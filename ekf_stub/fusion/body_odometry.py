@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.filter.inertial import Array, InertialStep
-from ekf_stub.fusion.body_velocity import velocity_row
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ext_nav_ingest import OdometrySample
@@ -69,7 +68,7 @@ class BodyOdometry(Fusion):
         if step.del_ang_dt > _MIN_DT:
             offset = np.array([float(part) for part in sample.pos_offset.to_tuple()])
             predicted += float(np.cross(step.del_ang / step.del_ang_dt, offset)[axis])
-        row = velocity_row(state, axis)
+        row = state.velocity_row(axis)
         variance = float(row @ state.cov @ row) + noise
         if variance <= noise:
             return None

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.filter.inertial import limited
-from ekf_stub.fusion.body_velocity import velocity_row
 from ekf_stub.fusion.parts import FilterParts, Fusion
 from ekf_stub.fusion.terrain import FLOW_FOR_TERRAIN, LEAST_FLOW_NOISE, LOST_MS, Terrain
 from ekf_stub.inputs.flow_ingest import FlowIngest, FlowSample, Two
@@ -80,7 +79,7 @@ class FlowFusion(Fusion):
         if not distance:
             return  # where the sensor is said to be on the ground
         is_slow = max(flow.flow) < self._get_float("MAX_FLOW") if self.is_used() else False
-        rows = velocity_row(state, 1) / distance, -velocity_row(state, 0) / distance
+        rows = state.velocity_row(1) / distance, -state.velocity_row(0) / distance
         for axis, row in enumerate(rows):
             along, aside, _ = (state.vel @ state.rotation + by_turning).tolist()
             predicted: Two = aside / distance, -along / distance

@@ -70,7 +70,7 @@ class Resets(Fusion):
         if not with_height:
             shift[2] = 0.0
         self._state.pos = self._state.pos + shift
-        self._output.shift(pos=shift)
+        self._output.shift(shift)
         if shift[2]:
             self._output.restart_height_filter()
         self.moved_ne = shift[NORTH_EAST].copy()
@@ -119,6 +119,6 @@ class Resets(Fusion):
         """Follow a change of the source of height: state and outputs by as much."""
         shift = np.array([0.0, 0.0, down - self._state.pos[2]])
         self._state.pos = self._state.pos + shift
-        self._output.shift(pos=shift)
+        self._output.shift(shift)
         if shift[2]:
             self._output.restart_height_filter()

@@ -17,7 +17,7 @@ As recorded logs of the reference have it:
 - Of sensors that the vehicle lacks only GPS has records, once in a log; airspeed, range finders and beacons have none.
 
 Source: AP_DAL/AP_DAL.cpp, AP_DAL_InertialSensor.cpp, AP_DAL_Baro.cpp, AP_DAL_Compass.cpp,
-AP_DAL_RangeFinder.cpp.
+AP_DAL_GPS.cpp, AP_DAL_RangeFinder.cpp, AP_GPS/AP_GPS.cpp.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,6 @@ from ekf_stub.inputs.imus import MAX_IMUS, first_usable
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog
-from ekf_stub.log.gps_log import UNUSED, gps_values
 from ekf_stub.log.replay_log_structure import (
     RBRH,
     RBRI,
@@ -74,6 +73,13 @@ EKF3_BEFORE_EKF2: Final = (REV3, REV2)
 _NO_ACCEL, _NO_GYRO = 1 << 0, 1 << 1
 _ALL_GOOD: Final = 15  # RISI.Flags: accelerometer and gyro are used, and both gave data
 _NOTHING: Final = (0.0,) * 8
+
+YAW_ACCURACY_DEG: Final = 10.0
+_UNKNOWN_DOP: Final = 65535
+_VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
+_NOWHERE: Final = (0.0, 0.0, 0.0)
+
+Values = tuple[LogValue, ...]
 
 
 class ReplayLog(ExtNavLog):
@@ -203,7 +209,7 @@ class ReplayLog(ExtNavLog):
         self._gps = gps
         header, receiver = gps_values(gps, lag_s)
         self._write_input(RGPH, header)
-        for instance, (slow, fast) in enumerate((receiver, *UNUSED)):
+        for instance, (slow, fast) in enumerate((receiver, *_UNUSED)):
             self._write_input(RGPI, slow, instance)
             self._write_input(RGPJ, fast, instance)
 
@@ -262,3 +268,33 @@ class ReplayLog(ExtNavLog):
 
 def _inertial_values(delta: InertialDelta) -> tuple[float, ...]:
     return (*delta.del_vel.tolist(), *delta.del_ang.tolist(), delta.del_vel_dt, delta.del_ang_dt)
+
+
+def _absent(instance: int, flags: int, hdop: int, lag_s: float = 0.0) -> tuple[Values, Values]:
+    slow = (*_NOWHERE, lag_s, flags, 0, 0, instance)
+    return slow, (0, *_NOWHERE, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0.0, 0.0, hdop, instance)
+
+
+_UNUSED: Final = (_absent(1, _LAG, _UNKNOWN_DOP), _absent(2, 0, 0))
+"""RGPI and RGPJ of the second receiver, and of what the firmware would blend of the two."""
+
+
+def gps_values(gps: GpsSample | None, lag_s: float = 0.0) -> tuple[Values, tuple[Values, Values]]:
+    """Return RGPH, and RGPI with RGPJ of the first receiver; ``lag_s`` is of one that is not there."""
+    if gps is None:
+        return (0, 0), _absent(0, _LAG, _UNKNOWN_DOP, lag_s)
+    known = (
+        (_VERTICAL_VELOCITY, gps.has_vertical_velocity),
+        (_HORIZONTAL, gps.horizontal_accuracy is not None),
+        (_VERTICAL, gps.vertical_accuracy is not None),
+        (_LAG, True),
+        (_SPEED, gps.speed_accuracy is not None),
+        (_YAW, gps.yaw_deg is not None),
+    )
+    flags = sum(bit for bit, is_known in known if is_known)
+    yaw = (0.0, 0.0, 0) if gps.yaw_deg is None else (gps.yaw_deg, YAW_ACCURACY_DEG, gps.time_ms)
+    place = gps.location.lat, gps.location.lng, gps.location.alt_cm
+    accuracies = gps.horizontal_accuracy or 0.0, gps.vertical_accuracy or 0.0
+    motion = *gps.vel_ned.to_tuple(), gps.speed_accuracy or 0.0
+    slow = (*_NOWHERE, gps.lag_s, flags, gps.fix_type, gps.num_sats, 0)
+    return (1, 0), (slow, (gps.time_ms, *motion, *yaw, *place, *accuracies, gps.hdop, 0))

@@ -186,9 +186,9 @@ class FilterMachine(RuleBasedStateMachine):
         self.output.overwrite(vel={axis: value})
         self.output.restart_height_filter(vel=float(self.state.vel[2]))
 
-    @rule(pos=ANY_VECTOR, vel=ANY_VECTOR)
-    def shift(self, pos: Array, vel: Array) -> None:
-        self.output.shift(pos=pos, vel=vel)
+    @rule(pos=ANY_VECTOR)
+    def shift(self, pos: Array) -> None:
+        self.output.shift(pos)
 
     @invariant()
     def is_sound(self) -> None:

@@ -125,7 +125,7 @@ def test_both_go_the_same_way_and_stand_still_at_the_same_time(seed: int) -> Non
 def test_resets_move_both() -> None:
     pair = Pair(seed=3)
     pair.run(203, sigma=0.001)
-    pair.change(lambda output: output.shift(pos=np.array([1.0, -2.0, 3.0]), vel=np.array([0.1, 0.2, 0.3])))
+    pair.change(lambda output: output.shift(np.array([1.0, -2.0, 3.0])))
     pair.run(21, sigma=0.001)
     pair.change(lambda output: output.overwrite(pos={0: 4.0, 1: np.nan}, vel={2: -0.5}))
     pair.change(lambda output: output.overwrite(vel={0: 0.25}))

@@ -23,7 +23,7 @@ def sense(
     """Let the filters settle at rates and an acceleration."""
     turn, velocity = np.radians(gyro_deg_s) * LOOP_DT, np.array(accel) * LOOP_DT
     for _ in range(200):
-        stillness.sense(InertialDelta(velocity, turn, LOOP_DT, LOOP_DT), LOOP_DT)
+        stillness.sense(InertialDelta(velocity, turn, LOOP_DT, LOOP_DT))
 
 
 def run(stillness: Stillness, passes: int, *, scale: float = 1.0) -> None:

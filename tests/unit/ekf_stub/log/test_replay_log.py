@@ -21,7 +21,6 @@ from ekf_stub.inputs.imus import ImuReading
 from ekf_stub.inputs.range_state import FinderState, RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.gps_log import gps_values
 from ekf_stub.log.replay_log import (
     CHECK_LANE_SWITCH,
     EKF2_BEFORE_EKF3,
@@ -32,6 +31,7 @@ from ekf_stub.log.replay_log import (
     TERRAIN_STABLE,
     TERRAIN_UNSTABLE,
     ReplayLog,
+    gps_values,
 )
 from ekf_stub.log.replay_vehicle import SensorSet, VehicleFrame
 

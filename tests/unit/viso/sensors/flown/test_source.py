@@ -162,7 +162,7 @@ def test_what_was_before_the_first_pass_is_over(path: Path) -> None:
 def filter_step(*deltas: InertialDelta) -> InertialStep:
     """Return what a step of the filter makes of passes that add up to 12.5 ms."""
     sampler = DownSampler()
-    *_, step = [sampler.add(delta, DT, 0) for delta in deltas]
+    *_, step = [sampler.add(delta, 0) for delta in deltas]
     assert step is not None
     return step
 
