@@ -34,6 +34,7 @@ _SIMULATED_INSTEAD: Final = f"the camera is simulated: OpenCV is missing; for a 
 _NO_VIO: Final = f"--camera vio: OpenCV is missing; install it with: {pip_install('vio')}; --camera simulated works"
 
 Text = tuple[float, str, int, str]
+"""When in s, by whom, how severe and what was said."""
 Choose = Callable[[VioConfig], VioConfig]
 
 
@@ -46,15 +47,10 @@ class Camera(StrEnum):
 
 @dataclass(frozen=True)
 class _Flown:
-    """What a flight has left behind.
+    """What a flight has left behind, which ends at ``end_s`` since boot if nobody stops it.
 
-    Attributes:
-        end_s: when the flight ends, if nobody stops it, in s since boot.
-        vehicle: that has flown.
-        texts: when in s, by whom, how severe and what was said.
-        rows: for machines, besides what is told of every flight.
-        tables: for people.
-        save_plot: writes the picture; raises ModuleNotFoundError without matplotlib.
+    ``rows`` are for machines, besides what is told of every flight, and ``tables`` for people. ``save_plot`` writes the
+    picture; it raises ModuleNotFoundError without matplotlib.
     """
 
     end_s: float

@@ -3,7 +3,6 @@
 """``viso doctor``: what the autopilot would do with a stream, and what to change."""
 
 import json
-import math
 import time
 from contextlib import closing
 from pathlib import Path
@@ -23,6 +22,7 @@ from viso.doctor.outputs.terminal import count_text, finding_lines, summary_line
 from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
+from viso.options.ahrs import heading_in_rad
 from viso.options.firmware import RecordedFirmwareOption, firmware_of
 from viso.options.live_topic import DomainOption
 from viso.options.outputs import Output
@@ -127,8 +127,7 @@ def doctor(
         raise InputError(f"--seconds {seconds:g}: not between 0 and a day")
     if not filter_seconds >= 0:
         raise InputError(f"--filter-seconds {filter_seconds:g}: not a time in seconds")
-    if not math.isfinite(heading):
-        raise InputError(f"--heading {heading}: not an angle in degrees")
+    heading_rad = heading_in_rad(heading)
     chosen = None if firmware is None else firmware_of(firmware)
     files = [*preset_files(preset), *(defaults or [])]
     for text in param or []:
@@ -153,7 +152,6 @@ def doctor(
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
-    heading_rad = math.remainder(math.radians(heading), 2 * math.pi)
     options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=chosen, filter_s=filter_seconds)
     evidence = _examine(stream, _with_log(options, attitude, Path(source)))
     rules = all_rules()

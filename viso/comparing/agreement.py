@@ -16,14 +16,7 @@ ABSENT: Final = "nothing"
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One thing that differs.
-
-    Attributes:
-        place: where in the recording: a line, a time since boot, an exchange.
-        field: what: ``RECORD.Label``, or the kind of text.
-        recorded, ours: what the autopilot had, and what viso has.
-        unit: of both; empty for none.
-    """
+    """One thing that differs: ``RECORD.Label``, or a kind of text, at a line, a time since boot or an exchange."""
 
     place: str
     field: str
@@ -41,14 +34,11 @@ class Comparison:
     """How far a recording agrees with viso.
 
     Attributes:
-        path: of the recording.
-        kind: of recording.
         firmware: the profile that viso was.
         named: the profile of the release that the recording names; empty where it names none.
         messages: how many messages, calls, exchanges or frames were played.
         records: how many records, outputs or answers they made.
         fields: how many fields, texts and acknowledgements were compared.
-        differences: all that differ.
         notes: what could not be compared, a line each.
     """
 

@@ -128,7 +128,7 @@ def play(
     its log cannot be used.
     """
     stream = read_capture(path)
-    make_ahrs = ahrs_maker(AhrsChoice(log_beside(path), None, None, 0, 0.0))
+    make_ahrs = ahrs_maker(AhrsChoice(log_beside(path)))
     lines: list[Line] = []
     sent = Codec(0, 0)
     outcome = run_replay(

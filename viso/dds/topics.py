@@ -159,14 +159,9 @@ def static_transforms(vehicle: Vehicle) -> ros.TFMessage:
 
 
 class Topic(NamedTuple):
-    """A topic that the autopilot writes.
+    """A topic that the autopilot writes once more than ``delay_ms`` have passed.
 
-    Attributes:
-        name: as ROS 2 has it.
-        message: what it carries.
-        qos: what is offered.
-        delay_ms: it is written once more than so much time has passed.
-        update: makes the message say what is so now; returns whether it is to be written.
+    ``update`` makes the message say what is so now, and returns whether it is to be written.
     """
 
     name: str

@@ -44,19 +44,15 @@ HeadingOption = Annotated[
 class AhrsChoice:
     """What the command line says of attitude and position.
 
-    Attributes:
-        log: a log to follow in place of a filter.
-        imu: the source of the sensors' data.
-        imu_errors: what is wrong with them, each NAME=VALUE.
-        imu_seed: of the random part of that.
-        heading_deg: where the vehicle points at first.
+    A log is followed in place of a filter; else ``imu`` is the source of the sensors' data, each of ``imu_errors`` is
+    NAME=VALUE, and the seed that of their random part.
     """
 
-    log: Path | None
-    imu: str | None
-    imu_errors: list[str] | None
-    imu_seed: int
-    heading_deg: float
+    log: Path | None = None
+    imu: str | None = None
+    imu_errors: list[str] | None = None
+    imu_seed: int = 0
+    heading_deg: float = 0.0
 
 
 def of_stream(imu: str | None, stream: Path) -> str | None:
@@ -64,15 +60,17 @@ def of_stream(imu: str | None, stream: Path) -> str | None:
     return f"{FLOWN}:{stream}" if imu == FLOWN else imu
 
 
+def heading_in_rad(heading_deg: float) -> float:
+    """Return a heading, -pi to pi. Raises InputError if it is none."""
+    if not math.isfinite(heading_deg):
+        raise InputError(f"--heading {heading_deg}: not an angle in degrees")
+    return math.remainder(math.radians(heading_deg), 2 * math.pi)
+
+
 def imu_options(choice: AhrsChoice) -> ImuOptions:
     """Return the options of inertial data that were chosen. Raises InputError if one cannot be used."""
-    if not math.isfinite(choice.heading_deg):
-        raise InputError(f"--heading {choice.heading_deg}: not an angle in degrees")
-    return ImuOptions(
-        heading_rad=math.remainder(math.radians(choice.heading_deg), 2 * math.pi),
-        errors=parse_errors(choice.imu_errors or []),
-        seed=choice.imu_seed,
-    )
+    heading_rad = heading_in_rad(choice.heading_deg)
+    return ImuOptions(heading_rad=heading_rad, errors=parse_errors(choice.imu_errors or []), seed=choice.imu_seed)
 
 
 def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], AhrsBase]:

@@ -90,16 +90,9 @@ class RealDriver:
 def record_viso(recorder: Recorder, firmware: Firmware, stop: Callable[[], int] = lambda: 0) -> None:
     """Drive a fresh recorder with a vehicle of viso in virtual time: it stands level, heading north."""
     with tempfile.TemporaryDirectory(prefix="viso-record-") as folder:
-        config = VehicleConfig(
-            ahrs_maker(AhrsChoice(None, None, None, 0, 0.0)),
-            log_store=LogStore(Path(folder)),
-            firmware=firmware,
-        )
-        powered = PoweredVehicle(config, [Port("viso", SIMULATOR_BAUD)])
-        try:
+        config = VehicleConfig(ahrs_maker(AhrsChoice()), log_store=LogStore(Path(folder)), firmware=firmware)
+        with closing(PoweredVehicle(config, [Port("viso", SIMULATOR_BAUD)])) as powered:
             _run_virtual(recorder, powered, stop)
-        finally:
-            powered.close()
 
 
 def _run_virtual(recorder: Recorder, powered: PoweredVehicle, stop: Callable[[], int]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from mav_handlers.wire.codec import V2_HEADER_AND_CRC_BYTES, full_length
-from viso.files.float_bits import json_value
+from viso.files.float_bits import bits_of
 from viso.recording.recorder import Sent
 
 _MADE_BY: Final = {
@@ -70,11 +70,11 @@ def vision_records(log: bytes) -> list[Record]:
 
 def out_of(handled: Handled) -> list[list[object]]:
     """Return what a message made as captures have it: floats in hex, everything else plain."""
-    return [[one.name, *(json_value(_plain_float(value)) for value in one.values)] for one in handled.records]
+    return [[one.name, *map(_plain, one.values)] for one in handled.records]
 
 
-def _plain_float(value: object) -> object:
-    return np.float32(value) if isinstance(value, np.floating) else value
+def _plain(value: object) -> object:
+    return bits_of(np.float32(value)) if isinstance(value, np.floating) else value
 
 
 def match(sent: Sequence[Sent], records: Sequence[Record]) -> tuple[list[Handled], int]:

@@ -106,16 +106,13 @@ class Recording:
     """What a recorder has so far.
 
     Attributes:
-        scenario: what was done.
         vehicle_type: MAV_TYPE of the autopilot's heartbeat.
-        version: what the autopilot runs.
         params: its parameters before anything was set, in their order.
         set_params: those that the scenario set before the steps, as the autopilot took them.
         began_us: when the steps began, by the autopilot's clock.
         sent: the messages of the steps.
         texts: since the reboot, or since the begin where there is none, until the last step: severity and text.
         acks: of commands of the steps: command and result.
-        exchanges: questions and their answers.
         events: what happened when, by the autopilot's clock where that was known.
         traffic: all frames both ways by the recorder's clock.
         log: the DataFlash log, as far as it came.
@@ -139,13 +136,7 @@ class Recording:
 
 
 class Recorder:
-    """Plays a scenario to an autopilot, and keeps what comes of it; ``on_progress`` is told what is being done.
-
-    Attributes:
-        recording: what there is so far.
-        clock: the autopilot's.
-        is_over: whether there is nothing more to do.
-    """
+    """Plays a scenario to an autopilot, and keeps what comes of it; ``on_progress`` is told what is being done."""
 
     def __init__(
         self,
@@ -438,11 +429,7 @@ class Recorder:
                 self._put(self._station, message)
             else:
                 self._put_step(codec, message)
-            answer = yield from self._wait(
-                object,
-                _RETRY_US,
-                lambda one: isinstance(one, PARAM_VALUE | PARAM_ERROR) and one.param_id == name,
-            )
+            answer = yield from self._answer_about(name)
             if isinstance(answer, PARAM_VALUE):
                 told = answer.param_value
                 if told == wanted:
@@ -455,16 +442,16 @@ class Recorder:
     def _read_parameter(self, name: str) -> Task[PARAM_VALUE | None]:
         for _ in range(_TRIES):
             self._put(self._station, PARAM_REQUEST_READ(*self._to, name, -1))
-            found = yield from self._wait(
-                object,
-                _RETRY_US,
-                lambda one: isinstance(one, PARAM_VALUE | PARAM_ERROR) and one.param_id in (name, ""),
-            )
+            found = yield from self._answer_about(name, "")
             if isinstance(found, PARAM_VALUE):
                 return found
             if isinstance(found, PARAM_ERROR) or name not in self.recording.params:
                 return None
         return None
+
+    def _answer_about(self, *names: str) -> Task[object]:
+        kinds = PARAM_VALUE | PARAM_ERROR
+        return self._wait(object, _RETRY_US, lambda one: isinstance(one, kinds) and one.param_id in names)
 
     def _reboot(self) -> Task[None]:
         self._on_progress("rebooting")

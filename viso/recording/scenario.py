@@ -206,13 +206,7 @@ class Send:
 class Ask:
     """A question of a ground station; all that is answered within a time is kept.
 
-    Attributes:
-        name: what is asked.
-        given: the message as the file has it.
-        message: the message.
-        wait_s: how long to listen.
-        show: messages to keep although they come all the time.
-        hide: messages not to keep.
+    ``given`` is the message as the file has it. Messages to ``show`` are kept although they come all the time.
     """
 
     name: str
@@ -266,13 +260,11 @@ class Scenario:
 
     Attributes:
         name: of the files that come of it.
-        about: what happens, for people.
         parameters: to be set before, by name.
         if_there: parameters to be set if the autopilot has them.
         reboot: whether to reboot after that.
         needs_flight: whether it needs a simulated vehicle that flies and tells its truth (SIM_STATE).
         wait: what to wait for before the first step.
-        steps: what to do.
     """
 
     name: str

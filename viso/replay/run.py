@@ -4,11 +4,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
-from mav_handlers.handlers import VISION_MESSAGES
+from viso.companion.faults.poses import VISION_NAMES
 from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts, what_became
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
 from viso.firmware.releases import REFERENCE, Firmware
@@ -17,8 +17,6 @@ from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts, reason_of
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
-
-_VISION: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 
 
 class SaidText(NamedTuple):
@@ -31,13 +29,9 @@ class SaidText(NamedTuple):
 
 @dataclass(frozen=True)
 class ReplaySetup:
-    """How to replay a stream.
+    """How to replay a stream: ``baud`` is the rate of the UART whose transport time is modelled; None for none.
 
-    Attributes:
-        make_ahrs: makes the vehicle's AHRS; one with a filter if the filter is to be watched.
-        baud: rate of the UART whose transport time is modelled; None for none.
-        with_filter: whether to watch the filter.
-        firmware: what the vehicle claims to be.
+    The AHRS has a filter if the filter is to be watched.
     """
 
     make_ahrs: Callable[[AhrsParts], AhrsBase]
@@ -81,7 +75,7 @@ def why_nothing_fused(outcome: ReplayOutcome) -> str:
     if fates:
         kind, rule, count = max(fates, key=lambda row: row[2])
         return f"{count} samples of {kind} {what_became(rule)}"
-    messages = {key: count for key, count in outcome.verdicts.items() if key[0] in _VISION}
+    messages = {key: count for key, count in outcome.verdicts.items() if key[0] in VISION_NAMES}
     if not messages:
         return "no message of external navigation came"
     (name, verdict, code), count = max(messages.items(), key=lambda row: row[1])

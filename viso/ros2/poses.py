@@ -21,13 +21,7 @@ def live_topic_of(source: str) -> str | None:
 
 
 class Heard(NamedTuple):
-    """A pose of a topic.
-
-    Attributes:
-        writer: who wrote it; another number after a restart.
-        written_ns: when that was, by the writer's clock.
-        message: the pose.
-    """
+    """A pose of a topic, when it was written by its writer's clock, and who that is: another number after a restart."""
 
     writer: int
     written_ns: int
@@ -37,15 +31,9 @@ class Heard(NamedTuple):
 class PoseTopic:
     """A topic to be listened to: Odometry, a pose with or without covariance, or transforms between frames.
 
-    Args:
-        name: such as ``/odom``, or ``/tf:PARENT.CHILD``.
-        domain: ROS_DOMAIN_ID.
-
-    Attributes:
-        kind: the type of its messages; None until somebody writes it.
-
-    Raises:
-        InputError: if the extra is missing, there is no such domain, or DDS does not start; one line.
+    Its name is such as ``/odom``, or ``/tf:PARENT.CHILD``; ``domain`` is ROS_DOMAIN_ID. Its ``kind``, the type of its
+    messages, is None until somebody writes it. Raises InputError if the extra is missing, there is no such domain, or
+    DDS does not start.
     """
 
     def __init__(self, name: str, domain: int) -> None:

@@ -15,13 +15,7 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """A port of the autopilot.
-
-    Attributes:
-        name: what the user calls it.
-        baud: the rate of its UART, or None.
-        beside: number of the port that it is a further client of, if it is one's.
-    """
+    """A port of the autopilot; ``beside`` is the number of the port that it is a further client of, if it is one's."""
 
     name: str
     baud: int | None = None

@@ -106,7 +106,7 @@ def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[Ah
 
 @lru_cache(_KEPT)
 def _following(log: str) -> Callable[[AhrsParts], AhrsBase]:
-    return ahrs_maker(AhrsChoice(Path(log), None, None, 0, 0.0))
+    return ahrs_maker(AhrsChoice(Path(log)))
 
 
 @lru_cache(_KEPT)

@@ -33,12 +33,7 @@ FORMAT: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """A file, and what it holds: whoever reads it checks that it is the same.
-
-    Attributes:
-        path: where it is, also on the machines of a cluster.
-        sha256: of its content in hex; of a folder, of its files.
-    """
+    """A file, also on the machines of a cluster, and the hash of what it holds, in hex; of a folder, of its files."""
 
     path: str
     sha256: str
@@ -96,8 +91,6 @@ class SweepPlan:
     """A sweep, whole: the same plan has the same points, and each point comes to the same figures, anywhere.
 
     Attributes:
-        recordings: the streams.
-        axes: what is changed.
         settings: parameters over those of the recording, by the name of each firmware.
         firmware: the names of profiles.
         faults: the timelines; one that is empty stands for none.
@@ -105,10 +98,8 @@ class SweepPlan:
         sampling: None for a grid.
         baud: rate of the modelled UART, 0 for none; None for the recording's.
         imu_errors: what is wrong with the sensors, each NAME=VALUE.
-        heading_deg: where the vehicle points at first.
         lead_s: from boot to the first message where a recording does not tell.
         until_s: where replays end, since boot; infinite for the end of the stream.
-        trajectory: how to take trajectories.
         code: the version of the programs that work it out.
     """
 
@@ -179,16 +170,7 @@ class SweepPlan:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One replay.
-
-    Attributes:
-        number: from 0.
-        recording: index of the stream in the plan.
-        firmware: the name of the profile.
-        faults: index of the timeline in the plan.
-        seed: as in the plan.
-        values: of the axes, in the plan's order.
-    """
+    """One replay, numbered from 0: indices of stream and timeline in the plan, and the axes' values in its order."""
 
     number: int
     recording: int

@@ -44,7 +44,7 @@ def make_plan(wishes: Wishes) -> SweepPlan:
     profiles = [firmware_of(name) for name in _split(wishes.firmware) or [REFERENCE.name]]
     axes = _axes(wishes, profiles)
     trajectory = _trajectory(wishes)
-    imu_options(AhrsChoice(None, None, wishes.imu_error, 0, wishes.heading or 0.0))
+    imu_options(AhrsChoice(imu_errors=wishes.imu_error, heading_deg=wishes.heading or 0.0))
     plan = SweepPlan(
         recordings=_recordings(wishes, trajectory),
         axes=axes,
@@ -84,14 +84,8 @@ def _settings(wishes: Wishes, profile: Firmware) -> dict[str, float]:
 
 def _trajectory(wishes: Wishes) -> TrajectoryOptions:
     usual = TrajectoryOptions()
-    return TrajectoryOptions(
-        wishes.message or usual.form,
-        wishes.format,
-        wishes.topic,
-        wishes.times,
-        wishes.axes or usual.axes,
-        wishes.rate,
-    )
+    form, axes = wishes.message or usual.form, wishes.axes or usual.axes
+    return TrajectoryOptions(form, wishes.format, wishes.topic, wishes.times, axes, wishes.rate)
 
 
 def _recordings(wishes: Wishes, options: TrajectoryOptions) -> tuple[Recorded, ...]:

@@ -11,9 +11,9 @@ from typing import Final
 from ap_core.verdict import Outcome
 from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.endpoint import UNKNOWN_NAME
-from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
+from viso.companion.faults.poses import VISION_NAMES
 from viso.fates.labels import Fate
 from viso.fates.watch import UNITS
 from viso.testing.observations import MessageVerdict, StatusText
@@ -26,9 +26,8 @@ KINDS: Final = tuple(UNITS)
 """Of samples, as the filter tells them apart."""
 
 _NO_FRAME: Final = "BAD_DATA"
-_VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 # Whoever sends what cannot be read has lost a message of some kind.
-_NAVIGATION: Final = _VISION_NAMES | {_NO_FRAME, UNKNOWN_NAME}
+_NAVIGATION: Final = VISION_NAMES | {_NO_FRAME, UNKNOWN_NAME}
 _OUTCOME_OF_RULE: Final = {verdict.rule.code: verdict.outcome for verdict in ALL_VERDICTS}
 
 
