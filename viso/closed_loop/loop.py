@@ -6,14 +6,16 @@ All in virtual time and in one thread: the same set-up gives the same log, byte 
 """
 
 import logging
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
 from mav_handlers.links.pair import make_pair
-from mav_handlers.wire.messages import COMMAND_LONG
+from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 from viso.closed_loop.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
+from viso.companion.sender import command_long
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.world.flight import SyntheticFlight
 from viso.fates.watch import FilterWatch
@@ -50,8 +52,14 @@ SENSOR_ERRORS: Final = SensorErrors(
     baro_noise_m=0.05,
     compass_noise_mgauss=1.0,
 )
+ORIGIN: Final = SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000)
+RUN_PREARM_CHECKS: Final = 401
+ARM_DISARM: Final = 400
 
 _NS_PER_US: Final = 1000
+
+Script = Sequence[tuple[float, Callable[[], None]]]
+OnProgress = Callable[[float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,41 +93,31 @@ class LoopSetup:
         return companion_us - self.flight.start_ns // _NS_PER_US + self.companion_us
 
 
-class CompanionLoop:
-    """A vehicle and a companion, back to back.
+class VehicleLoop(ABC):
+    """A vehicle, back to back with a companion that a subclass gives.
 
     Args:
-        setup: what is flown, by whom.
-        open_log: opens the vehicle's log.
+        vehicle: fresh.
+        record: where to note what happens.
 
     Attributes:
-        vehicle, companion: the two.
         watch: follows the vehicle's filter.
-        record: what has happened.
-
-    Raises:
-        StrategyNotAvailableError: if the strategy's libraries are not there.
+        recorder: notes what happens.
+        companion_wire: the companion's end of the link.
     """
 
-    def __init__(self, setup: LoopSetup, open_log: Callable[[], LogSink]) -> None:
-        self.setup = setup
-        self.vehicle = _make_vehicle(setup, open_log)
-        self.watch = FilterWatch(self.vehicle)
-        self.record = LoopRecord()
-        self._recorder = LoopRecorder(self.vehicle, self.watch, self.record)
-        self._scheduler = Scheduler(self.vehicle)
-        self._wire, companion_wire = make_pair((AUTOPILOT, COMPANION))
-        self._channel = self.vehicle.endpoint.open_channel(COMPANION)
-        logger = logging.Logger(COMPANION, logging.INFO)  # of its own: it is not the program's
-        logger.addHandler(self._recorder)
-        listeners = [self._recorder.take_update]
-        self.companion = VirtualCompanion(setup.flight, setup.config, companion_wire, logger, listeners)
+    def __init__(self, vehicle: Vehicle, record: LoopRecord) -> None:
+        self.vehicle, self.record = vehicle, record
+        self.watch = FilterWatch(vehicle)
+        self.recorder = LoopRecorder(vehicle, self.watch, record)
+        self._scheduler = Scheduler(vehicle)
+        self._wire, self.companion_wire = make_pair((AUTOPILOT, COMPANION))
+        self._channel = vehicle.endpoint.open_channel(COMPANION)
         self.now_us = 0
 
-    def command(self, command: int, *params: float) -> None:
-        """Send the autopilot a COMMAND_LONG over the companion's link; missing parameters are 0."""
-        seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
-        self.companion.sender.send(COMMAND_LONG(1, 1, command, 0, *seven))
+    @abstractmethod
+    def run_companion(self, now_us: int) -> None:
+        """Let the companion do what is due by a time since the autopilot's boot."""
 
     def run_until(self, time_us: int) -> None:
         """Go on to a time since the autopilot's boot."""
@@ -127,22 +125,75 @@ class CompanionLoop:
             self._step(self.now_us)
             self.now_us += LOOP_PERIOD_US
 
+    def play(self, script: Script, end_s: float, on_progress: OnProgress, stop: Callable[[], bool]) -> None:
+        """Do what a script says up to the end, or until told to stop, and close.
+
+        Args:
+            script: what to do after which time in s since boot.
+            end_s: when to end, in s since boot.
+            on_progress: told the time in s since boot, once a second.
+            stop: asked as often.
+        """
+        try:
+            for time_s, act in (*script, (end_s, lambda: None)):
+                for second in range(-(-self.now_us // 1_000_000), int(time_s) + 1):
+                    self.run_until(second * 1_000_000)
+                    on_progress(second)
+                    if stop():
+                        return
+                self.run_until(round(time_s * 1e6))
+                act()
+        finally:
+            self.close()
+
     def close(self) -> None:
-        """Close the vehicle's log and the companion."""
+        """Close the vehicle's log."""
         self.vehicle.close()
-        self.companion.close()
 
     def _step(self, now_us: int) -> None:
         self._scheduler.run_until(now_us)
         self.watch.look()
         if now_us % LOOK_PERIOD_US == 0:
-            self._recorder.look()
-        if now_us >= self.setup.companion_us:
-            self.companion.run(self.setup.companion_time_us(now_us))
+            self.recorder.look()
+        self.run_companion(now_us)
         while data := self._wire.receive():
             self._scheduler.deliver(self._channel, data)
         if output := self.vehicle.endpoint.bytes_to_send(self._channel):
             self._wire.send(output)
+
+
+class CompanionLoop(VehicleLoop):
+    """A vehicle and a companion with an odometry.
+
+    Args:
+        setup: what is flown, by whom.
+        open_log: opens the vehicle's log.
+
+    Raises:
+        StrategyNotAvailableError: if the strategy's libraries are not there.
+    """
+
+    def __init__(self, setup: LoopSetup, open_log: Callable[[], LogSink]) -> None:
+        self.setup = setup
+        super().__init__(_make_vehicle(setup, open_log), LoopRecord())
+        logger = logging.Logger(COMPANION, logging.INFO)  # of its own: it is not the program's
+        logger.addHandler(self.recorder)
+        listeners = [self.recorder.take_update]
+        self.companion = VirtualCompanion(setup.flight, setup.config, self.companion_wire, logger, listeners)
+
+    def command(self, command: int, *params: float) -> None:
+        """Send the autopilot a COMMAND_LONG over the companion's link; missing parameters are 0."""
+        self.companion.sender.send(command_long(command, *params))
+
+    def run_companion(self, now_us: int) -> None:
+        """Let the companion do what is due by a time since the autopilot's boot."""
+        if now_us >= self.setup.companion_us:
+            self.companion.run(self.setup.companion_time_us(now_us))
+
+    def close(self) -> None:
+        """Close the vehicle's log and the companion."""
+        super().close()
+        self.companion.close()
 
 
 def _make_vehicle(setup: LoopSetup, open_log: Callable[[], LogSink]) -> Vehicle:

@@ -15,7 +15,7 @@ from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.vio.types import FeatureQuality, VioState
+from viso.companion.vio.types import VioState
 from viso.companion.vio.worker import VioUpdate
 from viso.fates.labels import is_final
 from viso.fates.watch import FilterWatch, SampleTest
@@ -40,12 +40,10 @@ class Said(NamedTuple):
 
 
 class Health(NamedTuple):
-    """How the odometry was after a frame, and what it saw in it; us since the autopilot's boot."""
+    """How the odometry was after a frame; us since the autopilot's boot."""
 
     time_us: int
     state: VioState
-    reason: str
-    features: FeatureQuality | None
 
 
 class StateSpan(NamedTuple):
@@ -156,8 +154,7 @@ class LoopRecorder(logging.Handler):
 
     def take_update(self, update: VioUpdate) -> None:
         """Note what the companion makes of a frame (a listener of its worker)."""
-        features = None if update.output is None else update.output.feature_quality
-        self.record.health.append(Health(self._now_us(), update.health.state, update.health.reason, features))
+        self.record.health.append(Health(self._now_us(), update.health.state))
 
     def _of_filter(self) -> tuple[Three | None, tuple[float, float] | None]:
         """Return the sigmas of the position, and its last reset."""

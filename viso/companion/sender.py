@@ -33,6 +33,12 @@ class OffsetClock:
         return self.offset_us + true_us + int(true_us * self.drift_ppm * 1e-6)
 
 
+def command_long(command: int, *params: float) -> COMMAND_LONG:
+    """Return a command for the autopilot; missing parameters are 0."""
+    seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
+    return COMMAND_LONG(1, 1, command, 0, *seven)
+
+
 class Companion:
     """Sends a heartbeat once a second and an estimate at its own rate, and listens.
 
@@ -85,8 +91,7 @@ class Companion:
 
     def command(self, command: int, *params: float) -> None:
         """Send a COMMAND_LONG to the autopilot; missing parameters are 0."""
-        seven = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
-        self.send(COMMAND_LONG(1, 1, command, 0, *seven))
+        self.send(command_long(command, *params))
 
     def _receive(self) -> None:
         while data := self._link.receive():

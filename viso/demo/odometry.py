@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Final
 
-from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
-from viso.closed_loop.loop import CompanionLoop, LoopSetup
+from viso.closed_loop.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, CompanionLoop, LoopSetup
 from viso.companion.vio.config import VioConfig
 from viso.companion.world.ground import generate_texture
 from viso.demo.survey_flight import SurveyPlan, survey_flight
@@ -40,9 +39,6 @@ END_S: Final = 45.0
 PARAMS: Final = {"LOG_DISARMED": 1, "LOG_REPLAY": 1}  # so that the filter can be run on the log
 TEXTURE_PX: Final = 1024
 TEXTURE_METRES_PER_PIXEL: Final = 0.1
-
-_RUN_PREARM_CHECKS: Final = 401
-_ARM_DISARM: Final = 400
 
 
 def demo_setup(
@@ -83,17 +79,6 @@ class VioDemo:
     ) -> None:
         self.loop = CompanionLoop(demo_setup(seed, firmware, choose), open_log)
 
-    def _script(self) -> list[tuple[float, Callable[[], None]]]:
-        loop, companion = self.loop, self.loop.companion
-        origin = SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000)
-        return [
-            (COMPANION_S, lambda: loop.command(_RUN_PREARM_CHECKS)),
-            (COMPANION_S + 1.5, lambda: companion.sender.send(origin)),
-            (ARM_S, lambda: loop.command(_ARM_DISARM, 1)),
-            (RESTART_S, companion.start_from),
-            (DISARM_S, lambda: loop.command(_ARM_DISARM, 0)),
-        ]
-
     def run(
         self,
         on_progress: Callable[[float], None] = lambda _time_s: None,
@@ -105,22 +90,12 @@ class VioDemo:
             on_progress: told the time in seconds since boot, once a second.
             stop: asked as often.
         """
-        script = [*((time_s, act) for time_s, act in self._script() if time_s < END_S), (END_S, lambda: None)]
-        try:
-            for time_s, act in script:
-                if not self._run_until(time_s, on_progress, stop):
-                    return
-                act()
-        finally:
-            self.loop.close()
-
-    def _run_until(self, time_s: float, on_progress: Callable[[float], None], stop: Callable[[], bool]) -> bool:
-        second = int(self.loop.now_us * 1e-6) + 1
-        while second <= time_s:
-            self.loop.run_until(second * 1_000_000)
-            on_progress(second)
-            if stop():
-                return False
-            second += 1
-        self.loop.run_until(round(time_s * 1e6))
-        return True
+        loop, companion = self.loop, self.loop.companion
+        script = [
+            (COMPANION_S, lambda: loop.command(RUN_PREARM_CHECKS)),
+            (COMPANION_S + 1.5, lambda: companion.sender.send(ORIGIN)),
+            (ARM_S, lambda: loop.command(ARM_DISARM, 1)),
+            (RESTART_S, companion.start_from),
+            (DISARM_S, lambda: loop.command(ARM_DISARM, 0)),
+        ]
+        loop.play(script, END_S, on_progress, stop)

@@ -11,17 +11,15 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP
 from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
-from mav_handlers.links.pair import make_pair
-from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
-from viso.closed_loop.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
+from viso.closed_loop.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
+from viso.closed_loop.record import LoopRecord
 from viso.companion.sender import Companion, OffsetClock
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from viso.companion.trials.scripted_flight import Flight
 from viso.demo.flight import flight_source
-from viso.fates.watch import AidingSpan, FilterWatch
+from viso.fates.watch import AidingSpan
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
-from viso.running.virtual_time import Scheduler
 from viso.sensors.errors import SensorErrors
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import by_ekf3
@@ -60,9 +58,6 @@ PARAMS: Final = {
     "LOG_REPLAY": 1,  # so that the filter can be run on the log
 }
 
-_RUN_PREARM_CHECKS: Final = 401
-_ARM_DISARM: Final = 400
-
 
 class PoseSample(NamedTuple):
     """A VISP record: seconds since boot, when it was observed as the filter sees it, metres NED, was it withheld?"""
@@ -94,7 +89,7 @@ def make_vehicle(seed: int, open_log: Callable[[], LogSink], firmware: Firmware 
     return Vehicle(VehicleConfig(make_ahrs, defaults=PARAMS, open_log=open_log, firmware=firmware))
 
 
-class Demo:
+class Demo(VehicleLoop):
     """One run of the demonstration.
 
     Args:
@@ -104,13 +99,8 @@ class Demo:
     """
 
     def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:
-        self.vehicle = make_vehicle(seed, open_log, firmware)
-        self.watch = FilterWatch(self.vehicle)
         self.result = DemoResult()
-        self._recorder = LoopRecorder(self.vehicle, self.watch, self.result)
-        self._scheduler = Scheduler(self.vehicle)
-        self._wire, companion_wire = make_pair((AUTOPILOT, COMPANION))
-        self._channel = self.vehicle.endpoint.open_channel(COMPANION)
+        super().__init__(make_vehicle(seed, open_log, firmware), self.result)
         camera = SimulatedCamera(
             FLIGHT,
             seed,
@@ -119,7 +109,7 @@ class Demo:
             faults=FAULTS,
         )
         self.companion = Companion(
-            companion_wire, camera.report, latency_us=40_000, start_us=int(COMPANION_START_S * 1e6)
+            self.companion_wire, camera.report, latency_us=40_000, start_us=int(COMPANION_START_S * 1e6)
         )
         self.vehicle.logger.on_write = self._take_record
 
@@ -130,17 +120,9 @@ class Demo:
             time_s = self.vehicle.clock.micros64() * 1e-6
             self.result.poses.append(PoseSample(time_s, observed_ms, (x, y, z), bool(values[12])))
 
-    def _script(self) -> list[tuple[float, Callable[[], None]]]:
-        send = self.companion.send
-        command = self.companion.command
-        return [
-            (7.0, lambda: command(_RUN_PREARM_CHECKS)),
-            (8.0, lambda: send(SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000))),
-            (12.0, lambda: command(_RUN_PREARM_CHECKS)),
-            (24.0, lambda: command(_RUN_PREARM_CHECKS)),
-            (ARM_S, lambda: command(_ARM_DISARM, 1)),
-            (END_S - 2.0, lambda: command(_ARM_DISARM, 0)),
-        ]
+    def run_companion(self, now_us: int) -> None:
+        """Let the companion do what is due by a time since the autopilot's boot."""
+        self.companion.run(now_us)
 
     def run(
         self,
@@ -153,31 +135,17 @@ class Demo:
             on_progress: told the time in seconds since boot, once a second.
             stop: asked as often.
         """
-        script = self._script()
-        now_us, end_us = 0, int(END_S * 1e6)
-        try:
-            while now_us <= end_us:
-                self._scheduler.run_until(now_us)
-                self.watch.look()
-                if now_us % LOOK_PERIOD_US == 0:
-                    self._recorder.look()
-                while script and script[0][0] * 1e6 <= now_us:
-                    script.pop(0)[1]()
-                self.companion.run(now_us)
-                self._exchange()
-                if now_us % 1_000_000 == 0:
-                    on_progress(now_us * 1e-6)
-                    if stop():
-                        break
-                now_us += LOOP_PERIOD_US
-        finally:
-            self.vehicle.close()
+        command = self.companion.command
+        acts: dict[float, Callable[[], None]] = {
+            7.0: lambda: command(RUN_PREARM_CHECKS),
+            8.0: lambda: self.companion.send(ORIGIN),
+            12.0: lambda: command(RUN_PREARM_CHECKS),
+            24.0: lambda: command(RUN_PREARM_CHECKS),
+            ARM_S: lambda: command(ARM_DISARM, 1),
+            END_S - 2.0: lambda: command(ARM_DISARM, 0),
+        }
+        # Each is there when the pass of its time looks at the link.
+        script = [(time_s - 1e-6 * LOOP_PERIOD_US, act) for time_s, act in acts.items()]
+        self.play(script, END_S, on_progress, stop)
         self.result.aiding = self.watch.aiding()
         return self.result
-
-    def _exchange(self) -> None:
-        while data := self._wire.receive():
-            self._scheduler.deliver(self._channel, data)
-        output = self.vehicle.endpoint.bytes_to_send(self._channel)
-        if output:
-            self._wire.send(output)

@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Final
 
-from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN
 from viso.closed_loop.errors import PoseErrors
-from viso.closed_loop.loop import CompanionLoop, LoopSetup
+from viso.closed_loop.loop import ARM_DISARM, ORIGIN, CompanionLoop, LoopSetup
 from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.demo.survey_flight import SurveyPlan, survey_flight
@@ -40,12 +39,12 @@ def make_setup(
 
 def set_origin(loop: CompanionLoop) -> None:
     """Tell the autopilot where it is."""
-    loop.companion.sender.send(SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000))
+    loop.companion.sender.send(ORIGIN)
 
 
 def arm(loop: CompanionLoop) -> None:
     """Ask the autopilot to arm."""
-    loop.command(400, 1)
+    loop.command(ARM_DISARM, 1)
 
 
 def play(

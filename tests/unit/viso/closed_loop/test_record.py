@@ -18,7 +18,7 @@ TRACKING, DEGRADED, INIT = VioState.TRACKING, VioState.DEGRADED, VioState.INIT
 
 def test_states_are_spans_without_gaps() -> None:
     seen = [(2, INIT), (3, TRACKING), (4, TRACKING), (5, DEGRADED), (7, TRACKING)]
-    record = LoopRecord(health=[Health(time_us, state, "", None) for time_us, state in seen])
+    record = LoopRecord(health=[Health(time_us, state) for time_us, state in seen])
     assert record.states(1, 9) == [
         StateSpan(1, 3, INIT),
         StateSpan(3, 5, TRACKING),

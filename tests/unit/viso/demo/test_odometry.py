@@ -110,7 +110,7 @@ def test_vehicle_is_armed_for_the_flight() -> None:
 
 
 def test_progress_goes_to_the_end() -> None:
-    assert ran().progress == [float(second) for second in range(1, int(END_S) + 1)]
+    assert ran().progress == [float(second) for second in range(int(END_S) + 1)]
 
 
 def test_log_is_closed_at_the_end() -> None:
@@ -120,8 +120,8 @@ def test_log_is_closed_at_the_end() -> None:
 def test_run_can_be_stopped() -> None:
     demo = VioDemo(1, MemoryLog)
     seconds: list[float] = []
-    demo.run(seconds.append, lambda: len(seconds) == 3)
-    assert seconds == [1.0, 2.0, 3.0]
+    demo.run(seconds.append, lambda: len(seconds) == 4)
+    assert seconds == [0.0, 1.0, 2.0, 3.0]
     assert demo.loop.now_us == pytest.approx(3_000_000, abs=2500)
     assert not demo.loop.vehicle.logger.is_open
 
