@@ -16,8 +16,7 @@ from viso.companion.vio.config import ConfigError, VioConfig, load_config
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.se3 import Array
-from viso.companion.vio.types import CameraCalibration
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.options.engine import with_engine
 
 
@@ -31,10 +30,8 @@ def rotation_of(text: str) -> Array:
 
 def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
     """Open a source."""
-    try:
+    with told_errors(SourceError):
         return open_source(options, kind)
-    except SourceError as error:
-        raise InputError(str(error)) from error
 
 
 def configured(
@@ -50,12 +47,13 @@ def configured(
 
     Raises InputError if the file is none, or the strategy is not to be had.
     """
-    try:
+    with told_errors(ConfigError):
         config = source.config if file is None else load_config(file)
-    except ConfigError as error:
-        raise InputError(str(error)) from error
     config = with_engine(config, strategy, engine)
-    _try_strategy(config, source.calibration)
+    # Built in vain, so that whatever is missing is told before anything is opened.
+    silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
+    with told_errors(ValueError, StrategyNotAvailableError):
+        build_vio_strategy(config, source.calibration, lambda: 0, silent).close()
     return config
 
 
@@ -63,17 +61,6 @@ def known_truth(source: Recording | LiveCamera, file: Path | None) -> TimedPoses
     """Return the trajectory in a file, or what the source knows."""
     if file is None:
         return source.poses if isinstance(source, Recording) else None
-    try:
+    with told_errors(TrajectoryError):
         trajectory = load_trajectory(Source(file))
-    except TrajectoryError as error:
-        raise InputError(str(error)) from error
     return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
-
-
-def _try_strategy(config: VioConfig, calibration: CameraCalibration) -> None:
-    # Built in vain, so that whatever is missing is told before anything is opened.
-    silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
-    try:
-        build_vio_strategy(config, calibration, lambda: 0, silent).close()
-    except (ValueError, StrategyNotAvailableError) as error:
-        raise InputError(str(error)) from error

@@ -19,7 +19,7 @@ from viso.companion.trials.trial import run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.json_log import JsonFormatter
 from viso.companion.vio.types import NavCameraFrame, SensorEvent
-from viso.errors import InputError
+from viso.errors import InputError, told_errors
 from viso.files.text_files import write_text
 from viso.vio.live import NOW_NS, LiveVio
 from viso.vio.log import VioLog
@@ -55,7 +55,7 @@ class VioSession:
         source = self._source()
         assert isinstance(source, Recording)
         listeners = (self.log.take,)
-        with _source_errors():
+        with told_errors(SourceError):
             updates = run_through(
                 source, self.config, source.start, clock_ns=NOW_NS, logger=self.logger, listeners=listeners
             )
@@ -93,7 +93,7 @@ class VioSession:
             link = None if master is None else open_link(master)
             if link is not None:
                 stack.callback(link.close)
-            stack.enter_context(_source_errors())
+            stack.enter_context(told_errors(SourceError))
             vio = LiveVio(self._source(), self.config, self.log, self.logger, link, alignment=alignment, on_text=take)
             if link is not None and wait_s and not vio.wait_for_vehicle(wait_s, self.stop) and not self.stop():
                 why = f": {link.stats.unreached}" if link.stats.unreached else ""
@@ -147,14 +147,6 @@ def event_logger(path: Path | None) -> Iterator[logging.Logger]:
 def printable(text: str) -> str:
     """Return a text of the vehicle without what would disturb a terminal."""
     return "".join(character if character.isprintable() else "?" for character in text)
-
-
-@contextmanager
-def _source_errors() -> Iterator[None]:
-    try:
-        yield
-    except SourceError as error:
-        raise InputError(str(error)) from error
 
 
 def _tell_losses(name: str, before: LinkStats, after: LinkStats, show: Callable[[str], None]) -> None:

@@ -21,7 +21,8 @@ _PARALLAX: Final = 1e-4  # smallest eigenvalue of the sum of projections across 
 def directions_of(rotations: Array, tracks: Tracks) -> Array:
     """Return the directions [T, M, 3] in the world, of length 1, in which points were seen; rotations as below."""
     rays = _rays(tracks)
-    return np.einsum("tmij,tmj->tmi", rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    directions: Array = np.einsum("tmij,tmj->tmi", rotations, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    return directions
 
 
 def _rays(tracks: Tracks) -> Array:

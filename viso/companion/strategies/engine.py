@@ -80,7 +80,7 @@ class ProgramEngine:
         config = self._context.config
         self.session = session = EngineSession(config.engine.command, self._calibration, config, self._on_line)
         self._hello = session.hello
-        self._estimate: Estimate | None = None
+        self._estimate: Estimate  # of the last image
         self._updates: list[KeyframeUpdate] = []
         fields = {
             "pid": session.child.pid,
@@ -153,7 +153,7 @@ class ProgramEngine:
 
     def pose(self) -> NativePose:
         """Return where the body was."""
-        told = self._told
+        told = self._estimate
         return NativePose(
             told.world_T_body.reshape(4, 4),
             told.keyframe_T_body.reshape(4, 4),
@@ -161,14 +161,9 @@ class ProgramEngine:
             bool(told.is_keyframe),
         )
 
-    @property
-    def _told(self) -> Estimate:
-        assert self._estimate is not None
-        return self._estimate
-
     def covariance(self) -> Array | None:
         """Return the covariance of the pose relative to the keyframe; None if it tells none."""
-        told = self._told
+        told = self._estimate
         if told.covariance_kind == CovarianceKind.NONE:
             return None
         if told.covariance_kind == CovarianceKind.RELATIVE:
@@ -187,11 +182,11 @@ class ProgramEngine:
 
     def bias(self) -> NativeBias:
         """Return the IMU's bias."""
-        return NativeBias(self._told.accel_bias, self._told.gyro_bias)
+        return NativeBias(self._estimate.accel_bias, self._estimate.gyro_bias)
 
     def features(self) -> NativeFeatures:
         """Return what the front end made of the image."""
-        told = self._told
+        told = self._estimate
         return NativeFeatures(
             told.tracked,
             told.lost,

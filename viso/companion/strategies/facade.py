@@ -115,7 +115,9 @@ class NativeFacade(StrategyBase):
         if status not in (NativeStatus.TRACKING, NativeStatus.LOST):
             raise VioFatalError(f"{self.name}: the engine has no state any more ({status.value})")
         features, pose = self._engine.features(), self._engine.pose()
-        keyframe, self._keyframe = self._keyframes(frame, t_ns, pose)
+        this = _Keyframe(frame.frame_id, t_ns)
+        keyframe = self._keyframe or this  # that the pose refers to
+        self._keyframe = this if pose.is_keyframe else keyframe
         age_s = (t_ns - keyframe.t_ns) * 1e-9
         is_sound = self._take_covariance(imu_window, age_s, pose)
         output = self._output(frame, keyframe, pose, features)
@@ -155,12 +157,6 @@ class NativeFacade(StrategyBase):
         if len(window.samples) >= ENOUGH_SAMPLES:
             self._period_ns = median_period_ns(window) or self._period_ns
         return window_fault(window, self._period_ns)
-
-    def _keyframes(self, frame: NavCameraFrame, t_ns: int, pose: NativePose) -> tuple[_Keyframe, _Keyframe]:
-        """Return the keyframe that a pose refers to, and that of the poses after it."""
-        this = _Keyframe(frame.frame_id, t_ns)
-        keyframe = self._keyframe or this
-        return keyframe, this if pose.is_keyframe else keyframe
 
     def _take_covariance(self, window: ImuWindow, age_s: float, pose: NativePose) -> bool:
         """Keep the engine's covariance if it is sound, else let the last one grow; tell which."""
@@ -222,9 +218,6 @@ class NativeFacade(StrategyBase):
             along = way.dot(output.pose_covariance_6x6[3:, 3:]).dot(way)
             self._leaves_scale_open = not along <= (SCALE_KNOWN * distance2) ** 2
 
-    def _scale_is_open(self) -> bool:
-        return self.context.config.scene is Scene.PLANAR and not self._has_height and self._leaves_scale_open
-
     def _facts(
         self,
         output: VioOutput,
@@ -237,6 +230,7 @@ class NativeFacade(StrategyBase):
         tracks = status is NativeStatus.TRACKING
         moved = output.pose_covariance_6x6[3:, 3:]
         growth = Growth(float(moved.trace()), age_s) if self._tells_covariance and age_s > 0 else None
+        scale_is_open = self.context.config.scene is Scene.PLANAR and not self._has_height and self._leaves_scale_open
         sigma_m = sigma_of(moved)  # what comes before the keyframe is not known here
         return FrameFacts(
             inliers=features.inliers,
@@ -250,7 +244,7 @@ class NativeFacade(StrategyBase):
             is_finite=is_sound,
             position_sigma_m=sigma_m,
             velocity_sigma_m_s=sigma_m / max(age_s, _LEAST_VELOCITY_S),
-            scale_unobserved=self._scale_is_open(),
+            scale_unobserved=scale_is_open,
             initialised=tracks and self._initialising,
         )
 

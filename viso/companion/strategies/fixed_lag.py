@@ -27,8 +27,6 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
 
     def _start_over(self) -> None:
         super()._start_over()
-        self._keyframe: Keyframe | None = None
-        self._number = 0  # of the last node
         self._node_ns = 0
         self._node = NodeFacts()  # the last one
         self._rests = False  # the body, at the last node
@@ -42,15 +40,10 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
         if keyframe is not None and t_ns - self._node_ns < MIN_NODE_INTERVAL_NS:
             return self._outcome(estimator, keyframe)
         node = self._add_node(estimator, seen)
-        camera_rotation = estimator.state.R.dot(self._B_T_C.R)
-        is_keyframe = keyframe is None or node.begins
-        if keyframe is not None and not (is_keyframe or node.failed or self._rests):
-            is_keyframe = keyframe.is_outdated(t_ns, camera_rotation, seen.sighting, self._front.focal_px)
+        may_change = not (node.failed or self._rests)
+        reference, is_keyframe = self._keyframe_of(seen, estimator.state, must=node.begins, may=may_change)
         if is_keyframe:
-            self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, camera_rotation, seen.sighting)
             estimator.set_keyframe(self._number)
-        reference = keyframe or self._keyframe
-        assert reference is not None  # the first frame is one
         return self._outcome(estimator, reference, node, is_keyframe=is_keyframe)
 
     def _add_node(self, estimator: SmootherEstimator, seen: Seen) -> NodeFacts:

@@ -4,7 +4,6 @@
 
 from typing import Final
 
-from viso.companion.klt.keyframes import Keyframe
 from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.multi_state import TracksUsed
@@ -29,8 +28,6 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
 
     def _start_over(self) -> None:
         super()._start_over()
-        self._keyframe: Keyframe | None = None
-        self._number = 0  # of the last frame
         self._cloned_ns = 0
         self._used = TracksUsed()  # by the last frame that used some
 
@@ -54,14 +51,7 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
         if self.context.config.agl_source is not AglSource.NONE and not self._ground.is_rough:
             self._ground.note_relief(self.heights.use(state, t_ns, self._ground.z_m))
-        camera_rotation = state.R.dot(self._B_T_C.R)
-        is_keyframe = is_cloned and (
-            keyframe is None or keyframe.is_outdated(t_ns, camera_rotation, seen.sighting, self._front.focal_px)
-        )
-        if is_keyframe:
-            self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, camera_rotation, seen.sighting)
-        reference = keyframe or self._keyframe
-        assert reference is not None  # the first frame is one
+        reference, is_keyframe = self._keyframe_of(seen, state, must=False, may=is_cloned)
         if self.health.state is VioState.INIT:
             estimator.chain = Chain(state, state.clones[-1].number, reference.number)
         since = None

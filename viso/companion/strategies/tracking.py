@@ -147,6 +147,8 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         self._imu_period = ImuPeriod()
         self._ground = Ground(self.context.config, 0.0)
         self._estimator: _E | None = None
+        self._keyframe: Keyframe | None = None
+        self._number = 0  # of the last frame whose pose the estimator may have
 
     def _warm_start(self, pose: WarmStartPose) -> None:
         self._start_over()
@@ -214,6 +216,24 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         # Inertial data count once, though each frame looks back over the same span.
         share = min(1.0, span_ns / SPAN_NS)
         return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
+
+    def _keyframe_of(self, seen: Seen, state: WindowFilter, *, must: bool, may: bool) -> tuple[Keyframe, bool]:
+        """Return the keyframe that a frame refers to, and whether the frame has become the next one.
+
+        Args:
+            seen: the frame.
+            state: the motion now.
+            must: whether it has to become one.
+            may: whether it does where the last one is outdated.
+        """
+        last, t_ns, rotation = self._keyframe, seen.window.end_t_ns, state.R.dot(self._B_T_C.R)
+        sighting = seen.sighting
+        is_next = must or last is None or (may and last.is_outdated(t_ns, rotation, sighting, self._front.focal_px))
+        if is_next:
+            self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, rotation, sighting)
+        reference = last or self._keyframe
+        assert reference is not None  # the first frame is one
+        return reference, is_next
 
     def _move(self, window: ImuWindow) -> tuple[Array, Array]:
         """Propagate; return the rotation of the camera since the last frame, and where directions should have gone."""
