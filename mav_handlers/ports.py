@@ -155,6 +155,12 @@ class HomePort(Protocol):
     def take_changed(self) -> bool:
         """Tell, once, that home has changed and is to be told to all links."""
 
+    def set(self, place: Location, lock: bool) -> bool:
+        """Set home, for good if locked; say whether it was set, for which the EKF needs an origin."""
+
+    def set_here(self, lock: bool) -> bool:
+        """Set home to where the vehicle is; say whether that is known."""
+
 
 @dataclass(frozen=True, slots=True)
 class GuidedTarget:
@@ -278,15 +284,6 @@ class CopterPort(Protocol):
 
     def is_in_failsafe(self) -> bool:
         """Return whether a failsafe is active."""
-
-    def set_safety(self, on: bool) -> None:
-        """Move the safety switch; on, it keeps the motors off."""
-
-    def set_home(self, place: Location) -> bool:
-        """Set home for good; say whether it was set, for which the EKF needs an origin."""
-
-    def set_home_here(self) -> bool:
-        """Set home for good to where the vehicle is; say whether that is known."""
 
     def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
         """Start a take-off to a height above home; say whether it was accepted."""

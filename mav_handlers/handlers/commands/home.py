@@ -76,15 +76,15 @@ def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Set home for good: to where the vehicle is, or to degE7 and metres (handle_command_do_set_home)."""
-    copter = ctx.vehicle.copter
+    home = ctx.vehicle.copter.home
     if is_equal(f32(command.param1), _ONE) or (command.x == 0 and command.y == 0):
-        return accepted_if(copter.set_home_here())
+        return accepted_if(home.set_here(lock=True))
     if not is_zero(f32(command.param1)):
         return MavResult.FAILED
     if location_problem(ctx, command):
         return MavResult.DENIED
     place = absolute_place(ctx, command)
-    return accepted_if(place is not None and copter.set_home(place))
+    return accepted_if(place is not None and home.set(place, lock=True))
 
 
 def absolute_place(ctx: Context, command: COMMAND_INT) -> Location | None:

@@ -36,7 +36,7 @@ def set_mode(ctx: Context, base_mode: int, custom_mode: int) -> MavResult:
         return accepted_if(ctx.vehicle.copter.set_mode(u8(custom_mode)))
     if base_mode != SAFETY_SWITCH or custom_mode > 1:
         return MavResult.DENIED
-    ctx.vehicle.copter.set_safety(custom_mode == 1)
+    ctx.vehicle.copter.safety_on = custom_mode == 1
     return MavResult.ACCEPTED
 
 

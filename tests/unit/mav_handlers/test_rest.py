@@ -149,7 +149,10 @@ def tells(text: str) -> list[Step]:
 
 
 def moves_home() -> list[Step]:
-    return [lambda bench: bench.vehicle.copter.set_home(Location(470_000_000, 80_000_000, 40_000)), *polls(3)]
+    return [
+        lambda bench: bench.vehicle.copter.home.set(Location(470_000_000, 80_000_000, 40_000), lock=True),
+        *polls(3),
+    ]
 
 
 def asks_for(link: int, name: str) -> list[Step]:

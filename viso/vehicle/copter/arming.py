@@ -66,15 +66,7 @@ class CheckLists(NamedTuple):
 
 
 class Arming:
-    """Runs the checks in order, tells their failures, arms and disarms.
-
-    Args:
-        checks: what has to pass.
-        params: the ARMING_ group.
-        texts: where failures are told.
-        log: where changes are logged.
-        clock: time since boot.
-        release: how the group says what is checked.
+    """Runs the checks in order, tells their failures, arms and disarms; ``params`` is the ARMING_ group.
 
     Attributes:
         armed: whether the vehicle is armed.
@@ -150,9 +142,6 @@ class Arming:
                 self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"{prefix}: {failure}")
         return not any(failures)
 
-    def _run_arm_checks(self) -> bool:
-        return all(self._run([check], "Arm", display=True) for check in self._checks.arm)
-
     def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Try to arm and tell failures; without checks the mandatory ones remain (AP_Arming::arm).
 
@@ -178,7 +167,7 @@ class Arming:
 
     def _passes(self) -> bool:
         self.passed = self._pre_arm("Arm", display=True)
-        return self.passed and self._run_arm_checks()
+        return self.passed and all(self._run([check], "Arm", display=True) for check in self._checks.arm)
 
     def disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
         """Disarm; say whether that changed anything."""

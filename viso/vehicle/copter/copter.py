@@ -7,7 +7,6 @@ from enum import IntEnum
 from typing import Final
 
 from ap_core.cint import u8
-from ap_core.location import Location
 from mav_handlers.mission import Mission
 from mav_handlers.ports import AvailableMode
 from viso.sensors.flying.source import FlyingSource
@@ -15,7 +14,7 @@ from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
 from viso.vehicle.copter.estimates import Estimates
-from viso.vehicle.copter.flying.flight_control import FlightControl, FlownCopter
+from viso.vehicle.copter.flying.flight_control import FlightControl
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeNumber, ModeReason
@@ -57,17 +56,15 @@ class Copter:
     def __init__(self, parts: CopterParts) -> None:
         self._parts = parts
         self.estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position, self.is_in_failsafe)
-        self._ekf_check = self._make_ekf_check()
+        self._ekf_check = EkfCheck(
+            parts, has_position=self.estimates.has_position, is_armed=self.is_armed, act=self._act_on_ekf_failure
+        )
         self.safety_on = False
         self.mission = Mission()
-        self.home = Home(
-            parts.ahrs, self.is_armed, mission=self.mission, log=parts.log, texts=parts.texts, clock=parts.clock
-        )
-        self.modes = FlightModes(self.estimates, self.home, self.is_armed, parts.texts, parts.log)
-        self._motors = Motors(parts.log, parts.clock)
-        self.landing = Landing(
-            parts.ahrs, parts.log, parts.params, parts.clock, lambda: self.modes.current, self._motors
-        )
+        self.home = Home(parts, self.is_armed, self.mission)
+        self.modes = FlightModes(parts, self.estimates, self.home, self.is_armed)
+        self._motors = Motors(parts)
+        self.landing = Landing(parts, lambda: self.modes.current, self._motors)
         checks = ArmingChecks(parts, self).lists()
         group = parts.params.group("ARMING_")
         self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
@@ -75,34 +72,8 @@ class Copter:
         self._was_stable = True
         self.flight = None if parts.airframe is None else self._make_flight(parts.airframe)
 
-    def _make_ekf_check(self) -> EkfCheck:
-        parts = self._parts
-        return EkfCheck(
-            parts.ahrs,
-            parts.params,
-            parts.texts,
-            parts.log,
-            parts.clock,
-            has_flow=parts.flow.healthy,
-            has_position=self.estimates.has_position,
-            is_armed=self.is_armed,
-            variance_texts=parts.variance_texts,
-            act=self._act_on_ekf_failure,
-        )
-
     def _make_flight(self, airframe: FlyingSource) -> FlightControl:
-        parts = self._parts
-        copter = FlownCopter(
-            parts.ahrs,
-            parts.params,
-            parts.clock,
-            self.modes,
-            self.landing,
-            self.estimates,
-            self.home,
-            parts.release.flying,
-        )
-        flight = FlightControl(airframe, copter)
+        flight = FlightControl(airframe, self._parts, self.modes, self.landing, self.estimates, self.home)
         self.landing.grounded_us = lambda: flight.grounded_us
         return flight
 
@@ -164,15 +135,12 @@ class Copter:
         """See whether the estimator is to be trusted; ten times per second."""
         self._ekf_check.update()
 
-    def _climbs_or_sinks(self) -> bool:
-        return self.landing.is_taking_off() or self.modes.current.lands
-
     def has_news_of_terrain(self) -> bool:
         """Return whether ``expect_ground`` has anything new to tell but of take-off and touchdown."""
         return self._is_stable() != self._was_stable
 
     def _is_stable(self) -> bool:
-        return self._climbs_or_sinks() and self.estimates.position_ok()
+        return (self.landing.is_taking_off() or self.modes.current.lands) and self.estimates.position_ok()
 
     def expect_ground(self) -> None:
         """See whether take-off or touchdown is near, and let heights count from the ground then; 50 times per second.
@@ -234,18 +202,6 @@ class Copter:
     def is_in_failsafe(self) -> bool:
         """Return whether a failsafe is active: the estimator's is the only one (Copter::any_failsafe_triggered)."""
         return self._ekf_check.in_failsafe
-
-    def set_safety(self, on: bool) -> None:
-        """Move the safety switch; on, it keeps the motors off."""
-        self.safety_on = on
-
-    def set_home(self, place: Location) -> bool:
-        """Set home on behalf of a client; say whether it was set."""
-        return self.home.set(place, lock=True)
-
-    def set_home_here(self) -> bool:
-        """Set home to where the vehicle is, on behalf of a client; say whether that is known."""
-        return self.home.set_here(lock=True)
 
     def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
         """Start a take-off to a height above home; say whether it was accepted (Mode::do_user_takeoff)."""

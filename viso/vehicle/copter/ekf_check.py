@@ -6,12 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 from ap_core.cint import u32
-from ap_core.clock import Clock
-from ap_core.param import ParamTable
-from ap_core.sinks import TextSink
-from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.reports.filter_status import FilterStatus
-from viso.logs.vehicle_log import VehicleLog
+from viso.vehicle.copter.parts import CopterParts
 
 ITERATIONS_MAX: Final = 10
 WARNING_PERIOD_MS: Final = 30_000
@@ -42,15 +38,9 @@ class EkfCheck:
     """Counts failures, ten times per second; it asks the estimator for help, and after a second of them it warns.
 
     Args:
-        ahrs: whose estimator it is.
-        params: the vehicle's parameters.
-        texts: where it is told.
-        log: where it is logged.
-        clock: time since boot.
-        has_flow: says whether a flow sensor works.
+        parts: the vehicle around it.
         has_position: says whether the estimator has a position, failsafe or not.
         is_armed: says whether the vehicle is armed.
-        variance_texts: what is told as variances are over thresholds, and as the position is lost.
         act: leaves a mode that needs a position, of an armed vehicle; returns what it is called that it enters.
 
     Attributes:
@@ -60,27 +50,18 @@ class EkfCheck:
 
     def __init__(
         self,
-        ahrs: AhrsBase,
-        params: ParamTable,
-        texts: TextSink,
-        log: VehicleLog,
-        clock: Clock,
+        parts: CopterParts,
         *,
-        has_flow: Callable[[], bool],
         has_position: Callable[[], bool],
         is_armed: Callable[[], bool],
-        variance_texts: tuple[str, str],
         act: Callable[[], str | None],
     ) -> None:
-        self._ahrs = ahrs
-        self._params = params
-        self._texts = texts
-        self._log = log
-        self._clock = clock
-        self._has_flow = has_flow
+        self._ahrs = parts.ahrs
+        self._texts = parts.texts
+        self._log = parts.log
+        self._parts = parts
         self._has_position = has_position
         self._is_armed = is_armed
-        self._variance_texts = variance_texts
         self._act = act
         self._failures = 0
         self._has_ever_passed = False
@@ -94,13 +75,13 @@ class EkfCheck:
         status = None if self._ahrs.origin() is None else self._ahrs.get_filter_status()
         if status is None:
             return
-        threshold = float(self._params.get_float("FS_EKF_THRESH"))
+        threshold = float(self._parts.params.get_float("FS_EKF_THRESH"))
         if threshold <= 0:
             self._failures = 0
             self.failed = False
             self._end_failsafe()
             return
-        is_over = is_over_threshold(status, threshold, has_flow=self._has_flow())
+        is_over = is_over_threshold(status, threshold, has_flow=self._parts.flow.healthy())
         passed = self._has_position() and not is_over
         self._has_ever_passed |= passed
         if self._has_ever_passed:
@@ -125,9 +106,9 @@ class EkfCheck:
     def _fail(self, is_over: bool) -> None:
         self.failed = True
         self._log.error(ERR_SUBSYSTEM_EKFCHECK, ERR_BAD_VARIANCE)
-        now_ms = self._clock.millis()
+        now_ms = self._parts.clock.millis()
         if u32(now_ms - self._last_warning_ms) > WARNING_PERIOD_MS:
-            over, lost = self._variance_texts
+            over, lost = self._parts.variance_texts
             self._texts.send_text(_MAV_SEVERITY_CRITICAL, over if is_over else lost)
             self._last_warning_ms = now_ms
         self.in_failsafe = True

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from typing import Final
 
 from ap_core.cint import u32
-from ap_core.clock import NEVER, Clock
+from ap_core.clock import NEVER
 from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
-from ap_core.sinks import TextSink
-from ekf_stub.ahrs.ahrs_base import AhrsBase
 from mav_handlers.mission import Mission
-from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
+from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME
+from viso.vehicle.copter.parts import CopterParts
 
 EV_SET_HOME: Final = 25
 FIELD_ELEVATION_PERIOD_MS: Final = 1000
@@ -22,15 +21,7 @@ _MAV_SEVERITY_INFO: Final = 6
 
 
 class Home:
-    """Home and the field's elevation.
-
-    Args:
-        ahrs: says where the vehicle and the EKF origin are.
-        is_armed: says whether the vehicle is armed.
-        mission: whose first item home is.
-        log: where it is logged.
-        texts: where the field's elevation is told.
-        clock: time since boot.
+    """Home, which is the first item of the mission, and the field's elevation.
 
     Attributes:
         place: home, or None while unset.
@@ -38,22 +29,13 @@ class Home:
         has_return_path: it was set to where the vehicle was, from where SMART_RTL notes its path.
     """
 
-    def __init__(
-        self,
-        ahrs: AhrsBase,
-        is_armed: Callable[[], bool],
-        *,
-        mission: Mission,
-        log: VehicleLog,
-        texts: TextSink,
-        clock: Clock,
-    ) -> None:
-        self._ahrs = ahrs
+    def __init__(self, parts: CopterParts, is_armed: Callable[[], bool], mission: Mission) -> None:
+        self._ahrs = parts.ahrs
+        self._log = parts.log
+        self._texts = parts.texts
+        self._clock = parts.clock
         self._is_armed = is_armed
         self._mission = mission
-        self._log = log
-        self._texts = texts
-        self._clock = clock
         self._changed = False
         self._has_field_elevation = False
         self._field_elevation_ms = 0

@@ -10,12 +10,10 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from ap_core.clock import NEVER, Clock
-from ap_core.param import ParamTable
-from ekf_stub.ahrs.ahrs_base import AhrsBase
-from viso.logs.vehicle_log import VehicleLog
+from ap_core.clock import NEVER
 from viso.vehicle.copter.modes import Mode, ModeNumber, UserTakeoff
 from viso.vehicle.copter.motors import Motors
+from viso.vehicle.copter.parts import CopterParts
 
 EV_AUTO_ARMED: Final = 15
 EV_LAND_COMPLETE_MAYBE: Final = 17
@@ -45,14 +43,6 @@ class Landing:
     once it is above that, whoever lifts it. A touchdown is expected of the mode and of how fast the vehicle
     is, and GND_EFFECT_COMP counts as 1.
 
-    Args:
-        ahrs: says how high the vehicle is.
-        log: where landing and lift-off are logged.
-        params: all parameters.
-        clock: time since boot.
-        mode: returns the flight mode.
-        motors: how long they take to lift it.
-
     Attributes:
         landed: whether it stands on the ground.
         expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
@@ -60,19 +50,11 @@ class Landing:
         grounded_us: tells since when it has stood on the ground in a descent; None if nobody flies it.
     """
 
-    def __init__(
-        self,
-        ahrs: AhrsBase,
-        log: VehicleLog,
-        params: ParamTable,
-        clock: Clock,
-        mode: Callable[[], Mode],
-        motors: Motors,
-    ) -> None:
-        self._ahrs = ahrs
-        self._log = log
-        self._params = params
-        self._clock = clock
+    def __init__(self, parts: CopterParts, mode: Callable[[], Mode], motors: Motors) -> None:
+        self._ahrs = parts.ahrs
+        self._log = parts.log
+        self._params = parts.params
+        self._clock = parts.clock
         self._mode = mode
         self._motors = motors
         self._armed_down_m = 0.0

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final
 
-from ap_core.sinks import TextSink
 from mav_handlers.ports import AvailableMode
-from viso.logs.vehicle_log import VehicleLog
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.home import Home
+from viso.vehicle.copter.parts import CopterParts
 
 ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
 
@@ -149,24 +148,17 @@ _NEVER_ENTERED: Final = frozenset(
 class FlightModes:
     """The flight mode, STABILIZE at first.
 
-    Args:
-        estimates, home, is_armed: what entering a mode depends on.
-        texts: where refusals are told.
-        log: where changes and refusals are logged.
-
     Attributes:
         current: the mode.
         reason: why it is that.
     """
 
-    def __init__(
-        self, estimates: Estimates, home: Home, is_armed: Callable[[], bool], texts: TextSink, log: VehicleLog
-    ) -> None:
+    def __init__(self, parts: CopterParts, estimates: Estimates, home: Home, is_armed: Callable[[], bool]) -> None:
+        self._texts = parts.texts
+        self._log = parts.log
         self._estimates = estimates
         self._home = home
         self._is_armed = is_armed
-        self._texts = texts
-        self._log = log
         self.current = MODES[ModeNumber.STABILIZE]
         self.reason = ModeReason.INITIALISED
 

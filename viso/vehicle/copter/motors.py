@@ -7,8 +7,8 @@ Source: ArduCopter/motors.cpp (motors_output), AP_Motors/AP_MotorsMulticopter.cp
 
 from typing import Final
 
-from ap_core.clock import NEVER, Clock
-from viso.logs.vehicle_log import VehicleLog
+from ap_core.clock import NEVER
+from viso.vehicle.copter.parts import CopterParts
 
 EV_INTERLOCK_DISABLED: Final = 56
 EV_INTERLOCK_ENABLED: Final = 57
@@ -22,16 +22,11 @@ SPOOL_DOWN_US: Final = 507_000
 
 
 class Motors:
-    """Motors that turn from 2 s after arming on.
+    """Motors that turn from 2 s after arming on."""
 
-    Args:
-        log: where it is told that they may turn.
-        clock: time since boot.
-    """
-
-    def __init__(self, log: VehicleLog, clock: Clock) -> None:
-        self._log = log
-        self._clock = clock
+    def __init__(self, parts: CopterParts) -> None:
+        self._log = parts.log
+        self._clock = parts.clock
         self._turn_us = self._idle_us = NEVER
         self._interlock = False
 

@@ -42,7 +42,7 @@ unsupported_type = pytest.mark.parametrize("kind", [3, ALL])
 def home(bench: "Bench") -> "Bench":
     """Return a vehicle with a home."""
     bench.vehicle.set_origin(HOME)
-    assert bench.vehicle.copter.set_home(HOME)
+    assert bench.vehicle.copter.home.set(HOME, lock=True)
     bench.run_ms(10)
     bench.client.read()
     return bench
@@ -131,7 +131,7 @@ def test_cleared_mission_lacks_home_until_that_is_set_again(home: "Bench", kind:
     assert answers(home, make(kind)) == [ack(ACCEPTED, kind)]
     left = 0 if kind == MISSION else 1
     assert answers(home, MISSION_REQUEST_LIST(1, 1)) == [MISSION_COUNT(*ME, left)]
-    home.vehicle.copter.set_home(HOME)
+    home.vehicle.copter.home.set(HOME, lock=True)
     assert answers(home, MISSION_REQUEST_LIST(1, 1)) == [MISSION_COUNT(*ME, 1)]
 
 

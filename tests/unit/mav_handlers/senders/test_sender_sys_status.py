@@ -102,7 +102,7 @@ def test_battery_is_enabled_with_a_monitor_and_healthy_while_that_is_configured(
 
 @pytest.mark.parametrize("on", [False, True])
 def test_motors_are_enabled_unless_the_safety_switch_is_on(bench: "Bench", on: bool) -> None:
-    bench.vehicle.copter.set_safety(on)
+    bench.vehicle.copter.safety_on = on
     assert bits(bench, SENSOR_MOTOR_OUTPUTS) == (True, not on, True)
 
 

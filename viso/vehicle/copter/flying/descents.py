@@ -71,13 +71,7 @@ class _Stage(Enum):
 
 
 class ReturnHome:
-    """Climbs, returns, waits and lands.
-
-    Args:
-        steering: what it steers with.
-        land: how it lands.
-        home_ned: returns where home is, m from the origin; None while it is not set.
-    """
+    """Climbs, returns, waits and lands; ``home_ned`` returns where home is, m from the origin."""
 
     def __init__(self, steering: Steering, land: Land, home_ned: Callable[[], Three | None]) -> None:
         self._steering = steering

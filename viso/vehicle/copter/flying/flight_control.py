@@ -7,18 +7,14 @@ It knows where the vehicle is by the vehicle's own estimate alone. An estimate t
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, Protocol
 
-from ap_core.clock import NEVER, Clock
+from ap_core.clock import NEVER
 from ap_core.location import Location
-from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.vector3 import Vector3f
-from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.filter.inertial import GRAVITY_MSS
 from mav_handlers.ports import FlightTruth, GuidedTarget
-from viso.parameters.flying import FlyingParameters
 from viso.sensors.flying.airframe import MOTORS_OFF, Demand
 from viso.sensors.flying.source import FlyingSource
 from viso.sensors.vectors import Three, turned
@@ -33,6 +29,7 @@ from viso.vehicle.copter.flying.sticks import PilotSticks
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
+from viso.vehicle.copter.parts import CopterParts
 
 PERIOD_US: Final = round(1e6 * PERIOD_S)
 SLOW_M_S: Final = 1.0
@@ -49,40 +46,34 @@ class _Mode(Protocol):
         """Move the way on for a period; return lean angles instead where nothing holds a horizontal position."""
 
 
-@dataclass(frozen=True)
-class FlownCopter:
-    """What the controller is told by the copter around it."""
-
-    ahrs: AhrsBase
-    params: ParamTable
-    clock: Clock
-    modes: FlightModes
-    landing: Landing
-    estimates: Estimates
-    home: Home
-    flying: FlyingParameters
-
-
 class FlightControl:
     """Flies the airframe.
-
-    Args:
-        airframe: what is flown.
-        copter: the modes, and the rest of the copter.
 
     Attributes:
         guided, land: modes that others have a say in.
         grounded_us: since when it has stood on the ground and still descends; None if it does not.
     """
 
-    def __init__(self, airframe: FlyingSource, copter: FlownCopter) -> None:
+    def __init__(
+        self,
+        airframe: FlyingSource,
+        parts: CopterParts,
+        modes: FlightModes,
+        landing: Landing,
+        estimates: Estimates,
+        home: Home,
+    ) -> None:
         self._airframe = airframe
-        self._copter = copter
-        self._limits = FromParams(copter.params, lambda: Limits.of(copter.params, copter.flying))
+        self._ahrs = parts.ahrs
+        self._clock = parts.clock
+        self._flight_modes = modes
+        self._landing = landing
+        self._home = home
+        self._limits = FromParams(parts.params, lambda: Limits.of(parts.params, parts.release.flying))
         self._steering = Steering(self._limits())
-        self._sticks = PilotSticks(copter.params, copter.clock)
+        self._sticks = PilotSticks(parts.params, parts.clock)
         self.guided = Guided(self._steering)
-        self.land = Land(self._steering, copter.estimates.position_ok, self._height_m)
+        self.land = Land(self._steering, estimates.position_ok, self._height_m)
         self._returns = ReturnHome(self._steering, self.land, self._home_ned)
         loiter, height = Loiter(self._steering), HoldHeight(self._steering)
         self._modes: Mapping[int, _Mode] = {
@@ -113,9 +104,9 @@ class FlightControl:
 
     def guide(self, target: GuidedTarget | None) -> None:
         """Obey a target in GUIDED, or stay where the vehicle is."""
-        self._copter.landing.end_take_off()
+        self._landing.end_take_off()
         self._takeoff_down_m = None
-        self._steering.now_us, self._steering.limits = self._copter.clock.micros64(), self._limits()
+        self._steering.now_us, self._steering.limits = self._clock.micros64(), self._limits()
         if target is None:
             self.guided.enter()
         else:
@@ -132,7 +123,7 @@ class FlightControl:
 
     def truth(self) -> FlightTruth:
         """Return where the vehicle really is, as of the last pass."""
-        airframe, origin = self._airframe, self._copter.ahrs.origin()
+        airframe, origin = self._airframe, self._ahrs.origin()
         truth, state = airframe.truth(), airframe.state
         acc_frd, rates_frd = airframe.felt()
         place = None if origin is None else origin.offset(Vector3f(*truth.pos_ned))
@@ -148,14 +139,14 @@ class FlightControl:
 
     def place_ned(self, place: Location) -> Three | None:
         """Return where a place is, m from the origin; None without one."""
-        origin = self._copter.ahrs.origin()
+        origin = self._ahrs.origin()
         if origin is None:
             return None
         way = origin.distance_ned(place)
         return float(way.x), float(way.y), float(way.z)
 
     def _home_ned(self) -> Three | None:
-        home = self._copter.home.place
+        home = self._home.place
         return None if home is None else self.place_ned(home)
 
     def _height_m(self) -> float:
@@ -167,7 +158,7 @@ class FlightControl:
 
     def update(self, *, armed: bool) -> bool:
         """Decide, if it is time to; say whether it was. Once a pass of the main loop."""
-        now_us = self._copter.clock.micros64()
+        now_us = self._clock.micros64()
         late_us = now_us - self._next_us
         if late_us < 0:
             return False
@@ -178,14 +169,14 @@ class FlightControl:
         steering = self._steering
         steering.now_us, steering.limits, steering.sticks = now_us, self._limits(), self._sticks.now()
         steering.estimate = self._estimate()
-        if not armed or self._copter.landing.landed:
+        if not armed or self._landing.landed:
             self._idle()
         else:
             self._fly()
         return True
 
     def _estimate(self) -> Estimate:
-        ahrs = self._copter.ahrs
+        ahrs = self._ahrs
         pos, vel = ahrs.get_relative_position_NED_origin_float(), ahrs.get_velocity_NED()
         return Estimate(
             None if pos is None else (float(pos.x), float(pos.y), float(pos.z)),
@@ -201,13 +192,13 @@ class FlightControl:
         self._takeoff_down_m = None
 
     def _fly(self) -> None:
-        steering, landing = self._steering, self._copter.landing
+        steering, landing = self._steering, self._landing
         if not self._is_flying or self._mode is None:
             steering.restart()
         self._is_flying = True
         self._was_idle = False
         steering.way.heed_reset(steering.estimate, PERIOD_S)
-        mode = self._modes.get(self._copter.modes.current.number, self._others)
+        mode = self._modes.get(self._flight_modes.current.number, self._others)
         if mode is not self._mode:
             self._enter(mode)
         if landing.is_taking_off():
@@ -223,7 +214,7 @@ class FlightControl:
 
     def _climb_out(self) -> None:
         """Climb straight up to where the take-off ends."""
-        self._takeoff_down_m = self._copter.landing.takeoff_down_m()
+        self._takeoff_down_m = self._landing.takeoff_down_m()
         pace = self._steering.travel_pace()
         self._steering.way.at_velocity(0.0, 0.0, pace, PERIOD_S)
         self._steering.way.to_height(self._takeoff_down_m, pace, PERIOD_S)

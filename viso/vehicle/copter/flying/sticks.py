@@ -34,12 +34,7 @@ CENTRED: Final = Sticks()
 
 
 class PilotSticks:
-    """Sticks that stay centred but while somebody overrides them: there is no radio.
-
-    Args:
-        params: says which channel is which.
-        clock: time since boot.
-    """
+    """Sticks that stay centred but while somebody overrides them: there is no radio."""
 
     def __init__(self, params: ParamTable, clock: Clock) -> None:
         self._params = params

@@ -63,7 +63,7 @@ def everything_wrong(rig: "CopterRig") -> None:
     rig.copter.set_mode(ModeNumber.AUTO)
     rig.ahrs.status = FilterStatus(FilterFlag.UNINITIALISED)
     rig.ahrs.failure = "EKF3 still initialising"
-    rig.copter.set_safety(True)
+    rig.copter.safety_on = True
     rig.downloading = True
     rig.errors(InternalError.CONSTRAINING_NAN, 17)
     rig.visual_odom.failure = "not healthy"
@@ -128,14 +128,14 @@ def test_mode_with_a_position_waits_for_home(rig: "CopterRig") -> None:
     rig.copter.set_mode(ModeNumber.GUIDED)
     assert failures(rig) == ["AHRS: waiting for home"]
     rig.ahrs.ekf_origin = PLACE
-    rig.copter.set_home(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
     assert failures(rig) == []
 
 
 @pytest.mark.parametrize(("fix_type", "fails"), [(0, ["GPS 1: Bad fix"]), (2, ["GPS 1: Bad fix"]), (3, [])])
 def test_mode_with_a_position_asks_a_gps_for_its_fix(rig: "CopterRig", fix_type: int, fails: list[str]) -> None:
     rig.ahrs.ekf_origin = PLACE
-    rig.copter.set_home(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
     rig.gps = fix(fix_type)
     assert failures(rig) == []
     rig.copter.set_mode(ModeNumber.LOITER)
@@ -154,7 +154,7 @@ def test_mode_with_a_position_asks_a_gps_for_its_fix(rig: "CopterRig", fix_type:
 def test_mode_with_a_position_asks_how_good_a_gps_is(rig: "CopterRig", solution: GpsSample, fails: list[str]) -> None:
     rig.ahrs.ekf_origin = PLACE
     rig.ahrs.stand_at(PLACE)
-    rig.copter.set_home(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
     rig.gps = solution
     assert failures(rig) == []
     rig.copter.set_mode(ModeNumber.LOITER)
@@ -165,7 +165,7 @@ def test_mode_with_a_position_asks_how_good_a_gps_is(rig: "CopterRig", solution:
 
 def test_dilution_is_looked_at_after_what_is_mandatory(rig: "CopterRig") -> None:
     rig.ahrs.ekf_origin = PLACE
-    rig.copter.set_home(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
     rig.copter.set_mode(ModeNumber.LOITER)
     rig.gps = fix(hdop=300)
     rig.ahrs.failure = "Check EK3_SRC1_POSXY"
@@ -257,7 +257,7 @@ def test_lean_is_not_looked_at_without_the_bit_of_inertial_sensors(rig: "CopterR
 
 
 def test_safety_switch_is_checked_twice(rig: "CopterRig") -> None:
-    rig.copter.set_safety(True)
+    rig.copter.safety_on = True
     assert failures(rig) == ["Hardware safety switch"]
     rig.params.set("ARMING_CHECK", VISION)
     assert failures(rig) == []
@@ -306,7 +306,7 @@ def test_force_leaves_height_and_position(rig: "CopterRig") -> None:
 
 
 def test_force_overrides_the_rest(rig: "CopterRig") -> None:
-    rig.copter.set_safety(True)
+    rig.copter.safety_on = True
     rig.downloading = True
     rig.visual_odom.failure = "not healthy"
     assert attempt(rig, forced=True) == []

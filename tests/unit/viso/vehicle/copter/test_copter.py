@@ -75,7 +75,7 @@ def test_vehicle_boots_into_its_initial_mode_if_it_can(rig: "CopterRig", initial
 
 
 def test_safety_switch_can_be_moved_back(rig: "CopterRig") -> None:
-    rig.copter.set_safety(True)
+    rig.copter.safety_on = True
     assert not rig.copter.arm(do_checks=True)
-    rig.copter.set_safety(False)
+    rig.copter.safety_on = False
     assert rig.copter.arm(do_checks=True)

@@ -92,7 +92,7 @@ def test_arming_without_home_lets_heights_start_over(rig: "CopterRig") -> None:
 @pytest.mark.parametrize("here", [False, True])
 def test_home_of_a_client_is_locked_so_that_arming_leaves_it(rig: "CopterRig", here: bool) -> None:
     settle(rig)
-    assert rig.copter.set_home_here() if here else rig.copter.set_home(PLACE)
+    assert rig.copter.home.set_here(lock=True) if here else rig.copter.home.set(PLACE, lock=True)
     rig.ahrs.stand_at(ORIGIN)
     rig.copter.arm(do_checks=False)
     assert rig.copter.home.place == PLACE
@@ -100,21 +100,21 @@ def test_home_of_a_client_is_locked_so_that_arming_leaves_it(rig: "CopterRig", h
 
 def test_later_home_is_no_event(rig: "CopterRig") -> None:
     settle(rig)
-    rig.copter.set_home(ORIGIN)
+    rig.copter.home.set(ORIGIN, lock=True)
     assert rig.written("EV", "ORGN") == [ORIGIN_LOGGED, home_logged(ORIGIN)]
     assert rig.copter.home.take_changed()
 
 
 def test_home_needs_an_origin(rig: "CopterRig") -> None:
     rig.ahrs.stand_at(PLACE)
-    assert not rig.copter.set_home(PLACE)
-    assert not rig.copter.set_home_here()
+    assert not rig.copter.home.set(PLACE, lock=True)
+    assert not rig.copter.home.set_here(lock=True)
     assert not rig.copter.has_home()
 
 
 def test_home_cannot_be_where_nobody_knows_to_be(rig: "CopterRig") -> None:
     rig.ahrs.ekf_origin = ORIGIN
-    assert not rig.copter.set_home_here()
+    assert not rig.copter.home.set_here(lock=True)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_home_cannot_be_where_nobody_knows_to_be(rig: "CopterRig") -> None:
 )
 def test_impossible_home_is_refused(rig: "CopterRig", place: Location) -> None:
     settle(rig)
-    assert not rig.copter.set_home(place)
+    assert not rig.copter.home.set(place, lock=True)
     assert rig.copter.home.place == PLACE
 
 

@@ -113,16 +113,16 @@ def test_armed_vehicle_without_home_does_not_return(rig: "CopterRig") -> None:
     arm(rig)
     assert not rig.copter.set_mode(ModeNumber.RTL)
     rig.ahrs.ekf_origin = PLACE
-    rig.copter.set_home(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
     assert rig.copter.set_mode(ModeNumber.RTL)
 
 
 def test_way_back_begins_where_home_was_set_by_the_vehicle_being_there(rig: "CopterRig") -> None:
     rig.ahrs.ekf_origin = PLACE
-    rig.copter.set_home(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
     assert not rig.copter.set_mode(ModeNumber.SMART_RTL)
     rig.ahrs.stand_at(PLACE)
-    rig.copter.set_home_here()
+    rig.copter.home.set_here(lock=True)
     assert rig.copter.set_mode(ModeNumber.SMART_RTL)
 
 
