@@ -52,14 +52,7 @@ class RouteTable:
         self._known = {place: route for place, route in self._known.items() if route.channel != channel}
 
     def learn(self, header: Header, message: Message | None, channel: int, *, own_system: int) -> None:
-        """Remember where a frame's sender is (MAVLink_routing::learn_route).
-
-        Args:
-            header: of the frame; its name is that of the message.
-            message: the frame's message, of which only a heartbeat's type is used.
-            channel: number of the link it came on.
-            own_system: the autopilot's system id.
-        """
+        """Remember where a frame's sender is, and of a heartbeat its type (MAVLink_routing::learn_route)."""
         place = header.system_id, header.component_id, channel
         route = self._known.get(place)
         if route is not None and not isinstance(message, HEARTBEAT):

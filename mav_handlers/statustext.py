@@ -108,11 +108,7 @@ class StatusTextQueue:
         return tuple(self._queue)
 
     def service(self, channels: Sequence[Channel]) -> None:
-        """Send each link what it has room for, and once a second forget what has waited for more than 5 s.
-
-        Args:
-            channels: every link.
-        """
+        """Send every link what it has room for, and once a second forget what has waited for more than 5 s."""
         if not self._queue:
             return
         for chunk in self._queue:

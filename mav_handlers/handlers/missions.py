@@ -67,12 +67,8 @@ def _acknowledge(ctx: Context, result: MissionResult, mission_type: int) -> Verd
     return HANDLED
 
 
-def _item_count(ctx: Context, mission_type: int) -> int:
-    return ctx.vehicle.copter.mission.item_count if mission_type == MissionType.MISSION else 0
-
-
 def _send_count(ctx: Context, mission_type: int) -> Verdict:
-    count = _item_count(ctx, mission_type)
+    count = ctx.vehicle.copter.mission.item_count if mission_type == MissionType.MISSION else 0
     ctx.channel.send(MISSION_COUNT(ctx.header.system_id, ctx.header.component_id, count, mission_type))
     return HANDLED
 

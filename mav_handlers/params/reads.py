@@ -43,8 +43,7 @@ def param_value(param: Param, name: str, count: int, index: int) -> PARAM_VALUE:
 class ParamReads:
     """Requests that wait to be looked up, one every millisecond, and replies that wait for a link's parameter turn.
 
-    Args:
-        tells_errors: whether PARAM_ERROR answers a request for what there is not; else nothing does.
+    Without ``tells_errors`` nothing answers a request for what there is not.
     """
 
     def __init__(self, *, tells_errors: bool = False) -> None:

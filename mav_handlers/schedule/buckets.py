@@ -60,10 +60,7 @@ class IntervalBuckets:
     def set_interval(self, name: str, interval_ms: int, now_ms: int) -> None:
         """Put a message into the bucket of its interval, or, when all ten are taken, into that of the nearest.
 
-        Args:
-            name: the message.
-            interval_ms: 0 takes it out.
-            now_ms: time since boot.
+        An interval of 0 takes it out.
         """
         current = next((bucket for bucket in self._buckets if name in bucket.names), None)
         if interval_ms == 0:

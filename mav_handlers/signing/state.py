@@ -81,12 +81,7 @@ class MemoryKeyStore:
 
 
 class SigningState:
-    """Signing on all links of a vehicle.
-
-    Args:
-        store: where the key is kept.
-        options_of: returns the MAVn_OPTIONS of a link by its number.
-    """
+    """Signing on all links of a vehicle; ``options_of`` returns the MAVn_OPTIONS of a link by its number."""
 
     def __init__(self, store: KeyStore, options_of: Callable[[int], int]) -> None:
         self._store = store
@@ -117,13 +112,9 @@ class SigningState:
     def setup(
         self, message: SETUP_SIGNING, channels: Iterable[Channel], *, armed: bool, tell: Callable[[str], None]
     ) -> Verdict:
-        """Store a key and use it at once on all links (GCS_MAVLINK::handle_setup_signing).
+        """Store a key, unless armed, and use it at once on all links (GCS_MAVLINK::handle_setup_signing).
 
-        Args:
-            message: holds the key.
-            channels: all links.
-            armed: whether the vehicle is, in which case the key is refused.
-            tell: sends a text of severity WARNING on the link of the message.
+        ``tell`` sends a text of severity WARNING on the link of the message.
         """
         if armed:
             tell("ERROR: Won't setup signing when armed")
@@ -150,12 +141,9 @@ class SigningState:
         return max(SAVE_INTERVAL_MS - u32(now_ms - self._last_save_ms), 0)
 
     def update_timestamp(self, channels: Iterable[Channel], utc_us: int, now_ms: int) -> None:
-        """Take over a time of day that has just become known (GCS_MAVLINK::update_signing_timestamp).
+        """Take over a time of day (us since 1970) that has just become known (GCS_MAVLINK::update_signing_timestamp).
 
-        Args:
-            channels: all links.
-            utc_us: us since 1970; times before 2015 are counted from 1970.
-            now_ms: time since boot.
+        Times before 2015 are counted from 1970.
         """
         channels = tuple(channels)
         seconds = utc_us // 1_000_000

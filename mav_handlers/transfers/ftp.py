@@ -77,13 +77,7 @@ class FtpServer:
         self._job_due_us = 0
 
     def handle(self, payload: bytes, now_us: int, peer: FtpPeer) -> list[FtpReply]:
-        """Take a request and return the first replies; while five are waiting a further one is dropped.
-
-        Args:
-            payload: any bytes.
-            now_us: microseconds since boot.
-            peer: who sent it.
-        """
+        """Take a request and return the first replies; while five are waiting a further one is dropped."""
         if len(self._queue) < QUEUE_CAPACITY:
             self._queue.append((Request.parse(payload), peer))
         return self.continue_burst(now_us)

@@ -28,11 +28,7 @@ def _done(request: Request, failure: Failure | None, *, offset: int = 0) -> Repl
 
 
 class FtpSession:
-    """At most one open file, for whichever client was first.
-
-    Args:
-        files: what clients see.
-    """
+    """At most one open file, for whichever client was first."""
 
     def __init__(self, files: FtpFiles) -> None:
         self._files = files
@@ -54,14 +50,9 @@ class FtpSession:
         self._session = _NO_SESSION
 
     def answer(self, request: Request, idle_ms: int) -> Reply | Job | None:
-        """Do what a request asks for.
+        """Do what a request asks for, ``idle_ms`` after the last reply.
 
-        Args:
-            request: anything.
-            idle_ms: time since the last reply.
-
-        Returns:
-            The reply, or a job that makes it; None for an opcode that is no operation.
+        Return the reply, or a job that makes it; None for an opcode that is no operation.
         """
         if request.size > DATA_BYTES:
             return nack(request, FtpError.INVALID_DATA_SIZE)

@@ -77,11 +77,8 @@ class LogTransfer:
     """The one transfer of logs that a vehicle has, over all its links together.
 
     A request is followed by ``pump`` for the same link at once, as the firmware sends the first messages while it
-    handles the request; after that ``pump`` is called for every link once a pass of the main loop.
-
-    Args:
-        library: the logs.
-        send_text_to: takes a link, a severity and a text for it.
+    handles the request; after that ``pump`` is called for every link once a pass of the main loop. ``send_text_to``
+    takes a link, a severity and a text for it.
     """
 
     def __init__(self, library: LogLibrary, send_text_to: Callable[[int, int, str], None]) -> None:
@@ -175,14 +172,7 @@ class LogTransfer:
         """Return what a link is to be sent now: one LOG_ENTRY, or some LOG_DATA (handle_log_send).
 
         What is returned counts as sent. Nothing is due while the vehicle is armed, nor while the link waits for a
-        heartbeat.
-
-        Args:
-            channel_index: the link.
-            now_us: us since boot.
-            armed: whether the vehicle is armed.
-            heartbeat_us: when the link was last sent a heartbeat, us since boot.
-            max_packets: how many messages it takes now.
+        heartbeat, of which ``heartbeat_us`` was the last, since boot.
         """
         job = self._job
         if job is None or job.channel_index != channel_index:

@@ -58,12 +58,6 @@ class FlowUser(Protocol):
 class MavlinkFlow:
     """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates, hands it over and logs it.
 
-    Args:
-        clock: time since boot.
-        params: holds the sensor's FLOW_ parameters, and LOG_BITMASK.
-        ahrs: what flow is handed to.
-        logger: where OF records go.
-
     Attributes:
         newest: what was measured last; nothing has a quality of 0.
     """

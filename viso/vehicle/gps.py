@@ -45,14 +45,8 @@ _MS_PER_WEEK: Final = 604_800_000
 class MavlinkGps:
     """The GPS: finds its driver, watches how regularly it speaks, logs and tells the time.
 
-    There is a driver for GPS1_TYPE 14 only; whatever else that asks for has no receiver attached.
-
-    Args:
-        clock: time since boot.
-        params: holds GPS1_TYPE and LOG_BITMASK.
-        texts: where the driver is announced.
-        logger: where GPS and GPA records go.
-        set_utc_us: takes the time of day in us since 1970.
+    There is a driver for GPS1_TYPE 14 only; whatever else that asks for has no receiver attached. ``set_utc_us`` takes
+    the time of day, since 1970.
     """
 
     def __init__(

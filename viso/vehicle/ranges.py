@@ -126,14 +126,7 @@ def _report(number: int, finder: _Finder) -> RangeReport:
 
 
 class MavlinkRanges:
-    """The range finders, each if its RNGFNDn_TYPE was 10 at boot.
-
-    Args:
-        clock: time since boot.
-        params: holds their RNGFNDn_ parameters, and LOG_BITMASK.
-        logger: where RFND records go.
-        unit: in what the parameters of a release are.
-    """
+    """The range finders, each if its RNGFNDn_TYPE was 10 at boot; ``unit`` is that of the release's parameters."""
 
     def __init__(
         self, clock: Clock, params: ParamTable, logger: RecordSink, unit: RangeUnit = REFERENCE.range_unit

@@ -24,14 +24,7 @@ class RtcSource(IntEnum):
 
 
 class Rtc:
-    """The time of day, in us since 1970.
-
-    Args:
-        clock: time since boot.
-        params: holds BRD_RTC_TYPES.
-        is_armed: says whether the vehicle is armed.
-        boot_utc_us: time of day at boot, as a clock in hardware would tell it; 0 when unknown.
-    """
+    """The time of day, in us since 1970; at boot that of ``boot_utc_us``, as of a clock in hardware, unless it is 0."""
 
     def __init__(self, clock: Clock, params: ParamTable, is_armed: Callable[[], bool], boot_utc_us: int = 0) -> None:
         self._clock = clock

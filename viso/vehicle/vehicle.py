@@ -271,7 +271,8 @@ class Vehicle:
             for event in self.flown.events_until(now_us):
                 self._let_happen(event)
         self._seen = self._situation()
-        self._run_estimator_frame()
+        self.ahrs.update(self._camera_frames()[self.visual_odom.healthy()])
+        self._align_camera()
         self._end_pass(now_us)
 
     def _end_pass(self, now_us: int) -> None:
@@ -419,10 +420,6 @@ class Vehicle:
                 self.set_source_set(index)
             case Happening.ORIGIN, Location() as place:
                 self.set_origin(place)
-
-    def _run_estimator_frame(self) -> None:
-        self.ahrs.update(self._camera_frames()[self.visual_odom.healthy()])
-        self._align_camera()
 
     def _align_camera(self) -> None:
         if self.visual_odom.enabled() and self.ahrs.estimator_started():

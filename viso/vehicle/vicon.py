@@ -40,6 +40,7 @@ QUALITY: Final = 50
 
 _LOCAL_FRD, _BODY_FRD, _VIO = 20, 12, 3
 _GCS, _INVALID_AUTOPILOT = 6, 8
+_HEARTBEAT: Final = HEARTBEAT(_GCS, _INVALID_AUTOPILOT, 0, 0, 0, 0)
 _POSE, _SPEED, _VICON, _DELTA, _ODOMETRY = (1 << bit for bit in range(5))
 _POSE_DIAGONAL: Final = (0, 6, 11)
 
@@ -53,13 +54,7 @@ class _Waiting:
 
 
 class Vicon:
-    """The camera.
-
-    Args:
-        airframe: what it sees.
-        params: the SIM_VICON_ group.
-        seed: of its delays and noise, and of how far its clock is off.
-    """
+    """The camera; its delays, its noise and how far its clock is off are of the seed."""
 
     def __init__(self, airframe: FlyingSource, params: ParamGroup, seed: int = 0) -> None:
         self._airframe = airframe
@@ -85,9 +80,7 @@ class Vicon:
 
     def update(self, now_us: int) -> bytes:
         """Look at the vehicle if it is time to, and return what arrives of it now."""
-        if now_us - self._heartbeat_us >= HEARTBEAT_US and self._put(
-            HEARTBEAT(_GCS, _INVALID_AUTOPILOT, 0, 0, 0, 0), now_us
-        ):
+        if now_us - self._heartbeat_us >= HEARTBEAT_US and self._put(_HEARTBEAT, now_us):
             self._heartbeat_us = now_us
         arrived = b""
         for place in self._places:
@@ -135,18 +128,17 @@ class Vicon:
             self._put(VISION_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw, pose_covariance), send_us)
         if mask & _VICON:
             self._put(VICON_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw), send_us)
+        variance = float(params.get_float("V_SD")) ** 2
         if mask & _SPEED:
-            variance = float(params.get_float("V_SD")) ** 2
             covariance = (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
             self._put(VISION_SPEED_ESTIMATE(stamp_us, *vel, covariance), send_us)
         if mask & _ODOMETRY:
             ahead, right, down = rotate_to_body(attitude, vel).tolist()
-            velocity_covariance = _diagonal(float(params.get_float("V_SD")) ** 2)
             # FIRMWARE PARITY: the attitude is the true one, whatever YAW and YAWERR say.
             message = ODOMETRY(
                 *(stamp_us, _LOCAL_FRD, _BODY_FRD, *pos, truth.quat_wxyz, ahead, right, down, *rates),
                 pose_covariance=pose_covariance,
-                velocity_covariance=velocity_covariance,
+                velocity_covariance=_diagonal(variance),
                 estimator_type=_VIO,
                 quality=self._quality(),
             )
