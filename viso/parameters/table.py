@@ -20,7 +20,6 @@ from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import make_ekf3_group
 from viso.parameters.flying import AFTER_INS, AFTER_RC
 from viso.parameters.releases import REFERENCE, ParameterRelease
-from viso.parameters.vicon import VICON, VICON_QUALITY
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
 _LOG_DISARMED: Final = {0: "No", 1: "Yes", 2: "Not with USB", 3: "Yes, discarded if never armed"}
@@ -146,7 +145,9 @@ def make_groups(
         _object("AHRS_", (*sensors.AHRS, *release.more_ahrs), "AHRS_"),
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
-        _object("SIM_VICON_", (*VICON, *([VICON_QUALITY] if release.vicon_has_quality else [])), "SIM_"),
+        _object(
+            "SIM_VICON_", (*sensors.VICON, *([sensors.VICON_QUALITY] if release.vicon_has_quality else [])), "SIM_"
+        ),
         _object("GPS1_", sensors.GPS1, "GPS"),
         _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),

@@ -22,11 +22,7 @@ _STILL: Final[Three] = (0.0, 0.0, 0.0)
 
 
 class WorldFlight:
-    """A trajectory of the world (ENU, FLU) as NED from where it begins, in FRD axes.
-
-    Args:
-        trajectory: at rest at its time 0.
-    """
+    """A trajectory of the world (ENU, FLU), at rest at its time 0, as NED from where it begins, in FRD axes."""
 
     def __init__(self, trajectory: WorldTrajectory) -> None:
         self._trajectory = trajectory

@@ -52,12 +52,8 @@ def estimates(log: LogColumns, lane: int) -> Flight | None:
     gained = hermite(track[:, 0], vel, acc, end_s) - hermite(track[:, 0], vel, acc, begin_s)
     gained[:, 2] -= GRAVITY_MSS * PASS_US * _S
     del_vel, del_ang = _to_body(quats, gained), _turns_between(before, quats)
-    notes = (*_notes(has_velocity), *gaps_in(track[:, 0]))
-    return flight_of(log, lane, Basis.ESTIMATE, pass_us, del_vel, del_ang, notes)
-
-
-def _notes(has_velocity: bool) -> tuple[str, ...]:
-    return () if has_velocity else ("no XKF1 in the log: velocity is what POS moves by",)
+    notes = [] if has_velocity else ["no XKF1 in the log: velocity is what POS moves by"]
+    return flight_of(log, lane, Basis.ESTIMATE, pass_us, del_vel, del_ang, (*notes, *gaps_in(track[:, 0])))
 
 
 # What the log has

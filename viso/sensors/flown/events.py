@@ -17,7 +17,17 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
 from viso.logs.filter_records import rows_of
-from viso.sensors.flown.flight import Event, Happening, Ints, Readings, chosen, has, parameters, readings
+from viso.sensors.flown.flight import (
+    Event,
+    Happening,
+    Ints,
+    Readings,
+    chosen,
+    first_instance,
+    has,
+    parameters,
+    readings,
+)
 
 _ARMED, _DISARMED = 10, 11  # of EV
 _SWITCHES: Final = {
@@ -78,7 +88,7 @@ def _place(degrees_and_m: Sequence[float]) -> Location:
 def gps_of(log: LogColumns, pass_us: npt.ArrayLike) -> Readings[GpsSample]:
     """Return the solutions of the first receiver (GPS, with GPA), as each pass had them."""
     labels = ["TimeUS", "Status", "NSats", "HDop", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"]
-    table, begins = chosen(log, "GPS", labels, _first(log, "GPS"))
+    table, begins = chosen(log, "GPS", labels, first_instance(log, "GPS"))
     quality = _quality(log, table[:, 0])
     lags_s = _lags_s(log, begins)
     samples, last_fix_ms = [], 0
@@ -133,14 +143,9 @@ def ahrs_start_us(log: LogColumns) -> int:
     return start_us if start_us > 0 else AHRS_START_US
 
 
-def _first(log: LogColumns, kind: str) -> int | None:
-    """Return the least number among the instances of a type; None where records have none."""
-    return int(log.columns(kind, ["I"])["I"].min()) if has(log, kind, "I") else None
-
-
 def _quality(log: LogColumns, time_us: Array) -> Array:
     """Return what GPA says of solutions: ms since boot, VDOP, accuracies of place, height, speed, vertical velocity."""
-    quality, _ = chosen(log, "GPA", ["TimeUS", "SMS", "VDop", "HAcc", "VAcc", "SAcc", "VV"], _first(log, "GPA"))
+    quality, _ = chosen(log, "GPA", ["TimeUS", "SMS", "VDop", "HAcc", "VAcc", "SAcc", "VV"], first_instance(log, "GPA"))
     unknown = np.tile([np.nan, _NOT_KNOWN, _NOT_KNOWN, _NOT_KNOWN, _NOT_KNOWN, 1.0], (len(time_us), 1))
     unknown[:, 0] = time_us // 1000
     if not len(quality):

@@ -148,6 +148,11 @@ def has(log: LogColumns, kind: str, *labels: str) -> bool:
     return kind in log.counts and set(labels) <= set(log.types[kind].labels)
 
 
+def first_instance(log: LogColumns, kind: str) -> int | None:
+    """Return the least number among the instances of a type; None where records have none."""
+    return int(log.columns(kind, ["I"])["I"].min()) if has(log, kind, "I") else None
+
+
 def chosen(log: LogColumns, kind: str, labels: Sequence[str], instance: int | None = None) -> tuple[Array, Ints]:
     """Return fields of the records of a type, a row each, and where these begin in the log.
 

@@ -117,15 +117,11 @@ def flight_of(
         del_ang = np.concatenate([np.zeros((rest, 3)), del_ang])
         notes = (*notes, f"begins {begun_s:.0f} s after boot; taken to have stood still for {REST_S:.0f} s before")
     intervals = np.full((len(pass_us), 2), PASS_US * _S)
-    slow = slow_sensors(log, pass_us)
     return Flight(
         basis,
         pass_us,
         np.column_stack([del_vel, del_ang, intervals]).astype(np.float32).astype(np.float64),
-        slow.baro,
-        slow.mag,
-        slow.declination,
-        slow.yaw_rad,
+        *slow_sensors(log, pass_us),
         gps_of(log, pass_us),
         events_of(log),
         valid_positions(log, lane),

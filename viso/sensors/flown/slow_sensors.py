@@ -3,21 +3,19 @@
 """Barometer, compass and heading of any log, as each pass of the main loop had them."""
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.filter.inertial import Array
-from viso.sensors.flown.flight import Ints, Readings, chosen, has, parameters, readings
+from viso.sensors.flown.flight import Ints, Readings, chosen, first_instance, has, parameters, readings
 
 _CORE: Final = 0
 _EKF_ORIGIN: Final = 0  # of ORGN.Type
 
 
-@dataclass(frozen=True, slots=True)
-class SlowSensors:
+class SlowSensors(NamedTuple):
     """The readings; see ``Flight``."""
 
     baro: Readings[tuple[int, float]]
@@ -27,12 +25,7 @@ class SlowSensors:
 
 
 def slow_sensors(log: LogColumns, pass_us: Ints) -> SlowSensors:
-    """Return what a log's records BARO, MAG and ATT say, and its declination.
-
-    Args:
-        log: the log.
-        pass_us: of each pass, since boot.
-    """
+    """Return what a log's records BARO, MAG and ATT say in each pass (us since boot), and its declination."""
     baro = _timed(log, "BARO", "SMS", 1e-3, ["Alt"])
     mag = _timed(log, "MAG", "S", 1.0, ["MagX", "MagY", "MagZ"])
     attitude, _ = chosen(log, "ATT", ["TimeUS", "Yaw"])
@@ -66,7 +59,7 @@ def declination_of(log: LogColumns, default: float) -> tuple[list[float], list[f
 
 def _timed(log: LogColumns, kind: str, stamp: str, per_us: float, labels: list[str]) -> Array:
     """Return rows of a time of logging in us, the time of the reading, and fields, of the first sensor of a kind."""
-    first = int(log.columns(kind, ["I"])["I"].min()) if has(log, kind, "I") else None
+    first = first_instance(log, kind)
     if has(log, kind, stamp):
         table, _ = chosen(log, kind, ["TimeUS", stamp, *labels], first)
         return table

@@ -17,12 +17,7 @@ LONGEST_INTERVAL_S: Final = 0.3
 
 
 class StreamFollower:
-    """Where the vehicle should be, as the stream tells from its first pose on.
-
-    Args:
-        first: the stream's first pose.
-        vehicle: how the vehicle moves then.
-    """
+    """Where the vehicle should be, as the stream tells from its first pose on."""
 
     def __init__(self, first: Pose, vehicle: Movement) -> None:
         self._frame = StreamFrame(first, vehicle)

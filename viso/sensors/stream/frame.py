@@ -10,7 +10,7 @@ from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.stream.imagined_vehicle import Movement
-from viso.sensors.vectors import ZERO, Three, added
+from viso.sensors.vectors import ZERO, Three, added, turned
 
 JUMP_M: Final = 0.5
 JUMP_YAW_RAD: Final = math.radians(5.0)
@@ -41,10 +41,8 @@ class StreamFrame:
 
     def apply(self, pose: Pose) -> Pose:
         """Return a pose of the stream as one of the vehicle."""
-        north, east, down = pose.pos
-        cos, sin = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
-        pos = cos * north - sin * east, sin * north + cos * east, down
-        return Pose(pose.time_s, added(pos, self._offset), quat_of_rpy(0.0, 0.0, self._yaw_rad) * pose.quat)
+        pos = added(turned(pose.pos, self._yaw_rad), self._offset)
+        return Pose(pose.time_s, pos, quat_of_rpy(0.0, 0.0, self._yaw_rad) * pose.quat)
 
     def settle_jump(
         self, pose: Pose, expected: Movement, interval_s: float, *, steady: Pose | None = None, is_reset: bool
