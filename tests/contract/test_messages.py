@@ -17,11 +17,13 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom.verdicts import CONSUMED
+from mav_handlers.channel import Channel
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.verdicts import NO_HANDLER, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire import messages as m
 from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, MESSAGES, ODOMETRY, Message
+from tests.copies import Copies
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 # A few passes of the main loop do to boot; replies need them at their real rate.
@@ -109,14 +111,21 @@ def sample(cls: type[Message]) -> Message:
 
 
 @cache
-def effect_of(*chunks: bytes) -> Effect:
-    """Deliver chunks of bytes at one moment to a vehicle of their own."""
+def booted() -> Copies[tuple[Vehicle, Channel]]:
+    """Return a vehicle that has booted, with its link; booting takes longer than copying."""
     vehicle = Vehicle(VehicleConfig(defaults={"VISO_TYPE": 1}))
     channel = vehicle.endpoint.open_channel("link")
     for now_us in BOOT_US:
         vehicle.clock.set_us(now_us)
         vehicle.loop()
     channel.take_output()
+    return Copies((vehicle, channel))
+
+
+@cache
+def effect_of(*chunks: bytes) -> Effect:
+    """Deliver chunks of bytes at one moment to a vehicle of their own."""
+    vehicle, channel = booted().make()
     records: list[str] = []
 
     def remember(structure: LogStructure, values: Sequence[LogValue]) -> None:

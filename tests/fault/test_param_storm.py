@@ -98,7 +98,7 @@ def test_long_storm_of_parameter_requests_takes_no_memory(make_bench: "MakeBench
 
 def test_value_that_survives_a_storm_survives_a_restart(make_bench: "MakeBench") -> None:
     bench = make_bench(links=LINKS)
-    rage(bench, Storm(bench, 8), 1_000)
+    rage(bench, Storm(bench, 8), 500)
     bench.run_ms(1500)
     bench.vehicle.close()
     values = bench.vehicle.params.stored_values()

@@ -20,13 +20,6 @@ Target = Callable[[bytes, Path], None]
 
 
 @pytest.fixture(scope="module", autouse=True)
-def what_was_there() -> None:
-    """Let only what these tests leave be collected after each of them: the rest is large."""
-    gc.collect()
-    gc.freeze()
-
-
-@pytest.fixture(autouse=True)
 def open_files() -> Iterator[None]:
     """Let go of files here that were left open, not in somebody else's test."""
     yield
