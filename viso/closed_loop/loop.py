@@ -69,11 +69,9 @@ class LoopSetup:
     Attributes:
         flight: what the companion's sensors tell; at rest at its beginning, which is when the companion comes up.
         companion_us: when that is, since the autopilot's boot.
-        config: of the companion's odometry.
         params: the autopilot's, over those of ``PARAMS``.
         sensor_errors: of the autopilot's own sensors.
         seed: of the random part of those.
-        firmware: which release the autopilot is.
     """
 
     flight: SyntheticFlight
@@ -98,11 +96,8 @@ class VehicleLoop(ABC):
 
     Args:
         vehicle: fresh.
-        record: where to note what happens.
 
     Attributes:
-        watch: follows the vehicle's filter.
-        recorder: notes what happens.
         companion_wire: the companion's end of the link.
     """
 
@@ -164,10 +159,6 @@ class VehicleLoop(ABC):
 
 class CompanionLoop(VehicleLoop):
     """A vehicle and a companion with an odometry.
-
-    Args:
-        setup: what is flown, by whom.
-        open_log: opens the vehicle's log.
 
     Raises:
         StrategyNotAvailableError: if the strategy's libraries are not there.

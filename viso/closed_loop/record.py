@@ -114,8 +114,6 @@ class LoopRecorder(logging.Handler):
 
     Args:
         vehicle: fresh.
-        watch: follows its filter.
-        record: where to note what happens.
     """
 
     def __init__(self, vehicle: Vehicle, watch: FilterWatch, record: LoopRecord) -> None:

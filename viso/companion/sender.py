@@ -43,7 +43,6 @@ class Companion:
     """Sends a heartbeat once a second and an estimate at its own rate, and listens.
 
     Args:
-        link: the wire to the autopilot.
         estimate: returns the estimate of a frame taken at a time in us, or None when there is none.
         rate_hz: frames per second.
         latency_us: from taking a frame to sending its estimate.

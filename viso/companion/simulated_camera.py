@@ -52,11 +52,8 @@ class SimulatedCamera:
     """Reports a flight in the camera's own frame, with noise and slow drift.
 
     Attributes:
-        flight: what it sees.
         seed: for the noise; the same seed gives the same reports.
         frame_yaw_rad: how far the vehicle's north is turned in the camera's frame.
-        clock: the camera's clock.
-        faults: what goes wrong.
         position_noise_m, velocity_noise_m_s, angle_noise_rad: standard deviations of one report.
         drift_m_per_sqrt_s: growth of the position error.
     """

@@ -58,8 +58,6 @@ class VioDemo:
 
     Args:
         seed: of all noise; the same seed gives the same log, byte for byte.
-        open_log: opens the log.
-        firmware: which release the autopilot is.
         choose: returns the odometry's configuration for the usual one.
 
     Attributes:

@@ -85,7 +85,6 @@ def survey_flight(
     """Return what a companion's sensors say about a flight.
 
     Args:
-        plan: what is flown.
         duration_s: how long the sensors work.
         seed: of their errors.
         texture: of the ground; generated unless given.

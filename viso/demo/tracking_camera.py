@@ -81,8 +81,6 @@ def make_vehicle(seed: int, open_log: Callable[[], LogSink], firmware: Firmware 
 
     Args:
         seed: of the noise of the sensors.
-        open_log: opens the log.
-        firmware: which release it is.
     """
     options = ImuOptions(heading_rad=HEADING_RAD, errors=SENSOR_ERRORS, seed=seed)
     make_ahrs = by_ekf3(lambda options: flight_source(FLIGHT, options), options)
@@ -94,8 +92,6 @@ class Demo(VehicleLoop):
 
     Args:
         seed: of the noise of camera and sensors; the same seed gives the same log, byte for byte.
-        open_log: opens the log.
-        firmware: which release the vehicle is.
     """
 
     def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:

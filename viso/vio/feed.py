@@ -33,12 +33,6 @@ class RecordingFeed:
     """Hands over what a recording has, each at its time.
 
     An inertial sample is due at its stamp, and what follows it in the recording with it.
-
-    Args:
-        recording: what to hand over.
-        take_imu: gets what the IMU measured.
-        take_height: gets heights above ground.
-        frames: gets the pictures.
     """
 
     def __init__(

@@ -40,8 +40,6 @@ def configured(
     """Return the configuration: a file's or else what suits the source, with what is named in its place.
 
     Args:
-        source: of the data.
-        file: with the configuration.
         strategy: in place of the configuration's.
         engine: command that starts the engine's program.
 

@@ -44,9 +44,6 @@ class LiveVio:
 
     Args:
         source: of the data; with a camera, the IMU is that of the autopilot.
-        config: of the odometry.
-        log: told of each frame.
-        logger: for events.
         link: to the autopilot; None to tell nobody.
         alignment: of the local frame; None for north if the autopilot knows it at the first pose.
         on_text: told of each text of the autopilot.

@@ -26,7 +26,6 @@ class LoggedFrame:
 
     Attributes:
         t_ns: its stamp, as the source gave it, in the IMU's time.
-        update: what the worker told.
         sigma_m: of the position against the start, root mean square of the three axes; None without an output.
     """
 
@@ -53,11 +52,7 @@ class LoggedFrame:
 class VioLog:
     """Remembers all frames; a listener of the worker.
 
-    Args:
-        config: of the odometry.
-
     Attributes:
-        frames: in the order of time.
         shift_ns: what was added to the source's stamps; it is taken off again.
     """
 

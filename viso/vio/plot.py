@@ -27,10 +27,7 @@ def save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, 
     """Write the picture as PNG.
 
     Args:
-        log: of the flight.
         truth: what is known of the path from elsewhere.
-        title: above all.
-        path: of the file.
         aligned: whether to turn and shift the estimate onto the truth, as when they have worlds of their own.
 
     Raises:

@@ -32,10 +32,6 @@ class VioSession:
     """What to do with a source.
 
     Attributes:
-        source: of the data.
-        config: of the odometry.
-        log: told of each frame.
-        logger: for events.
         stop: says whether to end before the end.
         until_s: where to end, in seconds since the first frame; None for the source's end.
     """
@@ -78,7 +74,6 @@ class VioSession:
             wait_s: how long to wait until it is heard; 0 for not at all.
             delay_s: before the first frame.
             alignment: of the local frame; None for north if the vehicle knows it at the first pose.
-            show: shows a text or a note.
 
         Raises:
             InputError: if the vehicle is not heard, the camera not to be opened, or the recording not to be read on.

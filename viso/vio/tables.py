@@ -49,12 +49,7 @@ def live_table(frame: LoggedFrame | None) -> Table:
 
 
 def summary_table(name: str, summary: Mapping[str, Any]) -> Table:
-    """Return the closing table.
-
-    Args:
-        name: of the source.
-        summary: of ``VioLog``.
-    """
+    """Return the closing table."""
     table = Table("", "", title=f"{name}: {summary['frames']} frames in {summary['seconds']:.1f} s", show_header=False)
     for what, text in _rows(summary):
         table.add_row(what, text)

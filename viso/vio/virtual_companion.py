@@ -46,7 +46,6 @@ class AutopilotState(FcInbound):
     """What the autopilot says about its state, as one to start from.
 
     Args:
-        clock: turns stamps into the companion's time.
         origin_w: where the autopilot's origin is in the strategy's world, m, ENU.
     """
 
@@ -90,16 +89,8 @@ class VirtualCompanion:
 
     Args:
         flight: what the sensors tell, and when; its clock is the companion's.
-        config: of the odometry.
-        link: to the autopilot.
-        logger: for events.
-        listeners: told of each update.
 
     Attributes:
-        autopilot: what is known of its state.
-        source: of the messages.
-        sender: on the link.
-        worker: has the strategy.
         alter_frame: may be set to what is done to each frame before anybody sees it.
     """
 

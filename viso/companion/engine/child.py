@@ -55,9 +55,6 @@ class EngineChild:
     Args:
         command: as in a shell, without its substitutions.
         on_line: takes what it wants to be logged.
-
-    Raises:
-        EngineFailure: if it cannot be started.
     """
 
     def __init__(self, command: str, on_line: OnLine) -> None:

@@ -283,7 +283,6 @@ class Field:
     """A field of a message.
 
     Attributes:
-        name: of it.
         code: as of ``struct``, or ``bytes`` for all up to the end.
         text: what it means.
     """
@@ -350,7 +349,6 @@ class Decoder:
     """Makes messages of the bytes of the other side.
 
     Args:
-        kinds: that may come.
         longest: of a message in bytes, without its header.
     """
 

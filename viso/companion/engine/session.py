@@ -49,14 +49,11 @@ class EngineSession:
     """An engine's program at work: it has said what it is, and was told what it works with.
 
     Args:
-        command: starts it.
         calibration: of the pictures that it will be given.
         config: the configuration; ``engine`` has the times, ``native`` the options.
         on_line: takes what it wants to be logged.
 
     Attributes:
-        hello: what it says about itself.
-        child: its process.
         keyframes_ns: stamps of the last keyframes by the identifiers of their images.
         shares: whether pictures go through shared memory.
 
@@ -179,7 +176,6 @@ def relative_covariance(joint: Array, keyframe_T_body: SE3, keyframe_R: Array) -
 
     Args:
         joint: [12, 12] of keyframe and body, each (rotation, right perturbation; position, in the world).
-        keyframe_T_body: the relative pose.
         keyframe_R: the keyframe's rotation into the world.
     """
     R, p = keyframe_T_body.R, keyframe_T_body.t

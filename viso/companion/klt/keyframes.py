@@ -20,14 +20,8 @@ class Keyframe:
     """A frame that later ones are compared with.
 
     Args:
-        frame_id: of the frame.
         number: of the frame, in the estimator's window.
-        t_ns: when it was taken.
         camera_rotation: [3, 3] from the camera to the world.
-        sighting: what it showed.
-
-    Attributes:
-        frame_id, number, t_ns: of the frame.
     """
 
     def __init__(self, frame_id: uuid.UUID, number: int, t_ns: int, camera_rotation: Array, sighting: Sighting) -> None:

@@ -62,7 +62,6 @@ class KltTracker:
         Args:
             before, after: grey, of the same size.
             pixels: the points before.
-            guess: where they are expected.
         """
         if len(pixels) == 0:
             return pixels, np.zeros(0, np.bool_)

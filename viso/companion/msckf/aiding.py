@@ -22,7 +22,6 @@ def stand_still(state: WindowFilter, mean_gyro: Array, share: float = 1.0) -> bo
     A body at a great height may move without its camera seeing it.
 
     Args:
-        state: the filter.
         mean_gyro: [3] in rad/s, FLU.
         share: of the gyro's mean that is new, above 0; it counts for as much.
     """
@@ -42,9 +41,7 @@ def take_height(state: WindowFilter, up_m: float, sigma_m: float, gate: float) -
     """Take in how high the body is in the world; say whether that can be.
 
     Args:
-        state: the filter.
         up_m: z of the body in m.
-        sigma_m: of it.
         gate: largest normalised innovation squared.
     """
     jacobian, residual = _height_equation(state, up_m)

@@ -17,7 +17,6 @@ class Chain:
     """The covariance of a composed pose; the errors are those of a filter, rigid motions of its world.
 
     Args:
-        state: the filter.
         origin: number of the frame whose pose the chain begins with; that has to stay in the filter's window.
         keyframe: number of the frame that it is told from.
     """
@@ -31,7 +30,6 @@ class Chain:
         """Return the covariance [6, 6] of the pose now, right perturbation, as composed with the last keyframe's.
 
         Args:
-            state: the filter.
             keyframe: number of the frame that the pose is told from.
             number: of the frame now, if that is the next keyframe.
         """

@@ -29,14 +29,11 @@ class WindowEstimator:
     """A filter that is fed with what the front end sees.
 
     Args:
-        state: the filter.
-        B_T_C: from the camera into the body.
         sigma: of a normalised coordinate.
         window_clones: the most poses kept.
         fewest_sightings: of a track that is used: 3, or 2 on a known plane.
 
     Attributes:
-        state: the filter.
         innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
         chain: of the poses since the start, whose first one is kept; None before there is one.
     """
@@ -71,7 +68,6 @@ class WindowEstimator:
 
         Args:
             number: of the frame, larger than those before.
-            sighting: what it shows.
             plane: the ground, if all points lie on it or its height right below is known.
             keep: a frame whose pose is not to be forgotten.
             depth_m: a guess, rather too small, of how far away points are.
@@ -102,7 +98,6 @@ class WindowEstimator:
         """Hold points of a frame whose pose is the last in the window, as many as there is room for.
 
         Args:
-            number, sighting: of the frame.
             depth_m: as for :meth:`add_frame`.
         """
         held = self._held

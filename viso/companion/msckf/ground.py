@@ -30,7 +30,6 @@ class Ground:
     """The ground in a filter's world, as the configuration and the pictures tell.
 
     Args:
-        config: the configuration.
         origin_z_m: of the filter's world, in the world of the configuration.
 
     Attributes:
@@ -63,9 +62,7 @@ class Ground:
         """Follow ground that is no plane: it is where a height says.
 
         Args:
-            state: the filter.
             height_m: of the body above the ground.
-            sigma_m: of that.
         """
         self._local_z_m = float(state.p[2]) - height_m
         off_m = abs(self._local_z_m - self.z_m)

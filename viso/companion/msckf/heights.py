@@ -21,11 +21,7 @@ _CAPACITY: Final = 64
 
 
 class Heights:
-    """Keeps heights until a frame is near, and takes them into a filter.
-
-    Args:
-        least_sigma_m: of a height.
-    """
+    """Keeps heights until a frame is near, and takes them into a filter."""
 
     def __init__(self, least_sigma_m: float) -> None:
         self._least_sigma_m = least_sigma_m
@@ -39,7 +35,6 @@ class Heights:
         Args:
             t_ns: when, by the IMU's clock.
             height_m: of the body above the ground.
-            sigma_m: its standard deviation.
         """
         good = math.isfinite(height_m) and math.isfinite(sigma_m) and height_m >= 0 and sigma_m >= 0
         if good:
@@ -67,7 +62,6 @@ class Heights:
         One that is more than 5 sigma off is refused, but no more than 3 in a row. It is off by a share of the height.
 
         Args:
-            state: the filter.
             t_ns: when, by the IMU's clock.
             ground_m: height of the ground in the filter's world.
         """
@@ -83,7 +77,6 @@ class Heights:
         """Return how far off a height is that is to be refused, as a share of the height; None for one that is not.
 
         Args:
-            state: the filter.
             taken: how high the body is, and the sigma, as :meth:`take` has it.
             ground_m: height of the ground in the filter's world.
         """

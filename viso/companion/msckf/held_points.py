@@ -32,8 +32,6 @@ class HeldPoints:
     """The points that a filter holds.
 
     Args:
-        state: the filter.
-        B_T_C: from the camera into the body.
         sigma: of a normalised coordinate in a track.
     """
 
@@ -57,7 +55,6 @@ class HeldPoints:
 
         Args:
             anchor: number of the picture's frame, whose pose is the last in the window.
-            sighting: what it shows.
             depth_m: about how far away they are, if none is held yet.
             depth_is_known: whether that is more than a guess.
         """

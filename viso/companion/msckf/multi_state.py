@@ -54,7 +54,6 @@ class Below:
 
     Attributes:
         height_m: of the body above it, at the last pose of the window.
-        sigma_m: of that.
     """
 
     height_m: float
@@ -144,9 +143,6 @@ def use_tracks(
     """Take tracks into a filter.
 
     Args:
-        state: the filter.
-        B_T_C: from the camera into the body.
-        tracks: sightings from the window's poses.
         sigma: of a normalised coordinate.
         plane: the ground, if all points lie on it or its height right below is known.
         inflation: of the measurement's covariance, 1 or more.
@@ -192,7 +188,6 @@ def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
 
     Args:
         clones: the poses that the points were seen from.
-        B_T_C: from the camera into the body.
         tracks: sightings from those.
     """
     rotations, _ = _cameras(clones, B_T_C, tracks)
@@ -207,7 +202,6 @@ def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | No
 
     Args:
         clones: the poses that the points were seen from.
-        B_T_C: from the camera into the body.
         tracks: sightings from those, 3 or more of each point.
     """
     rotations, positions = _cameras(clones, B_T_C, tracks)

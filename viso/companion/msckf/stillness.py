@@ -26,9 +26,6 @@ class Stillness:
 
     A picture is compared with the one that the rest began with, not with the one before: that, however slow the motion
     and however fast the pictures come, shows it. The rotation is not taken out, as a body that turns does not rest.
-
-    Args:
-        focal_px: of the camera.
     """
 
     def __init__(self, focal_px: float) -> None:
@@ -39,12 +36,7 @@ class Stillness:
         self._reference: tuple[int, Sighting] | None = None  # what to compare with, and when it was seen
 
     def note(self, window: ImuWindow, sighting: Sighting) -> None:
-        """Take in a frame.
-
-        Args:
-            window: the inertial data before it.
-            sighting: what it shows.
-        """
+        """Take in a frame."""
         now_ns = self._now_ns = window.end_t_ns
         last_ns = self._samples[-1].t_ns if self._samples else -1
         self._samples.extend(sample for sample in window.samples if last_ns < sample.t_ns <= now_ns)

@@ -55,8 +55,6 @@ class TrackBook:
         """Note what a frame shows; return the tracks to be used now, the longest first.
 
         Args:
-            number: of the frame.
-            ids: of the points in it.
             normalised: [N, 2].
         """
         live = self._open

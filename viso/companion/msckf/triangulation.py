@@ -34,7 +34,6 @@ def triangulate(rotations: Array, positions: Array, tracks: Tracks) -> tuple[Arr
 
     Args:
         rotations, positions: [T, M, 3, 3] and [T, M, 3], from the cameras to the world, of each sighting.
-        tracks: what they saw.
     """
     directions = directions_of(rotations, tracks)
     # The point nearest to all rays.
@@ -77,7 +76,6 @@ def on_plane(rotations: Array, positions: Array, tracks: Tracks, height_m: float
 
     Args:
         rotations, positions: as for :func:`triangulate`.
-        tracks: what the cameras saw.
         height_m: of the plane, in the world.
     """
     directions = np.einsum("tmij,tmj->tmi", rotations, _rays(tracks))

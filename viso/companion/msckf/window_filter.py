@@ -53,7 +53,6 @@ class Clone:
     """A past pose of the body.
 
     Attributes:
-        number: of the frame.
         R: rotation [3, 3] from the body to the world.
         p: position [3] in the world in m.
     """
@@ -68,7 +67,6 @@ class HeldPoint:
     """A point that is estimated with the motion, told from the camera at a past pose.
 
     Attributes:
-        number: of the point.
         anchor: number of the past pose.
         at: [3], its normalised coordinates and its inverse depth (1/m) there.
     """
@@ -82,9 +80,7 @@ class WindowFilter:
     """The filter.
 
     Args:
-        noise: of the IMU.
         R, p, v: attitude (body to world), position (m) and velocity (m/s) in the world (ENU).
-        bias: of the IMU.
         cov: [15, 15] of the errors that the module's slices name.
     """
 
@@ -139,7 +135,6 @@ class WindowFilter:
         """Move on over a window; say whether all of it was measured.
 
         Args:
-            window: the inertial data between two frames.
             samples: those in it from stamp to stamp; without any, the body moves as it did last.
         """
         steps = steps_between(samples)
@@ -321,7 +316,6 @@ def invariant_cov(cov: Array, R: Array, p: Array, v: Array) -> Array:
 
     Args:
         cov: of attitude (right perturbation, rad), position (m), velocity (m/s), gyro bias, accelerometer bias.
-        R, p, v: the state.
     """
     jacobian = np.eye(MOTION)
     jacobian[ATT, ATT] = R

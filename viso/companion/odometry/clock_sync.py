@@ -63,7 +63,6 @@ class ClockSync:
         """Return the companion's time of a stamp of the autopilot's.
 
         Args:
-            fc_ns: the stamp.
             arrival_ns: when the message arrived; while there is no offset, the result is half a period before it.
             mean_period_ns: of messages of this kind.
         """

@@ -35,7 +35,6 @@ class LocalPose:
     """The body in the local frame.
 
     Attributes:
-        L_T_B: the pose.
         covariance_6x6: of it, right perturbation, (rx, ry, rz, tx, ty, tz).
     """
 

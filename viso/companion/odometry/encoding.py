@@ -48,7 +48,6 @@ def encoded(matrix: Array | None, encoding: CovarianceEncoding) -> tuple[float, 
 
     Args:
         matrix: None if unknown; the first element is NaN then, as the message defines it.
-        encoding: of the elements.
     """
     if matrix is None:
         return UNKNOWN

@@ -67,7 +67,6 @@ class FcInbound:
     """Takes messages of the autopilot; whatever is refused is counted with its reason.
 
     Args:
-        clock: turns stamps into the companion's time.
         on_imu: gets each sample, in strictly increasing order of time.
         on_height: gets each height above ground: when, on the companion's clock, and the height in m, the lean of the
             vehicle taken off.

@@ -39,7 +39,6 @@ def odometry_message(
         alignment: of the local frame.
         reset_counter: 0..255.
         quality: -1 or 1..100.
-        encoding: of the covariance.
         time_us: to stamp the message with, on the companion's clock; None for the state's own time.
     """
     to_frd, body_to_frd = local_to_frd(alignment), FLU_TO_FRD

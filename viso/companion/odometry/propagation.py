@@ -28,8 +28,6 @@ class MotionState:
     """How the body moves at an instant.
 
     Attributes:
-        t_ns: when.
-        pose: where it is, with its covariance.
         velocity_b: in m/s, FLU.
         gyro_b: rate in rad/s without bias, FLU; None without inertial data.
     """
@@ -56,7 +54,6 @@ class OdometryPropagator:
     """Carries the last corrected state over the inertial data since its stamp.
 
     Args:
-        noise: densities of the IMU.
         velocity_sigma_m_s: of each axis of the velocity that comes with a camera frame.
     """
 
@@ -84,9 +81,7 @@ class OdometryPropagator:
 
         Args:
             t_ns: the frame's stamp, usually well in the past.
-            pose: the body's.
             velocity_b: in m/s, FLU.
-            bias: to take off the inertial data.
             up: the vertical in the local frame, of length 1.
 
         Returns:

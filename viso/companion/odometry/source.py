@@ -213,8 +213,6 @@ def quality_of(state: VioState, features: FeatureQuality, innovation_ratio: floa
     Never 0, which the message defines as unknown.
 
     Args:
-        state: the strategy's.
-        features: of its last output.
         innovation_ratio: running mean of NIS per degree of freedom; anything but a number from 0 counts as the worst.
     """
     if state is VioState.INIT:

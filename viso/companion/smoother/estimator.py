@@ -46,9 +46,6 @@ class Node:
 
     Attributes:
         number: larger than those before.
-        t_ns: when.
-        sighting: what was seen.
-        is_still: whether the body does not move.
         plane: the ground, if all points lie on it or its height right below is known.
         height: how high the body is in the world, and the sigma, both in m; None if that is not known.
         depth_m: a guess, rather too small, of how far away points are.
@@ -91,8 +88,6 @@ class SmootherEstimator:
 
     Args:
         state: where to begin.
-        noise: of the IMU.
-        B_T_C: from the camera into the body.
         sigma: of a normalised coordinate.
 
     Attributes:

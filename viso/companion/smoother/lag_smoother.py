@@ -48,7 +48,6 @@ class Motion:
     Attributes:
         pose: world_T_body.
         velocity_w: [3] in m/s, in the world.
-        bias: of the IMU.
     """
 
     pose: SE3
@@ -62,7 +61,6 @@ class Seen:
 
     Attributes:
         number: of the node that it was seen from.
-        landmark: its number.
         normalised: [2], undistorted.
     """
 
@@ -77,7 +75,6 @@ class LagSmoother:
     Nodes have rising numbers; each has a motion. What is added takes effect with :meth:`solve`.
 
     Args:
-        B_T_C: from the camera into the body.
         number, t_s: of the first node.
         motion: there.
         cov: [15, 15], positive, of its pose (right perturbation), velocity (world), accelerometer bias and gyro bias.
@@ -106,8 +103,6 @@ class LagSmoother:
         """Add a node after the last one.
 
         Args:
-            number, t_s: of the node.
-            motion: there, as expected.
             since: the motion from the last node to this one, as :func:`preintegrated` has it.
         """
         last = self._last

@@ -33,7 +33,6 @@ class NewLandmark:
     """A point that is to become a landmark.
 
     Attributes:
-        landmark: its number.
         position: [3] in the world.
         sightings: of it so far, none of them used yet.
     """
@@ -47,7 +46,6 @@ class LandmarkBook:
     """Collects sightings of points until they can be landmarks, and remembers which they became.
 
     Args:
-        B_T_C: from the camera into the body.
         sigma: of a normalised coordinate.
     """
 
@@ -106,7 +104,6 @@ class LandmarkBook:
 
         Args:
             poses: world_T_body of nodes.
-            numbers: of the nodes.
         """
         cameras = {number: poses[number] @ self._B_T_C for number in numbers}
         tracks = [_within(track, cameras) for track in self._tracks.values()]

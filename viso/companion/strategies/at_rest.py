@@ -40,7 +40,6 @@ class RestWatch:
 
     Args:
         calibration: of the working image.
-        config: the configuration.
     """
 
     def __init__(self, calibration: CameraCalibration, config: VioConfig) -> None:

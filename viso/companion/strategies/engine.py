@@ -56,7 +56,6 @@ class ProgramEngine:
     """A program as a native engine.
 
     Args:
-        context: what the strategy is built from.
         name: the strategy's, for the log.
         calibration: of the pictures that it will be given.
 
@@ -227,9 +226,6 @@ class _Good:
 
 class EngineStrategy(NativeFacade):
     """An engine as a strategy; ``vio.engine.command`` is its program, or there is a module of Python.
-
-    Args:
-        context: what it is built from.
 
     Raises:
         ImportError: if there is no engine.

@@ -17,11 +17,7 @@ FEWEST_REFUSED: Final = 5  # landmarks that must have been elsewhere, and all of
 
 
 class FixedLag(TrackingStrategy[SmootherEstimator]):
-    """The strategy ``fixed_lag``.
-
-    Args:
-        context: what it is built from.
-    """
+    """The strategy ``fixed_lag``."""
 
     name = "fixed_lag"
 

@@ -18,11 +18,7 @@ FEWEST_REFUSED: Final = 5  # tracks that must have been refused, and all of them
 
 
 class KltRansac(TrackingStrategy[WindowEstimator]):
-    """The strategy ``klt_ransac``.
-
-    Args:
-        context: what it is built from.
-    """
+    """The strategy ``klt_ransac``."""
 
     name = "klt_ransac"
 

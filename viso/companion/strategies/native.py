@@ -170,11 +170,6 @@ class _NativeModule(Protocol):
 def load_engine(module: str, calibration: CameraCalibration, config: VioConfig) -> NativeEngine:
     """Return a new engine of a native module.
 
-    Args:
-        module: its name.
-        calibration: of the camera.
-        config: the configuration.
-
     Raises:
         ImportError: if there is no such module ("native wiring absent"), or it cannot be imported or make an engine.
     """

@@ -67,9 +67,7 @@ class Seen:
     """A frame, and what was found out about it before the estimator gets it.
 
     Attributes:
-        frame: the frame.
         window: the inertial data since the frame before.
-        sighting: what it shows.
         imu_fault: what is wrong with the inertial data, or None.
         begins: whether the state was found with this frame, standing still.
     """
@@ -109,14 +107,7 @@ class Outcome:
 
 
 class TrackingStrategy(StrategyBase, Generic[_E]):
-    """A strategy with a front end; a class for each estimator gives the rest.
-
-    Args:
-        context: what it is built from.
-
-    Attributes:
-        heights: above the ground.
-    """
+    """A strategy with a front end; a class for each estimator gives the rest."""
 
     def __init__(self, context: StrategyContext) -> None:
         super().__init__(context)
@@ -221,8 +212,6 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         """Return the keyframe that a frame refers to, and whether the frame has become the next one.
 
         Args:
-            seen: the frame.
-            state: the motion now.
             must: whether it has to become one.
             may: whether it does where the last one is outdated.
         """

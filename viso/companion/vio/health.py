@@ -137,10 +137,6 @@ class HealthMachine:
         """Take in a frame; return the state after it, and why.
 
         A frame that leaves INIT is judged like any other, so it may end in DEGRADED at once. In LOST nothing changes.
-
-        Args:
-            facts: about the frame.
-            t_ns: the frame's stamp.
         """
         self._bias_norm = facts.bias_norm
         if self.state is VioState.INIT:

@@ -55,7 +55,6 @@ class ImuBuffer:
         Args:
             t0_ns: stamp of the frame before.
             t1_ns: stamp of this frame.
-            wait_s: the longest wait.
 
         Raises:
             ValueError: if ``t1_ns`` is before ``t0_ns``.

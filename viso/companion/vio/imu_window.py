@@ -50,7 +50,6 @@ def window_fault(window: ImuWindow, nominal_period_ns: int) -> str | None:
     """Return what is wrong with a window.
 
     Args:
-        window: the inertial data between two frames.
         nominal_period_ns: between two samples of a healthy IMU.
 
     Returns:

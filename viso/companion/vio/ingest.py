@@ -30,13 +30,9 @@ class FrameSource(Protocol):
 class DropOldestQueue:
     """Frames on their way; when it is full, the oldest gives way to the new one.
 
-    Args:
-        depth: frames that may wait.
-
     Attributes:
         dropped: how many frames gave way to newer ones.
         closed: whether no more frames come.
-        failure: why no more frames come, if that is a fault.
     """
 
     def __init__(self, depth: int = 1) -> None:
@@ -59,9 +55,6 @@ class DropOldestQueue:
     def get(self, timeout_s: float | None = None) -> NavCameraFrame | None:
         """Wait for a frame and return the newest; those before it are dropped.
 
-        Args:
-            timeout_s: the longest wait in s; None for no limit.
-
         Returns:
             The frame, or None if there was none in time, or the queue is closed and empty.
         """
@@ -71,11 +64,7 @@ class DropOldestQueue:
             return self._frames.popleft() if self._frames else None
 
     def close(self, failure: str | None = None) -> None:
-        """Let ``get`` return at once from now on, when there is nothing left.
-
-        Args:
-            failure: why no more frames come, if that is a fault.
-        """
+        """Let ``get`` return at once from now on, when there is nothing left."""
         with self._changed:
             self.failure = self.failure or failure
             self.closed = True
@@ -93,7 +82,6 @@ class CameraIngest:
     Args:
         source: read by this thread alone.
         queue: closed when the source ends.
-        logger: for events.
 
     Attributes:
         counters: ``frames`` read, ``failed`` and ``ended`` sources.

@@ -53,8 +53,6 @@ def log_event(
         event: what happened, for machines.
         msg: what happened, for people.
         fields: anything else; their names must not be those of the standing keys.
-        strategy: its name, if it is about one.
-        frame: its identifier, if it is about one.
         error: whose traceback to log with it.
     """
     extra = {"event": event, "strategy": strategy, "frame": frame, "fields": fields}
@@ -62,11 +60,7 @@ def log_event(
 
 
 class JsonFormatter(logging.Formatter):
-    """Formats any record as one line of JSON, also those that know nothing of events.
-
-    Args:
-        clock_ns: the companion's monotonic clock.
-    """
+    """Formats any record as one line of JSON, also those that know nothing of events."""
 
     def __init__(self, clock_ns: Callable[[], int]) -> None:
         super().__init__()

@@ -20,16 +20,8 @@ class VioRuntime:
     In virtual time it is not started: whoever has the clock gives the frames to ``worker.process_one``.
 
     Args:
-        config: the configuration.
-        calibration: of the camera.
         source: of the frames; closed by ``stop``.
-        imu: the inertial data.
-        clock_ns: the companion's monotonic clock.
-        logger: for events.
         listeners: called, in the worker's thread, with each update.
-
-    Attributes:
-        worker: owns the strategy.
 
     Raises:
         ValueError: if there is no such strategy.
@@ -72,11 +64,7 @@ class VioRuntime:
         self._ingest.start()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait until the source has ended and its last frame is done with; say whether that is so.
-
-        Args:
-            timeout_s: the longest wait in s; None for no limit.
-        """
+        """Wait until the source has ended and its last frame is done with; say whether that is so."""
         return self.worker.join(timeout_s)
 
     def stop(self, join_s: float = JOIN_S) -> bool:

@@ -70,13 +70,7 @@ class StrategyContext:
 
 
 class StrategyLog:
-    """Logs what happens to a strategy.
-
-    Args:
-        strategy: its name.
-        logger: for events.
-        clock_ns: the companion's monotonic clock.
-    """
+    """Logs what happens to a strategy."""
 
     def __init__(self, strategy: str, logger: logging.Logger, clock_ns: Callable[[], int]) -> None:
         self._strategy = strategy

@@ -39,8 +39,6 @@ class VioUpdate:
         frame_id, sequence: of the frame.
         t_ns: of the frame, in the IMU's time.
         output: to be used with less weight in DEGRADED; None in INIT and LOST.
-        health: after the frame.
-        report: what else the strategy says.
         dropped: frames that gave way to newer ones, since the start.
     """
 
@@ -70,11 +68,6 @@ class VioWorker:
 
     Args:
         strategy: owned from now on.
-        config: the configuration.
-        calibration: of the camera.
-        imu: the inertial data.
-        clock_ns: the companion's monotonic clock.
-        logger: for events.
         listeners: called with each update; what they raise is logged.
         queue: where ``run`` takes frames from; its losses go into the updates.
 
