@@ -17,7 +17,7 @@ from PIL import Image
 from tests.unit.viso.companion.landmarks.scenes import flown
 from viso.companion.landmarks.local_frame import FrameMode
 from viso.companion.landmarks.palette import COLOURS, Palette
-from viso.companion.landmarks.picture import draw, pixels_of, png_of, sky_place
+from viso.companion.landmarks.picture import EXTENT_M, draw, pixels_of, png_of, sky_place
 from viso.companion.landmarks.scene import Mark, Scene, make_scene
 from viso.companion.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
 from viso.companion.landmarks.types import (
@@ -34,16 +34,32 @@ OFF = dataclasses.replace(FLIGHT, planted=Planted(math.radians(3)))
 ICAO = "3C6481"
 
 
+@cache
 def last_scene(flight: SyntheticFlight = FLIGHT, **settings: object) -> Scene:
     return flown(flight, **settings)[-1]
 
 
-@cache
-def last_picture(flight: SyntheticFlight = FLIGHT) -> Figure:
+def last_picture(flight: SyntheticFlight = FLIGHT, palette: Palette = Palette.SAFE) -> Figure:
     """Return the picture of that scene, for looking at alone."""
-    return draw(last_scene(flight))
+    return drawn(flight, palette)
 
 
+@cache
+def drawn(flight: SyntheticFlight, palette: Palette) -> Figure:
+    return draw(last_scene(flight), palette)
+
+
+@cache
+def picture_with_sky() -> Figure:
+    return draw(last_scene(), with_sky=True)
+
+
+@cache
+def estimated_picture() -> Figure:
+    return draw(estimated_scene())
+
+
+@cache
 def estimated_scene() -> Scene:
     """Return a scene that an estimated position predicts, some 1.5 km from the vehicle, and nothing was seen."""
     place = EstimatedPosition(0.0, GeodeticPoint(47.41, 8.55))
@@ -141,7 +157,7 @@ def test_range_of_a_corrected_height_does_not_say_baro() -> None:
 
 
 def test_aircraft_too_far_away_is_nowhere_and_one_of_unknown_height_only_in_the_world() -> None:
-    figure = draw(last_scene(), with_sky=True)
+    figure = picture_with_sky()
     world, image = names(figure, "world_aircraft"), names(figure, "aircraft")
     assert "A0B1C2" not in world
     assert "3E12FF" in world
@@ -162,15 +178,14 @@ def test_legend_holds_only_what_is_visible() -> None:
 
 
 def test_legend_of_the_world_names_the_estimated_vehicle_and_the_camera_where_they_are_shown() -> None:
-    scene = estimated_scene()
-    near = legend(draw(scene, extent_m=1000.0), 1)
+    near = legend(draw(estimated_scene(), extent_m=1000.0), 1)
     assert near == ["vehicle (odometry)", "to the vehicle (estimated)", "landmark"]
-    assert legend(draw(scene), 1)[:3] == ["vehicle (odometry)", "vehicle (estimated)", "camera and its view"]
+    assert legend(estimated_picture(), 1)[:3] == ["vehicle (odometry)", "vehicle (estimated)", "camera and its view"]
 
 
 def test_legend_says_whether_the_actual_place_was_seen() -> None:
     seen = legend(last_picture(), 0)
-    unseen = legend(draw(estimated_scene()), 0)
+    unseen = legend(estimated_picture(), 0)
     assert "aircraft, seen in the picture" in seen
     assert "aircraft, by raw odometry (not seen)" not in seen
     assert "aircraft, by raw odometry (not seen)" in unseen
@@ -210,7 +225,7 @@ def test_u_is_to_the_right_and_v_down() -> None:
 @pytest.mark.parametrize(("trim_deg", "row"), [(0, 512.0), (5, 599.4887), (-5, 424.5113)])
 def test_horizon_is_dashed_where_the_trim_puts_it(trim_deg: float, row: float) -> None:
     flight = dataclasses.replace(FLIGHT, camera=Camera(pitch_trim_rad=math.radians(trim_deg)))
-    line = elements(draw(last_scene(flight)))["horizon"]
+    line = elements(last_picture(flight))["horizon"]
     assert line.get_linestyle() == "--"
     assert line.get_xdata() == pytest.approx([0, 1280])
     assert line.get_ydata() == pytest.approx([row, row], abs=1e-3)
@@ -249,7 +264,7 @@ def test_ids_that_are_not_known_are_told() -> None:
 
 @pytest.mark.parametrize("palette", Palette)
 def test_colours_are_those_of_the_palette(palette: Palette) -> None:
-    shown, colours = elements(draw(last_scene(OFF), palette)), COLOURS[palette]
+    shown, colours = elements(last_picture(OFF, palette)), COLOURS[palette]
     assert shown["predicted:0"].get_markeredgecolor() == colours.predicted
     assert shown["observed:0"].get_markeredgecolor() == colours.observed
     assert shown["landmark:0"].get_color() == colours.landmark
@@ -278,10 +293,11 @@ def test_landmarks_and_aircraft_are_in_the_world() -> None:
     assert place(shown[f"world_aircraft:{ICAO}"]) == pytest.approx((at.x_m + state.east_m, at.y_m + state.north_m))
 
 
-@pytest.mark.parametrize(("extent_m", "length_m"), [(20_000.0, 2000.0), (10_000.0, 1500.0), (100.0, 15.0)])
+@pytest.mark.parametrize(("extent_m", "length_m"), [(EXTENT_M, 2000.0), (10_000.0, 1500.0), (100.0, 15.0)])
 def test_cone_has_the_field_of_view(extent_m: float, length_m: float) -> None:
     scene = last_scene()
-    corners = elements(draw(scene, extent_m=extent_m))["cone"].get_xy()
+    figure = last_picture() if extent_m == EXTENT_M else draw(scene, extent_m=extent_m)
+    corners = elements(figure)["cone"].get_xy()
     tip, rim = corners[0], corners[1:-1]
     assert tip == pytest.approx(scene.situation.camera_xyz[:2])
     assert np.hypot(*(rim - tip).T) == pytest.approx(length_m)
@@ -294,7 +310,7 @@ def test_cone_has_the_field_of_view(extent_m: float, length_m: float) -> None:
 @pytest.mark.slow
 def test_estimated_vehicle_and_the_way_to_it_are_drawn() -> None:
     scene = estimated_scene()
-    shown = elements(draw(scene))
+    shown = elements(estimated_picture())
     pose, odometry = scene.situation.pose, scene.situation.odometry
     assert shown["pose"].get_text() == "[estimated]"
     assert place(shown["estimated"]) == (pose.x_m, pose.y_m)
@@ -328,7 +344,7 @@ def test_sky_is_a_disc_with_forward_up(elevation_deg: float, azimuth_deg: float,
 
 
 def test_sky_has_all_aircraft_above_the_horizon() -> None:
-    figure = draw(last_scene(), with_sky=True)
+    figure = picture_with_sky()
     assert len(figure.axes) == 3
     assert names(figure, "sky_aircraft") == sorted(["3C6481", "4B1803", "4B43AA", "440172"])
     assert len(last_picture().axes) == 2

@@ -22,7 +22,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tests.unit.viso.companion.recorded.conftest import outcome_of
-from viso.companion.recorded.bag_formats import POSE_TYPES, bag_records
+from viso.companion.recorded.bag_formats import POSE_TYPES, bag_records, collect
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import NO_ROTATION, TrajectoryError, usable
 
@@ -114,9 +114,18 @@ def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
     return usable(bag_records(path, topic))
 
 
+def collected(messages: Messages) -> RecordedTrajectory:
+    """Return what can be used of messages as a bag gives them."""
+    return usable(collect("a bag", ((time_s * 10**9, kind, content) for _, kind, time_s, content in messages)))
+
+
 def complaint(path: Path, topic: str | None = None) -> str:
+    return line_of(lambda: read_bag(path, topic))
+
+
+def line_of(read: Callable[[], object]) -> str:
     with pytest.raises(TrajectoryError) as raised:
-        read_bag(path, topic)
+        read()
     assert len(str(raised.value).splitlines()) == 1
     return str(raised.value)
 
@@ -138,56 +147,61 @@ def test_every_type_is_read_from_every_kind_of_bag(make_bag: Callable[..., Path]
     np.testing.assert_allclose(trajectory.quats_wxyz, [[S, 0.0, 0.0, S]] * 2)
 
 
-def test_velocity_of_odometry_is_in_the_body(folder: Path) -> None:
-    trajectory = read_bag(write(folder, 2, poses(2)), None)
+def test_velocity_of_odometry_is_in_the_body() -> None:
+    trajectory = collected(poses(2))
     np.testing.assert_allclose(trajectory.world_velocities[0], [0.0, 1.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("child", ["odom", ""])
-def test_velocity_of_vins_is_in_the_world(folder: Path, child: str) -> None:
-    trajectory = read_bag(write(folder, 2, poses(2, child=child)), None)
+def test_velocity_of_vins_is_in_the_world(child: str) -> None:
+    trajectory = collected(poses(2, child=child))
     np.testing.assert_allclose(trajectory.world_velocities[0], [1.0, 0.0, 0.0], atol=1e-12)
 
 
-def test_odometry_without_an_attitude_is_left_out(folder: Path) -> None:
+def test_odometry_without_an_attitude_is_left_out() -> None:
     messages = [*poses(2), ("/pose", ODOMETRY, 107, message(2, ODOMETRY, 7))]
     turned = messages[1][3].pose.pose.orientation
     turned.z = turned.w = 0.0
-    trajectory = read_bag(write(folder, 2, messages), None)
+    trajectory = collected(messages)
     assert (len(trajectory), dict(trajectory.left_out)) == (2, {NO_ROTATION: 1})
 
 
-def test_velocity_of_a_pose_follows_from_positions(folder: Path) -> None:
-    trajectory = read_bag(write(folder, 2, poses(2, "geometry_msgs/msg/PoseStamped")), None)
-    assert trajectory.velocities is None
+def test_velocity_of_a_pose_follows_from_positions() -> None:
+    assert collected(poses(2, "geometry_msgs/msg/PoseStamped")).velocities is None
 
 
 @pytest.mark.parametrize("kind", [ODOMETRY, "geometry_msgs/msg/PoseWithCovarianceStamped"])
-def test_covariance_is_read_row_by_row(folder: Path, kind: str) -> None:
+def test_covariance_is_read_row_by_row(kind: str) -> None:
     matrix = np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     matrix[0, 1] = matrix[1, 0] = 0.5
-    covariance = read_bag(write(folder, 2, poses(2, kind, covariance=matrix.flatten())), None).pose(0).covariance
+    covariance = collected(poses(2, kind, covariance=matrix.flatten())).pose(0).covariance
     assert covariance is not None
     np.testing.assert_array_equal(covariance, matrix)
 
 
-def test_message_without_a_stamp_has_the_time_of_the_bag(folder: Path) -> None:
+def test_message_without_a_stamp_has_the_time_of_the_bag() -> None:
     messages = poses(2)
     for _, _, _, content in messages:
         content.header.stamp.sec = content.header.stamp.nanosec = 0
-    assert read_bag(write(folder, 2, messages), None).times_ns.tolist() == [105 * 10**9, 106 * 10**9]
+    assert collected(messages).times_ns.tolist() == [105 * 10**9, 106 * 10**9]
 
 
-def test_topic_is_chosen_by_its_name(folder: Path) -> None:
-    path = write(folder, 2, [*poses(2, topic="/a"), *poses(2, "geometry_msgs/msg/PoseStamped", topic="/b")])
-    assert read_bag(path, "/a").velocities is not None
-    assert read_bag(path, "/b").velocities is None
+@pytest.fixture(scope="module")
+def two_topics(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag with odometry and poses, each on a topic of its own, the later name first."""
+    messages = [*poses(2, topic="/b"), *poses(2, "geometry_msgs/msg/PoseStamped", topic="/a")]
+    return write(tmp_path_factory.mktemp("bags") / "flight", 2, messages)
 
 
-def test_several_topics_are_listed(folder: Path) -> None:
-    path = write(folder, 2, [*poses(2, topic="/b"), *poses(2, "geometry_msgs/msg/PoseStamped", topic="/a")])
+def test_topic_is_chosen_by_its_name(two_topics: Path) -> None:
+    assert read_bag(two_topics, "/b").velocities is not None
+    assert read_bag(two_topics, "/a").velocities is None
+
+
+def test_several_topics_are_listed(two_topics: Path) -> None:
     listed = "there are: /a (geometry_msgs/msg/PoseStamped), /b (nav_msgs/msg/Odometry)"
-    assert complaint(path) == f"{path}: which topic is not clear; {listed}"
+    assert complaint(two_topics) == f"{two_topics}: which topic is not clear; {listed}"
+    assert complaint(two_topics, "/x") == f"{two_topics}: no poses on the topic /x; {listed}"
 
 
 def transforms(version: int, *children: str) -> Messages:
@@ -200,7 +214,7 @@ def transforms(version: int, *children: str) -> Messages:
 
 
 def test_transforms_alone_are_read_by_their_frames(folder: Path) -> None:
-    bag = write(folder, 2, transforms(2, "base_link", "wheel"))
+    bag = write(folder, 2, transforms(2, "base_link", "wheel"), StoragePlugin.MCAP)
     told = "/tf:odom.base_link (2 times), /tf:odom.wheel (2 times)"
     assert complaint(bag) == f"{bag}: which transforms between frames is not clear; there are: {told}"
     assert complaint(bag, "/tf:map.odom") == f"{bag}: no transforms map.odom; there are: {told}"
@@ -208,26 +222,23 @@ def test_transforms_alone_are_read_by_their_frames(folder: Path) -> None:
 
 
 def test_transforms_of_one_pair_of_frames_need_no_name_and_yield_to_poses(tmp_path: Path) -> None:
-    assert len(read_bag(write(tmp_path / "tf", 2, transforms(2, "base_link")), None)) == 2
-    both = write(tmp_path / "both", 2, [*transforms(2, "base_link"), *poses(2)])
+    assert len(read_bag(write(tmp_path / "tf", 2, transforms(2, "base_link"), StoragePlugin.MCAP), None)) == 2
+    both = write(tmp_path / "both", 2, [*transforms(2, "base_link"), *poses(2)], StoragePlugin.MCAP)
     assert read_bag(both, None).velocities is not None
     assert read_bag(both, "/tf").velocities is None
 
 
-def test_unknown_topic_is_answered_with_those_there_are(folder: Path) -> None:
-    path = write(folder, 2, poses(2))
-    assert complaint(path, "/x") == f"{path}: no poses on the topic /x; there are: /pose (nav_msgs/msg/Odometry)"
-
-
 def test_bag_without_poses_says_what_would_fit(folder: Path) -> None:
     other = [("/time", "builtin_interfaces/msg/Time", 1, new(2, "builtin_interfaces/msg/Time", 1, 2))]
-    assert complaint(write(folder, 2, other)).endswith(f"there are: none of {', '.join(POSE_TYPES)}")
+    assert complaint(write(folder, 2, other, StoragePlugin.MCAP)).endswith(
+        f"there are: none of {', '.join(POSE_TYPES)}"
+    )
 
 
-def test_time_before_1970_names_the_message(folder: Path) -> None:
+def test_time_before_1970_names_the_message() -> None:
     messages = poses(2)
     messages[1][3].header.stamp.sec = -5
-    assert complaint(write(folder, 2, messages)).startswith(f"{folder}: message 2: not a time: -4")
+    assert line_of(lambda: collected(messages)).startswith("a bag: message 2: not a time: -4")
 
 
 @pytest.mark.parametrize("name", ["none.bag", "none.mcap", "none.db3", "none"])

@@ -9,6 +9,7 @@ import pytest
 
 from tests.places import ROOT
 from viso.companion.recorded.readers import FORMATS, Source, format_of, load_trajectory
+from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import TrajectoryError
 
 DATA = ROOT.parent / "shared" / "data"
@@ -70,16 +71,20 @@ def test_flight_of_the_examples_is_whole() -> None:
     assert trajectory.positions[:, 2].max() == 2.0
 
 
+@pytest.fixture(scope="module")
+def states() -> RecordedTrajectory:
+    """Return the true states of a recording of EuRoC's."""
+    return load_trajectory(Source(DATA / "euroc_v102_imu" / "gt0.csv"))
+
+
 @pytest.mark.skipif(not DATA.exists(), reason="the recorded data are not there")
-def test_ground_truth_of_euroc_is_read_in_both_its_forms() -> None:
+def test_ground_truth_of_euroc_is_read_in_both_its_forms(states: RecordedTrajectory) -> None:
     clip = load_trajectory(Source(DATA / "euroc_mh01_clip" / "groundtruth.tum"))
-    states = load_trajectory(Source(DATA / "euroc_v102_imu" / "gt0.csv"))
     assert (len(clip), len(states)) == (4020, 3340)
     assert clip.left_out == states.left_out == {}
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="the recorded data are not there")
-def test_velocities_from_positions_are_those_of_the_recording() -> None:
-    states = load_trajectory(Source(DATA / "euroc_v102_imu" / "gt0.csv"))
+def test_velocities_from_positions_are_those_of_the_recording(states: RecordedTrajectory) -> None:
     difference = states.world_velocities - states.without_velocities().world_velocities
     assert np.sqrt(np.mean(difference**2)) < 0.005

@@ -161,9 +161,14 @@ def test_whatever_a_film_holds_nothing_else_is_raised(tmp_path: Path, changes: l
     assert times == sorted(times)
 
 
+@pytest.fixture(scope="module")
+def karma() -> Telemetry:
+    return read_telemetry(KARMA)
+
+
 @needs_karma
-def test_karma_s_camera_feels_gravity_and_speeds_up() -> None:
-    telemetry = read_telemetry(KARMA)
+def test_karma_s_camera_feels_gravity_and_speeds_up(karma: Telemetry) -> None:
+    telemetry = karma
     accel = np.array([sample.accel for sample in telemetry.samples])
     times = np.array([sample.t_ns for sample in telemetry.samples]) * 1e-9
     assert len(telemetry.samples) == 2396
@@ -173,8 +178,8 @@ def test_karma_s_camera_feels_gravity_and_speeds_up() -> None:
 
 
 @needs_karma
-def test_karma_s_drone_agrees_with_its_camera() -> None:
-    telemetry = read_telemetry(KARMA)
+def test_karma_s_drone_agrees_with_its_camera(karma: Telemetry) -> None:
+    telemetry = karma
     drone = telemetry.drone
     assert drone is not None
     assert drone.t_s[[0, -1]].tolist() == pytest.approx([0.03, 11.63], abs=0.01)

@@ -33,12 +33,13 @@ def counted(recording: Recording, limit: int | None = None) -> Counter[str]:
 # Video
 
 
-@pytest.fixture
-def video(tmp_path: Path) -> SourceOptions:
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> SourceOptions:
+    folder = tmp_path_factory.mktemp("video")
     return SourceOptions(
-        str(write_film(tmp_path / "film.avi")),
-        calibration=write_calibration(tmp_path / "small.toml"),
-        imu=write_inertial_csv(tmp_path / "imu.csv", 1.3),
+        str(write_film(folder / "film.avi")),
+        calibration=write_calibration(folder / "small.toml"),
+        imu=write_inertial_csv(folder / "imu.csv", 1.3),
     )
 
 
@@ -54,7 +55,8 @@ def test_video_can_be_played_again(video: SourceOptions) -> None:
 
 
 def test_odometry_starts_on_a_video_of_standing_still(video: SourceOptions) -> None:
-    trial = run_trial(open_video(video), open_video(video).config)
+    recording = open_video(video)
+    trial = run_trial(recording, recording.config)
     assert trial.frames[-1].update.health.state is not VioState.INIT
     assert np.linalg.norm(trial.estimate().positions_xyz[-1]) < 1e-2
 
@@ -150,10 +152,16 @@ def test_euroc_may_have_fewer_frames() -> None:
     assert counted(all_of_it, 400)["NavCameraFrame"] == pytest.approx(2 * counted(fewer, 400)["NavCameraFrame"], abs=1)
 
 
+def copy_clip_without_pictures(folder: Path) -> None:
+    """Copy the camera's calibration and the beginning of the inertial data."""
+    shutil.copy(CLIP / "cam0_sensor.yaml", folder)
+    lines = (CLIP / "imu0.csv").read_text().splitlines(keepends=True)
+    (folder / "imu0.csv").write_text("".join(lines[:20]))
+
+
 @needs_clip
 def test_euroc_without_truth_waits_for_stillness(tmp_path: Path) -> None:
-    for name in ("imu0.csv", "cam0_sensor.yaml"):
-        shutil.copy(CLIP / name, tmp_path / name)
+    copy_clip_without_pictures(tmp_path)
     (tmp_path / "cam0").symlink_to(CLIP / "cam0")
     recording = open_euroc(SourceOptions(str(tmp_path)))
     assert (recording.start, recording.poses) == (None, None)
@@ -166,8 +174,7 @@ def test_folder_that_is_no_recording_is_told(tmp_path: Path) -> None:
 
 @needs_clip
 def test_picture_that_is_damaged_is_told(tmp_path: Path) -> None:
-    for name in ("imu0.csv", "cam0_sensor.yaml"):
-        shutil.copy(CLIP / name, tmp_path / name)
+    copy_clip_without_pictures(tmp_path)
     (tmp_path / "cam0").mkdir()
     (tmp_path / "cam0" / "1403636585063555584.png").write_bytes(b"none")
     with pytest.raises(SourceError, match=r"1403636585063555584\.png: not a picture"):

@@ -3,6 +3,8 @@
 """A synthetic flight gives what sensors would, in the order in which it arrives, and knows the truth."""
 
 import dataclasses
+from collections.abc import Iterable
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,10 +14,11 @@ from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.se3 import so3_log
 from viso.companion.vio.types import HeightMeasurement, ImuBias, ImuSample, NavCameraFrame, SensorEvent
 from viso.companion.world.flight import SyntheticFlight, nadir_calibration
-from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
+from viso.companion.world.texture import GroundTexture
 
-GROUND = generate_texture(1, size_px=512)
+PIXELS = np.random.default_rng(1).integers(50, 200, (64, 64), np.uint8)
+GROUND = GroundTexture(PIXELS, 0.5, np.full((8, 8), 128, np.uint8))
 CALIBRATION = nadir_calibration(80, 60, 60.0)
 A = TypeVar("A", ImuSample, HeightMeasurement, NavCameraFrame)
 
@@ -25,8 +28,14 @@ def flight(**options: Any) -> SyntheticFlight:
     return SyntheticFlight(**{**defaults, **options})
 
 
-def only(kind: type[A], flown: SyntheticFlight) -> list[A]:
-    return [event for event in flown.events() if isinstance(event, kind)]
+@cache
+def flown_events(seed: int = 0) -> list[SensorEvent]:
+    """Return the events of a flight, for looking at alone."""
+    return list(flight(seed=seed).events())
+
+
+def only(kind: type[A], events: Iterable[SensorEvent]) -> list[A]:
+    return [event for event in events if isinstance(event, kind)]
 
 
 def stamp_ns(event: SensorEvent) -> int:
@@ -42,12 +51,12 @@ def told(event: SensorEvent) -> tuple[Any, ...]:
 
 
 def test_flying_again_gives_the_same_events() -> None:
-    assert [told(event) for event in flight(seed=3).events()] == [told(event) for event in flight(seed=3).events()]
+    assert [told(event) for event in flight(seed=3).events()] == [told(event) for event in flown_events(3)]
 
 
 @pytest.mark.parametrize("kind", [ImuSample, HeightMeasurement, NavCameraFrame])
 def test_another_seed_gives_other_noise(kind: type[ImuSample]) -> None:
-    first, second = (only(kind, flight(seed=seed, duration_s=0.1)) for seed in (3, 4))
+    first, second = (only(kind, flown_events(seed)) for seed in (3, 0))
     assert told(first[0])[1:] != told(second[0])[1:]
 
 
@@ -61,14 +70,14 @@ def test_defaults_are_a_minute_at_a_third_of_a_second() -> None:
 
 @pytest.mark.slow
 def test_there_is_an_event_for_each_reading() -> None:
-    flown = flight(frame_rate_hz=10.0, imu_rate_hz=100)
+    flown = list(flight(frame_rate_hz=10.0, imu_rate_hz=100).events())
     assert len(only(NavCameraFrame, flown)) == len(only(HeightMeasurement, flown)) == 20
     assert len(only(ImuSample, flown)) == 204  # and as long as the last frame takes to arrive
 
 
 def test_frames_arrive_when_the_imu_has_passed_them() -> None:
     seen_ns = -1
-    for event in flight().events():
+    for event in flown_events():
         if isinstance(event, ImuSample):
             assert event.t_ns > seen_ns
             seen_ns = event.t_ns
@@ -79,13 +88,13 @@ def test_frames_arrive_when_the_imu_has_passed_them() -> None:
 
 
 def test_frames_are_numbered_and_in_step_with_their_rate() -> None:
-    frames = only(NavCameraFrame, flight(frame_rate_hz=4.0, shutter_phase_s=0.0))
+    frames = only(NavCameraFrame, flight(frame_rate_hz=4.0, shutter_phase_s=0.0).events())
     assert [frame.sequence for frame in frames] == list(range(9))
     assert [frame.capture_timestamp for frame in frames] == [k * 250_000_000 for k in range(9)]
 
 
 def test_start_moves_all_stamps() -> None:
-    first, later = ([stamp_ns(event) for event in flight(start_ns=at).events()] for at in (0, 12_345))
+    first, later = (map(stamp_ns, events) for events in (flown_events(), flight(start_ns=12_345).events()))
     assert {moved - stamp for stamp, moved in zip(first, later, strict=True)} == {12_345}
 
 
@@ -95,7 +104,8 @@ def test_start_does_not_move_the_truth() -> None:
 
 def test_cameras_clock_may_be_off() -> None:
     late = dataclasses.replace(CALIBRATION, time_offset_s=0.01)
-    stamps = [[f.capture_timestamp for f in only(NavCameraFrame, flight(calibration=c))] for c in (CALIBRATION, late)]
+    flights = flown_events(), flight(calibration=late).events()
+    stamps = [[frame.capture_timestamp for frame in only(NavCameraFrame, events)] for events in flights]
     assert np.subtract(stamps[0], stamps[1]).tolist() == [10_000_000] * len(stamps[0])
 
 
@@ -110,7 +120,7 @@ def test_truth_is_the_trajectorys() -> None:
 def test_heights_are_noisy_and_may_be_off_by_a_scale(scale: float) -> None:
     tiny = nadir_calibration(8, 6, 6.0)
     flown = flight(frame_rate_hz=400.0, height_sigma_m=0.2, height_scale=scale, calibration=tiny)
-    heights = only(HeightMeasurement, flown)
+    heights = only(HeightMeasurement, flown.events())
     errors = np.array([event.height_m - scale * flown.truth(event.t_ns).t[2] for event in heights])
     assert errors.mean() == pytest.approx(0, abs=0.03)
     assert errors.std() == pytest.approx(0.2, rel=0.1)
@@ -118,18 +128,18 @@ def test_heights_are_noisy_and_may_be_off_by_a_scale(scale: float) -> None:
 
 
 def test_heights_may_be_absent() -> None:
-    assert not only(HeightMeasurement, flight(height_sigma_m=None))
+    assert not only(HeightMeasurement, flight(height_sigma_m=None, duration_s=0.5).events())
 
 
 def test_lens_is_covered_for_a_while() -> None:
-    frames = only(NavCameraFrame, flight(frame_rate_hz=10.0, covered_s=((0.5, 1.0), (1.5, 1.6))))
+    frames = only(NavCameraFrame, flight(frame_rate_hz=10.0, covered_s=((0.5, 1.0), (1.5, 1.6))).events())
     dark = [frame.sequence for frame in frames if frame.pixels.mean() < 3]
     assert dark == [5, 6, 7, 8, 9, 15]
 
 
 def test_flight_may_begin_on_the_ground() -> None:
     flown = flight(trajectory=from_ground(nadir_survey()), duration_s=0.5)
-    assert len(only(NavCameraFrame, flown)) == 2
+    assert len(only(NavCameraFrame, flown.events())) == 2
     assert flown.truth(0).t[2] == 0.25
 
 
@@ -144,7 +154,7 @@ def test_warm_start_without_errors_is_the_truth() -> None:
 
 def test_warm_start_is_that_of_the_first_frame() -> None:
     flown = flight()
-    first = only(NavCameraFrame, flown)[0].capture_timestamp
+    first = only(NavCameraFrame, flown_events())[0].capture_timestamp
     assert flown.warm_start().body_T_world.inverse().t == pytest.approx(flown.truth(first).t)
 
 

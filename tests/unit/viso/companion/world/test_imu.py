@@ -66,7 +66,7 @@ def test_biases_walk_with_their_density(rate_hz: int) -> None:
 
 
 def test_same_seed_gives_the_same_samples() -> None:
-    assert np.array_equal(read(SimulatedImu(SURVEY, seed=4), 500)[1], read(SimulatedImu(SURVEY, seed=4), 500)[1])
+    assert np.array_equal(read(SimulatedImu(SURVEY, seed=4), 250)[1], read(SimulatedImu(SURVEY, seed=4), 250)[1])
 
 
 def test_another_seed_gives_other_noise() -> None:

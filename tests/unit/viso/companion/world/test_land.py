@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Land is divided into parcels, with ways between them."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -16,10 +18,15 @@ def bare(seed: int = 0, size: int = 600, metres_per_pixel: float = 0.2) -> Canva
 
 
 @pytest.fixture(scope="module")
-def canvas() -> Canvas:
+def laid() -> tuple[Canvas, Any]:
+    """Return land with its parcels, and the places of their borders."""
     canvas = bare()
-    lay_parcels(canvas)
-    return canvas
+    return canvas, lay_parcels(canvas)
+
+
+@pytest.fixture(scope="module")
+def canvas(laid: tuple[Canvas, Any]) -> Canvas:
+    return laid[0]
 
 
 def test_nothing_is_left_bare(canvas: Canvas) -> None:
@@ -36,9 +43,8 @@ def test_roads_have_a_line_and_a_verge(canvas: Canvas, material: Material) -> No
     assert (canvas.material == material).any()
 
 
-def test_borders_are_where_one_thing_meets_another() -> None:
-    canvas = bare()
-    places = lay_parcels(canvas)
+def test_borders_are_where_one_thing_meets_another(laid: tuple[Canvas, Any]) -> None:
+    canvas, places = laid
     columns, rows = places.T
     material = canvas.material
     below, aside = material[rows + 1, columns + 1], material[rows + 1, columns]

@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import math
 import sys
+from functools import cache
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ from viso.companion.vio.undistortion import distort
 from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.renderer import PlaneRenderer
-from viso.companion.world.texture import GroundTexture
+from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
 
 CALIBRATION = nadir_calibration()
 RADTAN = dataclasses.replace(
@@ -42,6 +43,7 @@ def flat(tone: int = 128) -> GroundTexture:
     return GroundTexture(np.full((64, 64), tone, np.uint8), 1.0, MIDDLING)
 
 
+@cache
 def blob(east: float, north: float, height: float) -> GroundTexture:
     """Return dark ground with a bright blob, both as large as a camera at a height needs them."""
     metres, sigma = height / 800, height / 150
@@ -65,21 +67,37 @@ def expected_pixel(calibration: CameraCalibration, world_T_body: SE3, point: Arr
 
 @pytest.fixture(scope="module")
 def countryside() -> GroundTexture:
-    return generate_texture(1, size_px=1024)
+    return generate_texture(1, size_px=512)
+
+
+@pytest.fixture(scope="module")
+def camera(countryside: GroundTexture) -> PlaneRenderer:
+    """Return a camera without noise."""
+    return PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
+
+
+@pytest.fixture(scope="module")
+def noisy() -> PlaneRenderer:
+    return PlaneRenderer(flat(), CALIBRATION, 3)
 
 
 @pytest.mark.parametrize("calibration", [CALIBRATION, RADTAN, EQUIDISTANT], ids=["none", "radtan", "equidistant"])
 @pytest.mark.parametrize(
-    "pose",
+    ("pose", "size"),
     [
-        above(2, 1, 20),
-        above(0, 4, 60, yaw_rad=-1.0, tilt=(0.15, -0.1)),
-        pytest.param(above(6, -3, 40, yaw_rad=2.0), marks=pytest.mark.slow),
-        pytest.param(above(-9, 4, 55, yaw_rad=0.7, tilt=(-0.2, 0.2)), marks=pytest.mark.slow),
-        pytest.param(above(5, 5, 140, yaw_rad=3.0, tilt=(0.05, 0.05)), marks=pytest.mark.slow),
+        (above(2, 1, 20), (400, 300)),
+        (above(0, 4, 60, yaw_rad=-1.0, tilt=(0.15, -0.1)), (400, 300)),
+        pytest.param(above(6, -3, 40, yaw_rad=2.0), (640, 480), marks=pytest.mark.slow),
+        pytest.param(above(-9, 4, 55, yaw_rad=0.7, tilt=(-0.2, 0.2)), (640, 480), marks=pytest.mark.slow),
+        pytest.param(above(5, 5, 140, yaw_rad=3.0, tilt=(0.05, 0.05)), (640, 480), marks=pytest.mark.slow),
     ],
 )
-def test_point_of_the_plane_appears_where_the_calibration_says(calibration: CameraCalibration, pose: SE3) -> None:
+def test_point_of_the_plane_appears_where_the_calibration_says(
+    calibration: CameraCalibration, pose: SE3, size: tuple[int, int]
+) -> None:
+    width, height = size
+    cx, cy = 0.5 * (width - 1), 0.5 * (height - 1)
+    calibration = dataclasses.replace(calibration, width=width, height=height, cx=cx, cy=cy)
     point = np.array([3.0, -2.0, 0.0])
     renderer = PlaneRenderer(blob(3.0, -2.0, pose.t[2]), calibration, noise_sigma=0.0)
     seen = centroid(renderer.render(pose, 0, 0).pixels)
@@ -124,18 +142,16 @@ def test_what_is_coarser_than_a_pixel_keeps_its_contrast() -> None:
 
 
 @pytest.mark.parametrize("pose", [pytest.param(above(0.3, 0.2, 0.3), marks=pytest.mark.slow), above(0, 0, 40)])
-def test_ground_goes_on_for_ever_mirrored(countryside: GroundTexture, pose: SE3) -> None:
-    renderer = PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
+def test_ground_goes_on_for_ever_mirrored(countryside: GroundTexture, camera: PlaneRenderer, pose: SE3) -> None:
     width, height = countryside.extent_m
     away = SE3(pose.R, pose.t + np.array([200 * width, -40 * height, 0]))  # beyond 16 bits of pixels
-    here, there = (renderer.render(at, 0, 0).pixels.astype(int) for at in (pose, away))
+    here, there = (camera.render(at, 0, 0).pixels.astype(int) for at in (pose, away))
     assert np.quantile(np.abs(here - there), 0.99) <= 3
 
 
-def test_ground_is_mirrored_at_the_edge(countryside: GroundTexture) -> None:
-    renderer = PlaneRenderer(countryside, CALIBRATION, noise_sigma=0.0)
+def test_ground_is_mirrored_at_the_edge(countryside: GroundTexture, camera: PlaneRenderer) -> None:
     edge = SE3(above(0, 0, 45, yaw_rad=0.5 * math.pi).R, np.array([0.5 * countryside.extent_m[0], -0.1, 45]))
-    pixels = renderer.render(edge, 0, 0).pixels.astype(int)
+    pixels = camera.render(edge, 0, 0).pixels.astype(int)
     assert np.quantile(np.abs(pixels - pixels[:, ::-1]), 0.99) <= 3
 
 
@@ -147,14 +163,13 @@ def test_detail_shows_from_the_height_of_a_landing_gear() -> None:
     assert pixels.std() > 5
 
 
-def test_detail_vanishes_in_the_height(countryside: GroundTexture) -> None:
-    bare = dataclasses.replace(countryside, detail=MIDDLING)
+def test_detail_vanishes_in_the_height(countryside: GroundTexture, camera: PlaneRenderer) -> None:
+    bare = PlaneRenderer(dataclasses.replace(countryside, detail=MIDDLING), CALIBRATION, noise_sigma=0.0)
     poses = [
         above(0, 0, height) for height in (20.0, 35.0, 38.0)
     ]  # at 38 m a pixel sees what one of the texture's does
-    fine, plain = (PlaneRenderer(ground, CALIBRATION, noise_sigma=0.0) for ground in (countryside, bare))
     differences = [
-        np.abs(fine.render(pose, 0, 0).pixels.astype(int) - plain.render(pose, 0, 0).pixels).mean() for pose in poses
+        np.abs(camera.render(pose, 0, 0).pixels.astype(int) - bare.render(pose, 0, 0).pixels).mean() for pose in poses
     ]
     assert differences[0] > 1 > differences[1] > differences[2] == 0
 
@@ -166,22 +181,24 @@ def test_same_arguments_give_the_same_frame(countryside: GroundTexture) -> None:
 
 
 @pytest.mark.parametrize(("seed", "sequence"), [(3, 8), (4, 7)])
-def test_noise_differs_from_frame_to_frame_and_seed_to_seed(seed: int, sequence: int) -> None:
-    frame = PlaneRenderer(flat(), CALIBRATION, 3).render(above(0, 0, 40), 7, 0)
-    other = PlaneRenderer(flat(), CALIBRATION, seed).render(above(0, 0, 40), sequence, 0)
+def test_noise_differs_from_frame_to_frame_and_seed_to_seed(noisy: PlaneRenderer, seed: int, sequence: int) -> None:
+    frame = noisy.render(above(0, 0, 40), 7, 0)
+    renderer = noisy if seed == 3 else PlaneRenderer(flat(), CALIBRATION, seed)
+    other = renderer.render(above(0, 0, 40), sequence, 0)
     together = np.corrcoef(frame.pixels.ravel(), other.pixels.ravel())[0, 1]
     assert abs(together) < 0.02
 
 
-@pytest.mark.parametrize("sigma", [2.0, 5.0])
-def test_noise_has_its_deviation(sigma: float) -> None:
-    pixels = PlaneRenderer(flat(), CALIBRATION, noise_sigma=sigma).render(above(0, 0, 40), 0, 0).pixels
+@pytest.mark.parametrize("sigma", [DEFAULT_NOISE_SIGMA, 5.0])
+def test_noise_has_its_deviation(noisy: PlaneRenderer, sigma: float) -> None:
+    renderer = noisy if sigma == DEFAULT_NOISE_SIGMA else PlaneRenderer(flat(), CALIBRATION, noise_sigma=sigma)
+    pixels = renderer.render(above(0, 0, 40), 0, 0).pixels
     assert pixels.std() == pytest.approx(sigma, rel=0.05)
     assert pixels.mean() == pytest.approx(128, abs=0.1)
 
 
-def test_frame_says_what_it_is() -> None:
-    frame = PlaneRenderer(flat(), CALIBRATION).render(above(0, 0, 40), 7, 5_000_000)
+def test_frame_says_what_it_is(noisy: PlaneRenderer) -> None:
+    frame = noisy.render(above(0, 0, 40), 7, 5_000_000)
     assert (frame.sequence, frame.capture_timestamp, frame.camera_id) == (7, 5_000_000, "synthetic")
     assert frame.pixels.shape == (480, 640)
 
@@ -193,8 +210,8 @@ def test_frame_ids_increase() -> None:
     assert ids == sorted(set(ids))
 
 
-def test_covered_lens_shows_nothing_but_noise() -> None:
-    pixels = PlaneRenderer(flat(), CALIBRATION).covered(0, 0).pixels
+def test_covered_lens_shows_nothing_but_noise(noisy: PlaneRenderer) -> None:
+    pixels = noisy.covered(0, 0).pixels
     assert pixels.shape == (480, 640)
     assert 0 < pixels.mean() < 2
 
@@ -207,9 +224,9 @@ def test_covered_lens_shows_nothing_but_noise() -> None:
         (above(0, 0, 0.04), "the camera is not above the ground"),
     ],
 )
-def test_view_of_more_than_ground_is_refused(pose: SE3, message: str) -> None:
+def test_view_of_more_than_ground_is_refused(noisy: PlaneRenderer, pose: SE3, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        PlaneRenderer(flat(), CALIBRATION).render(pose, 0, 0)
+        noisy.render(pose, 0, 0)
 
 
 @pytest.mark.slow

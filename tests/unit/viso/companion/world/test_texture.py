@@ -5,12 +5,9 @@
 import numpy as np
 import pytest
 
-from viso.companion.world.texture import (
-    GroundTexture,
-    fractal_noise,
-    grit,
-    pixel_from_ground,
-)
+from viso.companion.world.texture import GroundTexture, fractal_noise, grit, pixel_from_ground
+
+NO_DETAIL = np.full((8, 8), 128, np.uint8)
 
 
 def noise(seed: int = 0, size: int = 200) -> np.ndarray:
@@ -36,8 +33,8 @@ def test_noise_has_structure_at_every_scale(block: int) -> None:
 
 
 def test_noise_has_no_structure_above_the_coarsest_scale() -> None:
-    field = noise(size=1024)
-    assert field.reshape(4, 256, 4, 256).mean(axis=(1, 3)).std() < 0.25
+    field = noise(size=512)
+    assert field.reshape(2, 256, 2, 256).mean(axis=(1, 3)).std() < 0.25
 
 
 def test_detail_neither_darkens_nor_brightens() -> None:
@@ -56,10 +53,10 @@ def test_middle_of_the_picture_is_the_origin() -> None:
 
 
 def test_extent_is_that_of_the_pixels() -> None:
-    assert GroundTexture(np.zeros((20, 30), np.uint8), 0.5, grit(0)).extent_m == (15.0, 10.0)
+    assert GroundTexture(np.zeros((20, 30), np.uint8), 0.5, NO_DETAIL).extent_m == (15.0, 10.0)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
 def test_scale_is_a_length(scale: float) -> None:
     with pytest.raises(ValueError, match="metres_per_pixel"):
-        GroundTexture(np.zeros((20, 30), np.uint8), scale, grit(0))
+        GroundTexture(np.zeros((20, 30), np.uint8), scale, NO_DETAIL)

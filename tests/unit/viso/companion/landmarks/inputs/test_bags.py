@@ -47,6 +47,7 @@ TOPICS = SimpleNamespace(
 )
 ODOMETRY, STRING = "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 LEVEL = (1.0, 0.0, 0.0, 0.0)
+MCAP = StoragePlugin.MCAP  # the quickest to write
 
 # A topic, a type, a time in s and a message.
 Messages = list[tuple[str, str, float, Any]]
@@ -156,7 +157,7 @@ EVERY_EVENT: list[Event] = [
 @pytest.mark.parametrize("what", ["bag", "db3", "mcap", "folder"])
 def test_every_topic_is_read_from_every_kind_of_bag(tmp_path: Path, what: str) -> None:
     version = 1 if what == "bag" else 2
-    storage = StoragePlugin.MCAP if what == "mcap" else StoragePlugin.SQLITE3
+    storage = MCAP if what == "mcap" else StoragePlugin.SQLITE3
     path = write(tmp_path / ("a.bag" if version == 1 else "a"), every_topic(version), version, storage)
     file = BagFile(path if what in ("bag", "folder") else next(path.glob(f"*.{what}")))
     events = list(file.events())
@@ -182,13 +183,13 @@ def test_every_topic_is_read_from_every_kind_of_bag(tmp_path: Path, what: str) -
     ],
 )
 def test_stamped_poses_will_do_as_odometry(tmp_path: Path, kind: str, message: Any) -> None:
-    [found] = BagFile(write(tmp_path / "a", [(TOPICS.odometry, kind, 1, message())])).events()
+    [found] = BagFile(write(tmp_path / "a", [(TOPICS.odometry, kind, 1, message())], 2, MCAP)).events()
     assert isinstance(found, VehiclePose)
     assert (found.t_s, found.x_m, found.y_m) == (5.5, 1, 2)
 
 
 def only_pose(path: Path, message: Any, **how: Any) -> VehiclePose:
-    [found] = BagFile(write(path, [(TOPICS.odometry, ODOMETRY, 1, message)]), **how).events()
+    [found] = BagFile(write(path, [(TOPICS.odometry, ODOMETRY, 1, message)], 2, MCAP), **how).events()
     assert isinstance(found, VehiclePose)
     return found
 
@@ -215,7 +216,7 @@ def test_what_is_of_no_use_is_counted(tmp_path: Path) -> None:
         (TOPICS.fix, nav, 5, fix(5, altitude_m=math.nan)),
         (TOPICS.fix, nav, 6, fix(6, latitude_deg=math.nan)),
     ]
-    file = BagFile(write(tmp_path / "a", messages))
+    file = BagFile(write(tmp_path / "a", messages, 2, MCAP))
     assert list(file.events()) == []
     assert file.refused == {
         "an attitude that is no rotation": 1,
@@ -235,7 +236,7 @@ def complaint(path: Path) -> str:
 
 
 def test_bag_without_the_topics_says_what_there_is(tmp_path: Path) -> None:
-    path = write(tmp_path / "a", [("/other", STRING, 1, text("x")), (TOPICS.odometry, STRING, 1, text("x"))])
+    path = write(tmp_path / "a", [("/other", STRING, 1, text("x")), (TOPICS.odometry, STRING, 1, text("x"))], 2, MCAP)
     there = f"{TOPICS.odometry} ({STRING}), /other ({STRING})"
     assert complaint(path) == f"{path}: none of the topics that are read; there are: {there}"
 
