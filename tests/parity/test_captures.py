@@ -143,12 +143,13 @@ def differences(run: "Replayed", recorded: Sequence[Line]) -> list[Difference]:
 
 
 def mutated(run: "Replayed", field: str, change: Callable[[Any], Any]) -> list[Difference]:
-    """Return the differences after one field of the first VISP record has changed."""
-    recorded = copy.deepcopy(run.recorded.lines)
-    pose = first_pose(recorded)
+    """Return the differences, up to the first VISP record, after one field of that has changed."""
+    number = next(i for i, line in enumerate(run.ours.lines, 1) if any(out[0] == "VISP" for out in line["out"]))
+    ours, recorded = run.ours.lines[:number], run.recorded.lines[: number - 1]
+    changed = copy.deepcopy(run.recorded.lines[number - 1])
     index = FIELDS["VISP"].index(field) + 1
-    pose[index] = change(first_pose(run.ours.lines)[index])
-    return differences(run, recorded)
+    first_pose([changed])[index] = change(first_pose(ours)[index])
+    return list(record_differences([*recorded, changed], ours, run.recorded.backend))
 
 
 @pytest.mark.parametrize("field", ["PX", "R", "PErr", "AErr"])

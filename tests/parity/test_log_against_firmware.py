@@ -205,6 +205,7 @@ def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
     assert len(rows) == len(poses)
 
 
+@pytest.mark.slow
 def test_log_reader_gives_frames_of_visual_odometry(replayed: Replays, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAVLINK20", "1")  # the reader sets it, for good
     run = replayed("t265")

@@ -5,6 +5,7 @@
 import gzip
 import json
 from functools import cache
+from typing import Any
 
 import pytest
 
@@ -29,9 +30,14 @@ def recompute_text(text: str) -> str:
     return json.dumps(recompute(parse_line(text)))
 
 
-def compare(lines: tuple[str, ...]) -> tuple[int, int]:
+@cache
+def parsed(name: str) -> tuple[Any, ...]:
+    """Return the lines of a recording, for looking at alone."""
+    return tuple(json.loads(line) for line in lines_of(name))
+
+
+def compare(recorded: tuple[Any, ...]) -> tuple[int, int]:
     """Return the numbers of outputs and of differences."""
-    recorded = [json.loads(line) for line in lines]
     found = [one for line in recorded for one in line_differences(1, line, json.loads(json.dumps(recompute(line))))]
     return sum(map(output_count, recorded)), len(found)
 
@@ -49,18 +55,18 @@ def example(name: str, number: int = 0) -> str:
 @pytest.mark.parametrize("chunk", range(CHUNKS))
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_port_reproduces_recorded_outputs(name: str, chunk: int) -> None:
-    outputs, differences = compare(lines_of(name)[chunk::CHUNKS])
+    outputs, differences = compare(parsed(name)[chunk::CHUNKS])
     assert outputs > 0
     assert differences == 0
 
 
 @pytest.mark.parametrize(("name", "expected"), OUTPUTS.items())
 def test_recording_is_complete(name: str, expected: int) -> None:
-    assert sum(output_count(json.loads(line)) for line in lines_of(name)) == expected
+    assert sum(map(output_count, parsed(name))) == expected
 
 
 def test_recording_covers_every_operation() -> None:
-    operations = {step[0] for line in lines_of("visual_odom") for step in json.loads(line)["steps"]}
+    operations = {step[0] for line in parsed("visual_odom") for step in line["steps"]}
     assert operations == {
         *("time_us", "ahrs", "pose", "pose_euler", "speed", "delta", "request_align_yaw"),
         *("align_position", "param", "pre_arm_check", "status"),
@@ -68,7 +74,7 @@ def test_recording_covers_every_operation() -> None:
 
 
 def test_recording_covers_every_consequence() -> None:
-    steps = (step for line in lines_of("visual_odom") for step in json.loads(line)["steps"])
+    steps = (step for line in parsed("visual_odom") for step in line["steps"])
     consequences = {out[0] for step in steps for out in step[-1]["out"]}
     assert consequences == {"extnav", "extvel", "odom", "text", "log", "internal_error", "prearm", "status"}
 
@@ -85,31 +91,31 @@ def flip_lowest_bit(bits: str) -> str:
 def test_one_wrong_bit_of_a_maths_result_is_a_difference() -> None:
     function, args, result = json.loads(example("ap_math", 6))
     mutated = [function, args, [flip_lowest_bit(result[0]), *result[1:]]]
-    assert compare((json.dumps(mutated),)) == (1, 1)
+    assert compare((mutated,)) == (1, 1)
 
 
 def test_one_wrong_bit_of_a_record_is_one_difference() -> None:
     line = json.loads(example("visual_odom"))
     record = next(out for step in line["steps"] for out in step[-1]["out"] if out[:2] == ["log", "VISP"])
     record[5] = flip_lowest_bit(record[5])
-    assert compare((json.dumps(line),)) == (len(line["steps"]), 1)
+    assert compare((line,)) == (len(line["steps"]), 1)
 
 
 def test_one_microsecond_in_a_jitter_sequence_is_one_difference() -> None:
     line = json.loads(example("jitter_correction"))
     line["samples"][-1][2] += 1
-    assert compare((json.dumps(line),)) == (len(line["samples"]), 1)
+    assert compare((line,)) == (len(line["samples"]), 1)
 
 
 def test_missing_consequence_is_a_difference() -> None:
     line = json.loads(example("visual_odom"))
     step = next(step for step in line["steps"] if step[-1]["out"])
     step[-1]["out"] = []
-    assert compare((json.dumps(line),)) == (len(line["steps"]), 1)
+    assert compare((line,)) == (len(line["steps"]), 1)
 
 
 def test_negative_zero_differs_from_zero() -> None:
-    assert compare(('["wrap_360", ["00000000"], ["80000000"]]',)) == (1, 1)
+    assert compare((["wrap_360", ["00000000"], ["80000000"]],)) == (1, 1)
 
 
 def test_recorded_outputs_of_scenarios_are_not_looked_at() -> None:

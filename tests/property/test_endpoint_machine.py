@@ -554,7 +554,7 @@ def steps(examples: int) -> settings:
 
 
 def test_whatever_comes_the_endpoint_keeps_its_promises() -> None:
-    run_state_machine_as_test(EndpointMachine, settings=steps(3))
+    run_state_machine_as_test(EndpointMachine, settings=steps(2))
 
 
 @pytest.mark.slow

@@ -125,12 +125,14 @@ class BenchRig:
 
     def run_to(self, time_s: float) -> None:
         """Run the main loop."""
+        camera = VisualOdomFrame(self.camera_pos, 10, True, True)
         while self._next_us <= round(time_s * 1e6):
             self.clock.set_us(self._next_us)
-            self.ahrs.update(VisualOdomFrame(self.camera_pos, 10, True, True))
+            self.ahrs.update(camera)
             self._next_us += LOOP_US
-            if not self.statuses or self.statuses[-1][1] != self.flags:
-                self.statuses.append((self.now_ms, self.flags))
+            flags = self.flags
+            if not self.statuses or self.statuses[-1][1] != flags:
+                self.statuses.append((self.now_ms, flags))
         self.clock.set_us(round(time_s * 1e6))
 
     def run_for(self, duration_s: float) -> None:

@@ -85,12 +85,15 @@ class CoreRig:
         """Run the main loop."""
         dt = 1e-6 * LOOP_US
         delta = InertialDelta(np.array(self.accel) * dt, np.array(self.rate) * dt, dt, dt)
-        for _ in range(round(duration_s / dt)):
-            self.now_us += LOOP_US
-            read_ms = self.now_ms // 100 * 100
-            self.frame["baro"] = None if self.height is None else (read_ms, self.height)
-            self.frame["mag"] = None if self.field is None else (1000 * read_ms, self.field)
-            self.core.run(Frame(self.now_us, delta, **self.frame))
+        last_us, read_us = self.now_us + LOOP_US * round(duration_s / dt), -1
+        for now_us in range(self.now_us + LOOP_US, last_us + 1, LOOP_US):
+            self.now_us = now_us
+            if now_us // 100_000 != read_us // 100_000:
+                read_us = now_us // 100_000 * 100_000
+                self.frame["baro"] = None if self.height is None else (read_us // 1000, self.height)
+                self.frame["mag"] = None if self.field is None else (read_us, self.field)
+                frame = Frame(now_us, delta, **self.frame)
+            self.core.run(frame._replace(time_us=now_us))
 
     def stream(self, duration_s: float, *senders: Callable[[], object], period_s: float = 0.035) -> None:
         """Call senders again and again."""

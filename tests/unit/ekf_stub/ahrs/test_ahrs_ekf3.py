@@ -41,14 +41,11 @@ def test_it_is_what_the_port_asks_for(make_bench: MakeBench) -> None:
 
 
 def test_boot_is_told_as_in_the_recordings(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(8)
-    assert bench.texts == BOOT
+    assert make_bench(run_s=8).texts == BOOT
 
 
 def test_flags_while_booting(make_bench: MakeBench) -> None:
-    bench = make_bench()
-    bench.run_to(8)
+    bench = make_bench(run_s=8)
     tilt_ms = bench.when("tilt alignment complete")
     assert bench.statuses == [
         (0, None),

@@ -6,20 +6,22 @@ import lzma
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from pymavlink.DFReader import DFReader_binary
 
 from ap_core.dataflash import DataFlashWriter
+from ap_core.dataflash_dtype import texts_of
 from ap_core.log_structure import COMMON_STRUCTURES
 from tests.places import DATA
 from viso.ekf_runs.player import EkfPlayer
 from viso.ekf_runs.run import LABELS, EkfRun, replay_ekf
 from viso.errors import InputError
 from viso.logs.logger import STRUCTURES
+from viso.logs.recorded import read_columns
 
 Record = tuple[str, dict[str, Any]]
 Change = Callable[[str, dict[str, Any], int], Iterable[Record]]
@@ -34,13 +36,15 @@ INITIALISED_US, AIDING_US, YAW_US = 4_454_051, 5_089_630, 5_162_101
 
 def read(path: Path) -> list[Record]:
     """Return all records that have a layout here, with their fields as they are stored."""
-    with DFReader_binary(str(path)) as log:
-        found = []
-        while (record := log.recv_msg()) is not None:
-            if record.get_type() in BY_NAME:
-                record._apply_multiplier = False
-                found.append((record.get_type(), {name: getattr(record, name) for name in record._fieldnames}))
-        return found
+    log = read_columns(path)
+    found = []
+    for kind in log.counts.keys() & BY_NAME.keys():
+        labels = log.types[kind].labels
+        columns = [log.records(kind)[label] for label in labels]
+        values = ((texts_of(one) if one.dtype.kind == "S" else one).tolist() for one in columns)
+        for offset, *row in zip(log.offsets(kind).tolist(), *values, strict=True):
+            found.append((offset, (kind, dict(zip(labels, row, strict=True)))))
+    return [record for _, record in sorted(found, key=itemgetter(0))]
 
 
 @pytest.fixture(scope="module")
